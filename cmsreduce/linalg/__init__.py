@@ -1,0 +1,1 @@
+"""Sparse kernels behind small interfaces: factorisation, eigenpairs, null spaces."""

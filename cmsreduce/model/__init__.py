@@ -1,0 +1,58 @@
+"""The plain data that flows between stages: frozen, with stated shapes and units, no I/O."""
+
+from cmsreduce.model.body import FEModel, RigidBody, Source
+from cmsreduce.model.damping import Damping
+from cmsreduce.model.dofs import SCALAR, DofTable, components_from_digits
+from cmsreduce.model.interface import Interface
+from cmsreduce.model.mode_set import ModeKind, ModeSet
+from cmsreduce.model.nodes import Nodes, cross_matrix, rigid_body_shapes
+from cmsreduce.model.reduced import ModalComponent, ReducedComponent
+from cmsreduce.model.scene import (
+    DOF_NAMES,
+    Channel,
+    Configuration,
+    Joint,
+    JointTerm,
+    Placement,
+    Point,
+    PointTerm,
+    Scene,
+    StrutTerm,
+    dof_index,
+)
+from cmsreduce.model.system import Matrix, Substructure, System
+from cmsreduce.model.units import SI, Units
+
+__all__ = [
+    "DOF_NAMES",
+    "SCALAR",
+    "SI",
+    "Channel",
+    "Configuration",
+    "Damping",
+    "DofTable",
+    "FEModel",
+    "Interface",
+    "Joint",
+    "JointTerm",
+    "Matrix",
+    "ModalComponent",
+    "ModeKind",
+    "ModeSet",
+    "Nodes",
+    "Placement",
+    "Point",
+    "PointTerm",
+    "ReducedComponent",
+    "RigidBody",
+    "Scene",
+    "Source",
+    "StrutTerm",
+    "Substructure",
+    "System",
+    "Units",
+    "components_from_digits",
+    "cross_matrix",
+    "dof_index",
+    "rigid_body_shapes",
+]

@@ -1,0 +1,207 @@
+"""Bodies as they come from a finite-element code, and rigid ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import DofMapError, MatrixError, SceneError
+from cmsreduce.model.damping import Damping
+from cmsreduce.model.dofs import SCALAR, DofTable
+from cmsreduce.model.interface import Interface
+from cmsreduce.model.nodes import Nodes
+from cmsreduce.model.units import SI, Units
+
+__all__ = ["FEModel", "RigidBody", "Source"]
+
+# Symmetry is asked to ten times the rounding of the file, relative to the largest entry: round-off of a
+# solver leaves 1e-16, a missing triangle or a wrong matrix leaves order 1.
+_SYMMETRY_FACTOR = 1e4
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file that a body was read from.
+
+    Parameters
+    ----------
+    path : str
+        As the user named it.
+    sha256 : str
+        Hash of its bytes.
+    holds : str
+        What was taken from it, such as ``stiffness KAA``.
+    """
+
+    path: str
+    sha256: str
+    holds: str
+
+
+@dataclass(frozen=True, eq=False)
+class FEModel:
+    """An unreduced body: M x'' + D x' + K x = f (theory section 1).
+
+    Parameters
+    ----------
+    name : str
+        Name of the body.
+    K, M : (n, n) sparse array
+        Stiffness and mass, symmetric, in ``units``; rows as in ``dofs``.
+    dofs : DofTable
+        What each row is.
+    nodes : Nodes, optional
+        Coordinates and displacement frames; absent for bodies of scalar dofs only.
+    interfaces : mapping of name to Interface
+        Where joints attach.
+    damping : Damping
+        Damping law.
+    D : (n, n) sparse array, optional
+        Viscous damping matrix of the user; excludes a damping law.
+    units : Units
+        Unit system of matrices and coordinates.
+    rounding : float
+        Relative rounding of the numbers in the matrix file (1.1e-16 double, 6e-8 single, 5e-11 for ten digits).
+    sets : mapping of str to (k,) int64
+        Rows of named dof sets of the source, such as ``b`` and ``q``.
+    constrained : DofTable
+        Dofs the source holds at zero (single-point constraints); they have no rows.
+    grounded : bool
+        Whether the user says that the body is held to the ground, so that K resists rigid motion.
+    sources : tuple of Source
+        Files the body came from.
+
+    Raises
+    ------
+    MatrixError
+        If sizes disagree, an entry is not finite, or a matrix is not symmetric to the file's rounding.
+    """
+
+    name: str
+    K: sp.csc_array
+    M: sp.csc_array
+    dofs: DofTable
+    nodes: Nodes | None = None
+    interfaces: Mapping[str, Interface] = field(default_factory=dict)
+    damping: Damping = field(default_factory=Damping)
+    D: sp.csc_array | None = None
+    units: Units = SI
+    rounding: float = 2.0**-53
+    sets: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
+    constrained: DofTable | None = None
+    grounded: bool = False
+    sources: tuple[Source, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.dofs)
+        for letter, what in (("K", "stiffness"), ("M", "mass"), ("D", "damping")):
+            A = getattr(self, letter)
+            if A is None:
+                continue
+            A = sp.csc_array(A, dtype=np.float64)
+            A.sum_duplicates()
+            if A.shape != (n, n):
+                raise MatrixError(
+                    f"body '{self.name}': {what} matrix {letter} is {A.shape[0]} x {A.shape[1]}, "
+                    f"but the dof table has {n} rows; check that matrix and dof list are of one set"
+                )
+            if not np.isfinite(A.data).all():
+                bad = A.tocoo()
+                at = int(np.flatnonzero(~np.isfinite(bad.data))[0])
+                raise MatrixError(
+                    f"body '{self.name}': {what} matrix {letter} holds {bad.data[at]} at row "
+                    f"{bad.row[at] + 1} ({self.dofs.labels[bad.row[at]]}), column {bad.col[at] + 1}"
+                )
+            largest = float(abs(A.data).max(initial=0.0))
+            skew = sp.coo_array(abs(A - A.T))
+            worst = float(skew.data.max(initial=0.0))
+            if worst > _SYMMETRY_FACTOR * self.rounding * largest:
+                at = int(skew.data.argmax())
+                i, j = int(skew.row[at]), int(skew.col[at])
+                raise MatrixError(
+                    f"body '{self.name}': {what} matrix {letter} is not symmetric: it differs from its transpose "
+                    f"by {worst / largest:.2e} of its largest entry (rows {self.dofs.labels[i]} and "
+                    f"{self.dofs.labels[j]}: {A[i, j]:.6g} against {A[j, i]:.6g}). If the file holds one triangle "
+                    "only, mark the matrix as symmetric in it; otherwise the body is not a passive structure"
+                )
+            object.__setattr__(self, letter, sp.csc_array((A + A.T) * 0.5))
+        if self.D is not None and self.damping.law != "none":
+            raise MatrixError(f"body '{self.name}': give a damping matrix or a damping law, not both")
+        if self.nodes is not None:
+            moving = self.dofs.component != SCALAR
+            lost = np.unique(self.dofs.node[moving][self.nodes.index(self.dofs.node[moving]) < 0])
+            if lost.size:
+                raise DofMapError(
+                    f"body '{self.name}': {lost.size} nodes have rows in the matrices but no coordinates in the "
+                    f"geometry, the first is {lost[0]}; check that deck and matrices are of one model"
+                )
+
+    @property
+    def n(self) -> int:
+        """Number of dofs."""
+        return len(self.dofs)
+
+    def interface_rows(self, name: str) -> NDArray[np.int64]:
+        """Rows of one interface, node by node."""
+        if name not in self.interfaces:
+            known = ", ".join(self.interfaces) or "none"
+            raise SceneError(f"body '{self.name}' has no interface '{name}' (it has: {known})")
+        face = self.interfaces[name]
+        pairs = zip(face.node, face.components, strict=True)
+        return np.concatenate([self.dofs.rows_of(int(node), parts) for node, parts in pairs])
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBody:
+    """A body that does not deform.
+
+    Parameters
+    ----------
+    name : str
+        Name of the body.
+    mass : float
+        Mass, positive.
+    cg : (3,) float64
+        Centre of mass in basic.
+    inertia : (3, 3) float64
+        Inertia tensor about the centre of mass, basic axes: diagonal Ixx Iyy Izz, off-diagonal the negative
+        products of inertia, as the tensor has them.
+    interfaces : mapping of name to Interface
+        Where joints attach; node ids are -1.
+    units : Units
+        Unit system.
+
+    Raises
+    ------
+    MatrixError
+        If the mass is not positive or no distribution of mass has this inertia.
+    """
+
+    name: str
+    mass: float
+    cg: NDArray[np.float64]
+    inertia: NDArray[np.float64]
+    interfaces: Mapping[str, Interface] = field(default_factory=dict)
+    units: Units = SI
+
+    def __post_init__(self) -> None:
+        cg, J = np.asarray(self.cg, dtype=np.float64), np.asarray(self.inertia, dtype=np.float64)
+        if cg.shape != (3,) or J.shape != (3, 3) or not np.isfinite(J).all() or not np.isfinite(cg).all():
+            raise MatrixError(f"rigid body '{self.name}': cg needs 3 numbers and inertia 6: xx yy zz xy xz yz")
+        if not self.mass > 0:
+            raise MatrixError(f"rigid body '{self.name}': mass {self.mass:g} is not positive")
+        principal = np.linalg.eigvalsh(J)
+        # Round-off of six printed digits may put a rod's axis a hair below zero.
+        slack = 1e-6 * abs(principal).max()
+        if principal[0] < -slack or principal[0] + principal[1] < principal[2] - slack:
+            raise MatrixError(
+                f"rigid body '{self.name}': no mass distribution has principal inertias "
+                f"{', '.join(f'{p:g}' for p in principal)} (each must be positive and at most the sum of the other "
+                "two). Order is xx yy zz xy xz yz, tensor components about the cg"
+            )
+        object.__setattr__(self, "cg", cg)
+        object.__setattr__(self, "inertia", J)

@@ -1,0 +1,256 @@
+"""The scene the bodies act in: joints, configurations, actuators, sensors, band."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import SceneError
+from cmsreduce.model.units import SI, Units
+
+__all__ = [
+    "DOF_NAMES",
+    "Channel",
+    "Configuration",
+    "Joint",
+    "JointTerm",
+    "Placement",
+    "Point",
+    "PointTerm",
+    "Scene",
+    "StrutTerm",
+    "dof_index",
+]
+
+DOF_NAMES = ("x", "y", "z", "rx", "ry", "rz")
+"""Names of the six motions of a point, in order."""
+
+
+def dof_index(name: str) -> int:
+    """Position 0..5 of a motion's name; ``x``, ``rx``, or a digit 1..6.
+
+    Raises
+    ------
+    SceneError
+        If the name is none of these.
+    """
+    text = str(name).strip().lower()
+    if text in DOF_NAMES:
+        return DOF_NAMES.index(text)
+    if text in {"tx", "ty", "tz"}:
+        return "xyz".index(text[1])
+    if text in set("123456"):
+        return int(text) - 1
+    raise SceneError(f"'{name}' is no dof: use {', '.join(DOF_NAMES)}")
+
+
+@dataclass(frozen=True)
+class Point:
+    """A place on a body: an interface's name, a node id in digits, or ``cg`` of a rigid body."""
+
+    body: str
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.body}.{self.name}"
+
+
+@dataclass(frozen=True, eq=False)
+class PointTerm:
+    """Motion of (or force on) a point along a direction.
+
+    Parameters
+    ----------
+    at : Point
+        Where.
+    direction : (6,) float64
+        Weights of x y z rx ry rz, along the basic axes of the body, which turn with it.
+    """
+
+    at: Point
+    direction: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class JointTerm:
+    """Relative motion in a joint, or the equal and opposite effort: second interface against the first.
+
+    Parameters
+    ----------
+    joint : str
+        Name of the joint.
+    dof : int
+        0..5 along the joint's axes.
+    """
+
+    joint: str
+    dof: int
+
+
+@dataclass(frozen=True)
+class StrutTerm:
+    """Change of distance between two points, or the pair of forces that pushes them apart."""
+
+    a: Point
+    b: Point
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """An actuator or a sensor: one input or one output.
+
+    Parameters
+    ----------
+    name : str
+        Unique among the inputs or the outputs.
+    terms : tuple of PointTerm, JointTerm or StrutTerm
+        Their sum is the measured motion; an actuator's effort acts on their transpose.
+    quantity : {"translation", "rotation", "combination"}
+        What it acts on or measures; decides the unit its response is scaled in.
+    rate : bool
+        Whether a sensor measures the rate.
+    """
+
+    name: str
+    terms: tuple[PointTerm | JointTerm | StrutTerm, ...]
+    quantity: Literal["translation", "rotation", "combination"]
+    rate: bool = False
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A connection of two interfaces.
+
+    Parameters
+    ----------
+    name : str
+        Name of the joint.
+    first, second : Point
+        Interfaces; the axes are those of the first.
+    free : frozenset of int
+        Motions 0..5 along the axes that are free; the others are locked.
+    offset : tuple of 3 float, optional
+        Rigid arm from the first interface to the second in the first body's basic frame, where they do not coincide.
+    """
+
+    name: str
+    first: Point
+    second: Point
+    free: frozenset[int] = frozenset()
+    offset: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A setting of the articulated joints.
+
+    Parameters
+    ----------
+    name : str
+        Label, such as ``spin=45 cone=30``.
+    angles : mapping of (joint, dof 0..5) to float
+        Radians, or the scene's unit of length for a translation; all others are zero.
+    """
+
+    name: str
+    angles: Mapping[tuple[str, int], float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Where a body stands in the scene: x_scene = rotation @ x_body + translation."""
+
+    rotation: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    translation: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What the bodies are for.
+
+    Parameters
+    ----------
+    bodies : tuple of str
+        Names of the bodies, in order.
+    band : (float, float)
+        Lowest and highest frequency of interest in Hz.
+    joints : tuple of Joint
+        Connections.
+    configurations : tuple of Configuration
+        Settings at which the model is assembled and checked; at least one.
+    actuators, sensors : tuple of Channel
+        Inputs and outputs.
+    base : str
+        Body that articulation does not move.
+    ground : tuple of Point
+        Interfaces held to the ground; without one the system floats free.
+    placements : mapping of body to Placement
+        Bodies moved from the shared basic frame.
+    units : Units
+        Unit system of the scene; every body is converted to it.
+
+    Raises
+    ------
+    SceneError
+        If names repeat or point to bodies and joints that are not there.
+    """
+
+    bodies: tuple[str, ...]
+    band: tuple[float, float]
+    joints: tuple[Joint, ...] = ()
+    configurations: tuple[Configuration, ...] = (Configuration("as built"),)
+    actuators: tuple[Channel, ...] = ()
+    sensors: tuple[Channel, ...] = ()
+    base: str = ""
+    ground: tuple[Point, ...] = ()
+    placements: Mapping[str, Placement] = field(default_factory=dict)
+    units: Units = SI
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.band[0] < self.band[1]:
+            raise SceneError(f"band {self.band[0]:g} to {self.band[1]:g} Hz is empty")
+        for what, items in (("joint", self.joints), ("actuator", self.actuators), ("sensor", self.sensors)):
+            names = [item.name for item in items]
+            repeated = sorted({name for name in names if names.count(name) > 1})
+            if repeated:
+                raise SceneError(f"two {what}s are named '{repeated[0]}'")
+        joints = {joint.name: joint for joint in self.joints}
+        for point in self.points():
+            if point.body not in self.bodies:
+                raise SceneError(
+                    f"'{point}': there is no component '{point.body}' (there are: {', '.join(self.bodies)})"
+                )
+        for channel in (*self.actuators, *self.sensors):
+            for term in channel.terms:
+                if isinstance(term, JointTerm) and term.joint not in joints:
+                    raise SceneError(
+                        f"'{channel.name}': there is no joint '{term.joint}' (there are: {', '.join(joints)})"
+                    )
+        for configuration in self.configurations:
+            for name, dof in configuration.angles:
+                if name not in joints:
+                    raise SceneError(f"articulation: there is no joint '{name}' (there are: {', '.join(joints)})")
+                if dof not in joints[name].free:
+                    raise SceneError(
+                        f"articulation: joint '{name}' is not free in {DOF_NAMES[dof]}, so it cannot be turned"
+                    )
+        if self.base and self.base not in self.bodies:
+            raise SceneError(f"base '{self.base}' is no component (there are: {', '.join(self.bodies)})")
+
+    def points(self) -> tuple[Point, ...]:
+        """Every point the scene refers to, in order of first mention."""
+        found: dict[Point, None] = {}
+        for joint in self.joints:
+            found.update({joint.first: None, joint.second: None})
+        found.update(dict.fromkeys(self.ground))
+        for channel in (*self.actuators, *self.sensors):
+            for term in channel.terms:
+                if isinstance(term, PointTerm):
+                    found[term.at] = None
+                elif isinstance(term, StrutTerm):
+                    found.update({term.a: None, term.b: None})
+        return tuple(found)
