@@ -94,7 +94,7 @@ class Damping:
         """
         w = np.asarray(omega, dtype=np.float64)
         if self.modal is not None:
-            return np.full(w.shape, self.modal, dtype=np.float64)
+            return self.modal * np.ones_like(w)
         if self.table is not None:
             frequency, ratio = np.array(self.table).T
             return np.interp(w / (2 * np.pi), frequency, ratio)
@@ -105,5 +105,5 @@ class Damping:
             alpha, beta = self.rayleigh
             return alpha / (2 * w) + beta * w / 2
         if self.structural is not None:
-            return np.full(w.shape, self.structural / 2, dtype=np.float64)
+            return self.structural / 2 * np.ones_like(w)
         return np.zeros(w.shape)
