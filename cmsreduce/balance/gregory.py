@@ -1,0 +1,51 @@
+"""Gregory's modal influence coefficient."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.balance.ranking import Ranking
+from cmsreduce.errors import DampingError
+
+__all__ = ["Gregory"]
+
+
+class Gregory(Ranking):
+    """Hankel singular value of each mode as if it were alone.
+
+    Notes
+    -----
+    sigma_i = sqrt(b_i b_i^T (c1_i^T c1_i + w_i^2 c2_i^T c2_i)) / (4 zeta_i w_i^2). It holds for light damping and
+    separate frequencies; `mode_spacing` says where it does not. Source: Gregory (1984); Spanos-Tsuha eq. 44.
+    """
+
+    name: ClassVar[str] = "gregory"
+
+    def coefficients(
+        self,
+        omega: NDArray[np.float64],
+        zeta: NDArray[np.float64],
+        B: NDArray[np.float64],
+        C1: NDArray[np.float64],
+        C2: NDArray[np.float64],
+        body: str,
+    ) -> NDArray[np.float64]:
+        """See `Ranking.coefficients`.
+
+        Raises
+        ------
+        DampingError
+            If a mode has no damping: its coefficient would be infinite.
+        """
+        if omega.size and zeta.min() <= 0:
+            raise DampingError(
+                f"body '{body}': ranking by Gregory's coefficient needs positive damping, but mode "
+                f"{int(np.argmin(zeta)) + 1} has zeta = {zeta.min():g}. Give `damping: {{modal: 0.005}}`, or rank by "
+                "frequency"
+            )
+        b = np.einsum("ij,ij->i", B, B)
+        c = np.einsum("ij,ij->j", C1, C1) + omega**2 * np.einsum("ij,ij->j", C2, C2)
+        return np.sqrt(b * c) / (4 * zeta * omega**2)

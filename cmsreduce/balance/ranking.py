@@ -1,0 +1,93 @@
+"""The base of all rankings: a ranking supplies one coefficient per mode, flags and order are common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.model import ModalComponent
+
+__all__ = ["CLOSE", "Ranking", "mode_spacing"]
+
+CLOSE = 0.1
+"""Spacing ratio above which "much smaller than one" (Gregory's condition) no longer holds."""
+
+
+class Ranking(ABC):
+    """An order of importance of a body's elastic modes."""
+
+    name: ClassVar[str]
+
+    @abstractmethod
+    def coefficients(
+        self,
+        omega: NDArray[np.float64],
+        zeta: NDArray[np.float64],
+        B: NDArray[np.float64],
+        C1: NDArray[np.float64],
+        C2: NDArray[np.float64],
+        body: str,
+    ) -> NDArray[np.float64]:
+        """One coefficient per elastic mode, larger for more important.
+
+        Parameters
+        ----------
+        omega, zeta : (e,) float64
+            Elastic frequencies in rad/s and damping ratios.
+        B : (e, inputs) float64
+            Modal input matrix.
+        C1, C2 : (outputs, e) float64
+            Modal displacement and rate output matrices.
+        body : str
+            Name of the body, for messages.
+        """
+
+    def rank(
+        self, component: ModalComponent, B: NDArray[np.float64], C1: NDArray[np.float64], C2: NDArray[np.float64]
+    ) -> ModalComponent:
+        """Give every elastic mode of a body its coefficient and its spacing flag.
+
+        Parameters
+        ----------
+        component : ModalComponent
+            m modes, the first r of them rigid.
+        B : (m, inputs) float64
+            Modal input matrix: interface forces and actuators.
+        C1, C2 : (outputs, m) float64
+            Modal displacement and rate outputs: sensors and interface motions.
+
+        Returns
+        -------
+        ModalComponent
+            The same modes with ``sigma`` and ``spacing`` set; NaN for rigid modes, which are always kept.
+        """
+        r = component.rigid_count
+        sigma, spacing = np.full(component.omega.size, np.nan), np.full(component.omega.size, np.nan)
+        sigma[r:] = self.coefficients(
+            component.omega[r:], component.zeta[r:], B[r:], C1[:, r:], C2[:, r:], component.name
+        )
+        spacing[r:] = mode_spacing(component.omega[r:], component.zeta[r:])
+        return replace(component, sigma=sigma, spacing=spacing)
+
+
+def mode_spacing(omega: NDArray[np.float64], zeta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Measure how close each mode is to its nearest, in half-power bandwidths.
+
+    Returns
+    -------
+    (e,) float64
+        max over j of max(zeta_i, zeta_j) max(w_i, w_j) / |w_i - w_j|: modes are independent where it is much
+        smaller than one (Spanos-Tsuha eq. 45); infinite for repeated modes.
+    """
+    if omega.size < 2:
+        return np.zeros(omega.size)
+    gap = abs(omega[:, None] - omega[None, :])
+    np.fill_diagonal(gap, np.inf)
+    width = np.maximum(zeta[:, None], zeta[None, :]) * np.maximum(omega[:, None], omega[None, :])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(gap > 0, width / gap, np.where(width > 0, np.inf, 0.0))
+    return np.asarray(ratio.max(axis=1))

@@ -1,0 +1,131 @@
+"""Factorise a sparse symmetric matrix once, solve for blocks of right-hand sides, count negative pivots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from cmsreduce.errors import MatrixError
+
+__all__ = ["BLOCK", "Factor", "NotPositiveDefiniteError", "factorise"]
+
+BLOCK = 64
+"""Right-hand sides solved at once: wide enough to reuse the factor, narrow enough to stay in memory."""
+
+
+class NotPositiveDefiniteError(MatrixError):
+    """A matrix that had to be positive definite is not; ``row`` is where the factorisation says so."""
+
+    def __init__(self, message: str, row: int) -> None:
+        super().__init__(message)
+        self.row = row
+
+
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """Triangular factors of a symmetric matrix: call it with a right-hand side to solve.
+
+    Parameters
+    ----------
+    lu : SuperLU
+        The factors.
+    diagonal : (n,) float64
+        Diagonal of the matrix itself, the scale pivots are judged by.
+    """
+
+    lu: spla.SuperLU
+    diagonal: NDArray[np.float64]
+
+    def __call__(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Solve A x = b for one column or a block.
+
+        Parameters
+        ----------
+        b : (n,) or (n, k) float64
+
+        Returns
+        -------
+        x : float64, shape of ``b``
+        """
+        b = np.asarray(b, dtype=np.float64)
+        if b.ndim == 1 or b.shape[1] <= BLOCK:
+            return np.asarray(self.lu.solve(np.asfortranarray(b)))
+        parts = [self.lu.solve(np.asfortranarray(b[:, k : k + BLOCK])) for k in range(0, b.shape[1], BLOCK)]
+        return np.hstack(parts)
+
+    @cached_property
+    def pivots(self) -> NDArray[np.float64]:
+        """Pivots in the matrix's own row order."""
+        return np.asarray(self.lu.U.diagonal()[self.lu.perm_c])
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether rows and columns were permuted alike, so that pivot signs are the inertia (Sylvester)."""
+        return bool(np.array_equal(self.lu.perm_r, self.lu.perm_c))
+
+    @property
+    def negative_pivots(self) -> int:
+        """Number of negative eigenvalues of the matrix.
+
+        Raises
+        ------
+        MatrixError
+            If the factorisation had to pivot off the diagonal, which hides the inertia.
+        """
+        if not self.symmetric:
+            raise MatrixError("the factorisation pivoted off the diagonal: its inertia cannot be read")
+        return int(np.count_nonzero(self.lu.U.diagonal() < 0))
+
+    @property
+    def pivot_ratio(self) -> NDArray[np.float64]:
+        """Pivot over diagonal entry, row by row: what is left of a dof's stiffness when all others are free."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.diagonal != 0, self.pivots / self.diagonal, 0.0)
+
+
+def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix") -> Factor:
+    """Factorise a sparse symmetric matrix with a symmetric fill-reducing order.
+
+    Parameters
+    ----------
+    A : (n, n) sparse array
+        Symmetric.
+    definite : bool
+        Whether the matrix must be positive definite; a shifted one need not.
+    what : str
+        What the matrix is, for the error message.
+
+    Returns
+    -------
+    Factor
+
+    Raises
+    ------
+    NotPositiveDefiniteError
+        If ``definite`` and a pivot is not positive, or falls to the round-off of its diagonal entry.
+    """
+    A = sp.csc_array(A)
+    diagonal = A.diagonal()
+    try:
+        lu = spla.splu(
+            A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True, "Equil": False}
+        )
+    except RuntimeError:
+        row = int(np.argmin(abs(diagonal)))
+        raise NotPositiveDefiniteError(f"{what} is singular", row) from None
+    factor = Factor(lu, diagonal)
+    if definite:
+        # A pivot is what its diagonal entry leaves after cancellation: below n eps of it nothing is left.
+        limit = A.shape[0] * np.finfo(float).eps
+        ratio = factor.pivot_ratio
+        if not factor.symmetric or ratio.min(initial=1.0) <= min(limit, 1e-10):
+            row = int(np.argmin(ratio))
+            raise NotPositiveDefiniteError(
+                f"{what} is not positive definite: pivot ratio {ratio.min():.1e} at row {row + 1}", row
+            )
+    return factor

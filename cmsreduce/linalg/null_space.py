@@ -1,0 +1,157 @@
+"""Rigid-body modes of a body and null spaces of constraint matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from cmsreduce.errors import MatrixError
+
+__all__ = ["null_space", "rigid_body_modes", "row_basis", "stiffness_null_space"]
+
+# A constraint is dependent when what it adds is below this share of the largest: joints are written with
+# coordinates of 8 digits, so their directions are known no better.
+_DEPENDENT = 1e-9
+# K R is built from numbers known to the file's rounding; a rigid motion leaves this many of them, relative to |K|.
+_RIGID_FACTOR = 1e4
+# Below this size the whole spectrum of the scaled stiffness is cheaper than a Lanczos run on a part of it.
+_DENSE_LIMIT = 600
+# A null vector's strain energy is pure cancellation: this many roundings of the energy's absolute parts.
+_NULL_FACTOR = 50.0
+
+
+def null_space(A: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
+    """Orthonormal null space of a dense constraint matrix, by SVD of its normalised rows.
+
+    Parameters
+    ----------
+    A : (c, m) float64
+
+    Returns
+    -------
+    T : (m, m - rank) float64
+    rank : int
+    """
+    if A.shape[0] == 0:
+        return np.eye(A.shape[1]), 0
+    norms = np.linalg.norm(A, axis=1)
+    rows = A[norms > _DEPENDENT * norms.max(initial=0.0)]
+    rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    _, s, vt = la.svd(rows, full_matrices=True)
+    rank = int(np.count_nonzero(s > _DEPENDENT * s.max(initial=1.0)))
+    return vt[rank:].T.copy(), rank
+
+
+def row_basis(A: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Combinations of rows that keep the row space of a constraint matrix and drop its dependent rows.
+
+    Parameters
+    ----------
+    A : (c, m) float64
+
+    Returns
+    -------
+    U : (rank, c) float64
+        ``U @ A`` has full row rank and the row space of A.
+    """
+    norms = np.linalg.norm(A, axis=1)
+    if A.shape[0] == 0 or norms.max() == 0:
+        return np.empty((0, A.shape[0]))
+    scale = np.where(norms > _DEPENDENT * norms.max(), 1 / np.where(norms > 0, norms, 1.0), 0.0)
+    u, s, _ = la.svd(A * scale[:, None], full_matrices=False)
+    return (u[:, s > _DEPENDENT * s.max()] * scale[:, None]).T
+
+
+def stiffness_null_space(K: sp.csc_array, rounding: float) -> NDArray[np.float64]:
+    """Null space of a stiffness matrix, from the matrix alone.
+
+    Parameters
+    ----------
+    K : (n, n) sparse array
+        Symmetric, positive semidefinite up to rounding.
+    rounding : float
+        Relative rounding of its entries.
+
+    Returns
+    -------
+    N : (n, k) float64
+        Vectors whose strain energy is nothing but rounding of its terms.
+    """
+    n = K.shape[0]
+    d = np.sqrt(np.where(K.diagonal() > 0, K.diagonal(), max(abs(K.diagonal()).max(initial=0.0), 1e-300)))
+    scaled = sp.csc_array(sp.diags_array(1 / d) @ K @ sp.diags_array(1 / d))
+    if n <= _DENSE_LIMIT:
+        _, V = la.eigh(scaled.toarray())
+    else:
+        count = min(24, n - 2)
+        shift = -1e-3 / n  # below the spectrum, near enough to zero to bring the null vectors first
+        start = np.random.default_rng(1).standard_normal(n)
+        _, V = spla.eigsh(scaled, k=count, sigma=shift, v0=start)
+    energy = np.einsum("ij,ij->j", V, scaled @ V)
+    parts = np.einsum("ij,ij->j", abs(V), abs(scaled) @ abs(V))
+    null = energy <= _NULL_FACTOR * max(rounding, 2.0**-53) * parts
+    return V[:, null] / d[:, None]
+
+
+def rigid_body_modes(
+    K: sp.csc_array,
+    M: sp.csc_array,
+    R: NDArray[np.float64] | None,
+    rounding: float,
+    name: str,
+) -> NDArray[np.float64]:
+    """Rigid-body modes: counted by geometry and by the null space of K, never by a frequency.
+
+    Parameters
+    ----------
+    K, M : (n, n) sparse array
+        Stiffness and mass.
+    R : (n, 6) float64 or None
+        Rigid-body shapes from the geometry; None for a body of scalar dofs.
+    rounding : float
+        Relative rounding of the matrices' entries.
+    name : str
+        Name of the body, for messages.
+
+    Returns
+    -------
+    Phi_r : (n, r) float64
+        Orthonormal in M; K @ Phi_r is zero to the file's rounding. Motions the geometry does not know
+        (mechanisms) come after the geometric ones.
+
+    Raises
+    ------
+    MatrixError
+        If a rigid motion carries no mass.
+    """
+    shapes = np.empty((K.shape[0], 0))
+    if R is not None:
+        lengths = np.linalg.norm(R, axis=0)
+        Q, s, _ = la.svd(R[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
+        Q = Q[:, s > _DEPENDENT * s.max(initial=0.0)]
+        _, s, vt = la.svd(K @ Q, full_matrices=False)
+        if vt.size:
+            scale = spla.norm(K, 1)
+            shapes = Q @ vt[s <= _RIGID_FACTOR * max(rounding, 2.0**-53) * scale].T
+    N = stiffness_null_space(K, rounding)
+    if N.shape[1] > shapes.shape[1]:
+        # Only what geometry does not span is a mechanism; the geometric shapes are the more accurate ones.
+        Qg, _ = np.linalg.qr(shapes)
+        N, _ = np.linalg.qr(N)
+        outside = N - Qg @ (Qg.T @ N)
+        u, s, _ = la.svd(outside, full_matrices=False)
+        shapes = np.hstack([shapes, u[:, : N.shape[1] - shapes.shape[1]]]) if R is not None else N
+    if shapes.shape[1] == 0:
+        return shapes
+    shapes, _ = np.linalg.qr(shapes)
+    gram = shapes.T @ (M @ shapes)
+    weight, V = la.eigh(gram)
+    if weight[0] <= _DEPENDENT * weight[-1] * 1e-3 or weight[-1] <= 0:
+        raise MatrixError(
+            f"body '{name}': a motion that K does not resist carries no mass ({weight[0]:.1e} against "
+            f"{weight[-1]:.1e}); hold it by a constraint, or take the massless dofs out of the matrices"
+        )
+    return np.asarray(shapes @ (V / np.sqrt(weight)))

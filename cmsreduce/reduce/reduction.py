@@ -1,0 +1,137 @@
+"""The base of all mode sets: a method supplies its shapes, projection and recovery are common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.null_space import rigid_body_modes
+from cmsreduce.model import FEModel, ModeSet, ReducedComponent, rigid_body_shapes
+
+__all__ = ["Reduction", "project", "recover"]
+
+# A rigid-body mode that the basis misses by more than this, in the mass norm, is not in its span. Ten-digit punch
+# files leave 1e-8 of a rigid motion in the constraint modes.
+_SPANNED = 1e-6
+
+
+class Reduction(ABC):
+    """A component mode set.
+
+    Parameters
+    ----------
+    cutoff_hz : float
+        Normal modes are kept up to this frequency, all of them.
+    """
+
+    method: ClassVar[str]
+
+    def __init__(self, cutoff_hz: float) -> None:
+        self.cutoff_hz = cutoff_hz
+
+    @abstractmethod
+    def basis(
+        self,
+        body: FEModel,
+        interface: NDArray[np.int64],
+        rigid: NDArray[np.float64],
+        loads: NDArray[np.float64] | None = None,
+    ) -> ModeSet:
+        """Shapes of the mode set.
+
+        Parameters
+        ----------
+        body : FEModel
+            The unreduced body.
+        interface : (i,) int64
+            Rows of the i-set: where joints and actuators act.
+        rigid : (n, r) float64
+            Rigid-body modes, orthonormal in M.
+        loads : (n, l) float64, optional
+            Self-balancing loads inside the body (struts), whose static response the basis must hold.
+        """
+
+    def reduce(
+        self, body: FEModel, interface: ArrayLike = (), loads: NDArray[np.float64] | None = None
+    ) -> ReducedComponent:
+        """Reduce a body to the span of its mode set.
+
+        Parameters
+        ----------
+        body : FEModel
+            The unreduced body.
+        interface : (i,) array_like of int
+            Rows of the i-set.
+        loads : (n, l) float64, optional
+            Self-balancing loads inside the body.
+
+        Returns
+        -------
+        ReducedComponent
+
+        Raises
+        ------
+        MatrixError
+            If a rigid-body mode lies outside the span of the mode set.
+        """
+        R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+        rigid = rigid_body_modes(body.K, body.M, R, body.rounding, body.name)
+        rows = np.asarray(interface, dtype=np.int64)
+        return project(body, self.basis(body, rows, rigid, loads), rigid)
+
+
+def project(body: FEModel, modes: ModeSet, rigid: NDArray[np.float64]) -> ReducedComponent:
+    """Project a body on a basis (Rayleigh-Ritz).
+
+    Parameters
+    ----------
+    body : FEModel
+        n dofs.
+    modes : ModeSet
+        m columns.
+    rigid : (n, r) float64
+        Rigid-body modes, orthonormal in M.
+
+    Returns
+    -------
+    ReducedComponent
+        With M, K, D of size m and the rigid modes in reduced coordinates.
+
+    Raises
+    ------
+    MatrixError
+        If a rigid-body mode lies outside the span of the basis.
+    """
+    Phi = modes.Phi
+    M, K = _congruence(body.M @ Phi, Phi), _congruence(body.K @ Phi, Phi)
+    D = None if body.D is None else _congruence(body.D @ Phi, Phi)
+    # Scaled to a unit diagonal: columns of a basis differ by the square root of a mass.
+    scale = np.sqrt(np.maximum(M.diagonal(), np.finfo(float).tiny))
+    q, *_ = np.linalg.lstsq(M / np.outer(scale, scale), (Phi.T @ (body.M @ rigid)) / scale[:, None], rcond=1e-14)
+    q = q / scale[:, None]
+    missed = rigid - Phi @ q
+    lost = np.sqrt(np.maximum(np.einsum("ij,ij->j", missed, body.M @ missed), 0.0))
+    if (lost > _SPANNED).any():
+        raise MatrixError(
+            f"body '{body.name}': a rigid-body motion is not in the span of its {modes.method} basis (missed by "
+            f"{lost.max():.1e} in the mass norm); the row order or the geometry may be wrong"
+        )
+    weight = np.linalg.cholesky(_congruence(M @ q, q)) if q.shape[1] else np.empty((0, 0))
+    q = np.linalg.solve(weight, q.T).T
+    # What rounding leaves of K on a rigid motion is taken out, so that rigid modes have frequency zero exactly.
+    P = np.eye(modes.m) - (M @ q) @ q.T
+    return ReducedComponent(body, modes, M, _congruence(K @ P.T, P.T), D, q)
+
+
+def recover(component: ReducedComponent, q: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Displacements of the unreduced body from reduced coordinates: (m,) or (m, k) -> (n,) or (n, k)."""
+    return np.asarray(component.modes.Phi @ q)
+
+
+def _congruence(A_Phi: NDArray[np.float64], Phi: NDArray[np.float64]) -> NDArray[np.float64]:
+    A = Phi.T @ A_Phi
+    return np.asarray((A + A.T) / 2)
