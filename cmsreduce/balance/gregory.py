@@ -48,4 +48,4 @@ class Gregory(Ranking):
             )
         b = np.einsum("ij,ij->i", B, B)
         c = np.einsum("ij,ij->j", C1, C1) + omega**2 * np.einsum("ij,ij->j", C2, C2)
-        return np.sqrt(b * c) / (4 * zeta * omega**2)
+        return np.asarray(np.sqrt(b * c) / (4 * zeta * omega**2))

@@ -94,10 +94,10 @@ class Damping:
         """
         w = np.asarray(omega, dtype=np.float64)
         if self.modal is not None:
-            return self.modal * np.ones_like(w)
+            return np.asarray(self.modal * np.ones_like(w))
         if self.table is not None:
             frequency, ratio = np.array(self.table).T
-            return np.interp(w / (2 * np.pi), frequency, ratio)
+            return np.asarray(np.interp(w / (2 * np.pi), frequency, ratio))
         if self.per_mode is not None:
             given = np.array(self.per_mode)
             return np.asarray(given[np.minimum(np.arange(w.size), given.size - 1)])

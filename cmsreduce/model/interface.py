@@ -26,6 +26,8 @@ class Interface:
         Coordinates of the nodes in the body's basic frame, in the body's unit of length.
     frame : (3, 3) float64
         Axes of the interface as rows, in basic components: a joint on it has these axes.
+    node_axes : (p, 3, 3) float64, optional
+        Displacement frames of the nodes as rows, in basic components; ``frame`` for every node if absent.
     """
 
     name: str
@@ -33,3 +35,8 @@ class Interface:
     components: tuple[tuple[int, ...], ...]
     position: NDArray[np.float64]
     frame: NDArray[np.float64]
+    node_axes: NDArray[np.float64] | None = None
+
+    def node_frame(self, k: int) -> NDArray[np.float64]:
+        """Displacement axes of node k, which its components refer to (3, 3)."""
+        return self.frame if self.node_axes is None else np.asarray(self.node_axes[k])

@@ -1,0 +1,203 @@
+"""Frequency response by coupling the receptances of the bodies (theory sections 1 and 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from cmsreduce.assemble.points import PointStack, dense
+from cmsreduce.assemble.system import Wiring, wire
+from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.null_space import row_basis
+from cmsreduce.model import Configuration, Scene, Substructure, System
+
+__all__ = ["FrequencyResponse", "couple", "frequency_response", "receptances", "rigid_response"]
+
+# Points coupled at a time, to bound the memory of the modal sum (points x motions^2 x 16 bytes).
+_CHUNK = 512
+# Bodies with this many coordinates or more, and no modes, are solved sparse.
+_SPARSE = 200
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Response of the outputs to the inputs.
+
+    Parameters
+    ----------
+    omega : (f,) float64
+        Circular frequencies in rad/s.
+    H : (f, outputs, inputs) complex128
+        Response, rigid-body part included.
+    rigid : (f, outputs, inputs) complex128
+        Rigid-body part, the same for a body and its reduction.
+    """
+
+    omega: NDArray[np.float64]
+    H: NDArray[np.complex128]
+    rigid: NDArray[np.complex128]
+
+    @property
+    def elastic(self) -> NDArray[np.complex128]:
+        """Response without its rigid-body part."""
+        return np.asarray(self.H - self.rigid)
+
+
+def receptances(
+    sub: Substructure, omega: NDArray[np.float64], motions: NDArray[np.float64] | sp.csc_array
+) -> NDArray[np.complex128]:
+    """Dynamic flexibility of a body between the motions of its points.
+
+    Parameters
+    ----------
+    sub : Substructure
+        The body alone, free or held as it is.
+    omega : (f,) float64
+        Circular frequencies in rad/s, none of them zero for a free body.
+    motions : (p, m) Matrix
+        Rows of the point motions.
+
+    Returns
+    -------
+    Y : (f, p, p) complex128
+        L (K + i loss + i w D - w^2 M)^-1 L^T.
+
+    Raises
+    ------
+    MatrixError
+        If a frequency hits a resonance of a body without damping.
+    """
+    if _is_diagonal(sub):
+        return _modal_receptances(sub, omega, dense(motions))
+    Y = np.empty((omega.size, motions.shape[0], motions.shape[0]), dtype=np.complex128)
+    K, M = sp.csc_array(sub.K), sp.csc_array(sub.M)
+    D = sp.csc_array(sub.D) if sub.D is not None else sp.csc_array(K.shape)
+    loss = sp.csc_array(sub.loss) if sub.loss is not None else sp.csc_array(K.shape)
+    L = dense(motions)
+    for k, w in enumerate(omega):
+        Z = sp.csc_array(K + 1j * (loss + w * D) - w**2 * M)
+        try:
+            if sub.m < _SPARSE:
+                X = np.linalg.solve(Z.toarray(), L.T.astype(np.complex128))
+            else:
+                X = spla.splu(Z, permc_spec="MMD_AT_PLUS_A").solve(np.asfortranarray(L.T, dtype=np.complex128))
+        except (np.linalg.LinAlgError, RuntimeError):
+            raise MatrixError(_resonance(sub, w)) from None
+        Y[k] = L @ X
+    return Y
+
+
+def couple(
+    receptance: Mapping[str, NDArray[np.complex128]],
+    stack: PointStack,
+    wiring: Wiring,
+    omega: NDArray[np.float64],
+) -> NDArray[np.complex128]:
+    """Response of the joined bodies from the receptances of the single ones.
+
+    Parameters
+    ----------
+    receptance : mapping of body to (f, p, p) complex128
+        Dynamic flexibilities over each body's points; they do not depend on how the bodies are turned.
+    stack : PointStack
+        Points of all bodies.
+    wiring : Wiring
+        Joints, inputs and outputs in one configuration.
+    omega : (f,) float64
+        Circular frequencies in rad/s.
+
+    Returns
+    -------
+    H : (f, outputs, inputs) complex128
+
+    Notes
+    -----
+    With lambda the joint forces, A Y (B u + A^T lambda) = 0. Rows of A that depend on others in the motions that the
+    bodies have are dropped.
+    """
+    # Joints that lock the same motion of a reduced body twice would leave lambda undetermined.
+    basis = row_basis(dense(stack.spread(wiring.A)))
+    A = basis @ wiring.A
+    c, u = A.shape[0], wiring.B.shape[0]
+    left = np.vstack([A, wiring.C1, wiring.C2])
+    right = np.vstack([A, wiring.B])
+    out = np.empty((omega.size, wiring.C1.shape[0], u), dtype=np.complex128)
+    for start in range(0, omega.size, _CHUNK):
+        part = slice(start, start + _CHUNK)
+        G = np.zeros((omega[part].size, left.shape[0], right.shape[0]), dtype=np.complex128)
+        for name, Y in receptance.items():
+            columns = stack.body_columns(name)
+            G += left[:, columns] @ Y[part] @ right[:, columns].T
+        AYA, AYB = G[:, :c, :c], G[:, :c, c:]
+        CYA, CYB = G[:, c:, :c], G[:, c:, c:]
+        both = CYB - CYA @ np.linalg.solve(AYA, AYB) if c else CYB
+        y = wiring.C1.shape[0]
+        out[part] = both[:, :y] + 1j * omega[part, None, None] * both[:, y:]
+    return out
+
+
+def rigid_response(system: System, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Rigid-body part of a system's response: (f, outputs, inputs) complex128."""
+    Pr = system.rigid
+    gain = (system.C1 @ Pr)[None] + 1j * omega[:, None, None] * (system.C2 @ Pr)[None]
+    return np.asarray(gain @ (Pr.T @ system.B) / -(omega**2)[:, None, None])
+
+
+def frequency_response(
+    substructures: Mapping[str, Substructure], scene: Scene, configuration: Configuration, omega: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Frequency response of the assembled bodies in one configuration.
+
+    Parameters
+    ----------
+    substructures : mapping of name to Substructure
+        Bodies in the scene's units.
+    scene : Scene
+        Joints, actuators, sensors.
+    configuration : Configuration
+        Setting of the joints.
+    omega : (f,) float64
+        Circular frequencies in rad/s.
+
+    Returns
+    -------
+    H : (f, outputs, inputs) complex128
+    """
+    stack = PointStack(substructures)
+    Y = {name: receptances(sub, omega, stack.motions(name)) for name, sub in substructures.items()}
+    return couple(Y, stack, wire(stack, scene, configuration), omega)
+
+
+def _modal_receptances(sub: Substructure, omega: NDArray[np.float64], L: NDArray[np.float64]) -> NDArray[np.complex128]:
+    m, k = _diagonal(sub.M), _diagonal(sub.K)
+    d = _diagonal(sub.D) if sub.D is not None else np.zeros(sub.m)
+    g = _diagonal(sub.loss) if sub.loss is not None else np.zeros(sub.m)
+    Z = (k - omega[:, None] ** 2 * m) + 1j * (g + omega[:, None] * d)
+    if (Z == 0).any():
+        raise MatrixError(_resonance(sub, omega[(Z == 0).any(axis=1)][0]))
+    products = (L[:, None, :] * L[None, :, :]).reshape(-1, sub.m)
+    Y = np.asarray((1 / Z) @ products.T, dtype=np.complex128)
+    return Y.reshape(omega.size, L.shape[0], L.shape[0])
+
+
+def _is_diagonal(sub: Substructure) -> bool:
+    parts = [part for part in (sub.M, sub.K, sub.D, sub.loss) if part is not None]
+    if sub.omega is None:
+        return False
+    return all(sp.csc_array(part).nnz == np.count_nonzero(_diagonal(part)) for part in parts)
+
+
+def _diagonal(A: NDArray[np.float64] | sp.csc_array) -> NDArray[np.float64]:
+    return np.asarray(A.diagonal())
+
+
+def _resonance(sub: Substructure, w: float) -> str:
+    return (
+        f"body '{sub.name}' has no damping and resonates at {w / 2 / np.pi:.6g} Hz, where its response is infinite; "
+        "give it `damping:`, or move the frequency grid"
+    )

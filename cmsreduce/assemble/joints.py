@@ -1,0 +1,243 @@
+"""Joints and ground as constraint rows on the motions of points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.assemble.placement import interface_at, joint_axes, joint_gap
+from cmsreduce.assemble.points import PointStack
+from cmsreduce.errors import ConstraintError, SceneError, UnitsError
+from cmsreduce.model import DOF_NAMES, Interface, Joint, Placement, Point, Scene, Substructure, cross_matrix
+
+__all__ = ["Constraints", "check_redundant", "constrain"]
+
+# Interfaces of one joint coincide to this share of the size of the system: decks print eight digits or fewer.
+_COINCIDENT = 1e-5
+# Direction cosines below this are zero: frames are known to eight digits.
+_ALIGNED = 1e-6
+# Rows are dependent when what one adds to the others is below this share of it.
+_DEPENDENT = 1e-7
+_UNIT_RATIOS = {1000.0: "m and mm", 100.0: "m and cm", 39.3700787: "m and in", 25.4: "mm and in", 3.2808399: "m and ft"}
+
+
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """Rows A with A (stacked motions) = 0, and the joint each row belongs to.
+
+    Parameters
+    ----------
+    A : (c, size) float64
+        Rows over a `PointStack`.
+    owner : tuple of str
+        Joint or ground, and the motion locked, of each row.
+    """
+
+    A: NDArray[np.float64]
+    owner: tuple[str, ...]
+
+
+def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], *, as_built: bool) -> Constraints:
+    """Constraint rows of every joint and of the ground.
+
+    Parameters
+    ----------
+    stack : PointStack
+        Points of all bodies.
+    scene : Scene
+        Joints and ground.
+    placed : mapping of body to Placement
+        Where the bodies stand.
+    as_built : bool
+        Whether no joint is turned, so that interfaces must coincide in every direction.
+
+    Returns
+    -------
+    Constraints
+
+    Raises
+    ------
+    SceneError
+        If two interfaces have different dofs or do not coincide.
+    UnitsError
+        If they would coincide in another unit of length.
+    """
+    rows: list[NDArray[np.float64]] = []
+    owner: list[str] = []
+    for joint in scene.joints:
+        axes = joint_axes(stack.substructures, placed, joint)
+        _check_coincident(stack.substructures, placed, joint, axes, as_built)
+        for row, name in _joint_rows(stack, placed, joint, axes):
+            rows.append(row)
+            owner.append(name)
+    for point in scene.ground:
+        for row, name in _ground_rows(stack, placed, point):
+            rows.append(row)
+            owner.append(name)
+    A = np.array(rows) if rows else np.zeros((0, stack.size))
+    return Constraints(A, tuple(owner))
+
+
+def check_redundant(stack: PointStack, constraints: Constraints) -> None:
+    """Refuse joints that lock the same motion twice.
+
+    Every point of a flexible body may move on its own; the points of a rigid body move together. Rows that depend
+    on earlier ones over these motions leave the joint forces undetermined.
+
+    Raises
+    ------
+    ConstraintError
+        Naming the joints and motions that are locked already.
+    """
+    parts = []
+    for name, sub in stack.substructures.items():
+        columns = stack.body_columns(name)
+        A = constraints.A[:, columns]
+        rigid = sub.rigid.shape[1] == sub.m
+        parts.append(A @ np.asarray(stack.motions(name)) if rigid else A)
+    A = np.hstack(parts) if parts else constraints.A
+    # Rotations are measured against the arms that turn them into displacements.
+    norms = np.linalg.norm(A, axis=1)
+    basis: list[NDArray[np.float64]] = []
+    surplus = []
+    for row, size, name in zip(A, norms, constraints.owner, strict=True):
+        left = row.copy()
+        for _ in range(2):
+            for q in basis:
+                left -= (q @ left) * q
+        rest = np.linalg.norm(left)
+        if rest <= _DEPENDENT * size:
+            surplus.append(name)
+        else:
+            basis.append(left / rest)
+    if surplus:
+        named = ", ".join(surplus[:8]) + (" ..." if len(surplus) > 8 else "")
+        raise ConstraintError(
+            f"the joints over-constrain the bodies: {len(surplus)} of {len(norms)} locked motions are locked already "
+            f"by the joints before them: {named}. Free these motions "
+            "(`free: [...]`), or remove the joint that closes the loop"
+        )
+
+
+def _joint_rows(
+    stack: PointStack, placed: Mapping[str, Placement], joint: Joint, axes: NDArray[np.float64]
+) -> list[tuple[NDArray[np.float64], str]]:
+    first, second = (interface_at(stack.substructures, point) for point in (joint.first, joint.second))
+    if first.node.size != second.node.size:
+        raise SceneError(
+            f"joint '{joint.name}' connects {first.node.size} nodes of '{joint.first}' with {second.node.size} of "
+            f"'{joint.second}': interfaces are joined node by node and need as many nodes"
+        )
+    if first.node.size > 1 and joint.free:
+        raise SceneError(
+            f"joint '{joint.name}' has free motions but its interfaces have {first.node.size} nodes each: a hinge "
+            "needs one node on either side"
+        )
+    a, b = placed[joint.first.body], placed[joint.second.body]
+    arm = np.asarray(joint.offset if joint.offset is not None else (0.0, 0.0, 0.0))
+    # Motion of the first interface carried along the rigid arm to where the second one is.
+    carry = np.eye(6)
+    carry[:3, 3:] = -cross_matrix(arm)
+    labels = [stack.substructures[p.body].point_labels(f) for p, f in ((joint.first, first), (joint.second, second))]
+    found = []
+    for k, (near, far) in enumerate(zip(*labels, strict=True)):
+        here = _available(first, k, axes @ a.rotation)
+        there = _available(second, k, axes @ b.rotation)
+        locked = [dof for dof in range(6) if dof not in joint.free]
+        differ = [DOF_NAMES[dof] for dof in locked if here[dof] != there[dof]]
+        if differ:
+            raise SceneError(
+                f"joint '{joint.name}' locks {', '.join(differ)}, but only one of '{joint.first}' (dofs "
+                f"{_digits(first, k)}) and '{joint.second}' (dofs {_digits(second, k)}) can move so: interfaces of a "
+                "joint need the same dofs. Give both the same `dofs:`, or free these motions"
+            )
+        for dof in locked:
+            if not here[dof]:
+                continue
+            row = np.zeros(stack.size)
+            direction = np.zeros(6)
+            direction[dof // 3 * 3 : dof // 3 * 3 + 3] = axes[dof % 3]
+            row[stack.columns(joint.second.body, far)] += _in_body(direction, b)
+            row[stack.columns(joint.first.body, near)] -= _in_body(direction, a) @ carry
+            where = f" node {first.node[k]}" if first.node.size > 1 else ""
+            found.append((row, f"{joint.name}{where} {DOF_NAMES[dof]}"))
+    return found
+
+
+def _ground_rows(
+    stack: PointStack, placed: Mapping[str, Placement], point: Point
+) -> list[tuple[NDArray[np.float64], str]]:
+    face = interface_at(stack.substructures, point)
+    sub = stack.substructures[point.body]
+    found = []
+    for k, label in enumerate(sub.point_labels(face)):
+        for component in face.components[k]:
+            dof = max(component - 1, 0)
+            row = np.zeros(stack.size)
+            direction = np.zeros(6)
+            direction[dof // 3 * 3 : dof // 3 * 3 + 3] = sub.axes[label][dof % 3]
+            row[stack.columns(point.body, label)] = direction
+            found.append((row, f"ground {point} {DOF_NAMES[dof]}"))
+    return found
+
+
+def _in_body(direction: NDArray[np.float64], place: Placement) -> NDArray[np.float64]:
+    return np.concatenate([direction[:3] @ place.rotation, direction[3:] @ place.rotation])
+
+
+def _available(face: Interface, k: int, axes: NDArray[np.float64]) -> list[bool]:
+    """Which motions along ``axes`` (rows, in the body's basic frame) a node of the interface has."""
+    frame = face.node_frame(k)
+    components = {max(c, 1) for c in face.components[k]}
+    answer = []
+    for dof in range(6):
+        missing = [frame[c % 3] for c in range(dof // 3 * 3, dof // 3 * 3 + 3) if c + 1 not in components]
+        answer.append(all(abs(axes[dof % 3] @ axis) < _ALIGNED for axis in missing))
+    return answer
+
+
+def _digits(face: Interface, k: int) -> str:
+    return "".join(str(c) for c in face.components[k])
+
+
+def _check_coincident(
+    substructures: Mapping[str, Substructure],
+    placed: Mapping[str, Placement],
+    joint: Joint,
+    axes: NDArray[np.float64],
+    as_built: bool,
+) -> None:
+    first, second = (interface_at(substructures, point) for point in (joint.first, joint.second))
+    if first.node.size != second.node.size or (first.components[0] == (0,)):
+        return
+    gap = joint_gap(substructures, placed, joint)
+    if not as_built:
+        gap = gap @ axes.T
+        gap[:, [dof for dof in joint.free if dof < 3]] = 0.0
+    places = np.vstack([x for sub in substructures.values() for x in sub.position.values()])
+    size = max(float(np.ptp(places, axis=0).max()), float(abs(places).max()), 1e-300)
+    distance = np.linalg.norm(gap, axis=1)
+    if distance.max() <= _COINCIDENT * size:
+        return
+    here, there = first.position[0], second.position[0]
+    for ratio, pair in _UNIT_RATIOS.items():
+        for factor in (ratio, 1 / ratio):
+            if np.linalg.norm(there - factor * here) <= 1e-4 * np.linalg.norm(there) > 0:
+                raise UnitsError(
+                    f"joint '{joint.name}': the coordinates of '{joint.second}' are {factor:g} times those of "
+                    f"'{joint.first}', as {pair} are: state the units of both components (`units: mm-t-s`)"
+                )
+    k = int(np.argmax(distance))
+    raise SceneError(
+        f"joint '{joint.name}': its interfaces lie {distance[k]:.6g} apart at node {first.node[k]} "
+        f"('{joint.first}' at {_xyz(first.position[k])}, '{joint.second}' at {_xyz(second.position[k])} in their basic "
+        f"frames); they must coincide to {_COINCIDENT * size:.2g}. Move a body with `place:`, give the joint an "
+        "`offset:`, or list the nodes in matching order"
+    )
+
+
+def _xyz(x: NDArray[np.float64]) -> str:
+    return "(" + ", ".join(f"{value:g}" for value in x) + ")"

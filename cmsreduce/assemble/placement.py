@@ -1,0 +1,138 @@
+"""Where every body stands when the joints are turned."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import SceneError
+from cmsreduce.model import Configuration, Interface, Joint, Placement, Point, Scene, Substructure, cross_matrix
+
+__all__ = ["interface_at", "joint_axes", "joint_gap", "place_bodies"]
+
+
+def place_bodies(
+    substructures: Mapping[str, Substructure], scene: Scene, configuration: Configuration
+) -> dict[str, Placement]:
+    """Turn everything outboard of each articulated joint.
+
+    Joints are walked outwards from the base body. An angle turns the outboard side about the joint's axis, right
+    handed, relative to the inboard side; several freedoms of one joint are turned in the order x y z rx ry rz
+    about the axes of the first interface as they stand before.
+
+    Parameters
+    ----------
+    substructures : mapping of name to Substructure
+        Bodies with the positions of their interfaces.
+    scene : Scene
+        Joints, base, placements as built.
+    configuration : Configuration
+        Angles in radians, displacements in the scene's unit of length.
+
+    Returns
+    -------
+    dict of name to Placement
+
+    Raises
+    ------
+    SceneError
+        If a body is joined to nothing.
+    """
+    placed = {name: scene.placements.get(name, Placement()) for name in substructures}
+    base = scene.base or scene.bodies[0]
+    reached, inboard_of = [base], dict[str, Joint]()
+    roots = {base} | {point.body for point in scene.ground}
+    reached += [name for name in scene.bodies if name in roots - {base}]
+    at = 0
+    while at < len(reached):
+        for joint in scene.joints:
+            ends = (joint.first.body, joint.second.body)
+            if reached[at] in ends:
+                outer = ends[1] if ends[0] == reached[at] else ends[0]
+                if outer not in reached:
+                    reached.append(outer)
+                    inboard_of[outer] = joint
+        at += 1
+    lost = [name for name in substructures if name not in reached]
+    if lost:
+        raise SceneError(
+            f"component '{lost[0]}' is joined to nothing: no chain of joints leads from it to '{base}'. Add a joint, "
+            "ground it, or take it out of the pipeline"
+        )
+    children: dict[str, list[str]] = {name: [] for name in reached}
+    for outer, joint in inboard_of.items():
+        children[joint.first.body if joint.second.body == outer else joint.second.body].append(outer)
+    for outer in reached:
+        if outer not in inboard_of:
+            continue
+        joint = inboard_of[outer]
+        for dof in range(6):
+            value = configuration.angles.get((joint.name, dof), 0.0)
+            if value:
+                pivot, axes = _position(substructures, placed, joint.first), joint_axes(substructures, placed, joint)
+                for name in _outboard(outer, children):
+                    placed[name] = _moved(placed[name], pivot, axes[dof % 3], value, turn=dof >= 3)
+    return placed
+
+
+def joint_axes(
+    substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], joint: Joint
+) -> NDArray[np.float64]:
+    """Axes of a joint as rows, in scene components: those of its first interface (3, 3)."""
+    face = interface_at(substructures, joint.first)
+    return np.asarray(face.frame @ placed[joint.first.body].rotation.T)
+
+
+def joint_gap(
+    substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], joint: Joint
+) -> NDArray[np.float64]:
+    """Vector from the first interface's nodes (offset included) to the second's, in the scene (p, 3)."""
+    first, second = (interface_at(substructures, point) for point in (joint.first, joint.second))
+    a, b = placed[joint.first.body], placed[joint.second.body]
+    arm = np.asarray(joint.offset if joint.offset is not None else (0.0, 0.0, 0.0))
+    here = (first.position + arm) @ a.rotation.T + a.translation
+    there = second.position @ b.rotation.T + b.translation
+    return np.asarray(there - here)
+
+
+def interface_at(substructures: Mapping[str, Substructure], point: Point) -> Interface:
+    """Interface a joint names.
+
+    Raises
+    ------
+    SceneError
+        If the body has no such interface.
+    """
+    faces = substructures[point.body].interfaces
+    if point.name not in faces:
+        raise SceneError(
+            f"'{point}': component '{point.body}' has no interface '{point.name}' "
+            f"(it has: {', '.join(faces) or 'none'})"
+        )
+    return faces[point.name]
+
+
+def _position(
+    substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], point: Point
+) -> NDArray[np.float64]:
+    place = placed[point.body]
+    return np.asarray(place.rotation @ interface_at(substructures, point).position[0] + place.translation)
+
+
+def _outboard(name: str, children: Mapping[str, list[str]]) -> list[str]:
+    found = [name]
+    for child in children[name]:
+        found += _outboard(child, children)
+    return found
+
+
+def _moved(
+    place: Placement, pivot: NDArray[np.float64], axis: NDArray[np.float64], value: float, *, turn: bool
+) -> Placement:
+    if not turn:
+        return Placement(place.rotation, place.translation + value * axis)
+    skew = cross_matrix(axis)
+    Q = np.eye(3) + np.sin(value) * skew + (1 - np.cos(value)) * skew @ skew
+    return Placement(Q @ place.rotation, Q @ (place.translation - pivot) + pivot)

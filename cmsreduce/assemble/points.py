@@ -1,0 +1,81 @@
+"""The points at which bodies meet the scene, and their place in one stacked vector of motions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import SceneError
+from cmsreduce.model import Matrix, Point, Substructure
+
+__all__ = ["PointStack", "dense"]
+
+
+class PointStack:
+    """Six motions x y z rx ry rz of every point of every body, stacked.
+
+    Parameters
+    ----------
+    substructures : mapping of name to Substructure
+        Bodies in order.
+    """
+
+    def __init__(self, substructures: Mapping[str, Substructure]) -> None:
+        self.substructures = substructures
+        self._start: dict[tuple[str, str], int] = {}
+        for name, sub in substructures.items():
+            for label in sub.motion:
+                self._start[name, label] = 6 * len(self._start)
+
+    @property
+    def size(self) -> int:
+        """Length of the stacked vector of motions."""
+        return 6 * len(self._start)
+
+    def label(self, point: Point) -> str:
+        """Label of a point in its body's motions: the first node of an interface, a node id, or ``cg``."""
+        sub = self.substructures[point.body]
+        if point.name in sub.interfaces and point.name not in sub.motion:
+            return sub.point_labels(sub.interfaces[point.name])[0]
+        if point.name not in sub.motion:
+            known = ", ".join([*sub.interfaces, *(label for label in sub.motion if label not in sub.interfaces)])
+            raise SceneError(f"'{point}': component '{point.body}' has no such point (known here: {known})")
+        return point.name
+
+    def columns(self, body: str, label: str) -> slice:
+        """Columns of one point's six motions."""
+        first = self._start[body, label]
+        return slice(first, first + 6)
+
+    def body_columns(self, body: str) -> slice:
+        """Columns of all points of one body."""
+        labels = list(self.substructures[body].motion)
+        if not labels:
+            return slice(0, 0)
+        return slice(self.columns(body, labels[0]).start, self.columns(body, labels[-1]).stop)
+
+    def motions(self, body: str) -> Matrix:
+        """Motions of all points of one body from its coordinates, (6 points, m)."""
+        sub = self.substructures[body]
+        parts = list(sub.motion.values())
+        if not parts:
+            return np.zeros((0, sub.m))
+        if any(sp.issparse(part) for part in parts):
+            return sp.csc_array(sp.vstack([sp.csc_array(part) for part in parts]))
+        return np.vstack([np.asarray(part) for part in parts])
+
+    def spread(self, rows: NDArray[np.float64]) -> sp.csr_array:
+        """Rows over the stacked coordinates of all bodies, from rows over the stacked motions."""
+        parts = [
+            sp.csr_array(rows[:, self.body_columns(name)]) @ sp.csr_array(self.motions(name))
+            for name in self.substructures
+        ]
+        return sp.csr_array(sp.hstack(parts))
+
+
+def dense(A: Matrix | sp.csr_array) -> NDArray[np.float64]:
+    """Make a small matrix dense: rows of points, never those of a body."""
+    return np.asarray(A.toarray() if sp.issparse(A) else A)

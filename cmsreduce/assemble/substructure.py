@@ -1,0 +1,177 @@
+"""Bodies in the coordinates they are assembled in: physical dofs, orthonormal modes, or six rigid motions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import SceneError
+from cmsreduce.model import (
+    SCALAR,
+    FEModel,
+    Matrix,
+    ModalComponent,
+    RigidBody,
+    Substructure,
+    cross_matrix,
+)
+
+__all__ = ["modal_substructure", "physical_substructure", "rigid_substructure"]
+
+
+def physical_substructure(body: FEModel, points: Iterable[str], rigid: NDArray[np.float64]) -> Substructure:
+    """Build the unreduced body in its own dofs, sparse.
+
+    Parameters
+    ----------
+    body : FEModel
+        n dofs.
+    points : iterable of str
+        Interface names and node ids (in digits) whose motion is wanted.
+    rigid : (n, r) float64
+        Rigid-body modes.
+
+    Notes
+    -----
+    A damping law stated mode by mode has no sparse form: D is then absent, and the caller takes all modes.
+    """
+    D: Matrix | None = body.D
+    loss: Matrix | None = None
+    if body.damping.rayleigh is not None:
+        alpha, beta = body.damping.rayleigh
+        D = sp.csc_array(alpha * body.M + beta * body.K)
+        if alpha > 0 and rigid.shape[1]:
+            D = _without_rigid_drag(body, alpha, beta, rigid)
+    if body.damping.structural is not None:
+        loss = sp.csc_array(body.damping.structural * body.K)
+    rows = sp.csr_array(sp.eye_array(body.n))
+    return Substructure(body.name, body.M, body.K, D, loss, rigid, *_motions(body, rows, points), body.interfaces)
+
+
+def modal_substructure(component: ModalComponent, points: Iterable[str]) -> Substructure:
+    """Build a body in its orthonormal modes.
+
+    Parameters
+    ----------
+    component : ModalComponent
+        m modes, the first r rigid.
+    points : iterable of str
+        Interface names and node ids whose motion is wanted.
+    """
+    m, r = component.omega.size, component.rigid_count
+    K = sp.diags_array(component.omega**2, format="csc")
+    D: Matrix | None = component.D
+    loss: Matrix | None = None
+    if component.damping.structural is not None:
+        loss = sp.csc_array(component.damping.structural * K)
+    elif component.damping.law != "none":
+        D = sp.diags_array(2 * component.zeta * component.omega, format="csc")
+    return Substructure(
+        component.name,
+        sp.eye_array(m, format="csc"),
+        K,
+        D,
+        loss,
+        np.eye(m, r),
+        *_motions(component.body, component.Phi, points),
+        component.body.interfaces,
+        component.omega,
+    )
+
+
+def rigid_substructure(body: RigidBody) -> Substructure:
+    """Build a rigid body in six coordinates: translation of its centre of mass and small rotation, basic axes."""
+    M = np.zeros((6, 6))
+    M[:3, :3], M[3:, 3:] = body.mass * np.eye(3), body.inertia
+    places = {"cg": body.cg} | {name: face.position[0] for name, face in body.interfaces.items()}
+    motion: dict[str, Matrix] = {}
+    for label, x in places.items():
+        rows = np.eye(6)
+        rows[:3, 3:] = -cross_matrix(x - body.cg)
+        motion[label] = rows
+    every = np.ones(6, dtype=bool)
+    return Substructure(
+        body.name,
+        M,
+        np.zeros((6, 6)),
+        None,
+        None,
+        np.eye(6),
+        motion,
+        dict.fromkeys(motion, every),
+        dict.fromkeys(motion, np.eye(3)),
+        {label: np.asarray(x, dtype=np.float64) for label, x in places.items()},
+        body.interfaces,
+    )
+
+
+def _without_rigid_drag(body: FEModel, alpha: float, beta: float, rigid: NDArray[np.float64]) -> Matrix:
+    # alpha M would brake rigid motion, which no material damping does; the projection is dense, so it is only
+    # formed where the body is small.
+    limit = 3000
+    if body.n > limit:
+        raise SceneError(
+            f"body '{body.name}': Rayleigh damping with alpha > 0 brakes rigid motion, and taking that out of a free "
+            f"body of {body.n} dofs is not supported above {limit}; use alpha = 0 or modal damping"
+        )
+    momentum = body.M @ rigid
+    return np.asarray(alpha * (body.M.toarray() - momentum @ momentum.T) + beta * body.K.toarray())
+
+
+def _motions(
+    body: FEModel, shapes: Matrix | sp.csr_array, points: Iterable[str]
+) -> tuple[
+    Mapping[str, Matrix],
+    Mapping[str, NDArray[np.bool_]],
+    Mapping[str, NDArray[np.float64]],
+    Mapping[str, NDArray[np.float64]],
+]:
+    motion: dict[str, Matrix] = {}
+    has: dict[str, NDArray[np.bool_]] = {}
+    axes: dict[str, NDArray[np.float64]] = {}
+    position: dict[str, NDArray[np.float64]] = {}
+    for node in _nodes_of(body, points):
+        label = str(node)
+        rows = body.dofs.rows(node, np.arange(1, 7))
+        here = rows >= 0
+        scalar = body.dofs.rows(node, SCALAR)[0]
+        if scalar >= 0:
+            # A scalar point moves along one direction of no particular frame: it is its own x.
+            rows[0], here[0] = scalar, True
+        if not here.any():
+            raise SceneError(f"body '{body.name}': node {node} has no dofs in the matrices")
+        frame, xyz = _geometry(body, node)
+        turn = np.zeros((6, 6))
+        turn[:3, :3] = turn[3:, 3:] = frame.T
+        picked = shapes[rows[here]]
+        if sp.issparse(picked):
+            motion[label] = sp.csc_array(sp.csc_array(turn[:, here]) @ picked)
+        else:
+            motion[label] = turn[:, here] @ picked
+        has[label], axes[label], position[label] = here, frame, xyz
+    return motion, has, axes, position
+
+
+def _nodes_of(body: FEModel, points: Iterable[str]) -> list[int]:
+    nodes: dict[int, None] = {}
+    for point in points:
+        if point in body.interfaces:
+            nodes.update(dict.fromkeys(int(node) for node in body.interfaces[point].node))
+        elif point.lstrip("-").isdigit():
+            if not (body.dofs.node == int(point)).any():
+                raise SceneError(f"'{body.name}.{point}': the body has no node {point} in its matrices")
+            nodes[int(point)] = None
+        else:
+            faces = ", ".join(body.interfaces) or "none"
+            raise SceneError(f"'{body.name}.{point}' is neither a node id nor an interface (interfaces: {faces})")
+    return list(nodes)
+
+
+def _geometry(body: FEModel, node: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    at = -1 if body.nodes is None else int(body.nodes.index(node)[0])
+    if body.nodes is None or at < 0:
+        return np.eye(3), np.zeros(3)
+    return body.nodes.frame[at], body.nodes.xyz[at]

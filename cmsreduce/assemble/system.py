@@ -1,0 +1,174 @@
+"""Join bodies in one configuration: the null space of the joints is the system's coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.assemble.channels import channel_rows
+from cmsreduce.assemble.joints import check_redundant, constrain
+from cmsreduce.assemble.placement import place_bodies
+from cmsreduce.assemble.points import PointStack, dense
+from cmsreduce.linalg.null_space import null_space
+from cmsreduce.model import Configuration, Matrix, Placement, Scene, Substructure, System
+
+__all__ = ["Wiring", "assemble", "wire"]
+
+# The null space is held sparse when at least this share of the coordinates is in no constraint.
+_MOSTLY_FREE = 0.5
+
+# A constraint row's weight on a coordinate below this share of the row is round-off of a direction cosine.
+_NO_WEIGHT = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class Wiring:
+    """How points are joined, driven and measured in one configuration; the same for full and reduced bodies.
+
+    Parameters
+    ----------
+    A : (c, size) float64
+        Constraints over the stacked motions of a `PointStack`.
+    B : (inputs, size) float64
+        Motions the actuators act on; transposed, the input matrix.
+    C1, C2 : (outputs, size) float64
+        Displacements and rates the sensors measure.
+    placed : mapping of body to Placement
+        Where the bodies stand.
+    """
+
+    A: NDArray[np.float64]
+    B: NDArray[np.float64]
+    C1: NDArray[np.float64]
+    C2: NDArray[np.float64]
+    placed: Mapping[str, Placement]
+
+
+def wire(stack: PointStack, scene: Scene, configuration: Configuration) -> Wiring:
+    """Rows of joints, actuators and sensors over the points, in one configuration.
+
+    Raises
+    ------
+    SceneError, ConstraintError
+        As `place_bodies`, `constrain`, `check_redundant` and `channel_rows` do.
+    """
+    placed = place_bodies(stack.substructures, scene, configuration)
+    turned = any(configuration.angles.values())
+    if turned:
+        constrain(stack, scene, place_bodies(stack.substructures, scene, Configuration("as built")), as_built=True)
+    constraints = constrain(stack, scene, placed, as_built=not turned)
+    check_redundant(stack, constraints)
+    C = channel_rows(stack, scene, placed, scene.sensors)
+    rate = np.array([sensor.rate for sensor in scene.sensors], dtype=bool).reshape(-1, 1)
+    return Wiring(
+        constraints.A,
+        channel_rows(stack, scene, placed, scene.actuators),
+        np.where(rate, 0.0, C),
+        np.where(rate, C, 0.0),
+        placed,
+    )
+
+
+def assemble(substructures: Mapping[str, Substructure], scene: Scene, configuration: Configuration) -> System:
+    """Assemble the bodies in one configuration.
+
+    Parameters
+    ----------
+    substructures : mapping of name to Substructure
+        Bodies in the scene's units, full or reduced or mixed.
+    scene : Scene
+        Joints, ground, actuators, sensors.
+    configuration : Configuration
+        Setting of the joints.
+
+    Returns
+    -------
+    System
+        Sparse where the bodies are.
+
+    Raises
+    ------
+    SceneError, ConstraintError
+        As `wire` does.
+
+    Notes
+    -----
+    A T = 0 with T from a singular value decomposition of the columns of A that joints touch; all others are kept as
+    they are. Source: theory section 6, with null(A_R) itself.
+    """
+    stack = PointStack(substructures)
+    wiring = wire(stack, scene, configuration)
+    A = stack.spread(wiring.A)
+    T = _constraint_null_space(A)
+    M, K = (_congruent(T, [getattr(sub, letter) for sub in substructures.values()]) for letter in ("M", "K"))
+    D, loss = (
+        _congruent(T, [_or_zero(getattr(sub, letter), sub.m) for sub in substructures.values()])
+        if any(getattr(sub, letter) is not None for sub in substructures.values())
+        else None
+        for letter in ("D", "loss")
+    )
+    rigid = np.asarray(T.T @ _rigid_motions(A, substructures))
+    if rigid.shape[1]:
+        weight, V = la.eigh(rigid.T @ (M @ rigid))
+        rigid = rigid @ (V / np.sqrt(weight))
+    B, C1, C2 = (dense(stack.spread(rows) @ T) for rows in (wiring.B, wiring.C1, wiring.C2))
+    return System(
+        configuration=configuration,
+        T=T,
+        M=M,
+        K=K,
+        D=D,
+        loss=loss,
+        B=B.T,
+        C1=C1,
+        C2=C2,
+        rigid=rigid,
+        sizes={name: sub.m for name, sub in substructures.items()},
+        inputs=tuple(actuator.name for actuator in scene.actuators),
+        outputs=tuple(sensor.name for sensor in scene.sensors),
+    )
+
+
+def _constraint_null_space(A: sp.csr_array) -> Matrix:
+    """Orthonormal columns T with A T = 0: dense only in the coordinates that constraints touch."""
+    weights = sp.csc_array(A)
+    largest = float(abs(weights.data).max(initial=0.0))
+    weights.data[abs(weights.data) <= _NO_WEIGHT * largest] = 0.0
+    weights.eliminate_zeros()
+    touched = np.flatnonzero(np.diff(weights.indptr))
+    N, _ = null_space(weights[:, touched].toarray())
+    free = np.setdiff1d(np.arange(A.shape[1]), touched)
+    if free.size < _MOSTLY_FREE * A.shape[1]:
+        T = np.zeros((A.shape[1], free.size + N.shape[1]))
+        T[free, np.arange(free.size)] = 1.0
+        T[touched, free.size :] = N
+        return T
+    identity = sp.coo_array((np.ones(free.size), (free, np.arange(free.size))), shape=(A.shape[1], free.size))
+    block = sp.coo_array(N)
+    joined = sp.coo_array((block.data, (touched[block.row], block.col)), shape=(A.shape[1], N.shape[1]))
+    return sp.csc_array(sp.hstack([identity, joined]))
+
+
+def _congruent(T: Matrix, blocks: list[Matrix]) -> Matrix:
+    whole = sp.csc_array(sp.block_diag([sp.csc_array(block) for block in blocks]))
+    if sp.issparse(T):
+        A = sp.csc_array(T.T @ whole @ T)
+        return sp.csc_array((A + A.T) * 0.5)
+    small = np.asarray(T.T @ (whole @ T))
+    return np.asarray((small + small.T) / 2)
+
+
+def _or_zero(block: Matrix | None, m: int) -> Matrix:
+    return sp.csc_array((m, m)) if block is None else block
+
+
+def _rigid_motions(A: sp.csr_array, substructures: Mapping[str, Substructure]) -> NDArray[np.float64]:
+    """Rigid motions of the bodies that the joints allow: no body is strained by them (sum m_i, R)."""
+    rigid = la.block_diag(*[sub.rigid for sub in substructures.values()])
+    N, _ = null_space(dense(A @ rigid))
+    return np.asarray(rigid @ N)
