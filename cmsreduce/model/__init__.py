@@ -1,12 +1,21 @@
 """The plain data that flows between stages: frozen, with stated shapes and units, no I/O."""
 
 from cmsreduce.model.body import FEModel, RigidBody, Source
+from cmsreduce.model.check import Check
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import SCALAR, DofTable, components_from_digits
 from cmsreduce.model.interface import Interface
 from cmsreduce.model.mode_set import ModeKind, ModeSet
 from cmsreduce.model.nodes import Nodes, cross_matrix, rigid_body_shapes
 from cmsreduce.model.reduced import ModalComponent, ReducedComponent
+from cmsreduce.model.run import (
+    ComponentResult,
+    ConfigurationResult,
+    ModelErrors,
+    Response,
+    RunResult,
+    Speed,
+)
 from cmsreduce.model.scene import (
     DOF_NAMES,
     Channel,
@@ -24,6 +33,13 @@ from cmsreduce.model.system import Matrix, Substructure, System
 from cmsreduce.model.units import SI, Units
 
 __all__ = [
+    "Speed",
+    "RunResult",
+    "Response",
+    "ModelErrors",
+    "ConfigurationResult",
+    "ComponentResult",
+    "Check",
     "DOF_NAMES",
     "SCALAR",
     "SI",

@@ -1,13 +1,11 @@
 """What a reduced model gets wrong, as data."""
 
-from cmsreduce.verify.check import Check
 from cmsreduce.verify.frequency_error import FrequencyPairs, pair_frequencies
 from cmsreduce.verify.grid import decibel_grid, frequency_grid, lowest_frequency
 from cmsreduce.verify.response_error import SILENT, channel_scales, db_error, frac, frf_error
 
 __all__ = [
     "SILENT",
-    "Check",
     "FrequencyPairs",
     "channel_scales",
     "db_error",

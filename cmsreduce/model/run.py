@@ -1,0 +1,199 @@
+"""What a run found out: everything the summary, the report and the terminal show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.model.body import Source
+from cmsreduce.model.check import Check
+from cmsreduce.model.reduced import ModalComponent
+from cmsreduce.model.scene import Configuration
+
+__all__ = ["ComponentResult", "ConfigurationResult", "ModelErrors", "Response", "RunResult", "Speed"]
+
+
+@dataclass(frozen=True, eq=False)
+class ModelErrors:
+    """Errors of one reduced model in one configuration.
+
+    Parameters
+    ----------
+    frf_error : float
+        Relative error of the elastic response over the band.
+    db_error : float
+        99th percentile of the decibel error, worst channel.
+    frequency_error : float
+        Largest relative error of a natural frequency in the band, paired by shape.
+    frac : (outputs, inputs) float64
+        Frequency response assurance criterion per channel, NaN where silent.
+    full_hz, reduced_hz, mac : (k,) float64
+        Paired natural frequencies and how alike their shapes are.
+    """
+
+    frf_error: float
+    db_error: float
+    frequency_error: float
+    frac: NDArray[np.float64]
+    full_hz: NDArray[np.float64]
+    reduced_hz: NDArray[np.float64]
+    mac: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Responses of the full and of the reduced models in one configuration.
+
+    Parameters
+    ----------
+    frequency_hz : (f,) float64
+        Refined grid.
+    full : (f, outputs, inputs) complex128
+        Rigid-body part included.
+    reduced : mapping of model to (f, outputs, inputs) complex128
+        The run's own model first, then those it is compared with.
+    """
+
+    frequency_hz: NDArray[np.float64]
+    full: NDArray[np.complex128]
+    reduced: Mapping[str, NDArray[np.complex128]]
+
+
+@dataclass(frozen=True, eq=False)
+class ConfigurationResult:
+    """One setting of the joints.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        Angles.
+    n_full, n_reduced : int
+        Coordinates of the assembled full and reduced systems.
+    modes_full, modes_reduced : int
+        Elastic modes of either in the band.
+    errors : mapping of model to ModelErrors
+        The run's own model first.
+    response : Response
+        Curves.
+    """
+
+    configuration: Configuration
+    n_full: int
+    n_reduced: int
+    modes_full: int
+    modes_reduced: int
+    errors: Mapping[str, ModelErrors]
+    response: Response
+
+
+@dataclass(frozen=True, eq=False)
+class ComponentResult:
+    """One flexible body, before and after.
+
+    Parameters
+    ----------
+    name : str
+        Name of the body.
+    full_dofs : int
+        Dofs of the unreduced body.
+    modes : ModalComponent
+        All modes of the mode set, ranked if they were.
+    kept : (k,) int64
+        Columns of ``modes`` that the run keeps, rigid ones included.
+    seconds : mapping of stage to float
+        Wall time of each stage; 0 where a finished stage was reused.
+    peak_mib : float
+        Peak memory of the process when the body was done.
+    checks : tuple of Check
+        What was checked on the body.
+    sources : tuple of Source
+        Files it was read from.
+    """
+
+    name: str
+    full_dofs: int
+    modes: ModalComponent
+    kept: NDArray[np.int64]
+    seconds: Mapping[str, float]
+    peak_mib: float
+    checks: tuple[Check, ...]
+    sources: tuple[Source, ...]
+
+    @property
+    def kept_modes(self) -> int:
+        """Elastic modes kept."""
+        return int(self.kept.size - self.modes.rigid_count)
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Wall times in seconds: all reductions, full responses, reduced responses over the same grids."""
+
+    reduce_s: float
+    full_frf_s: float
+    reduced_frf_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class RunResult:
+    """A whole run.
+
+    Parameters
+    ----------
+    name : str
+        Name of the pipeline.
+    version : str
+        Version of cmsreduce.
+    components : mapping of name to ComponentResult
+        Flexible bodies.
+    configurations : tuple of ConfigurationResult
+        Empty if nothing was verified.
+    limits : mapping of str to float
+        Limits of the run: frf_error, db_error, frequency_error as far as given.
+    model : str
+        Label of the run's own model in ``errors`` and ``reduced``.
+    inputs, outputs : tuple of str
+        Channels.
+    band : (float, float)
+        In Hz.
+    speed : Speed, optional
+        Wall times, if verified.
+    reference : mapping of body to str
+        What stands for the unreduced body in the response: ``all modes``, ``sparse dofs`` or ``4 x cutoff``.
+    settings : mapping
+        The whole pipeline file as it was understood.
+    notes : tuple of str
+        Warnings a reader must see.
+    """
+
+    name: str
+    version: str
+    components: Mapping[str, ComponentResult]
+    configurations: tuple[ConfigurationResult, ...]
+    limits: Mapping[str, float]
+    model: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    band: tuple[float, float]
+    speed: Speed | None
+    reference: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def worst(self, model: str | None = None) -> dict[str, float]:
+        """Largest errors over all configurations; empty if nothing was verified."""
+        label = self.model if model is None else model
+        names = ("frf_error", "db_error", "frequency_error")
+        found = [c.errors[label] for c in self.configurations if label in c.errors]
+        return {name: max(getattr(errors, name) for errors in found) for name in names} if found else {}
+
+    @property
+    def passed(self) -> bool:
+        """Whether every limit and every check of a body is met."""
+        worst = self.worst()
+        limits = all(worst[name] <= limit for name, limit in self.limits.items() if name in worst)
+        return limits and all(check.passed for c in self.components.values() for check in c.checks)
