@@ -61,13 +61,14 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
 def orthogonality_errors(component: ModalComponent) -> tuple[float, float]:
     """Largest error of Phi^T M Phi = I, and of Phi^T K Phi = diag(w^2) relative to w_i w_j.
 
-    Rows and columns of rigid modes, whose w is zero, are measured against the lowest elastic frequency.
+    Rows and columns of rigid modes, whose w is zero, are measured against the highest frequency: they hold what
+    rounding leaves of K.
     """
     Phi, body = component.Phi, component.body
     mass = abs(Phi.T @ (body.M @ Phi) - np.eye(Phi.shape[1])).max(initial=0.0)
     w = component.omega.copy()
     if component.elastic_count:
-        w[: component.rigid_count] = component.omega[component.rigid_count]
+        w[: component.rigid_count] = component.omega[-1]
     stiffness = abs(Phi.T @ (body.K @ Phi) - np.diag(component.omega**2))
     return float(mass), float((stiffness / np.outer(w, w)).max(initial=0.0)) if w.any() else 0.0
 

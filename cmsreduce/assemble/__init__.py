@@ -9,6 +9,7 @@ from cmsreduce.assemble.frequency_response import (
 )
 from cmsreduce.assemble.placement import place_bodies
 from cmsreduce.assemble.points import PointStack
+from cmsreduce.assemble.ports import Ports, body_points, body_ports
 from cmsreduce.assemble.state_space import state_space
 from cmsreduce.assemble.substructure import modal_substructure, physical_substructure, rigid_substructure
 from cmsreduce.assemble.system import Wiring, assemble, wire
@@ -17,6 +18,9 @@ from cmsreduce.assemble.system_modes import system_modes
 __all__ = [
     "FrequencyResponse",
     "PointStack",
+    "Ports",
+    "body_points",
+    "body_ports",
     "Wiring",
     "assemble",
     "couple",

@@ -20,8 +20,10 @@ __all__ = ["FrequencyResponse", "couple", "frequency_response", "receptances", "
 
 # Points coupled at a time, to bound the memory of the modal sum (points x motions^2 x 16 bytes).
 _CHUNK = 512
-# Bodies with this many coordinates or more, and no modes, are solved sparse.
+# Bodies with this many coordinates or more, and no modes, are solved sparse; smaller ones, dense, many points at once.
 _SPARSE = 200
+# Coordinates for which a whole chunk of dense matrices is held in memory.
+_COORDINATES = 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,22 +76,9 @@ def receptances(
     """
     if _is_diagonal(sub):
         return _modal_receptances(sub, omega, dense(motions))
-    Y = np.empty((omega.size, motions.shape[0], motions.shape[0]), dtype=np.complex128)
-    K, M = sp.csc_array(sub.K), sp.csc_array(sub.M)
-    D = sp.csc_array(sub.D) if sub.D is not None else sp.csc_array(K.shape)
-    loss = sp.csc_array(sub.loss) if sub.loss is not None else sp.csc_array(K.shape)
-    L = dense(motions)
-    for k, w in enumerate(omega):
-        Z = sp.csc_array(K + 1j * (loss + w * D) - w**2 * M)
-        try:
-            if sub.m < _SPARSE:
-                X = np.linalg.solve(Z.toarray(), L.T.astype(np.complex128))
-            else:
-                X = spla.splu(Z, permc_spec="MMD_AT_PLUS_A").solve(np.asfortranarray(L.T, dtype=np.complex128))
-        except (np.linalg.LinAlgError, RuntimeError):
-            raise MatrixError(_resonance(sub, w)) from None
-        Y[k] = L @ X
-    return Y
+    if sub.m < _SPARSE:
+        return _dense_receptances(sub, omega, dense(motions))
+    return _sparse_receptances(sub, omega, dense(motions))
 
 
 def couple(
@@ -171,6 +160,39 @@ def frequency_response(
     stack = PointStack(substructures)
     Y = {name: receptances(sub, omega, stack.motions(name)) for name, sub in substructures.items()}
     return couple(Y, stack, wire(stack, scene, configuration), omega)
+
+
+def _dense_receptances(sub: Substructure, omega: NDArray[np.float64], L: NDArray[np.float64]) -> NDArray[np.complex128]:
+    zero = np.zeros((sub.m, sub.m))
+    M, K = dense(sub.M), dense(sub.K)
+    D, loss = (zero if part is None else dense(part) for part in (sub.D, sub.loss))
+    Y = np.empty((omega.size, L.shape[0], L.shape[0]), dtype=np.complex128)
+    chunk = max(1, _CHUNK * _COORDINATES**2 // max(sub.m, _COORDINATES) ** 2)
+    for start in range(0, omega.size, chunk):
+        w = omega[start : start + chunk, None, None]
+        try:
+            X = np.linalg.solve(K - w**2 * M + 1j * (loss + w * D), L.T[None].astype(np.complex128))
+        except np.linalg.LinAlgError:
+            raise MatrixError(_resonance(sub, float(w[0, 0, 0]))) from None
+        Y[start : start + chunk] = L @ X
+    return Y
+
+
+def _sparse_receptances(
+    sub: Substructure, omega: NDArray[np.float64], L: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    zero = sp.csc_array((sub.m, sub.m))
+    M, K = sp.csc_array(sub.M), sp.csc_array(sub.K)
+    D, loss = (zero if part is None else sp.csc_array(part) for part in (sub.D, sub.loss))
+    Y = np.empty((omega.size, L.shape[0], L.shape[0]), dtype=np.complex128)
+    for k, w in enumerate(omega):
+        Z = sp.csc_array(K - w**2 * M + 1j * (loss + w * D))
+        try:
+            X = spla.splu(Z, permc_spec="MMD_AT_PLUS_A").solve(np.asfortranarray(L.T, dtype=np.complex128))
+        except RuntimeError:
+            raise MatrixError(_resonance(sub, float(w))) from None
+        Y[k] = L @ X
+    return Y
 
 
 def _modal_receptances(sub: Substructure, omega: NDArray[np.float64], L: NDArray[np.float64]) -> NDArray[np.complex128]:

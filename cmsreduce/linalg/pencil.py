@@ -13,8 +13,8 @@ __all__ = ["elastic_pairs", "refine"]
 # A first-order step is trusted where it rotates two modes by less than this; closer modes are one cluster, in which
 # any rotation is as good and only orthonormality is restored.
 _TRUSTED = 1e-4
-# Inverse eigenvalues below this share of the largest are round-off of a mass matrix that is singular there.
-_MASSLESS = 1e-14
+# A shape's kinetic energy below this many roundings of its own terms is cancellation: the shape has no mass.
+_MASSLESS = 20.0
 
 
 def refine(
@@ -96,8 +96,10 @@ def elastic_pairs(
     except la.LinAlgError:
         raise MatrixError("the stiffness is singular beyond the rigid-body modes: a mechanism is left") from None
     mu, Y = mu[::-1], Y[:, ::-1]
-    finite = mu > _MASSLESS * max(mu[0], 0.0) if mu.size else np.empty(0, bool)
-    mu, X = mu[finite], scale[:, None] * (Z @ Y[:, finite])
+    W = Z @ Y
+    terms = np.einsum("ij,ij->j", abs(W), abs(Ms) @ abs(W))
+    finite = mu > _MASSLESS * np.finfo(float).eps * terms
+    mu, X = mu[finite], scale[:, None] * W[:, finite]
     lam, X = 1 / mu, X / np.sqrt(mu)
     for _ in range(2):
         X -= rigid @ (rigid.T @ (M @ X))

@@ -30,6 +30,7 @@ from cmsreduce.model.scene import (
     dof_index,
 )
 from cmsreduce.model.system import Matrix, Substructure, System
+from cmsreduce.model.unit_conversion import in_units, rigid_in_units
 from cmsreduce.model.units import SI, Units
 
 __all__ = [
@@ -70,5 +71,7 @@ __all__ = [
     "components_from_digits",
     "cross_matrix",
     "dof_index",
+    "in_units",
     "rigid_body_shapes",
+    "rigid_in_units",
 ]

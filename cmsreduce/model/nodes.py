@@ -27,6 +27,10 @@ class Nodes:
     frame : (N, 3, 3) float64
         Axes of each node's displacement frame as rows, in basic components: a displacement u along the
         frame's axes is ``frame.T @ u`` in basic. Identity where the node moves along the basic axes.
+    xyz_rounding : float
+        How far a coordinate may be off because it was printed with few digits, in the unit of length.
+    frame_rounding : float
+        By how much a displacement frame may be turned for the same reason, in radians.
 
     Raises
     ------
@@ -37,6 +41,8 @@ class Nodes:
     id: NDArray[np.int64]
     xyz: NDArray[np.float64]
     frame: NDArray[np.float64]
+    xyz_rounding: float = 0.0
+    frame_rounding: float = 0.0
 
     def __post_init__(self) -> None:
         ids = np.ascontiguousarray(self.id, dtype=np.int64)
@@ -59,10 +65,10 @@ class Nodes:
         object.__setattr__(self, "frame", frame)
 
     @classmethod
-    def in_basic(cls, ids: ArrayLike, xyz: ArrayLike) -> Nodes:
+    def in_basic(cls, ids: ArrayLike, xyz: ArrayLike, xyz_rounding: float = 0.0) -> Nodes:
         """Nodes that all move along the basic axes."""
         ids = np.asarray(ids, dtype=np.int64)
-        return cls(ids, np.asarray(xyz, dtype=np.float64), np.tile(np.eye(3), (ids.size, 1, 1)))
+        return cls(ids, np.asarray(xyz, dtype=np.float64), np.tile(np.eye(3), (ids.size, 1, 1)), xyz_rounding)
 
     def __len__(self) -> int:
         return int(self.id.size)

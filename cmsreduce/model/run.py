@@ -105,7 +105,7 @@ class ComponentResult:
     kept : (k,) int64
         Columns of ``modes`` that the run keeps, rigid ones included.
     seconds : mapping of stage to float
-        Wall time of each stage; 0 where a finished stage was reused.
+        Wall time of each stage, when it was run; a finished stage that is reused keeps its figure.
     peak_mib : float
         Peak memory of the process when the body was done.
     checks : tuple of Check

@@ -56,7 +56,11 @@ class Reduction(ABC):
         """
 
     def reduce(
-        self, body: FEModel, interface: ArrayLike = (), loads: NDArray[np.float64] | None = None
+        self,
+        body: FEModel,
+        interface: ArrayLike = (),
+        loads: NDArray[np.float64] | None = None,
+        rigid: NDArray[np.float64] | None = None,
     ) -> ReducedComponent:
         """Reduce a body to the span of its mode set.
 
@@ -68,6 +72,8 @@ class Reduction(ABC):
             Rows of the i-set.
         loads : (n, l) float64, optional
             Self-balancing loads inside the body.
+        rigid : (n, r) float64, optional
+            Rigid-body modes, orthonormal in M; found from the geometry and the null space of K if absent.
 
         Returns
         -------
@@ -78,8 +84,9 @@ class Reduction(ABC):
         MatrixError
             If a rigid-body mode lies outside the span of the mode set.
         """
-        R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
-        rigid = rigid_body_modes(body.K, body.M, R, body.rounding, body.name)
+        if rigid is None:
+            R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+            rigid = rigid_body_modes(body.K, body.M, R, body.rounding, body.name)
         rows = np.asarray(interface, dtype=np.int64)
         return project(body, self.basis(body, rows, rigid, loads), rigid)
 

@@ -1,0 +1,54 @@
+# Everything lives in .venv and build/; nothing is installed globally.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+PIPELINES := $(wildcard pipelines/*.yaml)
+RUNS := $(patsubst pipelines/%.yaml,build/%/summary.json,$(PIPELINES))
+
+.PHONY: help setup demo test lint bench pipelines models clean
+.DELETE_ON_ERROR:
+
+help: ## show the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
+
+setup: $(STAMP) ## make .venv and install cmsreduce with its tools into it
+
+$(STAMP): pyproject.toml
+	@test -d $(VENV) || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+demo: $(STAMP) ## reduce the Galileo sample; the report is build/galileo/report.html
+	$(BIN)/cmsreduce run pipelines/galileo.yaml
+
+test: $(STAMP) ## all tests, two at a time
+	$(BIN)/python -m pytest -n 2
+
+lint: $(STAMP) ## ruff, mypy, import contract
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(STAMP) ## speed against error on this machine
+	$(BIN)/python benchmarks/reduction.py
+
+pipelines: $(RUNS) ## run every pipeline whose inputs changed; try -j2
+
+# A run depends on its pipeline, the fragments it may include, its sample's files and the code.
+.SECONDEXPANSION:
+build/%/summary.json: pipelines/%.yaml $$(wildcard configs/*.yaml) $$(wildcard sample_models/%/*) \
+		$$(wildcard cmsreduce/*.py cmsreduce/*/*.py) | $(STAMP)
+	$(BIN)/cmsreduce run $< --out $(@D)
+
+models: $(STAMP) ## make the sample models again from their scripts
+	$(foreach script,$(wildcard sample_models/*/make.py),$(BIN)/python $(script) &&) true
+
+clean: ## remove build/
+	rm -rf build
+
+# One batch target per pipeline: `make run-galileo`.
+$(patsubst pipelines/%.yaml,run-%,$(PIPELINES)): run-%: build/%/summary.json
+.PHONY: $(patsubst pipelines/%.yaml,run-%,$(PIPELINES))

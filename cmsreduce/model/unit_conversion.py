@@ -1,0 +1,78 @@
+"""Bodies restated in another unit system."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from cmsreduce.model.body import FEModel, RigidBody
+from cmsreduce.model.damping import Damping
+from cmsreduce.model.interface import Interface
+from cmsreduce.model.nodes import Nodes
+from cmsreduce.model.units import Units
+
+__all__ = ["in_units", "rigid_in_units"]
+
+
+def in_units(body: FEModel, units: Units) -> FEModel:
+    """Restate a flexible body in other units; frequencies and shapes stay what they are.
+
+    Parameters
+    ----------
+    body : FEModel
+    units : Units
+        Unit system wanted.
+
+    Notes
+    -----
+    Energies are invariant: with x' = T x, T the ratio of lengths on translations and 1 on rotations and scalar
+    dofs, K' = e T^-1 K T^-1 where e is the ratio of the units of energy; M and D carry the ratio of times besides.
+    """
+    length, mass, time = _ratios(body.units, units)
+    if (length, mass, time) == (1.0, 1.0, 1.0):
+        return replace(body, units=units)
+    energy = mass * length**2 / time**2
+    component = body.dofs.component
+    inverse = sp.diags_array(np.where((component >= 1) & (component <= 3), 1 / length, 1.0))
+
+    def restated(A: sp.csc_array, power_of_time: int) -> sp.csc_array:
+        return sp.csc_array(energy * time**power_of_time * (inverse @ A @ inverse))
+
+    damping = body.damping
+    if damping.rayleigh is not None:
+        alpha, beta = damping.rayleigh
+        damping = Damping(rayleigh=(alpha / time, beta * time))
+    return replace(
+        body,
+        K=restated(body.K, 0),
+        M=restated(body.M, 2),
+        D=None if body.D is None else restated(body.D, 1),
+        nodes=body.nodes and Nodes(body.nodes.id, body.nodes.xyz * length, body.nodes.frame),
+        interfaces=_faces(body.interfaces, length),
+        damping=damping,
+        units=units,
+    )
+
+
+def rigid_in_units(body: RigidBody, units: Units) -> RigidBody:
+    """Restate a rigid body in other units."""
+    length, mass, _ = _ratios(body.units, units)
+    return replace(
+        body,
+        mass=body.mass * mass,
+        cg=body.cg * length,
+        inertia=body.inertia * (mass * length**2),
+        interfaces=_faces(body.interfaces, length),
+        units=units,
+    )
+
+
+def _ratios(old: Units, new: Units) -> tuple[float, float, float]:
+    return old.length / new.length, old.mass / new.mass, old.time / new.time
+
+
+def _faces(faces: Mapping[str, Interface], length: float) -> dict[str, Interface]:
+    return {name: replace(face, position=face.position * length) for name, face in faces.items()}

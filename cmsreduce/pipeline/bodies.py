@@ -1,0 +1,174 @@
+"""From the components of a pipeline file to bodies in the scene's units."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.assemble import Ports, body_points, body_ports
+from cmsreduce.config import Component, InterfaceKeys, MatrixFile, Pipeline
+from cmsreduce.errors import SceneError
+from cmsreduce.linalg.connectivity import check_connected
+from cmsreduce.linalg.null_space import rigid_body_modes
+from cmsreduce.model import (
+    Check,
+    Damping,
+    FEModel,
+    Interface,
+    RigidBody,
+    Scene,
+    Units,
+    in_units,
+    rigid_body_shapes,
+    rigid_in_units,
+)
+from cmsreduce.read import InterfaceSpec, MatrixSource, RowOrderProof, prove_row_order, read_body
+
+__all__ = ["FlexibleBody", "read_flexible", "read_rigid"]
+
+
+@dataclass(frozen=True, eq=False)
+class FlexibleBody:
+    """A body read, checked, and looked at from the scene.
+
+    Parameters
+    ----------
+    body : FEModel
+        In the scene's units.
+    ports : Ports
+        Where the scene acts on it and measures it.
+    rigid : (n, r) float64
+        Rigid-body modes, orthonormal in M.
+    checks : tuple of Check
+        What was proven on the way.
+    notes : tuple of str
+        What could not be proven.
+    """
+
+    body: FEModel
+    ports: Ports
+    rigid: NDArray[np.float64]
+    checks: tuple[Check, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def undamped(self) -> FEModel:
+        """The body without its damping, for questions of geometry."""
+        return replace(self.body, damping=Damping(), D=None)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of all that its reduction depends on."""
+        digest = hashlib.sha256()
+        body, ports = self.body, self.ports
+        arrays: list[NDArray[Any]] = [body.dofs.node, body.dofs.component, ports.interface, ports.loads]
+        for A in (body.K, body.M, body.D):
+            if A is not None:
+                arrays += [A.indptr, A.indices, A.data]
+        if body.nodes is not None:
+            arrays += [body.nodes.id, body.nodes.xyz, body.nodes.frame]
+        for array in arrays:
+            digest.update(str((array.shape, array.dtype.str)).encode())
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()
+
+    def points(self, scene: Scene) -> list[str]:
+        """Points the scene refers to."""
+        return body_points(scene, self.body)
+
+
+def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
+    """Read a flexible body of a pipeline, prove its rows, restate it in the scene's units.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+        Whose component it is.
+    name : str
+        Name of the component.
+    scene : Scene
+        What it is for.
+
+    Raises
+    ------
+    CmsReduceError
+        As `read_body` does.
+    """
+    part = pipeline.components[name]
+    as_read, proof = _read(name, part, part.units_in(scene.units))
+    body = in_units(as_read, scene.units)
+    R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+    rigid = np.zeros((body.n, 0)) if body.grounded else rigid_body_modes(body.K, body.M, R, body.rounding, name)
+    checks, notes = [], []
+    if proof.status == "proven":
+        checks.append(Check("row order: K times rigid motions", proof.residual, proof.tolerance))
+    else:
+        notes.append(f"{name}: the row order could not be proven ({proof.status})")
+    if body.damping.law == "none" and body.D is None:
+        notes.append(f"{name}: no damping is given; its resonances are infinite")
+    return FlexibleBody(body, body_ports(body, scene), rigid, tuple(checks), tuple(notes))
+
+
+def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
+    """Make a rigid body of a pipeline, in the scene's units.
+
+    Raises
+    ------
+    SceneError
+        If an interface of it is given by nodes.
+    """
+    part = pipeline.components[name]
+    assert part.rigid is not None
+    faces = {}
+    for label, keys in part.interfaces.items():
+        if keys.position is None:
+            raise SceneError(f"'{name}.{label}': a rigid body has no nodes; give the interface a `position: [x, y, z]`")
+        frame = np.eye(3) if keys.frame is None else keys.frame.rows()
+        faces[label] = Interface(
+            label,
+            np.array([-1]),
+            (tuple(sorted(keys.components)),),
+            np.array([keys.position], dtype=np.float64),
+            frame,
+            np.eye(3)[None],
+        )
+    body = RigidBody(
+        name, part.rigid.mass, np.array(part.rigid.cg), part.rigid.tensor(), faces, part.units_in(scene.units)
+    )
+    return rigid_in_units(body, scene.units)
+
+
+def _read(name: str, part: Component, units: Units) -> tuple[FEModel, RowOrderProof]:
+    assert part.stiffness is not None and part.mass is not None
+    matrix = None if part.damping is None else part.damping.matrix
+    body = read_body(
+        name,
+        stiffness=_source(part.stiffness),
+        mass=_source(part.mass),
+        geometry=None if part.geometry is None else part.geometry.file,
+        rows=None if part.rows is None else part.rows.file or part.rows.set,
+        damping=None if part.damping is None else part.damping.law(),
+        damping_matrix=None if matrix is None else _source(matrix),
+        units=units,
+        grounded=part.grounded,
+        interfaces={label: _interface(label, name, keys) for label, keys in part.interfaces.items()},
+    )
+    check_connected(body)
+    return body, prove_row_order(body)
+
+
+def _source(keys: MatrixFile) -> MatrixSource:
+    return MatrixSource(keys.file, keys.matrix, keys.format)
+
+
+def _interface(label: str, body: str, keys: InterfaceKeys) -> InterfaceSpec:
+    if keys.position is not None:
+        raise SceneError(f"'{body}.{label}': a flexible body is joined at its nodes; give `node:`, not `position:`")
+    nodes = (keys.node,) if keys.node is not None else keys.nodes
+    dofs = None if keys.dofs is None else "".join(str(c) for c in sorted(keys.components))
+    return InterfaceSpec(nodes, dofs, keys.set, None if keys.frame is None else keys.frame.rows())

@@ -1,0 +1,195 @@
+"""Reduced models against the full one, in every configuration."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.model import (
+    Configuration,
+    ConfigurationResult,
+    FEModel,
+    ModalComponent,
+    ModelErrors,
+    Response,
+    Scene,
+    Speed,
+)
+from cmsreduce.pipeline.assembled import AssembledModel, cross_orthogonality
+from cmsreduce.pipeline.progress import Progress
+from cmsreduce.verify import (
+    FrequencyPairs,
+    channel_scales,
+    db_error,
+    decibel_grid,
+    frac,
+    frequency_grid,
+    frf_error,
+    pair_frequencies,
+)
+
+__all__ = ["Comparison", "ReducedModel"]
+
+# Points nearer than this share of a resonance's half-width add nothing to an integral over it.
+_THINNING = 0.02
+
+
+class ReducedModel:
+    """A reduced model of the scene with the modes its coordinates are amplitudes of.
+
+    Parameters
+    ----------
+    assembled : AssembledModel
+        The model.
+    components : mapping of name to ModalComponent
+        Flexible bodies in it.
+    """
+
+    def __init__(self, assembled: AssembledModel, components: Mapping[str, ModalComponent]) -> None:
+        self.assembled, self.components = assembled, components
+
+
+class Comparison:
+    """The full model, and the errors of reduced ones against it.
+
+    Parameters
+    ----------
+    full : AssembledModel
+        Unreduced bodies.
+    full_shapes : mapping of name to ModalComponent or None
+        Modes the full model's coordinates are amplitudes of, None where they are dofs.
+    bodies : mapping of name to FEModel
+        Flexible bodies.
+    scene : Scene
+        Configurations, channels, band.
+    points : int
+        Grid points before refinement.
+    """
+
+    def __init__(
+        self,
+        full: AssembledModel,
+        full_shapes: Mapping[str, ModalComponent | None],
+        bodies: Mapping[str, FEModel],
+        scene: Scene,
+        points: int,
+    ) -> None:
+        self.full, self.full_shapes, self.bodies, self.scene, self.points = full, full_shapes, bodies, scene, points
+        self._decibel = decibel_grid(scene.band)
+        self._decibel_flexibility: dict[str, NDArray[np.complex128]] | None = None
+        self._seen: dict[
+            str, tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]
+        ] = {}
+        self.full_seconds = 0.0
+        self.reduced_seconds = 0.0
+
+    def grid(self, configuration: Configuration, models: Sequence[ReducedModel]) -> NDArray[np.float64]:
+        """Frequencies refined at the resonances of the full model and of every reduced one, rad/s."""
+        found = [model.resonances(configuration) for model in (self.full, *(m.assembled for m in models))]
+        omega = np.concatenate([r.omega for r in found])
+        zeta = np.concatenate([r.zeta for r in found])
+        grid = frequency_grid(self.scene.band, self.points, omega, zeta)
+        return _thinned(grid, omega, zeta)
+
+    def errors(self, models: Mapping[str, ReducedModel], progress: Progress) -> tuple[ConfigurationResult, ...]:
+        """Errors and curves of several models in every configuration.
+
+        Parameters
+        ----------
+        models : mapping of label to ReducedModel
+            The run's own model first.
+        progress : Progress
+            Told after each configuration.
+        """
+        results = []
+        for number, configuration in enumerate(self.scene.configurations):
+            results.append(self._at(configuration, models))
+            progress.advance(number + 1, len(self.scene.configurations))
+        return tuple(results)
+
+    def candidate_error(self, model: ReducedModel) -> float:
+        """Worst response error of a candidate over all configurations, on grids that the first candidate set."""
+        worst = 0.0
+        for configuration in self.scene.configurations:
+            if configuration.name not in self._seen:
+                omega = self.grid(configuration, [model])
+                H = self.full.response(configuration, omega)
+                elastic = H - self.full.rigid_response(configuration, omega)
+                row, column = channel_scales(self.scene.actuators, self.scene.sensors, elastic, H)
+                self._seen[configuration.name] = (omega, elastic, row, column)
+            omega, elastic, row, column = self._seen[configuration.name]
+            assembled = model.assembled
+            H_r = assembled.response(configuration, omega) - assembled.rigid_response(configuration, omega)
+            worst = max(worst, frf_error(omega, elastic, H_r, row, column))
+        return worst
+
+    def speed(self, reduce_s: float) -> Speed:
+        """Wall times of the responses so far, full and of the run's own reduced model over the same grids."""
+        return Speed(reduce_s, self.full_seconds, self.reduced_seconds)
+
+    def _at(self, configuration: Configuration, models: Mapping[str, ReducedModel]) -> ConfigurationResult:
+        omega = self.grid(configuration, list(models.values()))
+        started = time.perf_counter()
+        H = self.full.response(configuration, omega)
+        self.full_seconds += time.perf_counter() - started
+        rigid = self.full.rigid_response(configuration, omega)
+        row, column = channel_scales(self.scene.actuators, self.scene.sensors, H - rigid, H)
+        full_db = self._full_decibel(configuration)
+        errors, curves = {}, {}
+        for number, (label, model) in enumerate(models.items()):
+            started = time.perf_counter()
+            H_r = model.assembled.response(configuration, omega)
+            if number == 0:
+                self.reduced_seconds += time.perf_counter() - started
+            elastic = H_r - model.assembled.rigid_response(configuration, omega)
+            pairs = self._pairs(configuration, model)
+            errors[label] = ModelErrors(
+                frf_error=frf_error(omega, H - rigid, elastic, row, column),
+                db_error=db_error(full_db, model.assembled.response(configuration, self._decibel), row, column),
+                frequency_error=pairs.worst,
+                frac=frac(H, H_r),
+                full_hz=pairs.full_hz,
+                reduced_hz=pairs.reduced_hz,
+                mac=pairs.mac,
+            )
+            curves[label] = H_r
+        own = next(iter(models.values())).assembled
+        top = 2 * np.pi * self.scene.band[1]
+        return ConfigurationResult(
+            configuration=configuration,
+            n_full=self.full.system(configuration).N,
+            n_reduced=own.system(configuration).N,
+            modes_full=int(np.count_nonzero(self.full.resonances(configuration).omega <= top)),
+            modes_reduced=int(np.count_nonzero(own.resonances(configuration).omega <= top)),
+            errors=errors,
+            response=Response(omega / (2 * np.pi), H, curves),
+        )
+
+    def _full_decibel(self, configuration: Configuration) -> NDArray[np.complex128]:
+        if self._decibel_flexibility is None:
+            self._decibel_flexibility = self.full.receptances(self._decibel)
+        return self.full.response(configuration, self._decibel, self._decibel_flexibility)
+
+    def _pairs(self, configuration: Configuration, model: ReducedModel) -> FrequencyPairs:
+        full, reduced = self.full.resonances(configuration), model.assembled.resonances(configuration)
+        cross = cross_orthogonality(
+            full, reduced, self.bodies, self.full_shapes, model.components, self.full.substructures
+        )
+        return pair_frequencies(full.omega, reduced.omega, cross, self.scene.band[1])
+
+
+def _thinned(grid: NDArray[np.float64], omega: NDArray[np.float64], zeta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Drop points that crowd where resonances of both models, or of a cluster, fall together."""
+    if not omega.size:
+        return grid
+    order = np.argsort(omega)
+    nearest = np.clip(np.searchsorted(omega[order], grid), 0, omega.size - 1)
+    spacing = _THINNING * np.maximum(zeta[order], 1e-5)[nearest] * grid
+    keep = [0]
+    for k in range(1, grid.size):
+        if grid[k] - grid[keep[-1]] >= spacing[k]:
+            keep.append(k)
+    return grid[keep]

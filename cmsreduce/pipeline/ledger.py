@@ -1,0 +1,110 @@
+"""What has been done, how long it took, and what need not be done again."""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from numpy.typing import NDArray
+
+from cmsreduce.errors import StageError
+from cmsreduce.pipeline.progress import Progress
+from cmsreduce.pipeline.stage_store import StageStore
+
+__all__ = ["Ledger"]
+
+Arrays = Mapping[str, NDArray[Any]]
+T = TypeVar("T")
+
+
+class Ledger:
+    """Runs a piece of work, or takes it from the store if it is finished.
+
+    Parameters
+    ----------
+    folder : Path
+        Run directory.
+    progress : Progress
+        Told what happens.
+    only : str, optional
+        The one stage that may be run; every other must be finished.
+    """
+
+    def __init__(self, folder: Path, progress: Progress, only: str | None = None) -> None:
+        self.store, self.progress, self.only = StageStore(folder), progress, only
+        self.seconds: dict[str, dict[str, float]] = {}
+        self.peak_mib: dict[str, float] = {}
+        self.written: list[Path] = []
+        self.notes: list[str] = []
+
+    def once(
+        self,
+        stage: str,
+        what: str,
+        key: str,
+        work: Callable[[], T],
+        pack: Callable[[T], tuple[Arrays, Mapping[str, Any]]],
+        unpack: Callable[[Arrays, Mapping[str, Any]], T],
+        prepare: Callable[[], object] = lambda: None,
+    ) -> T:
+        """Do a stage, or read it back if the store has it under the same key.
+
+        Parameters
+        ----------
+        stage, what : str
+            Such as ``reduce`` and ``rotor``.
+        key : str
+            Hash of everything the stage depends on.
+        work : callable
+            Does it.
+        pack, unpack : callable
+            To arrays and facts, and back.
+        prepare : callable, optional
+            Sees to the earlier stages the work needs, so that their time is not counted here.
+
+        Raises
+        ------
+        StageError
+            If another stage alone was asked for and this one is not finished.
+        """
+        found = self.store.load(stage, what, key)
+        if found is not None and self.only != stage:
+            arrays, facts = found
+            self._add(stage, what, float(facts["seconds"]))
+            self.progress.reused(stage, what)
+            return unpack(arrays, facts)
+        if self.only not in (None, stage):
+            raise StageError(
+                f"stage '{stage}' of '{what}' is not finished for these inputs and settings; run `cmsreduce {stage}` "
+                f"on this pipeline first, or `cmsreduce run --until {self.only}`"
+            )
+        prepare()
+        result = self.timed(stage, what, work)
+        packed, described = pack(result)
+        self.written.append(
+            self.store.save(stage, what, key, packed, {**described, "seconds": self.seconds[what][stage]})
+        )
+        return result
+
+    def timed(self, stage: str, what: str, work: Callable[[], T]) -> T:
+        """Do a piece of work and note how long it took."""
+        self.progress.stage(stage, what)
+        started = time.perf_counter()
+        result = work()
+        self._add(stage, what, time.perf_counter() - started)
+        return result
+
+    def note(self, text: str) -> None:
+        """Keep something a reader must know, and say it."""
+        if text not in self.notes:
+            self.notes.append(text)
+            self.progress.note(text)
+
+    def _add(self, stage: str, what: str, seconds: float) -> None:
+        spent = self.seconds.setdefault(what, {})
+        spent[stage] = spent.get(stage, 0.0) + seconds
+        # ru_maxrss is in KiB on Linux.
+        self.peak_mib[what] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

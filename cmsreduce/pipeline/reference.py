@@ -1,0 +1,86 @@
+"""The unreduced bodies that a reduced model is compared with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.assemble import Ports, body_points, modal_substructure, physical_substructure
+from cmsreduce.errors import MatrixError
+from cmsreduce.model import FEModel, ModalComponent, ModeKind, ModeSet, ReducedComponent, Scene, Substructure
+from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.reduce import CraigBampton
+
+__all__ = ["Reference", "reference"]
+
+# All modes of a body are n dense columns and take n^3 operations: seconds up to here.
+ALL_MODES_LIMIT = 2000
+# A sparse factorisation per frequency takes seconds beyond this.
+SPARSE_LIMIT = 20000
+# The stand-in for a body too large for either holds modes up to this many times the cutoff, and all static shapes.
+_BEYOND_CUTOFF = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """An unreduced body, or what stands for it.
+
+    Parameters
+    ----------
+    substructure : Substructure
+        The body as it is assembled.
+    modes : ModalComponent or None
+        Modes its coordinates are amplitudes of; None if they are its dofs.
+    label : str
+        ``sparse dofs``, ``all modes`` or ``modes to 4 x cutoff``.
+    """
+
+    substructure: Substructure
+    modes: ModalComponent | None
+    label: str
+
+
+def reference(body: FEModel, scene: Scene, ports: Ports, rigid: NDArray[np.float64], cutoff_hz: float) -> Reference:
+    """Choose how the unreduced body is represented in the frequency response.
+
+    A damping law stated mode by mode needs all modes of the body, since it applies to all of them; other laws act on
+    the sparse matrices. Bodies too large for that are represented by Craig-Bampton with modes to four times the
+    cutoff: exact in statics at every joint and actuator, and named so in the summary.
+
+    Parameters
+    ----------
+    body : FEModel
+        In the scene's units.
+    scene : Scene
+        For the points to follow.
+    ports : Ports
+        i-set and strut loads.
+    rigid : (n, r) float64
+        Rigid-body modes.
+    cutoff_hz : float
+        Cutoff of the reduction.
+    """
+    points = body_points(scene, body)
+    if not body.damping.acts_on_modes and body.n <= SPARSE_LIMIT:
+        return Reference(physical_substructure(body, points, rigid), None, "sparse dofs")
+    if body.damping.acts_on_modes and body.n <= ALL_MODES_LIMIT:
+        everything = _all_modes(body, rigid)
+        if everything is not None:
+            return Reference(modal_substructure(everything, points), everything, "all modes")
+    modes = orthogonalise(CraigBampton(_BEYOND_CUTOFF * cutoff_hz).reduce(body, ports.interface, ports.loads))
+    return Reference(modal_substructure(modes, points), modes, f"modes to {_BEYOND_CUTOFF:g} x cutoff")
+
+
+def _all_modes(body: FEModel, rigid: NDArray[np.float64]) -> ModalComponent | None:
+    # The whole body as its own basis; n is bounded by ALL_MODES_LIMIT.
+    n = body.n
+    free: ModeKind = "free"
+    identity = ModeSet("all modes", np.eye(n), (free,) * n, np.full(n, np.nan), tuple(map(str, range(1, n + 1))))
+    component = ReducedComponent(body, identity, body.M.toarray(), body.K.toarray(), None, rigid)
+    try:
+        return orthogonalise(component)
+    except MatrixError:
+        # Massless dofs: their flexibility is in no mode of finite frequency, but it is in a constraint mode.
+        return None

@@ -1,0 +1,70 @@
+"""Collect what a run found out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cmsreduce import __version__
+from cmsreduce.model import Check, ComponentResult, RunResult, Speed
+from cmsreduce.orthogonalise import orthogonality_errors
+from cmsreduce.pipeline.run import MODEL, Run
+
+__all__ = ["component_checks", "run_result"]
+
+# Orthonormality is lost to round-off of n dofs times the condition of the basis; beyond this a basis is unusable.
+_ORTHOGONALITY = 1e-8
+
+
+def component_checks(run: Run, name: str) -> tuple[Check, ...]:
+    """What was checked on one body: its rows when it was read, its modes when they were made."""
+    mass, stiffness = orthogonality_errors(run.kept[name])
+    return (
+        *run.bodies[name].checks,
+        Check("orthogonality in M", mass, _ORTHOGONALITY),
+        Check("orthogonality in K", stiffness, _ORTHOGONALITY),
+    )
+
+
+def run_result(run: Run) -> RunResult:
+    """Everything the summary, the report and the terminal show of a run.
+
+    Parameters
+    ----------
+    run : Run
+        Stages that the pipeline asks for and that were not run yet are run.
+    """
+    verified = run.verified if run.pipeline.verify is not None else None
+    seconds = run.ledger.seconds
+    components = {}
+    for name, flexible in run.bodies.items():
+        ranked = run.ranked[name]
+        kept = np.concatenate([np.arange(ranked.rigid_count), run.selection[name]])
+        components[name] = ComponentResult(
+            name=name,
+            full_dofs=flexible.body.n,
+            modes=ranked,
+            kept=np.asarray(kept, dtype=np.int64),
+            seconds=dict(seconds.get(name, {})),
+            peak_mib=run.ledger.peak_mib.get(name, 0.0),
+            checks=component_checks(run, name),
+            sources=flexible.body.sources,
+        )
+    limits = run.pipeline.verify.limits.model_dump(exclude_none=True) if run.pipeline.verify else {}
+    configurations = verified.configurations if verified else ()
+    stages = ("reduce", "orthogonalise")
+    reduce_s = sum(seconds.get(name, {}).get(stage, 0.0) for name in run.bodies for stage in stages)
+    return RunResult(
+        name=run.pipeline.name,
+        version=__version__,
+        components=components,
+        configurations=configurations,
+        limits=limits if configurations else {},
+        model=MODEL,
+        inputs=tuple(channel.name for channel in run.scene.actuators),
+        outputs=tuple(channel.name for channel in run.scene.sensors),
+        band=run.scene.band,
+        speed=Speed(reduce_s, verified.full_s, verified.reduced_s) if verified and configurations else None,
+        reference=verified.reference if verified else {},
+        settings=run.pipeline.model_dump(mode="json", exclude_none=True),
+        notes=tuple(run.ledger.notes),
+    )

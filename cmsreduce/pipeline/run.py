@@ -1,0 +1,298 @@
+"""Run a pipeline: each stage once, in order, reusing what is finished."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from cmsreduce import __version__
+from cmsreduce.assemble import modal_substructure, physical_substructure, rigid_substructure
+from cmsreduce.balance import Selection, keep_all
+from cmsreduce.config import KeepKeys, Pipeline, RankingKeys, build_scene
+from cmsreduce.errors import ConfigError
+from cmsreduce.model import ModalComponent, ReducedComponent, Scene, Substructure
+from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.pipeline.assembled import AssembledModel
+from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible, read_rigid
+from cmsreduce.pipeline.comparison import Comparison, ReducedModel
+from cmsreduce.pipeline.ledger import Ledger
+from cmsreduce.pipeline.progress import Progress, Silent
+from cmsreduce.pipeline.reference import Reference, reference
+from cmsreduce.pipeline.selection import rank_component, select, truncate
+from cmsreduce.pipeline.stage_data import (
+    modal_from,
+    modal_to,
+    reduced_from,
+    reduced_to,
+)
+from cmsreduce.pipeline.stage_store import stage_key
+from cmsreduce.pipeline.verified import Verified, verified_from, verified_to
+from cmsreduce.reduce import reduction
+
+__all__ = ["MODEL", "STAGES", "Run"]
+
+STAGES = ("read", "reduce", "orthogonalise", "balance", "project", "assemble", "verify", "write")
+"""Stages in the order data flows."""
+
+MODEL = "reduced"
+"""Label of the run's own model among those it is compared with."""
+
+
+class Run:
+    """One run of a pipeline; every stage is a property or a method, done once whoever asks for it.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+        The pipeline file, validated.
+    folder : Path
+        Run directory.
+    progress : Progress
+        Told what happens.
+    only : str, optional
+        The one stage to run; those before it must be finished.
+    """
+
+    def __init__(self, pipeline: Pipeline, folder: Path, progress: Progress, only: str | None = None) -> None:
+        self.pipeline, self.folder = pipeline, folder
+        self.ledger = Ledger(folder, progress, only)
+        self.scene: Scene = build_scene(pipeline)
+        self._reduced: dict[str, ReducedComponent] = {}
+        self._modal: dict[str, ModalComponent] = {}
+
+    @cached_property
+    def rigid_bodies(self) -> dict[str, Substructure]:
+        """Rigid bodies of the scene, ready to assemble."""
+        return {
+            name: rigid_substructure(read_rigid(self.pipeline, name, self.scene))
+            for name, part in self.pipeline.components.items()
+            if part.rigid is not None
+        }
+
+    @cached_property
+    def bodies(self) -> dict[str, FlexibleBody]:
+        """Flexible bodies, read and checked; joints, actuators and sensors are tried on them at once."""
+        found = {}
+        for name, part in self.pipeline.components.items():
+            if part.rigid is None:
+                found[name] = self.ledger.timed(
+                    "read",
+                    name,
+                    lambda name=name: read_flexible(self.pipeline, name, self.scene),  # type: ignore[misc]
+                )
+                for note in found[name].notes:
+                    self.ledger.note(note)
+        bare = {
+            name: physical_substructure(flexible.undamped, flexible.points(self.scene), flexible.rigid)
+            for name, flexible in found.items()
+        }
+        model = AssembledModel(self._in_order(bare), self.scene)
+        for configuration in self.scene.configurations:
+            model.wiring(configuration)
+        return found
+
+    def reduced(self, name: str) -> ReducedComponent:
+        """Reduce one body to its mode set."""
+        if name not in self._reduced:
+            flexible, keys = self.bodies[name], self.pipeline.reduce_of(name)
+            if keys is None:
+                raise ConfigError(f"component '{name}' has no `reduce:`, so no stage after read can be run on it")
+            method, ports = reduction(keys.method, keys.cutoff * self.scene.band[1]), flexible.ports
+            self._reduced[name] = self.ledger.once(
+                "reduce",
+                name,
+                self._reduce_key(name),
+                lambda: method.reduce(flexible.body, ports.interface, ports.loads, flexible.rigid),
+                reduced_to,
+                lambda arrays, facts: reduced_from(flexible.body, arrays, facts),
+            )
+        return self._reduced[name]
+
+    def modal(self, name: str) -> ModalComponent:
+        """Bring one reduced body to orthonormal modes."""
+        if name not in self._modal:
+            body = self.bodies[name].body
+            self._modal[name] = self.ledger.once(
+                "orthogonalise",
+                name,
+                self._modal_key(name),
+                lambda: orthogonalise(self.reduced(name)),
+                modal_to,
+                lambda arrays, facts: modal_from(body, arrays, facts),
+                prepare=lambda: self.reduced(name),
+            )
+        return self._modal[name]
+
+    @cached_property
+    def ranked(self) -> dict[str, ModalComponent]:
+        """All modes of every body with their influence coefficients; unranked where no balance is asked for."""
+        return {name: self._rank(name, self.pipeline.balance_of(name)) for name in self.bodies}
+
+    @cached_property
+    def selection(self) -> Selection:
+        """Elastic modes the run keeps of every body."""
+        if not any(self.pipeline.balance_of(name) for name in self.bodies):
+            return keep_all(self.ranked)
+        names = list(self.ranked)
+        return self.ledger.once(
+            "balance",
+            "system",
+            self._system_key("balance"),
+            self._balance,
+            lambda selection: (selection, {}),
+            lambda arrays, facts: {name: arrays[name] for name in names},
+            prepare=lambda: self.ranked,
+        )
+
+    @cached_property
+    def kept(self) -> dict[str, ModalComponent]:
+        """The reduced bodies of the run."""
+        balance = self.pipeline.balance
+        return truncate(self.ranked, self.selection, "all modes kept" if balance is None else _reason(balance))
+
+    @cached_property
+    def model(self) -> ReducedModel:
+        """The reduced system of the run, assembled in every configuration."""
+        kept = self.kept
+
+        def work() -> ReducedModel:
+            model = self._model(kept)
+            for number, configuration in enumerate(self.scene.configurations):
+                model.assembled.system(configuration)
+                self.ledger.progress.advance(number + 1, len(self.scene.configurations))
+            return model
+
+        return self.ledger.timed("assemble", "system", work)
+
+    @cached_property
+    def references(self) -> dict[str, Reference]:
+        """The unreduced bodies, as they enter the full system."""
+        found = {}
+        for name, flexible in self.bodies.items():
+            keys = self.pipeline.reduce_of(name)
+            cutoff = (keys.cutoff if keys else 2.0) * self.scene.band[1]
+            self.ledger.progress.stage("verify", f"{name}, unreduced")
+            found[name] = reference(flexible.body, self.scene, flexible.ports, flexible.rigid, cutoff)
+        return found
+
+    @cached_property
+    def comparison(self) -> Comparison:
+        """The full system, against which reduced ones are measured."""
+        keys = self.pipeline.verify
+        full = AssembledModel(self._in_order({n: r.substructure for n, r in self.references.items()}), self.scene)
+        shapes = {name: r.modes for name, r in self.references.items()}
+        bodies = {name: flexible.body for name, flexible in self.bodies.items()}
+        return Comparison(full, shapes, bodies, self.scene, keys.frf.points if keys else 400)
+
+    @property
+    def has_response(self) -> bool:
+        """Whether the scene has an input and an output to compare."""
+        return bool(self.scene.actuators and self.scene.sensors)
+
+    @cached_property
+    def verified(self) -> Verified:
+        """Errors and curves of the reduced models in every configuration."""
+        if not self.has_response:
+            self.ledger.note("nothing was verified: the scene names no actuator or no sensor")
+            return Verified((), {}, 0.0, 0.0)
+        found = self.ledger.once(
+            "verify",
+            "system",
+            self._system_key("verify"),
+            self._verify,
+            verified_to,
+            self._verified_from,
+            prepare=lambda: (self.model, self.comparison),
+        )
+        for name, label in found.reference.items():
+            if label.startswith("modes"):
+                self.ledger.note(
+                    f"{name}: {self.bodies[name].body.n} dofs are too many for all modes or for a solve per frequency; "
+                    f"the full system is represented by {label} and all static shapes"
+                )
+        return found
+
+    def _verify(self) -> Verified:
+        models = {MODEL: self.model}
+        keys = self.pipeline.verify
+        for label, ranking in (keys.compare if keys else {}).items():
+            if label == MODEL:
+                raise ConfigError(f"verify.compare: '{MODEL}' is the run's own model; choose another label")
+            ranked = {name: self._rank(name, ranking) for name in self.bodies}
+            models[label] = self._model(truncate(ranked, self._select(ranked, ranking.keep, {}), _reason(ranking)))
+        results = self.comparison.errors(models, self.ledger.progress)
+        labels = {name: found.label for name, found in self.references.items()}
+        return Verified(results, labels, self.comparison.full_seconds, self.comparison.reduced_seconds)
+
+    def _verified_from(self, arrays: Mapping[str, Any], facts: Mapping[str, Any]) -> Verified:
+        return verified_from(self.scene.configurations, arrays, facts)
+
+    def _balance(self) -> Selection:
+        own = {name for name in self.bodies if self.pipeline.components[name].balance is not None}
+        chosen: Selection = {}
+        for name in own:
+            rule = self.pipeline.keep_of(name)
+            if rule.rule == "frf_error":
+                raise ConfigError(
+                    f"component '{name}': keep.frf_error measures the whole system; state it in the pipeline's "
+                    "`balance:`, and here a number of modes or a fraction"
+                )
+            chosen |= select({name: self.ranked[name]}, rule, None, None)
+        rest = {name: component for name, component in self.ranked.items() if name not in own}
+        keep = KeepKeys() if self.pipeline.balance is None else self.pipeline.balance.keep
+        chosen |= self._select(rest, keep, chosen)
+        return {name: chosen[name] for name in self.ranked}
+
+    def _select(self, ranked: Mapping[str, ModalComponent], keep: KeepKeys, fixed: Selection) -> Selection:
+        if keep.rule != "frf_error" or not self.has_response:
+            return select(ranked, keep, None, None)
+        whole = {**self.ranked, **ranked}
+
+        def candidate(selection: Selection) -> ReducedModel:
+            return self._model(truncate(whole, {**fixed, **selection}, "candidate"))
+
+        def exact(selection: Selection) -> float:
+            results = self.comparison.errors({MODEL: candidate(selection)}, Silent())
+            return max(result.errors[MODEL].frf_error for result in results)
+
+        return select(ranked, keep, lambda selection: self.comparison.candidate_error(candidate(selection)), exact)
+
+    def _rank(self, name: str, keys: RankingKeys | None) -> ModalComponent:
+        component = self.modal(name)
+        return component if keys is None else rank_component(component, self.bodies[name].ports, keys.rank)
+
+    def _model(self, components: Mapping[str, ModalComponent]) -> ReducedModel:
+        subs = {name: modal_substructure(c, self.bodies[name].points(self.scene)) for name, c in components.items()}
+        return ReducedModel(AssembledModel(self._in_order(subs), self.scene), components)
+
+    def _in_order(self, flexible: Mapping[str, Substructure]) -> dict[str, Substructure]:
+        every = {**flexible, **self.rigid_bodies}
+        return {name: every[name] for name in self.pipeline.components}
+
+    def _reduce_key(self, name: str) -> str:
+        flexible, keys = self.bodies[name], self.pipeline.reduce_of(name)
+        cutoff = keys and (keys.method, keys.cutoff * self.scene.band[1])
+        return stage_key("reduce", __version__, flexible.fingerprint, cutoff)
+
+    def _modal_key(self, name: str) -> str:
+        return stage_key("orthogonalise", self._reduce_key(name), repr(self.bodies[name].body.damping))
+
+    def _system_key(self, stage: str) -> str:
+        settings = self.pipeline.model_dump(mode="json", exclude={"name", "output", "include", "write"})
+        if stage == "balance":
+            settings.pop("verify", None)
+        return stage_key(stage, __version__, settings, {name: self._modal_key(name) for name in self.bodies})
+
+
+def _reason(keys: RankingKeys) -> str:
+    """Why a mode is kept, in words for the component file."""
+    rule = keys.keep.rule
+    if rule == "all":
+        return "all modes kept"
+    if rule == "frf_error":
+        return f"needed for frf_error {keys.keep.frf_error:g}, {keys.rank}"
+    if rule == "fraction":
+        return f"influence above {keys.keep.fraction:g} of the largest, {keys.rank}"
+    return f"among the first by {keys.rank}"

@@ -1,0 +1,67 @@
+"""Reduced bodies as arrays for the stage store, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from numpy.typing import NDArray
+
+from cmsreduce.model import FEModel, ModalComponent, ModeSet, ReducedComponent
+
+__all__ = ["modal_from", "modal_to", "reduced_from", "reduced_to"]
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def reduced_to(component: ReducedComponent) -> tuple[Arrays, dict[str, Any]]:
+    """Arrays and facts of a reduced body."""
+    arrays = {
+        "Phi": component.modes.Phi,
+        "source_hz": component.modes.source_hz,
+        "M": component.M,
+        "K": component.K,
+        "rigid": component.rigid,
+    }
+    if component.D is not None:
+        arrays["D"] = component.D
+    facts = {"method": component.modes.method, "kind": component.modes.kind, "label": component.modes.label}
+    return arrays, facts
+
+
+def reduced_from(body: FEModel, arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]) -> ReducedComponent:
+    """Reduced body from its arrays."""
+    modes = ModeSet(facts["method"], arrays["Phi"], tuple(facts["kind"]), arrays["source_hz"], tuple(facts["label"]))
+    return ReducedComponent(body, modes, arrays["M"], arrays["K"], arrays.get("D"), arrays["rigid"])
+
+
+_MODAL = ("Phi", "omega", "zeta", "source_hz", "sigma", "spacing")
+
+
+def modal_to(component: ModalComponent) -> tuple[Arrays, dict[str, Any]]:
+    """Arrays and facts of a body in orthonormal modes."""
+    arrays = {name: getattr(component, name) for name in _MODAL}
+    if component.D is not None:
+        arrays["D"] = component.D
+    facts = {
+        "method": component.method,
+        "rigid_count": component.rigid_count,
+        "kind": component.kind,
+        "why": component.why,
+        "basis_size": component.basis_size,
+    }
+    return arrays, facts
+
+
+def modal_from(body: FEModel, arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]) -> ModalComponent:
+    """Body in orthonormal modes from its arrays."""
+    return ModalComponent(
+        body=body,
+        method=facts["method"],
+        rigid_count=facts["rigid_count"],
+        kind=tuple(facts["kind"]),
+        why=tuple(facts["why"]),
+        basis_size=facts["basis_size"],
+        D=arrays.get("D"),
+        **{name: arrays[name] for name in _MODAL},
+    )

@@ -1,0 +1,74 @@
+"""Finished stages on disk: each file carries the key of all it was made from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.write import atomic_path
+
+__all__ = ["StageStore", "stage_key"]
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def stage_key(*parts: Any) -> str:
+    """Hash of everything a stage depends on: settings, file hashes, keys of earlier stages, version."""
+    text = json.dumps(parts, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+class StageStore:
+    """The ``stages`` folder of a run directory.
+
+    Parameters
+    ----------
+    folder : Path
+        Run directory.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder / "stages"
+
+    def path(self, stage: str, what: str) -> Path:
+        """File of a stage; ``what`` is the component, or the system."""
+        return self.folder / f"{what}.{stage}.h5"
+
+    def load(self, stage: str, what: str, key: str) -> tuple[Arrays, dict[str, Any]] | None:
+        """Read a finished stage, or nothing if it is absent, older than its inputs, or not whole."""
+        import h5py
+
+        path = self.path(stage, what)
+        if not path.is_file():
+            return None
+        try:
+            with h5py.File(path, "r") as file:
+                if file.attrs.get("key") != key:
+                    return None
+                arrays = {name: dataset[()] for name, dataset in file.items()}
+                return arrays, json.loads(file.attrs["facts"])
+        except (OSError, KeyError, ValueError):
+            # A file that cannot be read whole is made again; nothing of the user's is in it.
+            return None
+
+    def save(
+        self, stage: str, what: str, key: str, arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]
+    ) -> Path:
+        """Write a finished stage; it appears under its name only when it is whole."""
+        import h5py
+
+        path = self.path(stage, what)
+        with atomic_path(path) as temporary, h5py.File(temporary, "w", track_order=True) as file:
+            file.attrs["key"] = key
+            file.attrs["facts"] = json.dumps(facts, sort_keys=True)
+            for name, array in arrays.items():
+                value = np.asarray(array)
+                filtered = {"fletcher32": True} if value.size else {}
+                file.create_dataset(name, data=value, track_times=False, **filtered)
+        return path
