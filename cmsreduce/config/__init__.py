@@ -1,0 +1,27 @@
+"""The grammar of the pipeline file, and how a file becomes a pipeline and a scene."""
+
+from cmsreduce.config.component import Component
+from cmsreduce.config.files import MatrixFile
+from cmsreduce.config.grammar import Pipeline, json_schema
+from cmsreduce.config.interface import InterfaceKeys
+from cmsreduce.config.load import load_pipeline
+from cmsreduce.config.scene import build_scene
+from cmsreduce.config.stages import BalanceKeys, KeepKeys, RankingKeys, ReduceKeys, VerifyKeys, WriteKeys
+from cmsreduce.config.starter import starter_pipeline
+
+__all__ = [
+    "BalanceKeys",
+    "Component",
+    "InterfaceKeys",
+    "KeepKeys",
+    "MatrixFile",
+    "Pipeline",
+    "RankingKeys",
+    "ReduceKeys",
+    "VerifyKeys",
+    "WriteKeys",
+    "build_scene",
+    "json_schema",
+    "load_pipeline",
+    "starter_pipeline",
+]

@@ -1,0 +1,185 @@
+"""What no key can show by itself: references from one part of a pipeline to another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from cmsreduce.config.articulation import Articulation
+from cmsreduce.config.channels import ActuatorKeys, SensorKeys, parse_row
+from cmsreduce.config.component import FLEXIBLE_ONLY
+from cmsreduce.config.grammar import Pipeline
+from cmsreduce.config.joint_motion import free_dof, free_dof_named, setting
+from cmsreduce.config.keys import parse_point
+from cmsreduce.config.quantities import Quantity
+from cmsreduce.config.stages import KeepKeys
+from cmsreduce.config.suggestion import not_among
+from cmsreduce.errors import SceneError, UnitsError
+from cmsreduce.model.scene import Point
+
+__all__ = ["Finding", "findings"]
+
+
+class Finding(NamedTuple):
+    """A reference that leads nowhere.
+
+    Parameters
+    ----------
+    keys : tuple of str or int
+        Where it is written.
+    message : str
+        What is wrong with it.
+    """
+
+    keys: tuple[str | int, ...]
+    message: str
+
+
+def findings(pipeline: Pipeline) -> Iterator[Finding]:
+    """Every reference of a pipeline that leads nowhere, in the order of the grammar."""
+    yield from _components(pipeline)
+    yield from _joints(pipeline)
+    scene = pipeline.scene
+    if scene.articulation is not None:
+        yield from _articulation(pipeline, scene.articulation)
+    channels: tuple[tuple[str, dict[str, ActuatorKeys] | dict[str, SensorKeys]], ...] = (
+        ("actuators", scene.actuators),
+        ("sensors", scene.sensors),
+    )
+    for kind, group in channels:
+        for name, channel in group.items():
+            yield from _channel(pipeline, ("scene", kind, name), channel)
+    for k, text in enumerate(scene.ground):
+        yield from _interface(pipeline, ("scene", "ground", k), text)
+    if scene.base is not None and scene.base not in pipeline.components:
+        yield Finding(("scene", "base"), not_among("component", scene.base, pipeline.components))
+    if pipeline.balance is not None:
+        yield from _keep(pipeline, ("balance", "keep"), pipeline.balance.keep)
+    if pipeline.verify is not None:
+        for label, ranking in pipeline.verify.compare.items():
+            yield from _keep(pipeline, ("verify", "compare", label, "keep"), ranking.keep)
+
+
+def _components(pipeline: Pipeline) -> Iterator[Finding]:
+    for name, component in pipeline.components.items():
+        for key in FLEXIBLE_ONLY if component.rigid is not None else ():
+            if getattr(component, key) not in (None, False):
+                yield Finding(("components", name, key), f"a rigid body has no {key}: take out this key, or 'rigid'")
+        for face, keys in component.interfaces.items():
+            at = ("components", name, "interfaces", face)
+            if component.rigid is not None and keys.position is None:
+                yield Finding(at, "an interface of a rigid body is given by its position, e.g. {position: [0, 0, 0]}")
+            if component.rigid is None and keys.position is not None:
+                yield Finding(at, "an interface of a flexible body is given by node, nodes or set, e.g. {node: 1001}")
+        if component.balance is not None:
+            at = ("components", name, "balance", "keep")
+            if component.balance.keep.frf_error is not None:
+                yield Finding(at, "frf_error is an error of the whole system: ask for it under 'balance.keep'")
+            if isinstance(component.balance.keep.modes, dict):
+                yield Finding(at, "here is one body only: write a number, e.g. {modes: 20}")
+
+
+def _joints(pipeline: Pipeline) -> Iterator[Finding]:
+    for name, joint in pipeline.scene.joints.items():
+        for k, text in enumerate(joint.connect):
+            yield from _interface(pipeline, ("scene", "joints", name, "connect", k), text)
+
+
+def _interface(pipeline: Pipeline, keys: tuple[str | int, ...], text: str) -> Iterator[Finding]:
+    """Check a reference that must be to an interface."""
+    point = parse_point(text)
+    if point.body not in pipeline.components:
+        yield Finding(keys, not_among("component", point.body, pipeline.components))
+        return
+    component = pipeline.components[point.body]
+    if point.name in component.interfaces:
+        return
+    message = f"component '{point.body}': {not_among('interface', point.name, component.interfaces)}"
+    if point.name.isdigit() and component.rigid is None:
+        message += f"; declare the node under 'components.{point.body}.interfaces', e.g. NAME: {{node: {point.name}}}"
+    yield Finding(keys, message)
+
+
+def _point(pipeline: Pipeline, keys: tuple[str | int, ...], point: Point) -> Iterator[Finding]:
+    """Check a reference to an interface, a node, or the centre of mass."""
+    component = pipeline.components.get(point.body)
+    if component is None:
+        yield Finding(keys, not_among("component", point.body, pipeline.components))
+    elif point.name == "cg":
+        if component.rigid is None:
+            yield Finding(keys, f"'{point}': a flexible body's centre of mass is no point of it; name a node")
+    elif point.name.isdigit():
+        if component.rigid is not None:
+            places = ", ".join(["cg", *component.interfaces])
+            yield Finding(keys, f"'{point}': a rigid body has no nodes; points of '{point.body}' are {places}")
+    elif point.name not in component.interfaces:
+        message = f"component '{point.body}': {not_among('interface', point.name, component.interfaces)}"
+        yield Finding(keys, f"{message}; a node is named by its number")
+
+
+def _articulation(pipeline: Pipeline, articulation: Articulation) -> Iterator[Finding]:
+    at = ("scene", "articulation")
+    for joint, settings in (articulation.product or {}).items():
+        quantities = settings.quantities()
+        yield from _settings(pipeline, (*at, joint), joint, quantities)
+        repeated = [item for k, item in enumerate(quantities) if item in quantities[:k]]
+        if repeated:
+            yield Finding((*at, joint), f"{repeated[0]} is listed twice")
+    for joint, others in _same_motion(pipeline, list(articulation.product or {})):
+        yield Finding((*at, joint), f"the same motion is set by '{others}'")
+    names: list[str | None] = []
+    for k, named in enumerate(articulation.named or ()):
+        for joint, quantity in named.joints.items():
+            yield from _settings(pipeline, (*at, k, joint), joint, (quantity,))
+        for joint, others in _same_motion(pipeline, list(named.joints)):
+            yield Finding((*at, k, joint), f"the same motion is set by '{others}'")
+        if named.name is not None and named.name in names:
+            yield Finding((*at, k, "name"), f"two configurations are named '{named.name}'")
+        names.append(named.name)
+
+
+def _same_motion(pipeline: Pipeline, joints: list[str]) -> Iterator[tuple[str, str]]:
+    """Pairs of keys that name one motion, once as JOINT and once as JOINT.DOF."""
+    seen: dict[tuple[str, int], str] = {}
+    for key in joints:
+        try:
+            motion = free_dof_named(pipeline.scene, key)
+        except SceneError:
+            continue
+        if motion in seen:
+            yield key, seen[motion]
+        seen[motion] = key
+
+
+def _settings(
+    pipeline: Pipeline, keys: tuple[str | int, ...], joint: str, quantities: tuple[Quantity, ...]
+) -> Iterator[Finding]:
+    try:
+        _, dof = free_dof_named(pipeline.scene, joint)
+        # The largest first: a zero fits everything and shows nothing.
+        for quantity in sorted(quantities, key=lambda item: -abs(item.value)):
+            setting(dof, quantity, pipeline.units)
+    except (SceneError, UnitsError) as error:
+        yield Finding(keys, str(error))
+
+
+def _channel(pipeline: Pipeline, keys: tuple[str | int, ...], channel: ActuatorKeys | SensorKeys) -> Iterator[Finding]:
+    if channel.at is not None:
+        yield from _point(pipeline, (*keys, "at"), parse_point(channel.at))
+    for k, text in enumerate(channel.between or ()):
+        yield from _point(pipeline, (*keys, "between", k), parse_point(text))
+    for row in channel.rows or {}:
+        yield from _point(pipeline, (*keys, "rows", row), parse_row(row)[0])
+    if channel.joint is not None:
+        try:
+            free_dof(pipeline.scene, channel.joint, channel.dof)
+        except SceneError as error:
+            known = channel.joint in pipeline.scene.joints and channel.dof is not None
+            yield Finding((*keys, "dof" if known else "joint"), str(error))
+
+
+def _keep(pipeline: Pipeline, keys: tuple[str | int, ...], keep: KeepKeys) -> Iterator[Finding]:
+    flexible = [name for name, component in pipeline.components.items() if component.rigid is None]
+    for name in keep.modes if isinstance(keep.modes, dict) else ():
+        if name not in flexible:
+            yield Finding((*keys, "modes", name), not_among("flexible component", name, flexible))

@@ -1,0 +1,114 @@
+"""Walks the grammar along the keys of a pipeline file: which keys are known where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from types import NoneType, UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from pydantic import AliasChoices, BaseModel
+from pydantic.fields import FieldInfo
+
+from cmsreduce.config.grammar import Pipeline
+from cmsreduce.config.keys import Keys
+
+__all__ = ["field_at", "is_mapping_of_values", "known_keys", "models_at", "places_of"]
+
+
+def _plain_kinds(kind: Any) -> list[Any]:
+    """Take annotations and unions apart."""
+    if get_origin(kind) is Annotated:
+        return _plain_kinds(get_args(kind)[0])
+    if get_origin(kind) in (Union, UnionType):
+        return [plain for arm in get_args(kind) for plain in _plain_kinds(arm)]
+    return [kind]
+
+
+def _is_model(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+def _field_names(name: str, field: FieldInfo) -> list[str]:
+    """Names a key may be written with, the usual one first."""
+    if isinstance(field.validation_alias, AliasChoices):
+        return [str(choice) for choice in field.validation_alias.choices]
+    return [field.alias or name]
+
+
+def _step(kind: Any, key: str | int) -> list[Any]:
+    if _is_model(kind):
+        return [
+            plain
+            for name, field in kind.model_fields.items()
+            if key in _field_names(name, field)
+            for plain in _plain_kinds(field.annotation)
+        ]
+    arguments = get_args(kind)
+    if get_origin(kind) is dict:
+        return _plain_kinds(arguments[1])
+    if get_origin(kind) is tuple and isinstance(key, int):
+        variadic = len(arguments) == 2 and arguments[1] is Ellipsis
+        return _plain_kinds(arguments[0 if variadic else min(key, len(arguments) - 1)])
+    return []
+
+
+def _kinds_at(keys: Sequence[str | int]) -> list[Any]:
+    """Kinds of value that keys lead to; names that a validator puts among the keys lead nowhere."""
+    kinds: list[Any] = [Pipeline]
+    for key in keys:
+        kinds = [further for kind in kinds for further in _step(kind, key)] or kinds
+    return kinds
+
+
+def models_at(keys: Sequence[str | int]) -> list[type[Keys]]:
+    """Mappings of the grammar that may stand where keys lead to."""
+    return [kind for kind in _kinds_at(keys) if _is_model(kind) and issubclass(kind, Keys)]
+
+
+def is_mapping_of_values(keys: Sequence[str | int]) -> bool:
+    """Whether keys lead to a mapping of the user's own names to single values."""
+    mappings = [kind for kind in _kinds_at(keys) if get_origin(kind) is dict]
+    return bool(mappings) and not any(_is_model(value) for kind in mappings for value in _step(kind, ""))
+
+
+def known_keys(keys: Sequence[str | int]) -> list[str]:
+    """Keys that may be written in the mapping that keys lead to; those of later versions are not among them."""
+    return [
+        _field_names(name, field)[0]
+        for model in models_at(keys)
+        for name, field in model.model_fields.items()
+        if field.annotation is not NoneType
+    ]
+
+
+def field_at(keys: Sequence[str | int]) -> FieldInfo | None:
+    """Description and examples of the key that keys lead to."""
+    for end in range(len(keys), 0, -1):
+        above, key = keys[: end - 1], keys[end - 1]
+        for model in models_at(above):
+            for name, field in model.model_fields.items():
+                if key in _field_names(name, field):
+                    return field
+        # Items of a list, and names that a validator adds, share the description of what holds them.
+        if isinstance(key, str) and any(_step(kind, key) for kind in _kinds_at(above)):
+            return None
+    return None
+
+
+def _walk(model: type[Keys], path: str, above: tuple[type[Keys], ...]) -> Iterator[tuple[str, str]]:
+    for name, field in model.model_fields.items():
+        key = _field_names(name, field)[0]
+        yield key, path
+        for kind in _plain_kinds(field.annotation):
+            inner = _plain_kinds(get_args(kind)[1]) if get_origin(kind) is dict else [kind]
+            for below in inner:
+                if _is_model(below) and below not in above:
+                    at = f"{path}.{key}" if path else key
+                    at = f"{at}.NAME" if get_origin(kind) is dict else at
+                    yield from _walk(below, at, (*above, below))
+
+
+def places_of(key: str) -> list[str]:
+    """Mappings of the grammar that know a key, outermost first; NAME stands for a name of the user's."""
+    places = {place for known, place in _walk(Pipeline, "", (Pipeline,)) if known == key}
+    return sorted(places, key=lambda place: (place.count("."), place))

@@ -1,0 +1,137 @@
+"""Keys of an interface and of its frame."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BeforeValidator, Field, Strict, model_validator
+
+from cmsreduce.config.keys import DofNames, Keys, Name, NotAvailable, Plain, Vector, exactly_one
+from cmsreduce.config.rotation import Rotations, rotation_matrix
+from cmsreduce.model.scene import dof_index
+
+__all__ = ["FrameKeys", "InterfaceKeys", "InterfaceName"]
+
+# Axes typed by hand carry four digits at least; beyond that they are not meant to be orthonormal.
+_SQUARE = 1e-3
+
+NodeId = Annotated[int, Strict(), Field(gt=0)]
+
+
+def _check_interface_name(name: str) -> str:
+    if name.isdigit() or name == "cg":
+        taken = "a node" if name.isdigit() else "the centre of mass of a rigid body"
+        raise ValueError(f"an interface cannot be named '{name}': in a point that stands for {taken}")
+    return name
+
+
+InterfaceName = Annotated[Name, AfterValidator(_check_interface_name)]
+"""Name that is neither a node's nor the centre of mass."""
+
+
+def _distinct(nodes: tuple[int, ...]) -> tuple[int, ...]:
+    repeated = [node for k, node in enumerate(nodes) if node in nodes[:k]]
+    if repeated:
+        raise ValueError(f"node {repeated[0]} is named twice")
+    return nodes
+
+
+def _check_axes(value: object) -> object:
+    if isinstance(value, (list, tuple)) and len(value) != 3:
+        raise ValueError(f"3 axes of 3 numbers are expected, found {len(value)}")
+    return value
+
+
+class FrameKeys(Keys):
+    """Axes of an interface in the body's basic frame: rotated from it, or as three vectors."""
+
+    alternatives: ClassVar[tuple[str, ...]] = ("axes", "rotate")
+    short_schema: ClassVar[tuple[dict[str, Any], ...]] = (
+        {"const": "basic"},
+        {"type": "object", "required": ["axis", "angle"], "maxProperties": 2, "description": "One rotation."},
+    )
+
+    axes: Annotated[tuple[Vector, Vector, Vector], BeforeValidator(_check_axes)] | None = Field(
+        default=None,
+        description="Axes x, y, z of the frame as three orthonormal, right-handed vectors.",
+        examples=[[[0, 1, 0], [-1, 0, 0], [0, 0, 1]]],
+    )
+    rotate: Rotations | None = Field(
+        default=None,
+        description="Rotations that turn the basic axes into those of the frame, about the basic axes, in order.",
+        examples=[{"axis": "z", "angle": "90 deg"}],
+    )
+
+    @classmethod
+    def written_out(cls, value: object) -> object:
+        """``basic``, or a lone rotation."""
+        if value == "basic":
+            return {"axes": np.eye(3).tolist()}
+        if isinstance(value, str):
+            raise ValueError(f"'{value}' is no frame: write basic, {{axes: ...}} or {{rotate: ...}}")
+        if isinstance(value, dict) and value.keys() <= {"axis", "angle"}:
+            return {"rotate": value}
+        return value
+
+    @model_validator(mode="after")
+    def _orthonormal(self) -> FrameKeys:
+        if exactly_one(self, ("axes", "rotate"), "frame") == "axes":
+            A = np.asarray(self.axes)
+            off = float(np.abs(A @ A.T - np.eye(3)).max())
+            if off > _SQUARE:
+                raise ValueError(f"the axes are not orthonormal: A A^T differs from the identity by {off:.2g}")
+            if np.linalg.det(A) < 0:
+                raise ValueError("the axes are left-handed: change the sign of one")
+        return self
+
+    def rows(self) -> NDArray[np.float64]:
+        """(3, 3) axes as rows, in basic components, orthonormal to round-off."""
+        if self.rotate is not None:
+            return rotation_matrix(self.rotate).T
+        U, _, Vt = np.linalg.svd(np.asarray(self.axes, dtype=np.float64))
+        return np.asarray(U @ Vt)
+
+
+class InterfaceKeys(Keys):
+    """Where a joint can attach; a lone number is a node."""
+
+    alternatives: ClassVar[tuple[str, ...]] = ("node", "nodes", "set", "position")
+    short_key: ClassVar[str] = "node"
+    short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"type": "integer"},)
+
+    node: NodeId | None = Field(default=None, description="Node id.", examples=[1001])
+    nodes: Annotated[tuple[NodeId, ...], Field(min_length=1), AfterValidator(_distinct)] | None = Field(
+        default=None, description="Several node ids; joints pair them in this order.", examples=[[7, 8, 9]]
+    )
+    set: Plain | None = Field(default=None, description="Dof set of the source, such as b.", examples=["b"])
+    position: Vector | None = Field(
+        default=None,
+        description="Point of a rigid body, in its basic frame and unit of length.",
+        examples=[[0, 0, 0]],
+    )
+    dofs: DofNames | None = Field(
+        default=None,
+        min_length=1,
+        description="Dofs that belong to the interface, by default those of 123456 that the node or set has.",
+        examples=[123],
+    )
+    frame: FrameKeys | None = Field(
+        default=None,
+        description="Axes of joints on this interface; by default those of its first node.",
+        examples=[{"axis": "z", "angle": "30 deg"}],
+    )
+    tie: NotAvailable = Field(
+        default=None, description="Ties several nodes to one point (rigid, average). Not available in this version."
+    )
+
+    @model_validator(mode="after")
+    def _one_place(self) -> InterfaceKeys:
+        exactly_one(self, ("node", "nodes", "set", "position"), "an interface")
+        return self
+
+    @property
+    def components(self) -> tuple[int, ...]:
+        """Component numbers 1..6 that count where the body has them."""
+        return tuple(range(1, 7)) if self.dofs is None else tuple(dof_index(name) + 1 for name in self.dofs)

@@ -1,0 +1,166 @@
+"""Read a pipeline file: includes, overrides, validation, and one message for all that is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from cmsreduce.config.consistency import findings
+from cmsreduce.config.grammar import Pipeline
+from cmsreduce.config.grammar_tree import is_mapping_of_values, models_at
+from cmsreduce.config.located import Entry, Location, merge, parse, plain
+from cmsreduce.config.problems import config_error, located, problems_of
+from cmsreduce.config.suggestion import closest
+from cmsreduce.errors import ConfigError, ReadError
+from cmsreduce.model.scene import DOF_NAMES
+
+__all__ = ["load_pipeline"]
+
+
+def load_pipeline(path: Path, overrides: Sequence[str] = ()) -> Pipeline:
+    """Read and check a pipeline file; the data files it names are not opened.
+
+    Parameters
+    ----------
+    path : Path
+        YAML 1.2 file. Names of data files in it, and in files it includes, are relative to the file they are
+        written in; ``output`` is relative to the working directory.
+    overrides : sequence of str
+        ``a.b=value`` each, the value as YAML; they win over the file, later ones over earlier ones. A mapping takes
+        the place of the one in the file, while an included file is merged key by key.
+
+    Returns
+    -------
+    Pipeline
+        Its ``include`` names every file that was included, directly or not.
+
+    Raises
+    ------
+    ReadError
+        If the file, or one it includes, is missing or cannot be read.
+    ConfigError
+        One line for each thing that is wrong: file, line, key, what was found, what is expected.
+    """
+    included: list[Path] = []
+    root = _read(Path(path), (), included)
+    for text in overrides:
+        root = merge(root, _override(root, text), _adapt)
+    if included and isinstance(root.value, dict):
+        files = [Entry(str(file), root.where) for file in included]
+        root = Entry({**root.value, "include": Entry(files, root.where)}, root.where)
+    try:
+        pipeline = Pipeline.model_validate(plain(root))
+    except ValidationError as error:
+        raise config_error(problems_of(root, error.errors(include_url=False))) from None
+    problems = [located(root, finding.keys, finding.message) for finding in findings(pipeline)]
+    if problems:
+        raise config_error(problems)
+    return pipeline
+
+
+def _read(path: Path, chain: tuple[Path, ...], included: list[Path]) -> Entry:
+    """Tree of a file with its includes merged in; ``chain`` are the files that lead to it."""
+    root = parse(_text_of(path), str(path), path.parent)
+    if root.value is None:
+        raise ConfigError(f"{path}: the file is empty; `cmsreduce new NAME` writes one to start from")
+    if not isinstance(root.value, dict):
+        raise ConfigError(f"{root.where}: a mapping of keys is expected, such as 'components:' and 'scene:'")
+    keys = dict(root.value)
+    include = keys.pop("include", None)
+    own = Entry(keys, root.where)
+    if include is None or include.value is None:
+        return own
+    base: Entry | None = None
+    chain = (*chain, path)
+    for entry in include.value if isinstance(include.value, list) else [include]:
+        file = _included_file(entry, chain)
+        if file not in included:
+            included.append(file)
+        tree = _read(file, chain, included)
+        base = tree if base is None else merge(base, tree, _adapt)
+    return own if base is None else merge(base, own, _adapt)
+
+
+def _included_file(entry: Entry, chain: tuple[Path, ...]) -> Path:
+    if not isinstance(entry.value, str) or not entry.value:
+        raise ConfigError(f"{entry.where}: key 'include' takes file names, e.g. [../configs/default.yaml]")
+    file = entry.where.folder / Path(entry.value).expanduser()
+    if not file.is_file():
+        raise ReadError(f"{entry.where}: key 'include': there is no file {file}{_similar(file)}")
+    if file.resolve() in [earlier.resolve() for earlier in chain]:
+        circle = " -> ".join(str(item) for item in (*chain, file))
+        raise ConfigError(f"{entry.where}: key 'include': files include each other in a circle: {circle}")
+    return file
+
+
+def _text_of(path: Path) -> str:
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        raise ReadError(f"{path}: there is no such file{_similar(path)}") from None
+    except OSError as error:
+        raise ReadError(f"{path}: the file cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise ConfigError(f"{path}:{line}: this is not UTF-8 text: save the file as UTF-8") from None
+
+
+def _similar(path: Path) -> str:
+    """Name a file beside the missing one that is probably meant."""
+    folder = path.parent
+    beside = [file.name for file in folder.iterdir()] if folder.is_dir() else []
+    meant = closest(path.name, beside)
+    return f", did you mean {folder / meant}?" if meant else ""
+
+
+def _override(root: Entry, text: str) -> Entry:
+    """Tree of one key for ``a.b=value``."""
+    path, sign, value = text.partition("=")
+    parts = path.strip().split(".")
+    if not sign or not all(parts):
+        raise ConfigError(f"--set {text}: write KEY=VALUE, e.g. --set balance.keep.frf_error=0.01")
+    where = Location(f"--set {text}", None, Path())
+    if not value.strip():
+        raise ConfigError(f"{where}: there is no value: write null to leave a key out")
+    if parts[0] == "include":
+        raise ConfigError(f"{where}: files are included before keys are set: write 'include' into the file")
+    entry = Entry(parse(value, where.source, where.folder, in_override=True).value, where, whole=True)
+    for key in reversed(_split(root, parts)):
+        entry = Entry({key: entry}, where)
+    return entry
+
+
+def _split(root: Entry, parts: list[str]) -> list[str]:
+    """Keys of an override, of which some hold dots themselves: ``scene.sensors.los.rows.rotor.1300.x``."""
+    keys: list[str] = []
+    entry: Entry | None = root
+    while parts:
+        known = entry.value if entry is not None and isinstance(entry.value, (dict, list)) else {}
+        count = next((n for n in range(len(parts), 1, -1) if ".".join(parts[:n]) in known), 1)
+        if is_mapping_of_values(keys):
+            count = len(parts)
+        elif keys == ["scene", "articulation"] and len(parts) > 1 and parts[1] in DOF_NAMES:
+            count = 2
+        key, parts = ".".join(parts[:count]), parts[count:]
+        keys.append(key)
+        if isinstance(known, list):
+            entry = known[int(key)] if key.isdigit() and int(key) < len(known) else None
+        else:
+            entry = known.get(key)
+    return keys
+
+
+def _adapt(keys: tuple[str, ...], base: Entry, over: Entry) -> Entry:
+    """Write out a short form that keys are merged into, and clear what another alternative replaces."""
+    path = [int(key) if key.isdigit() else key for key in keys]
+    for model in models_at(path):
+        if model.short_key and not isinstance(base.value, (dict, list)) and base.value is not None:
+            base = Entry({model.short_key: base}, base.where)
+        if not isinstance(base.value, dict) or not isinstance(over.value, dict):
+            continue
+        chosen = {key for key in over.value if key in model.alternatives}
+        if chosen and any(key in base.value for key in model.alternatives if key not in chosen):
+            return Entry({}, base.where)
+    return base

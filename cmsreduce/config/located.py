@@ -1,0 +1,274 @@
+"""YAML as a tree that remembers where each entry was written, so that a message can name file and line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+
+from cmsreduce.errors import ConfigError
+
+__all__ = ["Adapt", "Entry", "Location", "Text", "find", "merge", "parse", "plain"]
+
+_TAG = "tag:yaml.org,2002:"
+# Dates and the lone '=' have tags of their own in YAML; a pipeline means the characters.
+_TEXT_TAGS = {_TAG + name for name in ("str", "timestamp", "value")}
+_NUMBER_TAGS = {_TAG + name for name in ("int", "float", "bool")}
+
+
+@dataclass(frozen=True)
+class Location:
+    """Where an entry was written.
+
+    Parameters
+    ----------
+    source : str
+        File as the user named it, or the override in full.
+    line : int, optional
+        Line from 1; None for an override.
+    folder : Path
+        Folder that file names in it are relative to.
+    """
+
+    source: str
+    line: int | None
+    folder: Path
+
+    def __str__(self) -> str:
+        return self.source if self.line is None else f"{self.source}:{self.line}"
+
+
+class Text(str):
+    """A text that knows the folder its file stands in."""
+
+    folder: Path
+
+    @classmethod
+    def at(cls, text: str, folder: Path) -> Text:
+        """Text written in a file of this folder."""
+        made = cls(text)
+        made.folder = folder
+        return made
+
+
+Value = dict[str, "Entry"] | list["Entry"] | str | int | float | bool | None
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A value and where its key was written.
+
+    Parameters
+    ----------
+    value : mapping of str to Entry, list of Entry, or scalar
+        What was written.
+    where : Location
+        Of the key, or of the item of a list.
+    whole : bool
+        Whether it takes the place of a mapping instead of being merged into it.
+    """
+
+    value: Value
+    where: Location
+    whole: bool = False
+
+
+Adapt = Callable[[tuple[str, ...], Entry, Entry], Entry]
+"""``adapt(keys, base, over)``: the base that a mapping is merged into."""
+
+
+def parse(text: str, source: str, folder: Path, in_override: bool = False) -> Entry:
+    """Read one YAML 1.2 document, without objects, keys given twice, or keys without a value.
+
+    Parameters
+    ----------
+    text : str
+        The document.
+    source : str
+        Name of its file for messages, or the override it is the value of.
+    folder : Path
+        Folder that file names in it are relative to.
+    in_override : bool
+        Whether it is the value of an override, which has no lines.
+
+    Raises
+    ------
+    ConfigError
+        Naming file, line, column and what is wrong.
+    """
+    yaml = YAML(typ="safe", pure=True)
+    try:
+        node = yaml.compose(text)
+    except MarkedYAMLError as error:
+        _refuse_syntax(error, source, in_override)
+    except YAMLError as error:
+        raise ConfigError(f"{source}: this is not YAML text: {' '.join(str(error).split())}") from None
+    reader = _Reader(yaml, source, folder, in_override)
+    where = reader.location(node.start_mark.line if node is not None else 0)
+    return Entry(None, where) if node is None else Entry(reader.value(node, "", ()), where)
+
+
+def _refuse_syntax(error: MarkedYAMLError, source: str, in_override: bool) -> NoReturn:
+    mark = error.problem_mark or error.context_mark
+    where = source if mark is None or in_override else f"{source}:{mark.line + 1}:{mark.column + 1}"
+    parts = [part for part in (error.context, error.problem) if part]
+    problem = ", ".join(parts) or "the text cannot be read"
+    remedy = ""
+    if "\\t" in problem:
+        remedy = "; YAML is indented with spaces, not with tabs"
+    elif "mapping values are not allowed" in problem:
+        remedy = "; a text that holds ': ' needs quotes, and keys of one mapping the same indentation"
+    elif "another document" in problem:
+        remedy = "; a pipeline is one document, without '---' inside"
+    raise ConfigError(f"{where}: YAML syntax: {problem}{remedy}") from None
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Turns the nodes of one document into entries."""
+
+    yaml: YAML
+    source: str
+    folder: Path
+    in_override: bool
+
+    def location(self, line: int) -> Location:
+        return Location(self.source, None if self.in_override else line + 1, self.folder)
+
+    def value(self, node: Node, path: str, above: tuple[int, ...]) -> Value:
+        if id(node) in above:
+            raise ConfigError(f"{self.location(node.start_mark.line)}: key '{path}' contains itself through an alias")
+        above = (*above, id(node))
+        if isinstance(node, MappingNode):
+            return self.mapping(node, path, above)
+        if isinstance(node, SequenceNode):
+            return [
+                Entry(self.value(item, f"{path}[{k}]", above), self.location(item.start_mark.line))
+                for k, item in enumerate(node.value)
+            ]
+        return self.scalar(node, path)
+
+    def mapping(self, node: MappingNode, path: str, above: tuple[int, ...]) -> dict[str, Entry]:
+        own: dict[str, Entry] = {}
+        merged: dict[str, Entry] = {}
+        for key, item in node.value:
+            where = self.location(key.start_mark.line)
+            if not isinstance(key, ScalarNode):
+                raise ConfigError(
+                    f"{where}: a key of '{path or 'the file'}' is a list or mapping; keys are plain words"
+                )
+            if key.tag == _TAG + "merge":
+                merged = {**merged, **self.merged(item, path, above)}
+                continue
+            name = str(key.value)
+            inner = f"{path}.{name}" if path else name
+            if name in own:
+                raise ConfigError(f"{where}: key '{inner}' is given twice, first in line {own[name].where.line}")
+            if isinstance(item, ScalarNode) and item.tag == _TAG + "null" and not item.value:
+                raise ConfigError(
+                    f"{where}: key '{inner}' has no value: write {{}} to take the defaults, null to leave it out"
+                )
+            own[name] = Entry(self.value(item, inner, above), where)
+        return {**merged, **own}
+
+    def merged(self, node: Node, path: str, above: tuple[int, ...]) -> dict[str, Entry]:
+        sources = node.value if isinstance(node, SequenceNode) else [node]
+        found: dict[str, Entry] = {}
+        for source in sources:
+            if id(source) in above:
+                raise ConfigError(f"{self.location(node.start_mark.line)}: '<<' in '{path}' takes in itself")
+            if not isinstance(source, MappingNode):
+                raise ConfigError(f"{self.location(node.start_mark.line)}: '<<' in '{path}' takes a mapping")
+            # The first of several merged mappings wins, as YAML has it.
+            found = {**self.mapping(source, path, (*above, id(source))), **found}
+        return found
+
+    def scalar(self, node: Node, path: str) -> str | int | float | bool | None:
+        text = str(node.value)
+        if node.tag in _TEXT_TAGS:
+            return Text.at(text, self.folder)
+        if node.tag == _TAG + "null":
+            return None
+        where = self.location(node.start_mark.line)
+        if node.tag not in _NUMBER_TAGS:
+            tag = str(node.tag).replace(_TAG, "!!")
+            raise ConfigError(f"{where}: key '{path}' has the tag {tag}; a pipeline is plain YAML, without tags")
+        try:
+            number: int | float | bool = self.yaml.constructor.construct_object(node)
+        except (ValueError, YAMLError):
+            raise ConfigError(f"{where}: key '{path}': '{text}' is not a number") from None
+        return number
+
+
+def plain(entry: Entry) -> object:
+    """Values without their places; texts keep their folder."""
+    if isinstance(entry.value, dict):
+        return {key: plain(item) for key, item in entry.value.items()}
+    if isinstance(entry.value, list):
+        return [plain(item) for item in entry.value]
+    return entry.value
+
+
+def find(root: Entry, keys: Sequence[str | int]) -> tuple[Entry, tuple[str | int, ...]]:
+    """Innermost entry that keys lead to, and those of them that were followed.
+
+    Keys that are not in the tree are passed over: a validator puts names of its own among them.
+    """
+    entry, followed = root, list[str | int]()
+    for key in keys:
+        below = _below(entry.value, key)
+        if below is not None:
+            entry = below
+            followed.append(key)
+    return entry, tuple(followed)
+
+
+def _below(value: Value, key: str | int) -> Entry | None:
+    if isinstance(value, dict) and isinstance(key, str):
+        return value.get(key)
+    if isinstance(value, list) and isinstance(key, int) and 0 <= key < len(value):
+        return value[key]
+    return None
+
+
+def merge(base: Entry, over: Entry, adapt: Adapt, keys: tuple[str, ...] = ()) -> Entry:
+    """Deep merge: mappings key by key unless they are whole, everything else replaced by ``over``.
+
+    An override may name an item of a list by its number, from 0.
+
+    Parameters
+    ----------
+    base, over : Entry
+        ``over`` wins; its keys come after those of ``base``.
+    adapt : callable
+        Writes out the short form of ``base`` and drops the alternatives that ``over`` replaces.
+    keys : tuple of str
+        Where in the tree both stand.
+    """
+    if over.whole or not isinstance(over.value, dict):
+        return over
+    if isinstance(base.value, list) and over.where.line is None and all(key.isdigit() for key in over.value):
+        return Entry(_merge_items(base.value, over.value, adapt, keys), base.where)
+    base = adapt(keys, base, over)
+    if not isinstance(base.value, dict):
+        return over
+    joined = dict(base.value)
+    for key, item in over.value.items():
+        joined[key] = merge(joined[key], item, adapt, (*keys, key)) if key in joined else item
+    # An override has one key; what the mapping lacks besides is to be mended in the file.
+    return Entry(joined, base.where if over.where.line is None else over.where)
+
+
+def _merge_items(items: list[Entry], over: dict[str, Entry], adapt: Adapt, keys: tuple[str, ...]) -> list[Entry]:
+    joined = list(items)
+    for key, item in over.items():
+        if int(key) >= len(joined):
+            path = ".".join(keys)
+            raise ConfigError(f"{item.where}: '{path}' has {len(joined)} items, counted from 0: there is no {key}")
+        joined[int(key)] = merge(joined[int(key)], item, adapt, (*keys, key))
+    return joined

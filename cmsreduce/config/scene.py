@@ -1,0 +1,161 @@
+"""The scene as the stages take it, built from the keys of a pipeline."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import product
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.config.channels import ActuatorKeys, SensorKeys, parse_row
+from cmsreduce.config.consistency import findings
+from cmsreduce.config.grammar import Pipeline
+from cmsreduce.config.joint_motion import free_dof, free_dof_named, setting
+from cmsreduce.config.keys import parse_point
+from cmsreduce.config.quantities import Quantity
+from cmsreduce.errors import SceneError
+from cmsreduce.model.scene import (
+    Channel,
+    Configuration,
+    Joint,
+    JointTerm,
+    PointTerm,
+    Scene,
+    StrutTerm,
+    dof_index,
+)
+
+__all__ = ["build_scene"]
+
+_FIRST_ROTATION = 3
+_Quantity = Literal["translation", "rotation", "combination"]
+
+
+def build_scene(pipeline: Pipeline) -> Scene:
+    """Joints, configurations, channels and placements of a pipeline.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+        Checked keys.
+
+    Returns
+    -------
+    Scene
+        Frequencies in Hz, angles in rad, lengths in the scene's unit; the base is named.
+
+    Raises
+    ------
+    SceneError
+        If a part of the pipeline refers to another that is not there.
+    """
+    wrong = [f"{'.'.join(map(str, finding.keys))}: {finding.message}" for finding in findings(pipeline)]
+    if wrong:
+        raise SceneError("\n".join(wrong))
+    keys, units = pipeline.scene, pipeline.units
+    return Scene(
+        bodies=tuple(pipeline.components),
+        band=keys.band,
+        joints=tuple(_joints(pipeline)),
+        configurations=tuple(_configurations(pipeline)),
+        actuators=tuple(_actuator(pipeline, name, actuator) for name, actuator in keys.actuators.items()),
+        sensors=tuple(channel for name, sensor in keys.sensors.items() for channel in _sensor(pipeline, name, sensor)),
+        base=keys.base or next(iter(pipeline.components)),
+        ground=tuple(parse_point(text) for text in keys.ground),
+        placements={
+            name: component.place.placement(units)
+            for name, component in pipeline.components.items()
+            if component.place is not None
+        },
+        units=units,
+    )
+
+
+def _joints(pipeline: Pipeline) -> Iterator[Joint]:
+    for name, joint in pipeline.scene.joints.items():
+        first, second = (parse_point(text) for text in joint.connect)
+        offset = None
+        if joint.offset is not None:
+            x, y, z = (item.length_in(pipeline.units) for item in joint.offset)
+            offset = (x, y, z)
+        yield Joint(name, first, second, frozenset(dof_index(dof) for dof in joint.free), offset)
+
+
+def _configurations(pipeline: Pipeline) -> Iterator[Configuration]:
+    """Every combination of settings, the last joint turning fastest, or the named ones."""
+    articulation = pipeline.scene.articulation
+    if articulation is None or not (articulation.product or articulation.named):
+        yield Configuration("as built")
+        return
+    if articulation.named is not None:
+        for named in articulation.named:
+            yield _configuration(pipeline, named.joints, named.name)
+        return
+    settings = articulation.product or {}
+    for values in product(*(listed.quantities() for listed in settings.values())):
+        yield _configuration(pipeline, dict(zip(settings, values, strict=True)), None)
+
+
+def _configuration(pipeline: Pipeline, settings: dict[str, Quantity], name: str | None) -> Configuration:
+    angles: dict[tuple[str, int], float] = {}
+    labels: list[str] = []
+    for key, quantity in settings.items():
+        joint, dof = free_dof_named(pipeline.scene, key)
+        value = setting(dof, quantity, pipeline.units)
+        angles[joint, dof] = value
+        # Adding zero turns -0 into 0; six digits hide the round-off of degrees.
+        labels.append(f"{key}={(math.degrees(value) if dof >= _FIRST_ROTATION else value) + 0.0:.6g}")
+    return Configuration(name or " ".join(labels) or "as built", angles)
+
+
+def _actuator(pipeline: Pipeline, name: str, actuator: ActuatorKeys) -> Channel:
+    if actuator.at is None:
+        return _shared_form(pipeline, name, actuator, rate=False)
+    vector = np.zeros(6)
+    quantity: _Quantity
+    if actuator.force is not None:
+        vector[:_FIRST_ROTATION], quantity = actuator.force, "translation"
+    else:
+        vector[_FIRST_ROTATION:], quantity = actuator.torque, "rotation"
+    return Channel(name, (PointTerm(parse_point(actuator.at), vector),), quantity)
+
+
+def _sensor(pipeline: Pipeline, name: str, sensor: SensorKeys) -> Iterator[Channel]:
+    """One channel for each motion measured."""
+    if sensor.at is None:
+        yield _shared_form(pipeline, name, sensor, sensor.rate)
+        return
+    point, motions = parse_point(sensor.at), sensor.measure or ()
+    for motion in motions:
+        index = dof_index(motion)
+        label = name if len(motions) == 1 else f"{name}.{motion}"
+        yield Channel(label, (PointTerm(point, _along(index)),), _kind({index}), sensor.rate)
+
+
+def _shared_form(pipeline: Pipeline, name: str, keys: ActuatorKeys | SensorKeys, rate: bool) -> Channel:
+    """Channel on a joint, between two points, or of rows: the same for actuators and sensors."""
+    if keys.joint is not None:
+        dof = free_dof(pipeline.scene, keys.joint, keys.dof)
+        return Channel(name, (JointTerm(keys.joint, dof),), _kind({dof}), rate)
+    if keys.between is not None:
+        a, b = (parse_point(text) for text in keys.between)
+        return Channel(name, (StrutTerm(a, b),), "translation", rate)
+    rows = [(*parse_row(row), weight) for row, weight in (keys.rows or {}).items()]
+    terms = tuple(PointTerm(point, _along(dof, weight)) for point, dof, weight in rows)
+    return Channel(name, terms, _kind({dof for _, dof, _ in rows}), rate)
+
+
+def _along(dof: int, weight: float = 1.0) -> NDArray[np.float64]:
+    direction = np.zeros(6)
+    direction[dof] = weight
+    return direction
+
+
+def _kind(dofs: set[int]) -> _Quantity:
+    rotations = {dof >= _FIRST_ROTATION for dof in dofs}
+    if len(rotations) > 1:
+        return "combination"
+    return "rotation" if True in rotations else "translation"

@@ -1,0 +1,111 @@
+"""Keys of the scene: what the bodies are for."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BeforeValidator, Field, WithJsonSchema, field_validator
+
+from cmsreduce.config.articulation import Articulation
+from cmsreduce.config.channels import ActuatorKeys, Pair, SensorKeys
+from cmsreduce.config.keys import DofNames, Keys, Name, OneOrMore, PointName, UnitSystem, WrittenVector, reported
+from cmsreduce.config.quantities import Quantity, measure, parse_quantity
+
+__all__ = ["JointKeys", "SceneKeys"]
+
+
+def _parse_band(value: object) -> tuple[float, float]:
+    """Read the upper end, or both ends; a unit on one of them holds for both."""
+    items = list(value) if isinstance(value, (list, tuple)) else [0, value]
+    if len(items) != 2:
+        raise ValueError(f"a highest frequency or two ends are expected, e.g. [0.01 Hz, 10 Hz], found {len(items)}")
+    ends = [parse_quantity(item) for item in items]
+    units = {end.unit for end in ends if end.unit}
+    if len(units) == 1:
+        unit = next(iter(units))
+        ends = [Quantity(end.value, unit) for end in ends]
+    high, low = (measure(end, "frequency", 1.0) for end in reversed(ends))
+    if not 0 <= low < high:
+        raise ValueError(f"the band from {low:g} to {high:g} Hz is empty, e.g. 10 Hz or [0.01 Hz, 10 Hz]")
+    return low, high
+
+
+Band = Annotated[
+    tuple[float, float],
+    BeforeValidator(reported(_parse_band)),
+    WithJsonSchema({"type": ["number", "string", "array"], "items": {"type": ["number", "string"]}, "maxItems": 2}),
+]
+"""Lowest and highest frequency in Hz."""
+
+
+class JointKeys(Keys):
+    """A connection of two interfaces; its axes are those of the first."""
+
+    connect: Pair = Field(
+        description="The two interfaces, COMPONENT.INTERFACE.", examples=[["stator.spin_bearing", "rotor.spin_bearing"]]
+    )
+    free: DofNames = Field(
+        default=(),
+        description="Motions that are free, along the axes of the first interface; the others are locked. By default, "
+        "and with none, all are: a weld.",
+        examples=["[rz]"],
+    )
+    offset: WrittenVector | None = Field(
+        default=None,
+        description="Rigid arm from the first interface to the second in the first body's basic frame, in the scene's "
+        "unit of length or with units, where the two do not coincide.",
+        examples=[[0, 0, "120 mm"]],
+    )
+
+    @field_validator("offset")
+    @classmethod
+    def _lengths(cls, offset: tuple[Quantity, ...] | None) -> tuple[Quantity, ...] | None:
+        for item in offset or ():
+            if item.unit and item.dimension != "length":
+                raise ValueError(f"{item} is no length, e.g. 3 mm")
+        return offset
+
+
+class SceneKeys(Keys):
+    """Joints, articulation, actuators, sensors and the band of frequencies: they decide which modes matter."""
+
+    band: Band = Field(
+        description="Frequencies where accuracy is asked for: the highest, or both ends; Hz unless written (rpm, "
+        "rad/s, kHz).",
+        examples=["10 Hz"],
+    )
+    joints: dict[Name, JointKeys] = Field(
+        default={},
+        description="Connections of the bodies.",
+        examples=[{"spin": {"connect": ["stator.bearing", "rotor.bearing"], "free": ["rz"]}}],
+    )
+    articulation: Articulation | None = Field(
+        default=None,
+        description="Settings of free joints at which the system is assembled and checked: all combinations of a "
+        "mapping JOINT or JOINT.DOF: [values] or {from, to, steps}, or a list of named configurations.",
+        examples=[{"spin": [0, 45, "90 deg"]}],
+    )
+    actuators: dict[Name, ActuatorKeys] = Field(
+        default={}, description="Inputs by name.", examples=[{"motor": {"joint": "spin", "dof": "rz"}}]
+    )
+    sensors: dict[Name, SensorKeys] = Field(
+        default={},
+        description="Outputs by name.",
+        examples=[{"gyro": {"at": "platform.cg", "measure": ["rx"], "rate": True}}],
+    )
+    ground: Annotated[tuple[PointName, ...], OneOrMore()] = Field(
+        default=(),
+        description="Interface or interfaces that are held to the ground; without them the system floats free.",
+        examples=["platform.hinge"],
+    )
+    base: Name | None = Field(
+        default=None,
+        description="Body that articulation does not move; by default the first component (those of included files "
+        "come before those of the file).",
+        examples=["platform"],
+    )
+    units: UnitSystem = Field(
+        default="m-kg-s",
+        description="Unit system of the scene, length-mass-time; every body is converted to it.",
+        examples=["m-kg-s"],
+    )

@@ -1,0 +1,194 @@
+"""Keys of the stages: reduce, balance, verify, write."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal, get_args
+
+from pydantic import (
+    AliasChoices,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    GetJsonSchemaHandler,
+    Strict,
+    Tag,
+    model_validator,
+)
+from pydantic_core import CoreSchema
+
+from cmsreduce.config.keys import Count, Flag, Keys, Name, Plain, Positive, one_of
+
+__all__ = ["BalanceKeys", "FrfKeys", "KeepKeys", "LimitKeys", "RankingKeys", "ReduceKeys", "VerifyKeys", "WriteKeys"]
+
+Method = Literal["craig-bampton", "guyan"]
+Rank = Literal["gregory", "frequency"]
+Format = Literal["hdf5"]
+KeepRule = Literal["all", "modes", "fraction", "frf_error"]
+
+_PLANNED_METHODS = ("macneal-rubin", "benfield-hruda", "augmented")
+_PLANNED_RANKINGS = ("hankel", "component-cost")
+_PLANNED_FORMATS = ("nastran", "treetops", "contops", "discos", "dads", "mbdyn", "mbsim", "sid", "42", "exudyn")
+
+
+class ReduceKeys(Keys):
+    """Which mode set a body is reduced with, and up to which frequency."""
+
+    method: Annotated[Method, one_of(get_args(Method), _PLANNED_METHODS)] = Field(
+        default="craig-bampton",
+        description="Mode set. craig-bampton: fixed-interface and constraint modes; guyan: constraint modes only.",
+        examples=["craig-bampton"],
+    )
+    cutoff: Positive = Field(
+        default=2.0,
+        description="Normal modes are kept up to this multiple of the upper end of scene.band.",
+        examples=[2.0],
+    )
+
+
+def _check_modes(value: object) -> object:
+    if isinstance(value, bool) or not isinstance(value, (int, dict)):
+        raise ValueError(f"a number of modes or a mapping COMPONENT: NUMBER is expected, e.g. 20, found {value!r}")
+    if isinstance(value, int) and value < 0:
+        raise ValueError(f"{value} modes cannot be kept")
+    return value
+
+
+Modes = Annotated[
+    Annotated[int, Strict(), Tag("number")] | Annotated[dict[Name, Count], Tag("mapping")],
+    Discriminator(lambda value: "number" if isinstance(value, int) else "mapping"),
+    BeforeValidator(_check_modes),
+]
+"""A number, or a number for each body named."""
+
+
+class KeepKeys(Keys):
+    """How many of the ranked modes stay: one of the keys, or ``all``."""
+
+    alternatives: ClassVar[tuple[str, ...]] = ("modes", "fraction", "hankel_fraction", "frf_error")
+    short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"const": "all"},)
+
+    modes: Modes | None = Field(
+        default=None,
+        description="Number of elastic modes that stay, for every body or by name; a body not named keeps all.",
+        examples=[20],
+    )
+    fraction: Positive | None = Field(
+        default=None,
+        lt=1,
+        validation_alias=AliasChoices("fraction", "hankel_fraction"),
+        description="Modes with at least this fraction of their body's largest influence stay (also hankel_fraction).",
+        examples=[1e-4],
+    )
+    frf_error: Positive | None = Field(
+        default=None,
+        description="The smallest model whose frf_error stays below this, at every configuration.",
+        examples=[0.01],
+    )
+
+    @classmethod
+    def written_out(cls, value: object) -> object:
+        """``all`` is no rule at all."""
+        if value == "all":
+            return {}
+        if isinstance(value, (str, int, float, list)):
+            raise ValueError(
+                f"`all` or a mapping is expected, e.g. {{modes: 20}} or {{frf_error: 0.01}}: found {value!r}"
+            )
+        return value
+
+    @model_validator(mode="after")
+    def _one_rule(self) -> KeepKeys:
+        given = [name for name in ("modes", "fraction", "frf_error") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)} are two rules: keep one")
+        return self
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Schema with the second name of a key, which pydantic leaves out."""
+        schema = super().__get_pydantic_json_schema__(core_schema, handler)
+        properties = schema["anyOf"][0]["properties"]
+        properties["hankel_fraction"] = properties["fraction"]
+        return schema
+
+    @property
+    def rule(self) -> KeepRule:
+        """Name of the rule in force."""
+        if self.modes is not None:
+            return "modes"
+        if self.fraction is not None:
+            return "fraction"
+        return "frf_error" if self.frf_error is not None else "all"
+
+    def modes_of(self, component: str) -> int | None:
+        """Elastic modes that a body keeps; None for all of them."""
+        return self.modes.get(component) if isinstance(self.modes, Mapping) else self.modes
+
+
+class RankingKeys(Keys):
+    """A ranking and what is kept of it."""
+
+    rank: Annotated[Rank, one_of(get_args(Rank), _PLANNED_RANKINGS)] = Field(
+        default="gregory",
+        description="Order of the modes. gregory: modal influence coefficient; frequency: lowest first.",
+        examples=["gregory"],
+    )
+    keep: KeepKeys = Field(
+        default=KeepKeys(), description="How many of the ranked modes stay.", examples=[{"modes": 20}]
+    )
+
+
+class BalanceKeys(RankingKeys):
+    """Rank the modes by their influence in the scene, and keep those that matter."""
+
+
+class FrfKeys(Keys):
+    """Where the frequency responses are compared."""
+
+    points: Annotated[int, Strict(), Field(ge=2)] = Field(
+        default=400,
+        description="Points of the frequency grid over the band, before it is refined at resonances.",
+        examples=[400],
+    )
+
+
+class LimitKeys(Keys):
+    """Largest errors that pass; a limit that is left out is not checked."""
+
+    frf_error: Positive | None = Field(
+        default=None,
+        description="Relative error of the elastic response over the band, at the worst configuration.",
+        examples=[0.05],
+    )
+    db_error: Positive | None = Field(
+        default=None, description="99th percentile of the error in the band, in dB.", examples=[1.0]
+    )
+    frequency_error: Positive | None = Field(
+        default=None, description="Relative error of the system's natural frequencies in the band.", examples=[1e-3]
+    )
+
+
+class VerifyKeys(Keys):
+    """Compare the reduced system with the full one at every configuration."""
+
+    frf: FrfKeys = Field(default=FrfKeys(), description="Grid of the frequency responses.")
+    limits: LimitKeys = Field(default=LimitKeys(), description="Errors beyond which the run fails.")
+    compare: dict[Plain, RankingKeys] = Field(
+        default={},
+        description="Other rankings to show beside the model of the run, by label; limits do not apply to them.",
+        examples=[{"by_frequency": {"rank": "frequency", "keep": {"modes": 19}}}],
+    )
+
+
+class WriteKeys(Keys):
+    """Which files the reduced bodies are written to."""
+
+    formats: tuple[Annotated[Format, one_of(get_args(Format), _PLANNED_FORMATS)], ...] = Field(
+        default=("hdf5",), min_length=1, description="Formats of the component files.", examples=[["hdf5"]]
+    )
+    all_nodes: Flag = Field(
+        default=False,
+        description="Write shapes at every node, not only where interfaces, actuators and sensors are.",
+        examples=[True],
+    )
