@@ -103,13 +103,12 @@ for _stage, _text in _STAGE_VERBS.items():
 
 @main.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--geometry", type=click.Path(path_type=Path), help="Deck or mesh that the matrices belong to.")
-def inspect(files: tuple[Path, ...], geometry: Path | None) -> None:
-    """Show what is in matrix files, decks, component files and pipelines."""
-    from cmsreduce.inspection import describe
+def inspect(files: tuple[Path, ...]) -> None:
+    """Show what is in matrix files, decks, meshes and component files, or check the bodies of a pipeline."""
+    from cmsreduce.pipeline.inspection import describe
 
     for path in files:
-        for line in describe(path, geometry):
+        for line in describe(path):
             click.echo(line)
 
 
@@ -118,7 +117,7 @@ def inspect(files: tuple[Path, ...], geometry: Path | None) -> None:
 @click.option("--max", "maxima", multiple=True, metavar="KEY=VALUE", help="Largest value allowed: frf_error=0.05.")
 def check(path: Path, maxima: tuple[str, ...]) -> None:
     """Check a run directory or a component file against limits, for CI; exit code 0 or 1."""
-    from cmsreduce.inspection import run_checks
+    from cmsreduce.pipeline.inspection import run_checks
 
     passed = True
     for found in run_checks(path, maxima):

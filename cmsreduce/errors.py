@@ -12,6 +12,7 @@ __all__ = [
     "SingularInterfaceError",
     "StageError",
     "UnitsError",
+    "WriteError",
 ]
 
 
@@ -57,3 +58,7 @@ class DampingError(CmsReduceError):
 
 class StageError(CmsReduceError):
     """A stage asked for before the stages it builds on have been run."""
+
+
+class WriteError(CmsReduceError):
+    """A result that cannot be written where it belongs."""

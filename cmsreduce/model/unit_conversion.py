@@ -11,7 +11,6 @@ import scipy.sparse as sp
 from cmsreduce.model.body import FEModel, RigidBody
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.interface import Interface
-from cmsreduce.model.nodes import Nodes
 from cmsreduce.model.units import Units
 
 __all__ = ["in_units", "rigid_in_units"]
@@ -50,7 +49,7 @@ def in_units(body: FEModel, units: Units) -> FEModel:
         K=restated(body.K, 0),
         M=restated(body.M, 2),
         D=None if body.D is None else restated(body.D, 1),
-        nodes=body.nodes and Nodes(body.nodes.id, body.nodes.xyz * length, body.nodes.frame),
+        nodes=body.nodes and replace(body.nodes, xyz=body.nodes.xyz * length),
         interfaces=_faces(body.interfaces, length),
         damping=damping,
         units=units,

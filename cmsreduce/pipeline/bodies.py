@@ -108,7 +108,7 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     if proof.status == "proven":
         checks.append(Check("row order: K times rigid motions", proof.residual, proof.tolerance))
     else:
-        notes.append(f"{name}: the row order could not be proven ({proof.status})")
+        notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
     if body.damping.law == "none" and body.D is None:
         notes.append(f"{name}: no damping is given; its resonances are infinite")
     return FlexibleBody(body, body_ports(body, scene), rigid, tuple(checks), tuple(notes))

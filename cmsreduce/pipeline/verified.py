@@ -72,7 +72,7 @@ def verified_from(
         for m, label in enumerate(facts["models"]):
             series = {name: np.asarray(arrays[f"{c}.{m}.{name}"]) for name in _SERIES}
             figures: dict[str, Any] = row["errors"][m]
-            errors[label] = ModelErrors(**figures, **series)
+            errors[label] = ModelErrors(**{**figures, **series})
             curves[label] = arrays[f"{c}.{m}.response"]
         response = Response(arrays[f"{c}.frequency_hz"], arrays[f"{c}.full"], curves)
         results.append(

@@ -1,0 +1,151 @@
+"""Carry out a run up to a stage, and put its results where users look for them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cmsreduce.config import load_pipeline
+from cmsreduce.errors import ReadError
+from cmsreduce.model import Configuration, RunResult
+from cmsreduce.pipeline.progress import Silent
+from cmsreduce.pipeline.result import component_checks, run_result
+from cmsreduce.pipeline.run import STAGES, Run
+from cmsreduce.report import render_report
+from cmsreduce.write import atomic_path, write_component, write_summary, write_system
+
+__all__ = ["execute", "reopen", "write_report"]
+
+# What a run directory was made from, so that its report can be written again.
+_ORIGIN = "stages/origin.json"
+
+
+def execute(run: Run, source: Path, overrides: Sequence[str] = (), until: str | None = None) -> RunResult | None:
+    """Run the stages the pipeline names, or as far as one of them.
+
+    Parameters
+    ----------
+    run : Run
+        With ``only`` set, that stage alone is run.
+    source : Path
+        The pipeline file.
+    overrides : sequence of str
+        Keys set on the command line.
+    until : str, optional
+        Last stage to run.
+
+    Returns
+    -------
+    RunResult or None
+        What the whole run found; None if it was asked to stop earlier.
+    """
+    _remember(run.folder, source, overrides)
+    last = until or run.ledger.only or "write"
+    reached = STAGES[: STAGES.index(last) + 1]
+    names = list(run.bodies)
+    wanted: dict[str, Callable[[], object]] = {
+        "reduce": lambda: [run.reduced(name) for name in names],
+        "orthogonalise": lambda: [run.modal(name) for name in names],
+        "balance": lambda: run.selection,
+        "assemble": lambda: run.model,
+        "verify": lambda: run.verified if run.pipeline.verify is not None else None,
+        "write": lambda: _write(run),
+    }
+    if run.ledger.only is None:
+        # A stage that the pipeline does not name is not run, nor is one that no later stage needs.
+        if any(run.pipeline.reduce_of(name) is not None for name in names) or not names:
+            for stage in reached:
+                if stage in wanted and not (stage == "reduce" and "orthogonalise" in reached):
+                    wanted[stage]()
+    elif run.ledger.only in wanted:
+        wanted[run.ledger.only]()
+    if run.ledger.only == "assemble" or ("assemble" in reached and last != "write"):
+        run.ledger.written.append(_write_system(run))
+    if last != "write":
+        return None
+    result = run_result(run)
+    write_summary(run.folder / "summary.json", result)
+    write_report(result, run.folder)
+    return result
+
+
+def reopen(folder: Path) -> Run:
+    """Open a finished run again: nothing is computed anew but what lies between its stages.
+
+    Raises
+    ------
+    ReadError
+        If the folder is no run directory.
+    """
+    origin = folder / _ORIGIN
+    if not origin.is_file():
+        raise ReadError(
+            f"{folder}: this is no run directory ({_ORIGIN} is missing); give the `output:` of a finished run"
+        )
+    facts = json.loads(origin.read_text(encoding="utf-8"))
+    return Run(load_pipeline(Path(facts["pipeline"]), facts["overrides"]), folder, Silent(), only="report")
+
+
+def write_report(result: RunResult, folder: Path) -> Path:
+    """Write the HTML report of a run and return where."""
+    path = folder / "report.html"
+    with atomic_path(path) as temporary:
+        temporary.write_text(render_report(result), encoding="utf-8")
+    return path
+
+
+def _remember(folder: Path, source: Path, overrides: Sequence[str]) -> None:
+    text = json.dumps({"pipeline": str(source.resolve()), "overrides": list(overrides)}, indent=2)
+    with atomic_path(folder / _ORIGIN) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _write(run: Run) -> None:
+    if run.pipeline.write is None:
+        return
+    model = run.model.assembled
+    wiring = model.wiring(Configuration("as built"))
+    run.ledger.progress.stage("write", "component files")
+    for name, component in run.kept.items():
+        columns, L = model.stack.body_columns(name), np.asarray(model.stack.motions(name))
+
+        def on_body(rows: np.ndarray[Any, np.dtype[np.float64]], columns: slice = columns, L: Any = L) -> Any:
+            return rows[:, columns] @ L
+
+        forces, displacements, rates = on_body(wiring.B), on_body(wiring.C1), on_body(wiring.C2)
+        inputs = {c.name: row for c, row in zip(run.scene.actuators, forces, strict=True) if row.any()}
+        measured = zip(run.scene.sensors, displacements, rates, strict=True)
+        outputs = {c.name: (d, v) for c, d, v in measured if d.any() or v.any()}
+        path = run.folder / f"{name}.h5"
+        write_component(
+            path,
+            component,
+            nodes=[int(label) for label in model.substructures[name].motion],
+            inputs=inputs,
+            outputs=outputs,
+            checks=component_checks(run, name),
+            provenance=_provenance(run),
+            all_nodes=run.pipeline.write.all_nodes,
+        )
+        run.ledger.written.append(path)
+    run.ledger.written.append(_write_system(run))
+
+
+def _write_system(run: Run) -> Path:
+    path = run.folder / "system.h5"
+    model = run.model.assembled
+    systems = [model.system(configuration) for configuration in run.scene.configurations]
+    write_system(path, systems, provenance=_provenance(run))
+    return path
+
+
+def _provenance(run: Run) -> Mapping[str, Any]:
+    return {
+        "pipeline": run.pipeline.name,
+        "settings": run.pipeline.model_dump(mode="json", exclude_none=True),
+        "notes": list(run.ledger.notes),
+    }

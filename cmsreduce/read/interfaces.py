@@ -1,0 +1,161 @@
+"""Interfaces named by the user, resolved into nodes, components, positions and axes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import DofMapError, SceneError
+from cmsreduce.model import SCALAR, DofTable, Interface, Nodes, components_from_digits
+from cmsreduce.read.sources import InterfaceSpec
+
+__all__ = ["resolve_interface"]
+
+Digits = str | tuple[int, ...] | None
+
+_NEAREST = 3
+# Axes typed with four digits are still meant as a rotation; they are made orthonormal.
+_CROOKED = 1e-3
+
+
+def resolve_interface(
+    body: str,
+    name: str,
+    spec: InterfaceSpec,
+    dofs: DofTable,
+    nodes: Nodes | None,
+    sets: Mapping[str, NDArray[np.int64]],
+) -> Interface:
+    """Find the nodes and components of an interface.
+
+    Parameters
+    ----------
+    body, name : str
+        Names, for messages.
+    spec : InterfaceSpec
+        What the user asks for.
+    dofs : DofTable
+        Rows of the body.
+    nodes : Nodes, optional
+        Its geometry; without it positions are zero and axes basic.
+    sets : mapping of str to (k,) int64
+        Rows of its dof sets.
+
+    Returns
+    -------
+    Interface
+
+    Raises
+    ------
+    SceneError
+        If a node is unknown, has no rows or not the dofs asked for, or the set or the frame is not one.
+    """
+    where = f"body '{body}', interface '{name}'"
+    if (spec.nodes is None) == (spec.set is None):
+        raise SceneError(f"{where}: say either `node:` (or `nodes:`) or `set:`")
+    if spec.set is not None:
+        members, components = _of_set(where, spec.set, spec.dofs, dofs, sets)
+    else:
+        members = tuple(spec.nodes or ())
+        components = tuple(_components(where, node, spec.dofs, dofs, nodes) for node in members)
+    if not members:
+        raise SceneError(f"{where}: it has no nodes")
+    if len(set(members)) < len(members):
+        twice = next(node for node in members if members.count(node) > 1)
+        raise SceneError(f"{where}: node {twice} is named twice")
+    position, axes = np.zeros((len(members), 3)), np.tile(np.eye(3), (len(members), 1, 1))
+    if nodes is not None:
+        at = nodes.index(np.array(members))
+        position, axes = nodes.xyz[at], nodes.frame[at]
+    frame = axes[0] if spec.frame is None else _rotation(where, spec.frame)
+    return Interface(name, np.array(members, dtype=np.int64), components, position, frame, axes)
+
+
+def _of_set(
+    where: str, name: str, digits: Digits, dofs: DofTable, sets: Mapping[str, NDArray[np.int64]]
+) -> tuple[tuple[int, ...], tuple[tuple[int, ...], ...]]:
+    """Nodes of a dof set in order of their rows, and their components in it."""
+    if name not in sets:
+        known = ", ".join(f"{key} ({rows.size})" for key, rows in sets.items()) or "none"
+        raise SceneError(f"{where}: the body has no dof set '{name}' (it has: {known}); name nodes instead")
+    rows = sets[name]
+    rows = rows[dofs.component[rows] != SCALAR]
+    members = tuple(dict.fromkeys(int(node) for node in dofs.node[rows]))
+    if not members:
+        raise SceneError(f"{where}: set '{name}' holds scalar dofs only, which no joint can be attached to")
+    wanted = None if digits is None else _digits(where, digits)
+    parts = []
+    for node in members:
+        has = tuple(sorted(int(c) for c in dofs.component[rows[dofs.node[rows] == node]]))
+        missing = "".join(str(c) for c in wanted or () if c not in has)
+        if missing:
+            raise SceneError(f"{where}: node {node} has no dof {missing} in set '{name}'")
+        parts.append(wanted or has)
+    return members, tuple(parts)
+
+
+def _digits(where: str, digits: str | tuple[int, ...]) -> tuple[int, ...]:
+    """Component numbers in a user's words."""
+    try:
+        return components_from_digits(digits if isinstance(digits, str) else "".join(map(str, digits)))
+    except DofMapError as error:
+        raise SceneError(f"{where}: {error}") from error
+
+
+def _components(where: str, node: int, digits: Digits, dofs: DofTable, nodes: Nodes | None) -> tuple[int, ...]:
+    """Components of a node that belong to the interface: those asked for, or all that it has."""
+    has = sorted(int(c) for c in dofs.component[dofs.node == node])
+    if not has:
+        raise SceneError(f"{where}: {_absent(node, dofs, nodes)}")
+    if has == [SCALAR]:
+        raise SceneError(f"{where}: {node} is a scalar point; a joint needs a node with displacements")
+    if digits is None:
+        return tuple(has)
+    wanted = _digits(where, digits)
+    missing = "".join(str(c) for c in wanted if c not in has)
+    if missing:
+        raise SceneError(
+            f"{where}: node {node} has no dof {missing} in the matrices, it has {''.join(map(str, has))}; "
+            "leave `dofs:` out to take all it has"
+        )
+    return wanted
+
+
+def _absent(node: int, dofs: DofTable, nodes: Nodes | None) -> str:
+    """Why a node cannot be an interface, and which could."""
+    known = np.unique(dofs.node[dofs.component != SCALAR])
+    at = -1 if nodes is None else int(nodes.index(node)[0])
+    if nodes is None or at < 0:
+        if not known.size:
+            return f"there is no node {node}; the body has scalar dofs only"
+        near = known[np.argsort(np.abs(known - node), kind="stable")[:_NEAREST]]
+        return (
+            f"there is no node {node}; the matrices have {known.size} nodes, from {known.min()} to {known.max()}, "
+            f"the nearest ids are {', '.join(map(str, near))}"
+        )
+    placed = known[nodes.index(known) >= 0]
+    away = np.linalg.norm(nodes.xyz[nodes.index(placed)] - nodes.xyz[at], axis=1)
+    order = np.argsort(away, kind="stable")[:_NEAREST]
+    near_by = ", ".join(f"{placed[k]} ({away[k]:.3g} away)" for k in order)
+    return (
+        f"node {node} is in the geometry but has no rows in the matrices: it was condensed out or is constrained. Keep "
+        f"it (ASET) when the matrices are written, or take one of the {known.size} nodes with rows, such as {near_by}"
+    )
+
+
+def _rotation(where: str, frame: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Axes as an exact rotation."""
+    axes = np.asarray(frame, dtype=np.float64)
+    if axes.shape != (3, 3) or not np.isfinite(axes).all():
+        raise SceneError(f"{where}: `frame:` needs three axes of three numbers")
+    lengths = np.linalg.norm(axes, axis=1)
+    if (lengths == 0).any():
+        raise SceneError(f"{where}: an axis of `frame:` is zero")
+    axes = axes / lengths[:, None]
+    if np.abs(axes @ axes.T - np.eye(3)).max() > _CROOKED or np.linalg.det(axes) < 0:
+        raise SceneError(f"{where}: the axes of `frame:` are not a right-handed set at right angles")
+    u, _, vt = np.linalg.svd(axes)
+    exact: NDArray[np.float64] = u @ vt
+    return exact

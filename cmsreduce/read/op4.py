@@ -1,0 +1,148 @@
+"""Matrices of NASTRAN OUTPUT4 files, read through pyYeti: printed or binary, dense or sparse, either byte order."""
+
+from __future__ import annotations
+
+import warnings
+from array import array
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import ReadError
+from cmsreduce.read.cards import real_number
+from cmsreduce.read.labelled_matrix import LabelledMatrix, StoredMatrix, canonical, mirrored
+from cmsreduce.read.library_errors import reading
+from cmsreduce.read.op4_layout import FORMS, TYPES, Op4Header, op4_headers
+
+__all__ = ["stored_matrices"]
+
+_SYMMETRIC = 6
+_SHORT = 32  # numbers up to which a string costs less to copy than to look through
+
+
+def stored_matrices(path: Path) -> list[StoredMatrix]:
+    """Matrices of an OP4 file.
+
+    Parameters
+    ----------
+    path : Path
+        File of 32 or 64-bit integers, single or double precision, dense, sparse, or sparse with big matrices.
+
+    Returns
+    -------
+    list of StoredMatrix
+        In the order of the file; loading one raises ReadError if a number in it does not parse.
+
+    Raises
+    ------
+    ReadError
+        If the file is truncated or damaged; all of it is walked over first.
+    """
+    headers = op4_headers(path)
+    names = [_pyyeti_name(header.name, k) for k, header in enumerate(headers)]
+    return [_stored(path, header, names[k], names[:k].count(names[k])) for k, header in enumerate(headers)]
+
+
+def _pyyeti_name(name: str, position: int) -> str:
+    """What pyYeti calls a matrix: in lower case, and by position where the name is no identifier."""
+    lower = name.replace(" ", "").replace("\0", "").lower()
+    return lower if lower.isidentifier() else f"m{position}"
+
+
+def _stored(path: Path, header: Op4Header, pyyeti_name: str, occurrence: int) -> StoredMatrix:
+    digits = f", {round(-np.log10(2 * header.rounding))} digits" if header.ascii else ""
+    return StoredMatrix(
+        header.name or pyyeti_name,
+        f"{TYPES[header.type]}{digits}",
+        FORMS.get(header.form, f"form {header.form}"),
+        lambda: (header.rows, header.cols, None),
+        lambda: _load(path, header, pyyeti_name, occurrence),
+    )
+
+
+def _load(path: Path, header: Op4Header, pyyeti_name: str, occurrence: int) -> LabelledMatrix:
+    """Read one matrix; ``occurrence`` counts the ones of that name before it."""
+    from pyyeti.nastran import op4
+
+    reader = op4.OP4()
+    _collect_strings(reader)
+    with reading(path, f"OP4 matrix '{header.name}'"), warnings.catch_warnings():
+        # It warns of names that are no Python identifiers; here names are looked up, never made into variables.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        _, matrices, _, _ = reader.listload(str(path), [pyyeti_name], sparse=True)
+        A = matrices[occurrence]
+    if header.form == _SYMMETRIC:
+        A = mirrored(A)
+    return LabelledMatrix(A, header.name or pyyeti_name, path, "op4", header.rounding)
+
+
+class _Strings:
+    """Strings of numbers down a column, as they come.
+
+    Sparse files come in many short ones, which are run on end to end; dense files come in whole columns, of which
+    the zeros are dropped at once.
+    """
+
+    def __init__(self) -> None:
+        self.starts = array("q")
+        self.counts = array("q")
+        self.columns = array("q")
+        self.values = array("d")
+        self.long: list[tuple[NDArray[np.int64], int, NDArray[np.float64]]] = []
+
+    def add(self, row: int, column: int, values: Sequence[float]) -> None:
+        """Take a string that starts at a row, both counted from zero."""
+        if len(values) <= _SHORT:
+            self.starts.append(row)
+            self.counts.append(len(values))
+            self.columns.append(column)
+            self.values.extend(values)
+        else:
+            numbers = np.asarray(values, dtype=np.float64)
+            kept = np.flatnonzero(numbers)
+            self.long.append((kept + row, column, numbers[kept]))
+
+    def assemble(self, rows: int, columns: int) -> sp.csc_array:
+        """Sparse array of all strings."""
+        starts, counts, cols = (np.array(part, dtype=np.int64) for part in (self.starts, self.counts, self.columns))
+        within = np.arange(len(self.values)) - np.repeat(np.cumsum(counts) - counts, counts)
+        long = self.long
+        row = np.concatenate([np.repeat(starts, counts) + within, *(part[0] for part in long)])
+        col = np.concatenate([np.repeat(cols, counts), *(np.full(part[0].size, part[1]) for part in long)])
+        values = np.concatenate([np.array(self.values, dtype=np.float64), *(part[2] for part in long)])
+        return canonical(row, col, values, (rows, columns))
+
+
+def _collect_strings(reader: Any) -> None:
+    """Let pyYeti's reader hand over whole strings of numbers.
+
+    Its own lists hold three Python objects for each number, and take the zeros of dense files as entries.
+    """
+    choose = reader._get_funcs
+
+    def chosen(kind: str, *arguments: Any) -> tuple[Callable[..., Any], tuple[Callable[..., Any], ...]]:
+        read, _ = choose(kind, *arguments)
+        put = _put_printed if kind == "ascii" else _Strings.add
+        return read, (lambda rows, columns: _Strings(), put, lambda rows, columns, found: found.assemble(rows, columns))
+
+    reader._get_funcs = chosen
+
+
+def _put_printed(found: _Strings, row: int, column: int, text: str, count: int, width: int) -> None:
+    """Take a string of printed numbers of one width."""
+    numbers = [text[at : at + width] for at in range(0, count * width, width)]
+    try:
+        found.add(row, column, [float(number) for number in numbers])
+    except ValueError:
+        # Fortran drops the letter of an exponent of three digits, and may write D for E.
+        values = [real_number(number) for number in numbers]
+        if None in values:
+            bad = numbers[values.index(None)].strip()
+            raise ReadError(
+                f"'{bad}' in column {column + 1}, row {row + values.index(None) + 1} is not a number"
+            ) from None
+        found.add(row, column, [value for value in values if value is not None])

@@ -1,0 +1,58 @@
+"""Mass, centre of mass and inertia of a body, from its mass matrix and geometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import DofMapError
+from cmsreduce.model import FEModel, cross_matrix, rigid_body_shapes
+
+__all__ = ["MassProperties", "mass_properties"]
+
+
+@dataclass(frozen=True, eq=False)
+class MassProperties:
+    """Rigid-body mass properties, in the body's units and basic frame.
+
+    Parameters
+    ----------
+    mass : (3,) float64
+        Mass that moves along x, y, z; equal unless dofs are constrained.
+    cg : (3,) float64
+        Centre of mass.
+    inertia : (3, 3) float64
+        Inertia tensor about the centre of mass.
+    """
+
+    mass: NDArray[np.float64]
+    cg: NDArray[np.float64]
+    inertia: NDArray[np.float64]
+
+
+def mass_properties(body: FEModel) -> MassProperties:
+    """Mass properties from R^T M R (theory section 8).
+
+    Raises
+    ------
+    DofMapError
+        If the body has no geometry.
+    """
+    if body.nodes is None:
+        raise DofMapError(f"body '{body.name}' has no geometry, so it has no centre of mass")
+    R = rigid_body_shapes(body.dofs, body.nodes)
+    rigid = R.T @ (body.M @ R)
+    mass = rigid.diagonal()[:3].copy()
+    total = mass.max(initial=0.0)
+    if total <= 0:
+        return MassProperties(mass, np.zeros(3), np.zeros((3, 3)))
+    # The coupling of translations with rotations is -m [cg]x.
+    coupling = rigid[3:, :3]
+    moment = np.array(
+        [coupling[2, 1] - coupling[1, 2], coupling[0, 2] - coupling[2, 0], coupling[1, 0] - coupling[0, 1]]
+    )
+    cg = moment / (2 * total)
+    skew = cross_matrix(cg)
+    return MassProperties(mass, cg, rigid[3:, 3:] + total * skew @ skew)

@@ -1,0 +1,20 @@
+"""Component files and summaries, written whole or not at all."""
+
+from cmsreduce.write.atomic import atomic_path
+from cmsreduce.write.component import FORMAT, FORMAT_VERSION, write_component
+from cmsreduce.write.component_file import ComponentFile, read_component
+from cmsreduce.write.summary import angles, summary, write_summary
+from cmsreduce.write.system import write_system
+
+__all__ = [
+    "FORMAT",
+    "FORMAT_VERSION",
+    "ComponentFile",
+    "angles",
+    "atomic_path",
+    "read_component",
+    "summary",
+    "write_component",
+    "write_summary",
+    "write_system",
+]

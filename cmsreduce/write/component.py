@@ -1,0 +1,221 @@
+"""The component file: a reduced body as a multibody code takes it (docs/component-file.md)."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.model import Check, FEModel, Interface, ModalComponent, rigid_body_shapes
+from cmsreduce.write.atomic import atomic_path
+from cmsreduce.write.datasets import put, put_texts
+
+__all__ = ["FORMAT", "FORMAT_VERSION", "write_component"]
+
+FORMAT = "cmsreduce-component"
+FORMAT_VERSION = 1
+
+Row = NDArray[np.float64]
+
+
+def write_component(
+    path: Path,
+    component: ModalComponent,
+    *,
+    nodes: Sequence[int],
+    inputs: Mapping[str, Row],
+    outputs: Mapping[str, tuple[Row, Row]],
+    checks: Sequence[Check],
+    provenance: Mapping[str, Any],
+    all_nodes: bool = False,
+) -> None:
+    """Write a component file.
+
+    Parameters
+    ----------
+    path : Path
+        Where; the file is whole or not there.
+    component : ModalComponent
+        Modes that were kept.
+    nodes : sequence of int
+        Nodes whose shapes are written, besides those of the interfaces.
+    inputs : mapping of name to (m,) float64
+        Modal force of a unit effort of each actuator.
+    outputs : mapping of name to ((m,), (m,)) float64
+        Displacement and rate row of each sensor.
+    checks : sequence of Check
+        What the body was checked for.
+    provenance : mapping
+        ``settings`` and ``notes`` of the run, and anything else that is JSON.
+    all_nodes : bool
+        Write the shapes at every node.
+
+    Raises
+    ------
+    WriteError
+        If the file cannot be written.
+    """
+    import h5py
+
+    body = component.body
+    with atomic_path(path) as temporary, h5py.File(temporary, "w", libver="v110") as file:
+        file.attrs["format"] = FORMAT
+        file.attrs["format_version"] = FORMAT_VERSION
+        file.attrs["name"] = component.name
+        file.attrs["method"] = component.method
+        file.attrs["created_utc"] = datetime.now(UTC).isoformat(timespec="seconds")
+        _provenance(file.create_group("provenance"), body, provenance)
+        units = file.create_group("units")
+        units.attrs["name"] = body.units.name
+        for what in ("length", "mass", "time"):
+            units.attrs[f"{what}_in_si"] = getattr(body.units, what)
+        _modes(file.create_group("modes"), component)
+        chosen = _chosen(body, nodes, all_nodes)
+        _dofs(file.create_group("dofs"), component, chosen)
+        if body.nodes is not None:
+            _nodes(file.create_group("nodes"), component, chosen)
+            _integrals(file.create_group("integrals"), component)
+        faces = file.create_group("interfaces")
+        for name, face in body.interfaces.items():
+            _interface(faces.create_group(name), component, face, name)
+        m = component.omega.size
+        into = file.create_group("inputs")
+        put_texts(into, "name", inputs)
+        put(into, "B", np.array(list(inputs.values())).reshape(-1, m).T, about="modal force of a unit effort")
+        out = file.create_group("outputs")
+        put_texts(out, "name", outputs)
+        put(out, "C1", np.array([d for d, _ in outputs.values()]).reshape(-1, m), about="displacement outputs")
+        put(out, "C2", np.array([v for _, v in outputs.values()]).reshape(-1, m), about="rate outputs")
+        _integration(file.create_group("integration"), component)
+        done = file.create_group("checks")
+        put_texts(done, "name", [check.name for check in checks])
+        put(done, "value", np.array([check.value for check in checks], dtype=np.float64))
+        put(done, "limit", np.array([check.limit for check in checks], dtype=np.float64))
+
+
+def _provenance(group: Any, body: FEModel, provenance: Mapping[str, Any]) -> None:
+    import h5py
+    import scipy
+
+    from cmsreduce import __version__
+
+    versions = {
+        "cmsreduce": __version__,
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "h5py": h5py.__version__,
+        "python": platform.python_version(),
+    }
+    for name, version in versions.items():
+        group.attrs[f"{name}_version"] = version
+    for key, value in provenance.items():
+        put_texts(group, key, [json.dumps(value, sort_keys=True, default=str)], about="JSON")
+    put_texts(group, "source", [Path(source.path).name for source in body.sources], about="files read")
+    put_texts(group, "sha256", [source.sha256 for source in body.sources], about="of each file")
+    put_texts(group, "holds", [source.holds for source in body.sources], about="what was taken from each file")
+
+
+def _modes(group: Any, component: ModalComponent) -> None:
+    omega, r = component.omega, component.rigid_count
+    group.attrs["rigid_count"] = r
+    group.attrs["basis_size"] = component.basis_size
+    group.attrs["damping_law"] = component.damping.law if component.D is None else "matrix"
+    put(group, "omega", omega, "rad/time", "natural frequencies, the rigid modes' first and zero")
+    put(group, "frequency_hz", omega / (2 * np.pi), "cycles/time")
+    put(group, "zeta", component.zeta, "", "damping ratios; half the loss factor for structural damping")
+    put(group, "mass", np.eye(omega.size), "", "modal mass: the modes are orthonormal in the mass matrix")
+    put(group, "stiffness", np.diag(omega**2), "rad^2/time^2")
+    damping = np.diag(2 * component.zeta * omega) if component.D is None else component.D
+    structural = component.damping.structural is not None
+    put(group, "damping", np.zeros_like(damping) if structural else damping, "rad/time", "viscous damping")
+    if structural:
+        loss = component.damping.structural or 0.0
+        put(group, "loss", np.diag(loss * omega**2), "rad^2/time^2", "imaginary part of a complex stiffness")
+    put_texts(group, "kind", component.kind, "basis shape with most of each mode's kinetic energy")
+    put(group, "source_hz", component.source_hz, "cycles/time", "normal mode it comes from, NaN for static shapes")
+    put(group, "sigma", component.sigma, "", "influence coefficient, NaN if unranked")
+    put(group, "spacing", component.spacing, "", "half-power width over distance to the nearest mode")
+    put_texts(group, "why", component.why, "why the mode was kept")
+
+
+def _chosen(body: FEModel, nodes: Sequence[int], all_nodes: bool) -> NDArray[np.int64]:
+    if all_nodes:
+        return np.unique(body.dofs.node)
+    at_faces = [face.node for face in body.interfaces.values()]
+    return np.unique(np.concatenate([np.asarray(nodes, dtype=np.int64), *at_faces]))
+
+
+def _dofs(group: Any, component: ModalComponent, chosen: NDArray[np.int64]) -> None:
+    dofs = component.body.dofs
+    rows = np.flatnonzero(np.isin(dofs.node, chosen))
+    put(group, "node", dofs.node[rows])
+    put(group, "component", dofs.component[rows], "", "1..3 translations, 4..6 rotations, 0 scalar")
+    put_texts(group, "label", [f"{n}.{c}" for n, c in zip(dofs.node[rows], dofs.component[rows], strict=True)])
+    put(group, "shapes", component.Phi[rows], "", "rows: dofs in their displacement frames; columns: modes")
+
+
+def _nodes(group: Any, component: ModalComponent, chosen: NDArray[np.int64]) -> None:
+    body = component.body
+    assert body.nodes is not None
+    at = body.nodes.index(chosen)
+    chosen, at = chosen[at >= 0], at[at >= 0]
+    put(group, "id", chosen)
+    put(group, "xyz", body.nodes.xyz[at], "length", "in the body's basic frame")
+    put(group, "frame", body.nodes.frame[at], "", "displacement axes as rows, in basic")
+    m = component.omega.size
+    for name, first in (("translation", 1), ("rotation", 4)):
+        shapes = np.full((chosen.size, 3, m), np.nan)
+        rows = body.dofs.rows(np.repeat(chosen, 3), np.tile(np.arange(first, first + 3), chosen.size)).reshape(-1, 3)
+        whole = (rows >= 0).all(axis=1)
+        shapes[whole] = np.einsum("kca,kcm->kam", body.nodes.frame[at[whole]], component.Phi[rows[whole]])
+        for k in np.flatnonzero(~whole & (rows >= 0).any(axis=1)):
+            # Along basic axes only what the missing displacement axes do not touch is known.
+            have = rows[k] >= 0
+            axes = body.nodes.frame[at[k]]
+            known = abs(axes[~have]).max(axis=0) < 1e-9
+            shapes[k, known] = (axes[have].T @ component.Phi[rows[k][have]])[known]
+        put(group, name, shapes, "", f"{name} of each mode along basic x y z, NaN where the node has none")
+
+
+def _interface(group: Any, component: ModalComponent, face: Interface, name: str) -> None:
+    rows = component.body.interface_rows(name)
+    put(group, "node", np.repeat(face.node, [len(parts) for parts in face.components]))
+    put(group, "component", np.array([c for parts in face.components for c in parts], dtype=np.int8))
+    put(group, "position", face.position, "length", "of each node, in basic")
+    put(group, "frame", face.frame, "", "joint axes as rows, in basic")
+    put(group, "shapes", component.Phi[rows], "", "rows: interface dofs in displacement frames; columns: modes")
+
+
+def _integrals(group: Any, component: ModalComponent) -> None:
+    body = component.body
+    assert body.nodes is not None
+    R = rigid_body_shapes(body.dofs, body.nodes)
+    MR = body.M @ R
+    rigid, coupling = R.T @ MR, MR.T @ component.Phi
+    moment = np.array([rigid[4, 2] - rigid[5, 1], rigid[5, 0] - rigid[3, 2], rigid[3, 1] - rigid[4, 0]]) / -2
+    group.attrs["mass_matrix"] = "consistent: as given"
+    group.attrs["about"] = "origin of the body's basic frame"
+    put(group, "mass", rigid.diagonal()[:3].max(), "mass")
+    put(group, "first_moment", moment, "mass length", "int r dm")
+    put(group, "inertia", rigid[3:, 3:], "mass length^2")
+    put(group, "rigid_mass", rigid, "", "R^T M R, 6 x 6")
+    put(group, "int_phi", coupling[:3], "", "int phi dm, one column per mode")
+    put(group, "int_r_x_phi", coupling[3:], "", "int r x phi dm, one column per mode")
+
+
+def _integration(group: Any, component: ModalComponent) -> None:
+    """Largest steps (theory section 8)."""
+    top = float(component.omega.max(initial=0.0))
+    group.attrs["highest_omega"] = top
+    group.attrs["highest_hz"] = top / (2 * np.pi)
+    if top > 0:
+        group.attrs["central_difference_stable_step"] = 2 / top
+        group.attrs["modified_euler_step_1_percent"] = 0.49 / top
+        group.attrs["trapezoidal_step_1_percent"] = 0.346 / top
+        group.attrs["ab2_step_1_percent"] = 0.155 / top

@@ -1,0 +1,121 @@
+"""summary.json: the run in figures, with stable keys."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cmsreduce.model import DOF_NAMES, ComponentResult, Configuration, RunResult
+from cmsreduce.write.atomic import atomic_path
+
+__all__ = ["angles", "summary", "write_summary"]
+
+_FIGURES = ("frf_error", "db_error", "frequency_error")
+
+
+def summary(run: RunResult) -> dict[str, Any]:
+    """State the run as plain JSON values.
+
+    Parameters
+    ----------
+    run : RunResult
+
+    Returns
+    -------
+    dict
+        The keys of the contract, and beside them ``comparisons``, ``limits``, ``reference``, ``band_hz`` and
+        ``notes``. What has no finite value is None.
+    """
+    others = [label for label in (run.configurations[0].errors if run.configurations else {}) if label != run.model]
+    speed = run.speed
+    facts: dict[str, Any] = _finite(
+        {
+            "name": run.name,
+            "version": run.version,
+            "components": {name: _component(part) for name, part in run.components.items()},
+            "configurations": _configurations(run, run.model, sizes=True),
+            "worst": run.worst(),
+            "speed": None
+            if speed is None
+            else {
+                "reduce_s": speed.reduce_s,
+                "full_frf_s": speed.full_frf_s,
+                "reduced_frf_s": speed.reduced_frf_s,
+            },
+            "passed": run.passed,
+            "comparisons": {
+                label: {"worst": run.worst(label), "configurations": _configurations(run, label, sizes=False)}
+                for label in others
+            },
+            "limits": dict(run.limits),
+            "reference": dict(run.reference),
+            "band_hz": list(run.band),
+            "notes": list(run.notes),
+        }
+    )
+    return facts
+
+
+def write_summary(path: Path, run: RunResult) -> None:
+    """Write summary.json; the file is whole or not there."""
+    text = json.dumps(summary(run), indent=2, allow_nan=False) + "\n"
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _component(part: ComponentResult) -> dict[str, Any]:
+    modes = part.modes
+    return {
+        "full_dofs": part.full_dofs,
+        "basis_size": modes.basis_size,
+        "rigid_modes": modes.rigid_count,
+        "elastic_modes": modes.elastic_count,
+        "kept_modes": part.kept_modes,
+        "method": modes.method,
+        "frequencies_hz": (modes.omega[part.kept][modes.rigid_count :] / (2 * np.pi)).tolist(),
+        "seconds": dict(part.seconds),
+        "peak_mib": part.peak_mib,
+        "checks": [
+            {"name": check.name, "value": check.value, "limit": check.limit, "passed": check.passed}
+            for check in part.checks
+        ],
+    }
+
+
+def _configurations(run: RunResult, label: str, *, sizes: bool) -> list[dict[str, Any]]:
+    rows = []
+    for result in run.configurations:
+        row: dict[str, Any] = {"name": result.configuration.name, "angles": angles(result.configuration)}
+        row |= {name: getattr(result.errors[label], name) for name in _FIGURES}
+        if sizes:
+            row |= {"n_full": result.n_full, "n_reduced": result.n_reduced}
+            row |= {"modes_full": result.modes_full, "modes_reduced": result.modes_reduced}
+        rows.append(row)
+    return rows
+
+
+def angles(configuration: Configuration) -> dict[str, float]:
+    """Settings by joint, in degrees, translations in the scene's unit of length; ``joint.dof`` where it has several."""
+    joints = [joint for joint, _ in configuration.angles]
+    found = {}
+    for (joint, dof), value in configuration.angles.items():
+        key = joint if joints.count(joint) == 1 else f"{joint}.{DOF_NAMES[dof]}"
+        # Twelve digits give back the degrees that were typed.
+        found[key] = round(math.degrees(value), 12) if dof >= 3 else value
+    return found
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, np.integer):
+        return int(value)
+    return value

@@ -1,0 +1,295 @@
+"""The proof of the row order, and every cause it can name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.errors import DofMapError
+from cmsreduce.model import DofTable, FEModel, Nodes
+from cmsreduce.read import MatrixSource, prove_row_order, read_body
+
+Frame = Callable[..., FEModel]
+TURNED = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
+TILTED = np.array([[np.cos(0.5), np.sin(0.5), 0], [-np.sin(0.5), np.cos(0.5), 0], [0, 0, 1]])
+FRAMES = {25: TURNED, 40: TILTED}
+
+
+def swapped(dofs: DofTable, a: int, b: int) -> DofTable:
+    node = dofs.node.copy()
+    node[dofs.node == a], node[dofs.node == b] = b, a
+    return DofTable(node, dofs.component)
+
+
+def exchanged(dofs: DofTable, a: int, b: int) -> np.ndarray:
+    """Order of rows in which two nodes have changed places."""
+    order = np.arange(len(dofs))
+    order[dofs.node == a], order[dofs.node == b] = order[dofs.node == b], order[dofs.node == a]
+    return order
+
+
+def with_frame(nodes: Nodes, node: int, frame: np.ndarray) -> Nodes:
+    axes = nodes.frame.copy()
+    axes[nodes.index(node)[0]] = frame
+    return Nodes(nodes.id, nodes.xyz, axes)
+
+
+def refusal(body: FEModel) -> str:
+    with pytest.raises(DofMapError) as caught:
+        prove_row_order(body)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("frames", [{}, FRAMES])
+def test_a_body_in_order_is_proven(space_frame: Frame, frames: dict[int, np.ndarray]) -> None:
+    proof = prove_row_order(space_frame(frames))
+    assert (proof.status, proof.motions) == ("proven", 6)
+    assert proof.residual < 1e-14 < proof.tolerance < 1e-12
+
+
+def test_constraints_leave_the_motions_that_keep_them_at_rest(space_frame: Frame) -> None:
+    body = space_frame()
+    for held, motions in (([1], 5), ([1, 2, 3], 3), ([1, 2, 6], 3), ([3, 4], 4)):
+        gone = (body.dofs.node == 10) & np.isin(body.dofs.component, held)
+        proof = prove_row_order(part_of(body, gone))
+        assert (proof.status, proof.motions) == ("proven", motions)
+    proof = prove_row_order(part_of(body, body.dofs.node == 10))
+    assert (proof.status, proof.motions) == ("grounded", 0)
+    assert "constraints hold the body" in proof.remark
+
+
+def part_of(body: FEModel, gone: np.ndarray) -> FEModel:
+    """The body with some dofs held at zero, as an SPC leaves it."""
+    kept, dofs = np.flatnonzero(~gone), body.dofs
+    table = DofTable(dofs.node[kept], dofs.component[kept])
+    held = DofTable(dofs.node[gone], dofs.component[gone])
+    K, M = body.K[kept][:, kept], body.M[kept][:, kept]
+    return FEModel(body.name, K, M, table, nodes=body.nodes, constrained=held)
+
+
+def test_what_needs_no_proof(space_frame: Frame) -> None:
+    loose = space_frame(grounded=True)
+    assert prove_row_order(loose).status == "grounded"
+    assert prove_row_order(replace(loose, grounded=False, nodes=None)).status == "no geometry"
+    scalar = FEModel("s", sp.csc_array(np.eye(2)), sp.csc_array(np.eye(2)), DofTable([1, 2], [0, 0]))
+    assert prove_row_order(scalar).status == "scalar"
+
+
+def test_static_condensation_keeps_the_proof(space_frame: Frame) -> None:
+    body = space_frame(FRAMES)
+    K = body.K.toarray()
+    i = np.flatnonzero(np.isin(body.dofs.node, [10, 25, 40]))
+    j = np.flatnonzero(~np.isin(body.dofs.node, [10, 25, 40]))
+    reduced = K[np.ix_(i, i)] - K[np.ix_(i, j)] @ np.linalg.solve(K[np.ix_(j, j)], K[np.ix_(j, i)])
+    table = DofTable(body.dofs.node[i], body.dofs.component[i])
+    small = FEModel("g", sp.csc_array(reduced), sp.csc_array(np.eye(i.size)), table, nodes=body.nodes)
+    assert prove_row_order(small).status == "proven"
+    assert "node" in refusal(replace(small, dofs=swapped(table, 10, 40)))
+
+
+@pytest.mark.parametrize(("rounding", "digits"), [(2.0**-24, 7), (5e-11, 10), (5e-6, 5)])
+def test_the_tolerance_follows_the_digits_of_the_file(space_frame: Frame, rounding: float, digits: int) -> None:
+    body = space_frame(FRAMES)
+    K = body.K.tocoo()
+    printed = sp.csc_array((np.array([float(f"{v:.{digits - 1}e}") for v in K.data]), (K.row, K.col)))
+    assert prove_row_order(replace(body, K=printed, rounding=rounding)).status == "proven"
+    assert "node" in refusal(replace(body, K=printed))
+
+
+def test_the_tolerance_follows_the_digits_of_coordinates_and_frames(space_frame: Frame) -> None:
+    body = space_frame(FRAMES)
+    assert body.nodes is not None
+    xyz, frame = body.nodes.xyz.copy(), body.nodes.frame.copy()
+    xyz += 4e-7 * np.sin(np.arange(xyz.size)).reshape(xyz.shape)
+    frame[body.nodes.index(40)[0]] = TILTED @ np.array([[1, 4e-7, 0], [-4e-7, 1, 0], [0, 0, 1]])
+    rough = Nodes(body.nodes.id, xyz, frame, xyz_rounding=5e-7, frame_rounding=5e-7)
+    assert prove_row_order(replace(body, nodes=rough)).status == "proven"
+    refusal(replace(body, nodes=Nodes(body.nodes.id, xyz, frame)))
+
+
+def test_two_nodes_exchanged(space_frame: Frame) -> None:
+    body = space_frame()
+    order = exchanged(body.dofs, 1, 40)
+    text = refusal(replace(body, K=body.K[order][:, order]))
+    assert "5 of 6 nodes resist" in text
+    assert "the rows labelled node 1 are those of node 40" in text
+    assert "the rows labelled node 40 are those of node 1" in text
+
+
+def test_a_spring_to_ground_names_its_node_and_stiffness(space_frame: Frame) -> None:
+    body = space_frame()
+    row = body.dofs.rows(25, [2])[0]
+    spring = sp.csc_array(([0.125], ([row], [row])), shape=body.K.shape)
+    text = refusal(replace(body, K=body.K + spring))
+    assert "1 of 6 nodes resist" in text
+    assert "node 25 is held to the ground" in text
+    assert "feels 0.125 units of force" in text
+    assert "grounded: true" in text
+
+
+def test_a_spring_between_points_apart_resists_turning_only(space_frame: Frame) -> None:
+    body = space_frame()
+    rows = np.concatenate([body.dofs.rows(10, [2]), body.dofs.rows(3, [2])])
+    k = np.array([[7.0, -7], [-7, 7]])
+    spring = sp.csc_array((k.ravel(), (np.repeat(rows, 2), np.tile(rows, 2))), shape=body.K.shape)
+    text = refusal(replace(body, K=body.K + spring))
+    assert "2 of 6 nodes resist" in text
+    assert "join points that do not coincide" in text
+
+
+def test_matrices_in_basic_though_the_deck_has_frames(space_frame: Frame) -> None:
+    body = space_frame()
+    turned = space_frame(FRAMES)
+    text = refusal(replace(body, nodes=turned.nodes))
+    assert "matrices are along the basic axes" in text
+    assert "gives 2 nodes a displacement frame (node 25 and others)" in text
+
+
+@pytest.mark.parametrize(
+    ("keys", "cause"),
+    [
+        ("appearance", "in the order of appearance in the geometry file"),
+        ("component", "sorted by component (all x, then all y, ...)"),
+        ("component, appearance", "sorted by component (all x, then all y, ...)"),
+    ],
+)
+def test_rows_in_another_order(space_frame: Frame, keys: str, cause: str) -> None:
+    body = space_frame(FRAMES)
+    assert body.nodes is not None
+    place = body.nodes.index(body.dofs.node)
+    order = {
+        "appearance": np.lexsort((body.dofs.component, place)),
+        "component": np.lexsort((body.dofs.node, body.dofs.component)),
+        "component, appearance": np.lexsort((place, body.dofs.component)),
+    }[keys]
+    assert cause in refusal(replace(body, K=body.K[order][:, order]))
+
+
+def test_the_deck_s_order_assumed_where_the_rows_are_sorted(space_frame: Frame) -> None:
+    body = space_frame()
+    assert body.nodes is not None
+    order = np.lexsort((body.dofs.component, body.nodes.index(body.dofs.node)))
+    table = DofTable(body.dofs.node[order], body.dofs.component[order])
+    assert "in the order of their ids" in refusal(replace(body, dofs=table))
+
+
+@pytest.mark.parametrize(
+    ("factor", "cause"),
+    [
+        (1000.0, "geometry were in millimetres and the matrices in metres"),
+        (1e-3, "geometry were in metres and the matrices in millimetres"),
+        (1 / 0.0254, "geometry were in inches and the matrices in metres"),
+        (1 / 12, "geometry were in feet and the matrices in inches"),
+    ],
+)
+def test_coordinates_in_another_unit(space_frame: Frame, factor: float, cause: str) -> None:
+    body = space_frame(FRAMES)
+    assert body.nodes is not None
+    nodes = Nodes(body.nodes.id, body.nodes.xyz * factor, body.nodes.frame)
+    assert cause in refusal(replace(body, nodes=nodes))
+
+
+def test_coordinates_printed_too_coarsely(space_frame: Frame) -> None:
+    body = space_frame(FRAMES)
+    assert body.nodes is not None
+    xyz = body.nodes.xyz + 2e-5 * np.sin(np.arange(18)).reshape(6, 3)
+    text = refusal(replace(body, nodes=Nodes(body.nodes.id, xyz, body.nodes.frame)))
+    assert "printed with too few digits" in text
+    off = float(text.split("coordinates wrong by ")[1].split()[0])
+    assert 1e-6 < off < 1e-4
+
+
+def test_rows_that_nothing_explains(space_frame: Frame) -> None:
+    body = space_frame(FRAMES)
+    order = np.random.default_rng(3).permutation(body.n)
+    text = refusal(replace(body, K=body.K[order][:, order]))
+    assert "shuffled or of another set than assumed" in text
+    assert "worst are" in text
+    assert text.count("e-0") + text.count("e+0") >= 5
+
+
+@pytest.fixture(scope="module")
+def block_a(shared_data: Path) -> FEModel:
+    folder = shared_data / "block_a"
+    source = folder / "block_a.op4"
+    return read_body(
+        "block",
+        stiffness=MatrixSource(source, "kaa"),
+        mass=MatrixSource(source, "maa"),
+        geometry=folder / "block_a.bdf",
+    )
+
+
+@pytest.mark.shared
+class TestBlock:
+    """A solid of 525 nodes: a fault at one node leaves most of the body in order."""
+
+    def test_is_proven(self, block_a: FEModel) -> None:
+        proof = prove_row_order(block_a)
+        assert (proof.status, proof.motions) == ("proven", 6)
+        assert proof.residual < 1e-14
+
+    @pytest.mark.parametrize(("a", "b"), [(17, 300), (17, 18)])
+    def test_two_nodes_exchanged_are_named(self, block_a: FEModel, a: int, b: int) -> None:
+        order = exchanged(block_a.dofs, a, b)
+        text = refusal(replace(block_a, K=block_a.K[order][:, order]))
+        assert f"the rows labelled node {a} are those of node {b}" in text
+        assert f"the rows labelled node {b} are those of node {a}" in text
+        assert "All other rows are in order" in text
+
+    def test_a_wrong_displacement_frame_is_named_with_its_angle(self, block_a: FEModel) -> None:
+        assert block_a.nodes is not None
+        text = refusal(replace(block_a, nodes=with_frame(block_a.nodes, 100, TILTED)))
+        assert "Without these frames the forces vanish" in text
+        # Two frames, one of them right: now dropping both explains nothing.
+        rows = block_a.dofs.rows(200, [1, 2, 3])
+        turn = sp.eye_array(block_a.n, format="lil")
+        turn[np.ix_(rows, rows)] = TURNED
+        K = sp.csc_array(turn @ block_a.K @ turn.T)
+        right = with_frame(block_a.nodes, 200, TURNED)
+        assert prove_row_order(replace(block_a, K=K, nodes=right)).status == "proven"
+        text = refusal(replace(block_a, K=K, nodes=with_frame(right, 100, TILTED)))
+        assert "the rows of node 100 are along the basic axes, not along its displacement frame" in text
+        text = refusal(replace(block_a, K=K))
+        assert "the rows of node 200 are along axes turned by 120 degrees from the basic axes" in text
+
+    def test_a_moved_node_is_put_where_it_stands(self, block_a: FEModel) -> None:
+        assert block_a.nodes is not None
+        xyz = block_a.nodes.xyz.copy()
+        true = xyz[block_a.nodes.index(100)[0]].copy()
+        xyz[block_a.nodes.index(100)[0]] += [0.01, 0, 0]
+        text = refusal(replace(block_a, nodes=Nodes.in_basic(block_a.nodes.id, xyz)))
+        place = ", ".join(f"{x:.6g}" for x in true)
+        assert f"node 100 stands at ({place}) in the matrices" in text
+
+    def test_exchanged_components_are_named(self, block_a: FEModel) -> None:
+        order = np.arange(block_a.n)
+        x, y = block_a.dofs.rows(100, [1, 2])
+        order[[x, y]] = y, x
+        text = refusal(replace(block_a, K=block_a.K[order][:, order]))
+        assert "the rows of node 100 are left-handed" in text
+
+    def test_a_soft_spring_to_ground_is_found(self, block_a: FEModel) -> None:
+        row = int(block_a.dofs.rows(100, [3])[0])
+        k = 1e-9 * block_a.K[row, row]
+        spring = sp.csc_array(([k], ([row], [row])), shape=block_a.K.shape)
+        text = refusal(replace(block_a, K=block_a.K + spring))
+        assert "1 of 525 nodes resist" in text
+        assert "node 100 is held to the ground" in text
+
+    def test_an_unknown_clamp_is_told_as_ground(self, block_a: FEModel) -> None:
+        body = part_of(block_a, np.isin(block_a.dofs.node, [100, 101, 200]))
+        assert prove_row_order(body).status == "grounded"
+        text = refusal(replace(body, constrained=None))
+        assert "fixed by an SPC that the geometry file does not hold" in text
+
+    def test_all_rows_in_order_of_another_mesh(self, block_a: FEModel) -> None:
+        order = np.random.default_rng(1).permutation(525)
+        rows = (3 * order[:, None] + np.arange(3)).ravel()
+        text = refusal(replace(block_a, K=block_a.K[rows][:, rows]))
+        assert "translations cost no force but rotations do: rows are shuffled among nodes" in text
