@@ -9,6 +9,7 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.factorise import factorise
 
 __all__ = ["null_space", "rigid_body_modes", "row_basis", "stiffness_null_space"]
 
@@ -19,6 +20,9 @@ _DEPENDENT = 1e-9
 _RIGID_FACTOR = 1e4
 # Below this size the whole spectrum of the scaled stiffness is cheaper than a Lanczos run on a part of it.
 _DENSE_LIMIT = 600
+# Vectors looked at for mechanisms beyond rigid motion, and how far the scaled stiffness is raised to be definite.
+_WANTED = 12
+_SHIFT = 1e-3
 # A null vector's strain energy is pure cancellation: this many roundings of the energy's absolute parts.
 _NULL_FACTOR = 50.0
 
@@ -86,10 +90,11 @@ def stiffness_null_space(K: sp.csc_array, rounding: float) -> NDArray[np.float64
     if n <= _DENSE_LIMIT:
         _, V = la.eigh(scaled.toarray())
     else:
-        count = min(24, n - 2)
-        shift = -1e-3 / n  # below the spectrum, near enough to zero to bring the null vectors first
+        shift = _SHIFT / n
+        held = factorise(sp.csc_array(scaled + shift * sp.eye_array(n)), what="the stiffness raised above zero")
+        inverse = spla.LinearOperator((n, n), matvec=lambda b: held(np.ravel(b)), dtype=np.float64)
         start = np.random.default_rng(1).standard_normal(n)
-        _, V = spla.eigsh(scaled, k=count, sigma=shift, v0=start)
+        _, V = spla.eigsh(scaled, k=min(_WANTED, n - 2), sigma=-shift, OPinv=inverse, v0=start)
     energy = np.einsum("ij,ij->j", V, scaled @ V)
     parts = np.einsum("ij,ij->j", abs(V), abs(scaled) @ abs(V))
     null = energy <= _NULL_FACTOR * max(rounding, 2.0**-53) * parts

@@ -144,7 +144,7 @@ class MatrixInfo:
     nnz : int, optional
         Stored entries, where they can be known without reading them.
     numbers : str
-        Kind of number: ``real double``, ``real single``, ``complex double``, ``real, 10 digits`` and the like.
+        Kind of number: ``real double``, ``real single``, ``complex double``, ``real double, 10 digits``.
     form : str
         What the file calls it: ``symmetric``, ``square``, ``rectangular``, or empty.
     """

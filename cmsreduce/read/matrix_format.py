@@ -83,7 +83,7 @@ def detect_format(path: Path) -> str:
         head = file.read(_HEAD)
     # Printed OP4 files may hold zero bytes, in the names of matrices.
     printed = "op4" if is_ascii_header(head.split(b"\n", 1)[0].decode("latin-1")) else None
-    found = printed or (_text_format(path, head) if _is_text(head) else _binary_format(head))
+    found = printed or _binary_format(head) or (_text_format(path, head) if _is_text(head) else None)
     if found is not None:
         return found
     known = ", ".join(f"{name} ({words})" for name, words in FORMATS.items())

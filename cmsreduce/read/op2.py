@@ -28,6 +28,7 @@ __all__ = ["stored_matrices"]
 
 _MATRIX = 1  # type of a data block
 _SYMMETRIC = 6
+_SMALLEST = 12  # bytes of the first record
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,8 @@ def _check_records(path: Path) -> None:
     ReadError
         With the byte where the chain breaks.
     """
+    if path.stat().st_size < _SMALLEST:
+        raise ReadError(f"{path}: the OP2 file is truncated: it has no more than {path.stat().st_size} bytes")
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         marker = struct.Struct(_order(content) + "i").unpack_from
         size, at = len(content), 0

@@ -78,6 +78,8 @@ def op4_headers(path: Path) -> list[Op4Header]:
     """
     with path.open("rb") as file:
         start = file.read(4)
+        if len(start) < 4:
+            raise ReadError(f"{path}: the OP4 file is truncated: it has no more than {len(start)} bytes")
         if b"\0" in start:
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
                 return list(_BinaryWalk(path, content).headers())

@@ -17,6 +17,8 @@ __all__ = ["Reduction", "project", "recover"]
 # A rigid-body mode that the basis misses by more than this, in the mass norm, is not in its span. Ten-digit punch
 # files leave 1e-8 of a rigid motion in the constraint modes.
 _SPANNED = 1e-6
+# Corrections of the normal equations, whose condition is the square of the basis's.
+_REFINEMENTS = 3
 
 
 class Reduction(ABC):
@@ -118,9 +120,12 @@ def project(body: FEModel, modes: ModeSet, rigid: NDArray[np.float64]) -> Reduce
     D = None if body.D is None else _congruence(body.D @ Phi, Phi)
     # Scaled to a unit diagonal: columns of a basis differ by the square root of a mass.
     scale = np.sqrt(np.maximum(M.diagonal(), np.finfo(float).tiny))
-    q, *_ = np.linalg.lstsq(M / np.outer(scale, scale), (Phi.T @ (body.M @ rigid)) / scale[:, None], rcond=1e-14)
-    q = q / scale[:, None]
-    missed = rigid - Phi @ q
+    scaled = M / np.outer(scale, scale)
+    q, missed = np.zeros((modes.m, rigid.shape[1])), rigid
+    for _ in range(_REFINEMENTS):
+        step, *_ = np.linalg.lstsq(scaled, (Phi.T @ (body.M @ missed)) / scale[:, None], rcond=1e-14)
+        q = q + step / scale[:, None]
+        missed = rigid - Phi @ q
     lost = np.sqrt(np.maximum(np.einsum("ij,ij->j", missed, body.M @ missed), 0.0))
     if (lost > _SPANNED).any():
         raise MatrixError(

@@ -85,10 +85,10 @@ def test_dof_list_that_does_not_fit(tmp_path: Path) -> None:
     path = tmp_path / "body.sti"
     path.write_text(lines(np.triu(K)))
     (tmp_path / "body.dof").write_text("7.1\n7.2\n9.1\n9.2\n")
-    with pytest.raises(ReadError, match="stop at row 3, but the dof list .* has 4 dofs; the matrix is truncated"):
+    with pytest.raises(ReadError, match=r"stop at row 3, but the dof list .* has 4 dofs; the matrix is truncated"):
         read_matrix(path)
     (tmp_path / "body.dof").write_text("7.1\n7.2\n")
-    with pytest.raises(ReadError, match="is 3 x 3, but the dof list .* has 2 dofs"):
+    with pytest.raises(ReadError, match=r"is 3 x 3, but the dof list .* has 2 dofs"):
         read_matrix(path)
 
 

@@ -171,7 +171,7 @@ def test_cut_punch_file_is_refused(tmp_path: Path) -> None:
         if text[cut - 1] == "\n" and cut < column:
             continue
         path.write_text(text[:cut])
-        with pytest.raises(ReadError, match="truncated|needs a|should be an integer"):
+        with pytest.raises(ReadError, match=r"truncated|needs a|should be an integer"):
             read_matrix(path)
 
 

@@ -19,7 +19,11 @@ def write_hdf5(path: Path) -> None:
     """A version 7.3 file as MATLAB writes it: 512 bytes of its own, then HDF5 with the class of each variable."""
     A = sp.csc_array(K)
     with h5py.File(path, "w", userblock_size=512) as file:
-        for name, array, kind in (("K", K, "double"), ("F", K.astype("f4"), "single"), ("text", np.ones((1, 5)), "char")):
+        for name, array, kind in (
+            ("K", K, "double"),
+            ("F", K.astype("f4"), "single"),
+            ("text", np.ones((1, 5)), "char"),
+        ):
             file.create_dataset(name, data=array.T).attrs["MATLAB_class"] = np.bytes_(kind)
         group = file.create_group("S")
         group.attrs["MATLAB_class"] = np.bytes_("double")
@@ -51,7 +55,7 @@ def test_written_by_scipy(tmp_path: Path, options: dict[str, object]) -> None:
         assert np.array_equal(found.A.toarray(), K)
         assert found.rounding == 2.0**-53
     assert [one.name for one in matrix_names(path)] == ["K", "S", "row"]
-    with pytest.raises(ReadError, match="'text' is a .* char, not a matrix"):
+    with pytest.raises(ReadError, match=r"'text' is a .* char, not a matrix"):
         read_matrix(path, "text")
     with pytest.raises(ReadError, match=r"no matrix 'M' in it; it holds K, S, row"):
         read_matrix(path, "M")

@@ -1,7 +1,6 @@
 """Files of numpy and scipy.sparse."""
 
 import io
-import struct
 import zipfile
 from pathlib import Path
 
@@ -23,7 +22,7 @@ LAYOUTS = {
 }
 
 
-@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int64, np.dtype(">f8")])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int64])
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("compressed", [False, True])
 def test_saved_sparse(tmp_path: Path, layout: str, dtype: np.dtype, compressed: bool) -> None:
@@ -47,7 +46,7 @@ def test_named_arrays(tmp_path: Path, save: object) -> None:
     assert read_matrix(path, "m").rounding == 2.0**-24
     with pytest.raises(ReadError, match="holds 2 matrices, name one with `matrix:`: K, M"):
         read_matrix(path)
-    with pytest.raises(ReadError, match="'node' has 1 dimensions|no matrix 'node'"):
+    with pytest.raises(ReadError, match=r"'node' has 1 dimensions|no matrix 'node'"):
         read_matrix(path, "node")
 
 
@@ -59,9 +58,10 @@ def test_names_that_differ_in_capitals_only(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("order", ["C", "F"])
-def test_npy(tmp_path: Path, order: str) -> None:
+@pytest.mark.parametrize("dtype", ["<f8", ">f8", ">i4"])
+def test_npy(tmp_path: Path, order: str, dtype: str) -> None:
     path = tmp_path / "stiffness.npy"
-    np.save(path, np.array([[1.0, 2.0], [3.0, 4.0]], order=order))
+    np.save(path, np.array([[1.0, 2.0], [3.0, 4.0]], order=order, dtype=dtype))
     assert detect_format(path) == "npy"
     found = read_matrix(path)
     assert found.name == "stiffness"
@@ -107,7 +107,9 @@ def header(shape: tuple[int, ...], dtype: str = "<f8") -> bytes:
 def test_sizes_are_checked_before_they_are_believed(tmp_path: Path) -> None:
     path = tmp_path / "body.npy"
     path.write_bytes(header((10**6, 10**6)) + b"\0" * 64)
-    with pytest.raises(ReadError, match=r"claims 1000000 x 1000000 float64, which is 8000000000000 bytes .* has 64"):
+    with pytest.raises(
+        ReadError, match=r"claims 1000000 x 1000000 float64, .* 8000000000000 bytes, and the file has 64"
+    ):
         read_matrix(path)
     path = tmp_path / "body.npz"
     with zipfile.ZipFile(path, "w") as archive:
@@ -126,10 +128,8 @@ def test_sizes_are_checked_before_they_are_believed(tmp_path: Path) -> None:
 
 def test_indices_out_of_range(tmp_path: Path) -> None:
     path = tmp_path / "body.npz"
-    np.savez(
-        path, format=b"csc", shape=(2, 2), data=np.ones(2), indices=np.array([0, 5]), indptr=np.array([0, 1, 2])
-    )
-    with pytest.raises(ReadError, match="sparse matrix .* (is damaged|cannot be read)"):
+    np.savez(path, format=b"csc", shape=(2, 2), data=np.ones(2), indices=np.array([0, 5]), indptr=np.array([0, 1, 2]))
+    with pytest.raises(ReadError, match=r"sparse matrix .* (is damaged|cannot be read)"):
         read_matrix(path)
 
 
@@ -153,4 +153,3 @@ def test_array_of_three_dimensions(tmp_path: Path) -> None:
     np.save(tmp_path / "text.npy", np.array([["a"]]))
     with pytest.raises(ReadError, match="holds <U1, not numbers"):
         read_matrix(tmp_path / "text.npy", "text")
-    assert struct.calcsize("<d") == 8

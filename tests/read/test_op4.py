@@ -200,7 +200,7 @@ def test_printed_file_cut_anywhere_is_refused_or_whole(tmp_path: Path, sparse: s
     whole = len(text) - len(text.splitlines()[-1]) - 1
     for cut in range(45, whole):
         path.write_text(text[:cut])
-        with pytest.raises(ReadError, match="truncated|damaged"):
+        with pytest.raises(ReadError, match=r"truncated|damaged"):
             read_matrix(path, "kaa", format="op4")
 
 
@@ -230,7 +230,7 @@ def test_damaged_number_is_named_with_its_place(tmp_path: Path) -> None:
     path = tmp_path / "body.op4"
     op4.write(str(path), {"kaa": K}, binary=False, digits=9)
     path.write_text(path.read_text().replace("7.000000000E+00", "7.0000000x0E+00"))
-    with pytest.raises(ReadError, match="'7.0000000x0E\\+00' in column 5, row 5 is not a number"):
+    with pytest.raises(ReadError, match=r"'7.0000000x0E\+00' in column 5, row 5 is not a number"):
         read_matrix(path)
 
 
