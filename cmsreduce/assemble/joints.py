@@ -96,7 +96,8 @@ def check_redundant(stack: PointStack, constraints: Constraints) -> None:
     for name, sub in stack.substructures.items():
         columns = stack.body_columns(name)
         A = constraints.A[:, columns]
-        rigid = sub.rigid.shape[1] == sub.m
+        # A flexible body of which only the rigid modes are kept has as many coordinates, but its joints are no error.
+        rigid = sub.omega is None and sub.rigid.shape[1] == sub.m
         parts.append(A @ np.asarray(stack.motions(name)) if rigid else A)
     A = np.hstack(parts) if parts else constraints.A
     # Rotations are measured against the arms that turn them into displacements.

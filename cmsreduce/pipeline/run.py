@@ -280,7 +280,12 @@ class Run:
         return stage_key("orthogonalise", self._reduce_key(name), repr(self.bodies[name].body.damping))
 
     def _system_key(self, stage: str) -> str:
-        settings = self.pipeline.model_dump(mode="json", exclude={"name", "output", "include", "write"})
+        # File names are left out: what they hold is in the keys of the bodies.
+        files: dict[str, Any] = {
+            "components": {"__all__": {"stiffness", "mass", "geometry", "extseout", "rows", "damping"}}
+        }
+        elsewhere = dict.fromkeys(("name", "output", "include", "write"), True)
+        settings = self.pipeline.model_dump(mode="json", exclude=files | elsewhere)
         if stage == "balance":
             settings.pop("verify", None)
         return stage_key(stage, __version__, settings, {name: self._modal_key(name) for name in self.bodies})

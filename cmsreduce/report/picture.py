@@ -1,0 +1,106 @@
+"""The response overlay as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cmsreduce.errors import WriteError
+from cmsreduce.model import RunResult
+from cmsreduce.report.curves import decibels
+from cmsreduce.report.palette import FULL, INK, LIMIT, LineStyle, model_style
+from cmsreduce.report.wording import FIGURES, compared
+
+__all__ = ["response_picture"]
+
+_INCHES = (8.0, 5.2)
+_DOTS_PER_INCH = 150
+_PIXELS_PER_POINT = _DOTS_PER_INCH / 72
+# Below the smallest error an eye finds on the upper panel; keeps the logarithmic axis finite.
+_FLOOR_DB = 1e-4
+
+
+def response_picture(run: RunResult, path: Path, configuration: int = 0, channel: tuple[int, int] = (0, 0)) -> None:
+    """Draw the responses of the full and the reduced models, and their errors below.
+
+    Parameters
+    ----------
+    run : RunResult
+        With at least one configuration verified.
+    path : Path
+        File to write; its suffix says the format, such as ``.png`` (1200 x 780 pixels) or ``.svg``.
+    configuration : int
+        Which configuration.
+    channel : (int, int)
+        Output and input.
+
+    Raises
+    ------
+    WriteError
+        If the run has no such response.
+    """
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    o, i = channel
+    counts = (len(run.configurations), len(run.outputs), len(run.inputs))
+    if not all(0 <= at < count for at, count in zip((configuration, o, i), counts, strict=True)):
+        raise WriteError(
+            f"{path}: there is no response of configuration {configuration}, output {o}, input {i} to draw; the run "
+            f"verified {counts[0]} configurations of {counts[1]} outputs and {counts[2]} inputs (counted from 0)"
+        )
+    result = run.configurations[configuration]
+    hz, full = result.response.frequency_hz, decibels(result.response.full[:, o, i])
+    style: Any = {
+        "font.family": "DejaVu Sans",
+        "font.size": 9,
+        "text.color": INK,
+        "axes.labelcolor": INK,
+        "axes.edgecolor": "#8c959f",
+        "xtick.color": INK,
+        "ytick.color": INK,
+        "svg.hashsalt": "cmsreduce",
+    }
+    with rc_context(style):
+        figure = Figure(figsize=_INCHES, dpi=_DOTS_PER_INCH, layout="constrained")
+        FigureCanvasAgg(figure)
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
+        above.plot(hz, full, label="full", **_line(FULL))
+        for k, model in enumerate((run.model, *compared(run))):
+            if model not in result.response.reduced:
+                continue
+            curve = decibels(result.response.reduced[model][:, o, i])
+            above.plot(hz, curve, label=_literal(model), **_line(model_style(k)))
+            below.plot(hz, np.maximum(abs(curve - full), _FLOOR_DB), **_line(model_style(k)))
+        limit = run.limits.get("db_error")
+        if limit is not None:
+            below.axhline(limit, color=LIMIT, linewidth=0.8)
+            text = f"limit {FIGURES[1].text(limit)}"
+            below.annotate(
+                text, (1, limit), (-3, 2), ("axes fraction", "data"), "offset points", ha="right", color=LIMIT
+            )
+        above.set(ylabel="magnitude, dB", xscale="log")
+        above.set_title(_literal(f"{run.inputs[i]} → {run.outputs[o]}, {result.configuration.name}"), loc="left")
+        below.set(xlabel="frequency, Hz", ylabel="|error|, dB", yscale="log")
+        positive = hz[hz > 0]
+        if positive.size > 1:
+            below.set_xlim(positive[0], positive[-1])
+        for axes in (above, below):
+            axes.grid(color="#e4e8ec", linewidth=0.6)
+            axes.spines[["top", "right"]].set_visible(False)
+        above.legend(frameon=False, ncols=4, loc="lower left", handlelength=3.5)
+        metadata = {"Date": None} if path.suffix.lower() == ".svg" else {}
+        figure.savefig(path, metadata=metadata)
+
+
+def _line(style: LineStyle) -> dict[str, Any]:
+    dashes = (0, style.pattern) if style.pattern else "solid"
+    return {"color": style.colour, "linestyle": dashes, "linewidth": style.width / _PIXELS_PER_POINT}
+
+
+def _literal(text: str) -> str:
+    # A dollar sign in a name starts no formula.
+    return text.replace("$", r"\$")

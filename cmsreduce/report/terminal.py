@@ -1,0 +1,125 @@
+"""The summary of a run on the terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cmsreduce.model import RunResult
+from cmsreduce.report.wording import broken, compared, headline, number, seconds, worst
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+__all__ = ["print_summary"]
+
+# Columns in a log or a pipe, where there is no terminal to ask.
+_PLAIN_WIDTH = 100
+
+
+def print_summary(run: RunResult, folder: Path, console: Console | None = None) -> None:
+    """Print what a run found.
+
+    Parameters
+    ----------
+    run : RunResult
+    folder : Path
+        Run directory; the files in it are named.
+    console : rich.console.Console, optional
+        Where to print; standard output by default, 100 columns wide and plain where that is no terminal.
+    """
+    if console is None:
+        console = _standard_output()
+    verdict = "PASS" if run.passed else "FAIL"
+    _line(console, f"{run.name}: {verdict}", "bold green" if run.passed else "bold red")
+    _line(console, headline(run))
+    if run.components:
+        console.print(_components(run))
+    if run.configurations:
+        console.print(_errors(run))
+    for reason in broken(run):
+        _line(console, f"FAIL  {reason}", "red")
+    if run.speed is not None:
+        _line(
+            console,
+            f"responses: full {seconds(run.speed.full_frf_s)}, reduced {seconds(run.speed.reduced_frf_s)}; "
+            f"reductions {seconds(run.speed.reduce_s)}",
+        )
+    for note in run.notes:
+        _line(console, f"note: {note}", "yellow")
+    for path in [folder / "summary.json", folder / "report.html", *sorted(folder.glob("*.h5"))]:
+        if path.is_file():
+            _line(console, str(path))
+
+
+def _components(run: RunResult) -> Table:
+    table = _table("component", "method")
+    for column in ("dofs", "basis", "elastic", "kept", "checks", "seconds"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for name, part in run.components.items():
+        modes = part.modes
+        failed = sum(not check.passed for check in part.checks)
+        table.add_row(
+            _text(name),
+            _text(modes.method),
+            str(part.full_dofs),
+            str(modes.basis_size),
+            str(modes.elastic_count),
+            str(part.kept_modes),
+            f"{failed} FAIL" if failed else f"{len(part.checks)} PASS",
+            number(sum(part.seconds.values()), 3),
+        )
+    return table
+
+
+def _errors(run: RunResult) -> Table:
+    table = _table("model", "error")
+    table.add_column("worst", justify="right", no_wrap=True)
+    table.add_column("limit", justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    table.add_column("configuration", overflow="fold")
+    for model in (run.model, *compared(run)):
+        for row in worst(run, model):
+            # A model that is only compared with is not judged.
+            judged = model == run.model and row.limit is not None
+            table.add_row(
+                _text(model),
+                row.figure.label,
+                row.figure.text(row.value),
+                row.figure.text(row.limit) if judged and row.limit is not None else "",
+                ("PASS" if row.met else "FAIL") if judged else "",
+                _text(row.where),
+            )
+        table.add_section()
+    return table
+
+
+def _table(*names: str) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for name in names:
+        table.add_column(name, overflow="fold")
+    return table
+
+
+def _text(text: str) -> Text:
+    from rich.text import Text
+
+    return Text(text)
+
+
+def _line(console: Console, text: str, style: str = "") -> None:
+    # Wrapped by the terminal itself, so that a path can be copied whole.
+    console.print(text, style=style, markup=False, highlight=False, soft_wrap=True)
+
+
+def _standard_output() -> Console:
+    import sys
+
+    from rich.console import Console
+
+    return Console() if sys.stdout.isatty() else Console(width=_PLAIN_WIDTH)
