@@ -67,6 +67,7 @@ class FlexibleBody:
         digest = hashlib.sha256()
         body, ports = self.body, self.ports
         arrays: list[NDArray[Any]] = [body.dofs.node, body.dofs.component, ports.interface, ports.loads]
+        arrays += [np.array(self.rigid.shape), np.array(body.rounding)]
         for A in (body.K, body.M, body.D):
             if A is not None:
                 arrays += [A.indptr, A.indices, A.data]

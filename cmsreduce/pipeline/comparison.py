@@ -33,6 +33,9 @@ from cmsreduce.verify import (
 
 __all__ = ["Comparison", "ReducedModel"]
 
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
 # Points nearer than this share of a resonance's half-width add nothing to an integral over it.
 _THINNING = 0.02
 
@@ -80,9 +83,7 @@ class Comparison:
         self.full, self.full_shapes, self.bodies, self.scene, self.points = full, full_shapes, bodies, scene, points
         self._decibel = decibel_grid(scene.band)
         self._decibel_flexibility: dict[str, NDArray[np.complex128]] | None = None
-        self._seen: dict[
-            str, tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]
-        ] = {}
+        self._seen: dict[str, tuple[Real, Complex, Complex, Real, Real]] = {}
         self.full_seconds = 0.0
         self.reduced_seconds = 0.0
 
@@ -117,12 +118,12 @@ class Comparison:
             if configuration.name not in self._seen:
                 omega = self.grid(configuration, [model])
                 H = self.full.response(configuration, omega)
-                elastic = H - self.full.rigid_response(configuration, omega)
-                row, column = channel_scales(self.scene.actuators, self.scene.sensors, elastic, H)
-                self._seen[configuration.name] = (omega, elastic, row, column)
-            omega, elastic, row, column = self._seen[configuration.name]
-            assembled = model.assembled
-            H_r = assembled.response(configuration, omega) - assembled.rigid_response(configuration, omega)
+                rigid = self.full.rigid_response(configuration, omega)
+                row, column = channel_scales(self.scene.actuators, self.scene.sensors, H - rigid, H)
+                self._seen[configuration.name] = (omega, H - rigid, rigid, row, column)
+            omega, elastic, rigid, row, column = self._seen[configuration.name]
+            # Every candidate keeps the rigid modes, so its rigid part is the full one's and need not be assembled.
+            H_r = model.assembled.response(configuration, omega) - rigid
             worst = max(worst, frf_error(omega, elastic, H_r, row, column))
         return worst
 

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from cmsreduce.config import load_pipeline
-from cmsreduce.errors import ReadError
+from cmsreduce.errors import ReadError, StageError
 from cmsreduce.model import Configuration, RunResult
+from cmsreduce.pipeline.ledger import REPORT
 from cmsreduce.pipeline.progress import Silent
 from cmsreduce.pipeline.result import component_checks, run_result
 from cmsreduce.pipeline.run import STAGES, Run
@@ -42,11 +43,19 @@ def execute(run: Run, source: Path, overrides: Sequence[str] = (), until: str | 
     -------
     RunResult or None
         What the whole run found; None if it was asked to stop earlier.
+
+    Raises
+    ------
+    CmsReduceError
+        Whatever a stage finds wrong; what was finished before it is kept.
     """
-    _remember(run.folder, source, overrides)
     last = until or run.ledger.only or "write"
     reached = STAGES[: STAGES.index(last) + 1]
+    if run.ledger.only == "project":
+        raise StageError("stage 'project' is not available in this version; take `--only project` out")
     names = list(run.bodies)
+    # Only now: a pipeline that cannot be read must not take the place of the one the folder was made from.
+    _remember(run.folder, source, overrides)
     wanted: dict[str, Callable[[], object]] = {
         "reduce": lambda: [run.reduced(name) for name in names],
         "orthogonalise": lambda: [run.modal(name) for name in names],
@@ -87,7 +96,7 @@ def reopen(folder: Path) -> Run:
             f"{folder}: this is no run directory ({_ORIGIN} is missing); give the `output:` of a finished run"
         )
     facts = json.loads(origin.read_text(encoding="utf-8"))
-    return Run(load_pipeline(Path(facts["pipeline"]), facts["overrides"]), folder, Silent(), only="report")
+    return Run(load_pipeline(Path(facts["pipeline"]), facts["overrides"]), folder, Silent(), only=REPORT)
 
 
 def write_report(result: RunResult, folder: Path) -> Path:

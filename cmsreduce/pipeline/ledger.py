@@ -14,7 +14,10 @@ from cmsreduce.errors import StageError
 from cmsreduce.pipeline.progress import Progress
 from cmsreduce.pipeline.stage_store import StageStore
 
-__all__ = ["Ledger"]
+__all__ = ["REPORT", "Ledger"]
+
+REPORT = "report"
+"""Not a stage: named as the only one, it lets nothing be computed."""
 
 Arrays = Mapping[str, NDArray[Any]]
 T = TypeVar("T")
@@ -77,9 +80,10 @@ class Ledger:
             self.progress.reused(stage, what)
             return unpack(arrays, facts)
         if self.only not in (None, stage):
+            whole = "" if self.only == REPORT else f" --until {self.only}"
             raise StageError(
                 f"stage '{stage}' of '{what}' is not finished for these inputs and settings; run `cmsreduce {stage}` "
-                f"on this pipeline first, or `cmsreduce run --until {self.only}`"
+                f"on this pipeline first, or `cmsreduce run{whole}`"
             )
         prepare()
         result = self.timed(stage, what, work)
@@ -88,6 +92,13 @@ class Ledger:
             self.store.save(stage, what, key, packed, {**described, "seconds": self.seconds[what][stage]})
         )
         return result
+
+    def recall(self, stage: str, what: str, key: str) -> None:
+        """Take the time of a finished stage that a later one made needless to read."""
+        if stage not in self.seconds.get(what, {}):
+            facts = self.store.facts(stage, what, key)
+            if facts is not None:
+                self._add(stage, what, float(facts["seconds"]))
 
     def timed(self, stage: str, what: str, work: Callable[[], T]) -> T:
         """Do a piece of work and note how long it took."""

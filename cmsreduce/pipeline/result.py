@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cmsreduce import __version__
@@ -39,10 +41,13 @@ def run_result(run: Run) -> RunResult:
     for name, flexible in run.bodies.items():
         ranked = run.ranked[name]
         kept = np.concatenate([np.arange(ranked.rigid_count), run.selection[name]])
+        why = ["left out"] * ranked.omega.size
+        for column, reason in zip(kept, run.kept[name].why, strict=True):
+            why[column] = reason
         components[name] = ComponentResult(
             name=name,
             full_dofs=flexible.body.n,
-            modes=ranked,
+            modes=replace(ranked, why=tuple(why)),
             kept=np.asarray(kept, dtype=np.int64),
             seconds=dict(seconds.get(name, {})),
             peak_mib=run.ledger.peak_mib.get(name, 0.0),

@@ -10,7 +10,7 @@ from typing import Any
 from cmsreduce import __version__
 from cmsreduce.assemble import modal_substructure, physical_substructure, rigid_substructure
 from cmsreduce.balance import Selection, keep_all
-from cmsreduce.config import KeepKeys, Pipeline, RankingKeys, build_scene
+from cmsreduce.config import KeepKeys, Pipeline, RankingKeys, VerifyKeys, build_scene
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import ModalComponent, ReducedComponent, Scene, Substructure
 from cmsreduce.orthogonalise import orthogonalise
@@ -123,6 +123,7 @@ class Run:
                 lambda arrays, facts: modal_from(body, arrays, facts),
                 prepare=lambda: self.reduced(name),
             )
+            self.ledger.recall("reduce", name, self._reduce_key(name))
         return self._modal[name]
 
     @cached_property
@@ -180,11 +181,14 @@ class Run:
     @cached_property
     def comparison(self) -> Comparison:
         """The full system, against which reduced ones are measured."""
-        keys = self.pipeline.verify
         full = AssembledModel(self._in_order({n: r.substructure for n, r in self.references.items()}), self.scene)
         shapes = {name: r.modes for name, r in self.references.items()}
         bodies = {name: flexible.body for name, flexible in self.bodies.items()}
-        return Comparison(full, shapes, bodies, self.scene, keys.frf.points if keys else 400)
+        return Comparison(full, shapes, bodies, self.scene, self._points)
+
+    @property
+    def _points(self) -> int:
+        return (self.pipeline.verify or VerifyKeys()).frf.points
 
     @property
     def has_response(self) -> bool:
@@ -286,9 +290,10 @@ class Run:
         }
         elsewhere = dict.fromkeys(("name", "output", "include", "write"), True)
         settings = self.pipeline.model_dump(mode="json", exclude=files | elsewhere)
-        if stage == "balance":
-            settings.pop("verify", None)
-        return stage_key(stage, __version__, settings, {name: self._modal_key(name) for name in self.bodies})
+        compared = settings.pop("verify") or {}
+        # Limits judge what is found and change nothing in it; balance looks at the grid that errors are taken on.
+        asked = [self._points, None if stage == "balance" else compared.get("compare")]
+        return stage_key(stage, __version__, settings, asked, {name: self._modal_key(name) for name in self.bodies})
 
 
 def _reason(keys: RankingKeys) -> str:

@@ -57,6 +57,17 @@ class StageStore:
             # A file that cannot be read whole is made again; nothing of the user's is in it.
             return None
 
+    def facts(self, stage: str, what: str, key: str) -> dict[str, Any] | None:
+        """Read what is known of a finished stage, without its arrays."""
+        import h5py
+
+        try:
+            with h5py.File(self.path(stage, what), "r") as file:
+                found: dict[str, Any] = json.loads(file.attrs["facts"])
+                return found if file.attrs.get("key") == key else None
+        except (OSError, KeyError, ValueError):
+            return None
+
     def save(
         self, stage: str, what: str, key: str, arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]
     ) -> Path:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.model import ComponentResult, ConfigurationResult, RunResult
+from cmsreduce.model import ComponentResult, ConfigurationResult, ModelErrors, RunResult
 from cmsreduce.report.palette import FULL, INK, LIMIT, model_style
 from cmsreduce.report.thinning import thinned_points
 from cmsreduce.report.wording import FIGURES, compared
@@ -87,12 +87,16 @@ def _setting(result: ConfigurationResult, models: Iterable[str], channels: list[
         "reduced": [result.n_reduced, result.modes_reduced],
         "errors": [found and [figure.text(getattr(found, figure.name)) for figure in FIGURES] for found in errors],
         "frac": [found and [_rounded(found.frac[channel]) for channel in channels] for found in errors],
-        "pairs": [
-            found and [_all_rounded(values) for values in (found.full_hz, found.reduced_hz, found.mac)]
-            for found in errors
-        ],
+        "pairs": _pairs(errors[0]) if errors[0] else [],
         "curves": [_channel(result, models, o, i) for o, i in channels],
     }
+
+
+def _pairs(found: ModelErrors) -> list[list[float | None]]:
+    """Full and reduced frequency in Hz, shift in per cent and likeness of shapes of every pair."""
+    full, reduced = found.full_hz, found.reduced_hz
+    shift = 100 * (reduced - full) / np.where(full > 0, full, np.nan)
+    return [_all_rounded(pair) for pair in zip(full, reduced, shift, found.mac, strict=True)]
 
 
 def _channel(result: ConfigurationResult, models: Iterable[str], o: int, i: int) -> dict[str, Any]:

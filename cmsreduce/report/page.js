@@ -4,14 +4,17 @@
   const { styles, models } = data;
   // Differences below this are rounding of the packed curves; they are drawn on it.
   const FLOOR_DB = 1e-4;
-  const CONFIG = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+  // Buttons are named one by one: the default bar offers to send the data to a server.
+  const CONFIG = { displaylogo: false, responsive: true, showSendToCloud: false, plotlyServerURL: "",
+    modeBarButtons: [["zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"], ["toImage"]] };
   const FONT = { family: "system-ui, sans-serif", size: 13, color: styles.ink };
   const AXIS = { gridcolor: "#e4e8ec", linecolor: "#8c959f", showline: true, ticks: "outside", tickcolor: "#8c959f", zeroline: false };
 
   const plain = (text) => text.replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
   const unpack = (text) => new Float32Array(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
   const line = (style) => ({ color: style.colour, dash: style.dash, width: style.width });
-  const titled = (text, more) => ({ ...AXIS, title: { text }, ...more });
+  const DECADES = { type: "log", dtick: 1, tickformat: "~g" };
+  const titled = (text, more) => ({ ...AXIS, title: { text, standoff: 10 }, automargin: true, ...more });
   const layout = (more) => ({
     font: FONT, paper_bgcolor: "#fff", plot_bgcolor: "#fff", margin: { l: 70, r: 20, t: 10, b: 50 },
     legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" }, ...more,
@@ -24,18 +27,18 @@
     return made;
   }
 
-  function table(heads, rows) {
+  function table(heads, rows, labels) {
     const made = element("table");
     const head = made.createTHead().insertRow();
     heads.forEach((text, column) => {
-      const cell = element("th", text, column ? "num" : "");
+      const cell = element("th", text, column < labels ? "" : "num");
       cell.scope = "col";
       head.append(cell);
     });
     const body = made.createTBody();
     for (const values of rows) {
       const row = body.insertRow();
-      values.forEach((text, column) => row.append(element("td", text, column ? "num" : "")));
+      values.forEach((text, column) => row.append(element("td", text, column < labels ? "" : "num")));
     }
     const frame = element("div", undefined, "scroll");
     frame.tabIndex = 0;
@@ -62,7 +65,7 @@
       const largest = error.reduce((a, b) => (b > a ? b : a), FLOOR_DB);
       top = Math.max(top, largest);
       if (k === 0) own = largest;
-      const common = { x: hz, name: plain(model), legendgroup: "model " + k, mode: "lines", line: line(styles.models[k]) };
+      const common = { x: hz, name: plain(model), legendgroup: "model " + k, mode: "lines", zorder: models.length - k, line: line(styles.models[k]) };
       traces.push({ ...common, y, hovertemplate: "%{y:.2f} dB" });
       traces.push({ ...common, y: error, yaxis: "y2", showlegend: false, name: plain(model) + ", error", hovertemplate: "%{y:.3~g} dB",
         line: { ...line(styles.models[k]), width: 1.6 } });
@@ -80,7 +83,7 @@
       hovermode: "x unified",
       xaxis: titled("frequency, Hz", { type: "log", anchor: "y2", hoverformat: ".5~g", uirevision: "kept", dtick: "D2", minor: { showgrid: false } }),
       yaxis: titled("magnitude, dB re 1", { domain: [0.36, 1] }),
-      yaxis2: titled("|error|, dB", { domain: [0, 0.3], type: "log", range: [Math.log10(bottom), Math.log10(top * 1.6)], dtick: 1, exponentformat: "power" }),
+      yaxis2: titled("|error|, dB", { domain: [0, 0.3], ...DECADES, range: [Math.log10(bottom), Math.log10(top * 1.6)] }),
       annotations: full.every(Number.isNaN) ? [{ text: "The full system is silent in this channel", xref: "paper", yref: "paper", x: 0.5, y: 0.7, showarrow: false }] : [],
     }), CONFIG);
     document.getElementById("response").setAttribute("aria-label",
@@ -89,12 +92,9 @@
     const sizes = element("p", `Full system: ${setting.full[0]} coordinates, ${setting.full[1]} elastic modes in the band. `
       + `Reduced system: ${setting.reduced[0]} coordinates, ${setting.reduced[1]} elastic modes in the band.`, "quiet");
     document.getElementById("selected").replaceChildren(
-      table(["model", ...data.figures.map((figure) => figure.label), "FRAC of this channel"], rows.filter(Boolean)), sizes);
-    const pairs = setting.pairs[0];
-    const shift = (a, b) => (a ? (100 * (b / a - 1)).toPrecision(3) : "–");
-    document.getElementById("pairs").replaceChildren(pairs && pairs[0].length
-      ? table(["full, Hz", models[0] + ", Hz", "shift, %", "likeness of shapes (MAC)"],
-        pairs[0].map((hz, k) => [shown(hz), shown(pairs[1][k]), shift(hz, pairs[1][k]), shown(pairs[2][k])]))
+      table(["model", ...data.figures.map((figure) => figure.label), "FRAC of this channel"], rows.filter(Boolean), 1), sizes);
+    document.getElementById("pairs").replaceChildren(setting.pairs.length
+      ? table(["full, Hz", models[0] + ", Hz", "shift, %", "likeness of shapes (MAC)"], setting.pairs.map((pair) => pair.map(shown)), 0)
       : element("p", "No mode of the reduced system lies in the band."));
   }
 
@@ -118,7 +118,7 @@
     Plotly.react("by-configuration", traces, layout({
       shapes, annotations, showlegend: true,
       xaxis: { ...AXIS, type: "category", automargin: true },
-      yaxis: titled(figure.label + ", " + figure.unit, { type: "log", dtick: 1, exponentformat: "power", ...span }),
+      yaxis: titled(figure.label + ", " + figure.unit, { ...DECADES, ...span }),
     }), CONFIG);
   }
 
@@ -137,10 +137,16 @@
         marker: kept ? { color: "#0072B2" } : { color: "#fff", line: { color: "#8c959f", width: 1 }, pattern: { shape: "/", fgcolor: "#8c959f", size: 5 } },
       };
     };
+    const first = part.number[0];
+    const count = part.number.length;
+    const known = part.sigma.filter((value) => value !== null);
+    const decades = Math.log10(Math.max(...known) / Math.min(...known));
     Plotly.newPlot(target, [bars(true), bars(false)], layout({
       barmode: "overlay", bargap: 0.25, showlegend: true,
-      xaxis: titled("mode, by frequency", { zeroline: false }),
-      yaxis: titled("sigma", { type: "log", exponentformat: "power", dtick: 1 }),
+      // A few modes are not blown up to slabs, and no tick stands between two modes.
+      xaxis: titled("mode, by frequency", { domain: [0, Math.min(1, count / 16)], range: [first - 0.7, first + count - 0.3],
+        dtick: Math.ceil(count / 20) }),
+      yaxis: titled("sigma", { type: "log", dtick: Math.ceil(decades / 8), exponentformat: "power", tickformat: decades > 8 ? "" : "~g" }),
     }), CONFIG);
   }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from cmsreduce.model import RunResult
 from cmsreduce.report.curves import decibels
 from cmsreduce.report.palette import FULL, INK, LIMIT, LineStyle, model_style
 from cmsreduce.report.wording import FIGURES, compared
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["response_picture"]
 
@@ -44,6 +47,7 @@ def response_picture(run: RunResult, path: Path, configuration: int = 0, channel
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter
 
     o, i = channel
     counts = (len(run.configurations), len(run.outputs), len(run.inputs))
@@ -69,31 +73,46 @@ def response_picture(run: RunResult, path: Path, configuration: int = 0, channel
         FigureCanvasAgg(figure)
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
         above.plot(hz, full, label="full", **_line(FULL))
+        limit = run.limits.get("db_error")
+        top, own = _FLOOR_DB if limit is None else max(limit, _FLOOR_DB), _FLOOR_DB
         for k, model in enumerate((run.model, *compared(run))):
             if model not in result.response.reduced:
                 continue
             curve = decibels(result.response.reduced[model][:, o, i])
-            above.plot(hz, curve, label=_literal(model), **_line(model_style(k)))
-            below.plot(hz, np.maximum(abs(curve - full), _FLOOR_DB), **_line(model_style(k)))
-        limit = run.limits.get("db_error")
+            error = np.maximum(abs(curve - full), _FLOOR_DB)
+            # The run's own model lies on top of those it is compared with.
+            look = _line(model_style(k)) | {"zorder": 3 - 0.1 * k}
+            above.plot(hz, curve, label=_literal(model), **look)
+            below.plot(hz, error, **look)
+            largest = float(np.max(error, initial=_FLOOR_DB, where=np.isfinite(error)))
+            top, own = max(top, largest), largest if k == 0 else own
         if limit is not None:
-            below.axhline(limit, color=LIMIT, linewidth=0.8)
-            text = f"limit {FIGURES[1].text(limit)}"
-            below.annotate(
-                text, (1, limit), (-3, 2), ("axes fraction", "data"), "offset points", ha="right", color=LIMIT
-            )
+            _draw_limit(below, limit)
         above.set(ylabel="magnitude, dB", xscale="log")
-        above.set_title(_literal(f"{run.inputs[i]} → {run.outputs[o]}, {result.configuration.name}"), loc="left")
+        title = _literal(f"{run.inputs[i]} → {run.outputs[o]}, {result.configuration.name}")
+        above.set_title(title, loc="left", pad=22)
         below.set(xlabel="frequency, Hz", ylabel="|error|, dB", yscale="log")
+        # Three decades below the run's own worst: the rest of the error is nothing anybody looks for.
+        below.set_ylim(0.7 * max(own / 1e3, _FLOOR_DB), 2 * top)
+        for axis in (below.xaxis, below.yaxis):
+            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         positive = hz[hz > 0]
         if positive.size > 1:
             below.set_xlim(positive[0], positive[-1])
         for axes in (above, below):
             axes.grid(color="#e4e8ec", linewidth=0.6)
             axes.spines[["top", "right"]].set_visible(False)
-        above.legend(frameon=False, ncols=4, loc="lower left", handlelength=3.5)
+        place: Any = {"loc": "lower left", "bbox_to_anchor": (0, 1), "borderaxespad": 0.2}
+        above.legend(frameon=False, ncols=4, handlelength=3.5, **place)
+        figure.align_ylabels()
         metadata = {"Date": None} if path.suffix.lower() == ".svg" else {}
         figure.savefig(path, metadata=metadata)
+
+
+def _draw_limit(axes: Axes, limit: float) -> None:
+    axes.axhline(limit, color=LIMIT, linewidth=0.8)
+    at: Any = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
+    axes.annotate(f"limit {FIGURES[1].text(limit)}", (0, limit), (4, 3), color=LIMIT, **at)
 
 
 def _line(style: LineStyle) -> dict[str, Any]:

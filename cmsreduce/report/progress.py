@@ -76,7 +76,7 @@ class Bar:
 
     def note(self, text: str) -> None:
         """Print above the bars."""
-        self.bars.console.print(f"[yellow]note[/]: {text}")
+        self.bars.console.print(f"note: {text}", markup=False, highlight=False)
 
     def finish(self) -> None:
         """Fill the bar of the work just done."""

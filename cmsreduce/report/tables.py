@@ -32,12 +32,12 @@ class ModeRow:
 
 @dataclass(frozen=True)
 class ConfigurationRow:
-    """One configuration: sizes, and the errors of every model in the order of `FIGURES`."""
+    """One configuration: sizes, and of every model its label and its errors in the order of `FIGURES`."""
 
     name: str
     full: str
     reduced: str
-    errors: tuple[tuple[str, ...], ...]
+    errors: tuple[tuple[str, tuple[str, ...]], ...]
 
 
 @dataclass(frozen=True)
@@ -61,21 +61,21 @@ def mode_rows(part: ComponentResult) -> list[ModeRow]:
             spacing=_known(modes.spacing[k], 3),
             close=bool(modes.spacing[k] > _CLOSE),
             kept=k in kept,
-            why=modes.why[k],
+            why=modes.why[k] if k in kept else "",
         )
         for k in range(modes.omega.size)
     ]
 
 
 def configuration_rows(run: RunResult) -> list[ConfigurationRow]:
-    """Errors of every model in every configuration; a dash where a model has none."""
+    """Errors of every model in every configuration."""
     models = (run.model, *compared(run))
     return [
         ConfigurationRow(
             name=result.configuration.name,
             full=f"{result.n_full} ({result.modes_full})",
             reduced=f"{result.n_reduced} ({result.modes_reduced})",
-            errors=tuple(_errors(result, model) for model in models),
+            errors=tuple((model, _errors(result, model)) for model in models if model in result.errors),
         )
         for result in run.configurations
     ]
@@ -102,8 +102,6 @@ def timings(run: RunResult) -> Timings:
 
 
 def _errors(result: ConfigurationResult, model: str) -> tuple[str, ...]:
-    if model not in result.errors:
-        return ("–",) * len(FIGURES)
     return tuple(figure.text(getattr(result.errors[model], figure.name)) for figure in FIGURES)
 
 

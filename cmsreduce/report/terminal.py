@@ -34,7 +34,7 @@ def print_summary(run: RunResult, folder: Path, console: Console | None = None) 
         console = _standard_output()
     verdict = "PASS" if run.passed else "FAIL"
     _line(console, f"{run.name}: {verdict}", "bold green" if run.passed else "bold red")
-    _line(console, headline(run))
+    _line(console, headline(run).replace("→", "->"))
     if run.components:
         console.print(_components(run))
     if run.configurations:
@@ -118,8 +118,12 @@ def _line(console: Console, text: str, style: str = "") -> None:
 
 
 def _standard_output() -> Console:
+    import io
     import sys
 
     from rich.console import Console
 
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # A name that the terminal's encoding lacks must not end a finished run.
+        sys.stdout.reconfigure(errors="replace")
     return Console() if sys.stdout.isatty() else Console(width=_PLAIN_WIDTH)

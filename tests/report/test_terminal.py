@@ -1,0 +1,76 @@
+import io
+import re
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from cmsreduce.model import RunResult
+from cmsreduce.report import print_summary
+
+
+def printed(run: RunResult, folder: Path, width: int = 100) -> str:
+    stream = io.StringIO()
+    print_summary(run, folder, Console(file=stream, width=width))
+    return stream.getvalue()
+
+
+def words(text: str) -> str:
+    return re.sub(r"\s+", " ", text)
+
+
+def test_figures_and_verdict(make_run, tmp_path: Path) -> None:
+    text = words(printed(make_run(), tmp_path))
+    assert text.startswith("oscillators: PASS 2 elastic modes -> 1 kept; worst response error 2 % at spin=45 cone=30 ")
+    for figures in (
+        "rotor craig-bampton 3 3 2 1 1 PASS 1.76",
+        "reduced response error 2 % 5 % PASS spin=45 cone=30",
+        "reduced decibel error 0.125 dB 1 dB PASS spin=0",
+        "reduced frequency error 0.1 % spin=0",
+        "first by frequency response error 75 % spin=0",
+        "responses: full 2.000 s, reduced 0.100 s; reductions 1.750 s",
+        "note: units were taken as SI",
+    ):
+        assert figures in text
+
+
+def test_compared_models_are_not_judged(make_run, tmp_path: Path) -> None:
+    lines = printed(make_run(), tmp_path).splitlines()
+    assert not [line for line in lines if "first by frequency" in line and re.search("PASS|FAIL", line)]
+
+
+def test_broken_limits_are_named(make_run, tmp_path: Path) -> None:
+    text = words(printed(make_run(limits={"db_error": 0.1}), tmp_path))
+    assert "oscillators: FAIL" in text
+    assert "reduced decibel error 0.125 dB 0.1 dB FAIL spin=0" in text
+    assert "FAIL decibel error 0.125 dB at spin=0 is above its limit 0.1 dB" in text
+
+
+def test_nothing_verified(make_run, tmp_path: Path) -> None:
+    text = printed(make_run(configurations=(), speed=None, limits={}), tmp_path)
+    assert "no response was verified" in text
+    assert "responses:" not in text
+    assert "limit" not in text
+
+
+def test_files_are_named_in_one_piece(make_run, tmp_path: Path) -> None:
+    folder = tmp_path / ("a long [bold]folder name " * 5).strip()
+    folder.mkdir()
+    for name in ("summary.json", "report.html", "system.h5", "rotor.h5", "else.txt"):
+        (folder / name).touch()
+    lines = printed(make_run(), folder).splitlines()
+    assert lines[-4:] == [str(folder / name) for name in ("summary.json", "report.html", "rotor.h5", "system.h5")]
+
+
+def test_names_in_brackets_are_no_markup(make_run, tmp_path: Path) -> None:
+    text = printed(make_run(name="[red]x", bodies=("[b]",), configurations=("[/]",)), tmp_path)
+    assert "[red]x: PASS" in text
+    assert "[b]" in text
+    assert "at [/]" in text
+
+
+def test_plain_where_there_is_no_terminal(make_run, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    print_summary(make_run(), tmp_path)
+    text = capsys.readouterr().out
+    assert "\x1b" not in text
+    assert max(map(len, text.splitlines())) <= 100
