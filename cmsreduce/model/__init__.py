@@ -15,6 +15,7 @@ from cmsreduce.model.run import (
     Response,
     RunResult,
     Speed,
+    SystemModes,
 )
 from cmsreduce.model.scene import (
     DOF_NAMES,
@@ -67,6 +68,7 @@ __all__ = [
     "StrutTerm",
     "Substructure",
     "System",
+    "SystemModes",
     "Units",
     "components_from_digits",
     "cross_matrix",

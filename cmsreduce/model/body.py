@@ -78,7 +78,8 @@ class FEModel:
     Raises
     ------
     MatrixError
-        If sizes disagree, an entry is not finite, or a matrix is not symmetric to the file's rounding.
+        If sizes disagree, an entry is not finite, or a matrix is not symmetric to the file's rounding or has a
+        negative diagonal.
     """
 
     name: str
@@ -127,6 +128,14 @@ class FEModel:
                     f"by {worst / largest:.2e} of its largest entry (rows {self.dofs.labels[i]} and "
                     f"{self.dofs.labels[j]}: {A[i, j]:.6g} against {A[j, i]:.6g}). If the file holds one triangle "
                     "only, mark the matrix as symmetric in it; otherwise the body is not a passive structure"
+                )
+            diagonal = A.diagonal()
+            if diagonal.min(initial=0.0) < -_SYMMETRY_FACTOR * self.rounding * largest:
+                at = int(diagonal.argmin())
+                raise MatrixError(
+                    f"body '{self.name}': {what} matrix {letter} is not positive semidefinite: its diagonal is "
+                    f"{diagonal[at]:.6g} at row {at + 1} ({self.dofs.labels[at]}). Check its "
+                    "sign and its source: a structure gives back no more energy than it is given"
                 )
             object.__setattr__(self, letter, sp.csc_array((A + A.T) * 0.5))
         if self.D is not None and self.damping.law != "none":

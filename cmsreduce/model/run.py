@@ -14,7 +14,7 @@ from cmsreduce.model.check import Check
 from cmsreduce.model.reduced import ModalComponent
 from cmsreduce.model.scene import Configuration
 
-__all__ = ["ComponentResult", "ConfigurationResult", "ModelErrors", "Response", "RunResult", "Speed"]
+__all__ = ["ComponentResult", "ConfigurationResult", "ModelErrors", "Response", "RunResult", "Speed", "SystemModes"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +129,25 @@ class ComponentResult:
         return int(self.kept.size - self.modes.rigid_count)
 
 
+@dataclass(frozen=True, eq=False)
+class SystemModes:
+    """Natural frequencies of the assembled reduced system in one configuration.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        Setting of the joints.
+    rigid_count : int
+        Rigid-body motions of the system and free motions of its joints.
+    frequencies_hz : (k,) float64
+        Elastic modes up to a little above the band, undamped.
+    """
+
+    configuration: Configuration
+    rigid_count: int
+    frequencies_hz: NDArray[np.float64]
+
+
 @dataclass(frozen=True)
 class Speed:
     """Wall times in seconds: all reductions, full responses, reduced responses over the same grids."""
@@ -168,6 +187,8 @@ class RunResult:
         The whole pipeline file as it was understood.
     notes : tuple of str
         Warnings a reader must see.
+    systems : tuple of SystemModes
+        Natural frequencies of the assembled reduced system, configuration by configuration.
     """
 
     name: str
@@ -183,13 +204,15 @@ class RunResult:
     reference: Mapping[str, str] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    systems: tuple[SystemModes, ...] = ()
 
     def worst(self, model: str | None = None) -> dict[str, float]:
         """Largest errors over all configurations; empty if nothing was verified."""
         label = self.model if model is None else model
         names = ("frf_error", "db_error", "frequency_error")
         found = [c.errors[label] for c in self.configurations if label in c.errors]
-        return {name: max(getattr(errors, name) for errors in found) for name in names} if found else {}
+        # A figure that is no number is worse than any: max() alone would pass over it.
+        return {name: max((getattr(e, name) for e in found), key=_badness) for name in names} if found else {}
 
     @property
     def passed(self) -> bool:
@@ -197,3 +220,7 @@ class RunResult:
         worst = self.worst()
         limits = all(worst[name] <= limit for name, limit in self.limits.items() if name in worst)
         return limits and all(check.passed for c in self.components.values() for check in c.checks)
+
+
+def _badness(value: float) -> float:
+    return float("inf") if np.isnan(value) else value

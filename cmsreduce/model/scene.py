@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.errors import SceneError
+from cmsreduce.errors import SceneError, UnitsError
 from cmsreduce.model.units import SI, Units
 
 __all__ = [
@@ -197,6 +197,8 @@ class Scene:
     ------
     SceneError
         If names repeat or point to bodies and joints that are not there.
+    UnitsError
+        If its unit of time is not the second: bands and cutoffs are in Hz.
     """
 
     bodies: tuple[str, ...]
@@ -213,6 +215,11 @@ class Scene:
     def __post_init__(self) -> None:
         if not 0 <= self.band[0] < self.band[1]:
             raise SceneError(f"band {self.band[0]:g} to {self.band[1]:g} Hz is empty")
+        if self.units.time != 1.0:
+            raise UnitsError(
+                f"the scene's units '{self.units.name}' do not count time in seconds, but its frequencies are in Hz: "
+                "give the scene units in s, and the components their own `units:`, which are converted"
+            )
         for what, items in (("joint", self.joints), ("actuator", self.actuators), ("sensor", self.sensors)):
             names = [item.name for item in items]
             repeated = sorted({name for name in names if names.count(name) > 1})

@@ -46,6 +46,8 @@ class Substructure:
         Interfaces; the label of node k of an interface is ``point_labels(interface)[k]``.
     omega : (m,) float64, optional
         Natural frequencies where the coordinates are orthonormal modes (M = I, K = diag(omega^2)).
+    rounding : float
+        Relative rounding of the entries of M and K, where they come from a file.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Substructure:
     position: Mapping[str, NDArray[np.float64]]
     interfaces: Mapping[str, Interface] = field(default_factory=dict)
     omega: NDArray[np.float64] | None = None
+    rounding: float = 2.0**-53
 
     @property
     def m(self) -> int:
@@ -95,6 +98,8 @@ class System:
         Coordinates of each body in the stack.
     inputs, outputs : tuple of str
         Names of the channels.
+    rounding : float
+        Relative rounding of the entries of M and K, where they come from a file.
     """
 
     configuration: Configuration
@@ -110,6 +115,7 @@ class System:
     sizes: Mapping[str, int]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    rounding: float = 2.0**-53
 
     @property
     def N(self) -> int:

@@ -49,7 +49,8 @@ def in_units(body: FEModel, units: Units) -> FEModel:
         K=restated(body.K, 0),
         M=restated(body.M, 2),
         D=None if body.D is None else restated(body.D, 1),
-        nodes=body.nodes and replace(body.nodes, xyz=body.nodes.xyz * length),
+        nodes=body.nodes
+        and replace(body.nodes, xyz=body.nodes.xyz * length, xyz_rounding=body.nodes.xyz_rounding * length),
         interfaces=_faces(body.interfaces, length),
         damping=damping,
         units=units,

@@ -113,7 +113,7 @@ def cross_orthogonality(
     reduced: Resonances,
     bodies: Mapping[str, FEModel],
     full_shapes: Mapping[str, ModalComponent | None],
-    reduced_shapes: Mapping[str, ModalComponent],
+    reduced_shapes: Mapping[str, ModalComponent | None],
     substructures: Mapping[str, Substructure],
 ) -> NDArray[np.float64]:
     """Mass products of the shapes of two models (full modes, reduced modes).
@@ -124,10 +124,8 @@ def cross_orthogonality(
         Modes of either model.
     bodies : mapping of name to FEModel
         Mass matrices of the flexible bodies.
-    full_shapes : mapping of name to ModalComponent or None
-        Modes the full model's coordinates are amplitudes of; None where they are dofs.
-    reduced_shapes : mapping of name to ModalComponent
-        Modes the reduced model's coordinates are amplitudes of.
+    full_shapes, reduced_shapes : mapping of name to ModalComponent or None
+        Modes that the coordinates of either model are amplitudes of; None where they are dofs.
     substructures : mapping of name to Substructure
         Bodies of the full model, for the masses of the rigid ones.
     """
@@ -136,10 +134,11 @@ def cross_orthogonality(
         if name not in bodies:
             cross += full.shapes[name].T @ (sub.M @ reduced.shapes[name])
             continue
-        there = bodies[name].M @ (reduced_shapes[name].Phi @ reduced.shapes[name])
-        modes = full_shapes[name]
-        here = full.shapes[name] if modes is None else modes.Phi @ full.shapes[name]
-        cross += here.T @ there
+        here, there = (
+            model.shapes[name] if modes is None else modes.Phi @ model.shapes[name]
+            for model, modes in ((full, full_shapes[name]), (reduced, reduced_shapes[name]))
+        )
+        cross += here.T @ (bodies[name].M @ there)
     return cross
 
 

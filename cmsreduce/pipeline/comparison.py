@@ -47,12 +47,12 @@ class ReducedModel:
     ----------
     assembled : AssembledModel
         The model.
-    components : mapping of name to ModalComponent
-        Flexible bodies in it.
+    shapes : mapping of name to ModalComponent or None
+        Modes that the coordinates of each flexible body are amplitudes of; None where they are its dofs.
     """
 
-    def __init__(self, assembled: AssembledModel, components: Mapping[str, ModalComponent]) -> None:
-        self.assembled, self.components = assembled, components
+    def __init__(self, assembled: AssembledModel, shapes: Mapping[str, ModalComponent | None]) -> None:
+        self.assembled, self.shapes = assembled, shapes
 
 
 class Comparison:
@@ -151,7 +151,7 @@ class Comparison:
                 frf_error=frf_error(omega, H - rigid, elastic, row, column),
                 db_error=db_error(full_db, model.assembled.response(configuration, self._decibel), row, column),
                 frequency_error=pairs.worst,
-                frac=frac(H, H_r),
+                frac=frac(H - rigid, elastic),
                 full_hz=pairs.full_hz,
                 reduced_hz=pairs.reduced_hz,
                 mac=pairs.mac,
@@ -176,9 +176,7 @@ class Comparison:
 
     def _pairs(self, configuration: Configuration, model: ReducedModel) -> FrequencyPairs:
         full, reduced = self.full.resonances(configuration), model.assembled.resonances(configuration)
-        cross = cross_orthogonality(
-            full, reduced, self.bodies, self.full_shapes, model.components, self.full.substructures
-        )
+        cross = cross_orthogonality(full, reduced, self.bodies, self.full_shapes, model.shapes, self.full.substructures)
         return pair_frequencies(full.omega, reduced.omega, cross, self.scene.band[1])
 
 

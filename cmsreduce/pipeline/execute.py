@@ -53,9 +53,7 @@ def execute(run: Run, source: Path, overrides: Sequence[str] = (), until: str | 
     reached = STAGES[: STAGES.index(last) + 1]
     if run.ledger.only == "project":
         raise StageError("stage 'project' is not available in this version; take `--only project` out")
-    names = list(run.bodies)
-    # Only now: a pipeline that cannot be read must not take the place of the one the folder was made from.
-    _remember(run.folder, source, overrides)
+    names = run.reduced_names
     wanted: dict[str, Callable[[], object]] = {
         "reduce": lambda: [run.reduced(name) for name in names],
         "orthogonalise": lambda: [run.modal(name) for name in names],
@@ -65,13 +63,14 @@ def execute(run: Run, source: Path, overrides: Sequence[str] = (), until: str | 
         "write": lambda: _write(run),
     }
     if run.ledger.only is None:
-        # A stage that the pipeline does not name is not run, nor is one that no later stage needs.
-        if any(run.pipeline.reduce_of(name) is not None for name in names) or not names:
-            for stage in reached:
-                if stage in wanted and not (stage == "reduce" and "orthogonalise" in reached):
-                    wanted[stage]()
+        for stage in reached:
+            # Orthogonalise sees to reduce itself, and only where it is not finished.
+            if stage in wanted and not (stage == "reduce" and "orthogonalise" in reached):
+                wanted[stage]()
     elif run.ledger.only in wanted:
         wanted[run.ledger.only]()
+    # Only now: a pipeline that cannot be run must not take the place of the one the folder was made from.
+    _remember(run.folder, source, overrides)
     if run.ledger.only == "assemble" or ("assemble" in reached and last != "write"):
         run.ledger.written.append(_write_system(run))
     if last != "write":

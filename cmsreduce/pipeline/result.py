@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from cmsreduce import __version__
-from cmsreduce.model import Check, ComponentResult, RunResult, Speed
+from cmsreduce.model import Check, ComponentResult, Configuration, RunResult, Speed, SystemModes
 from cmsreduce.orthogonalise import orthogonality_errors
 from cmsreduce.pipeline.run import MODEL, Run
 
@@ -38,7 +38,8 @@ def run_result(run: Run) -> RunResult:
     verified = run.verified if run.pipeline.verify is not None else None
     seconds = run.ledger.seconds
     components = {}
-    for name, flexible in run.bodies.items():
+    for name in run.reduced_names:
+        flexible = run.bodies[name]
         ranked = run.ranked[name]
         kept = np.concatenate([np.arange(ranked.rigid_count), run.selection[name]])
         why = ["left out"] * ranked.omega.size
@@ -71,5 +72,12 @@ def run_result(run: Run) -> RunResult:
         speed=Speed(reduce_s, verified.full_s, verified.reduced_s) if verified and configurations else None,
         reference=verified.reference if verified else {},
         settings=run.pipeline.model_dump(mode="json", exclude_none=True),
+        systems=tuple(_system_modes(run, configuration) for configuration in run.scene.configurations),
         notes=tuple(run.ledger.notes),
     )
+
+
+def _system_modes(run: Run, configuration: Configuration) -> SystemModes:
+    model = run.model.assembled
+    hertz = model.resonances(configuration).omega / (2 * np.pi)
+    return SystemModes(configuration, model.system(configuration).rigid.shape[1], hertz)

@@ -126,15 +126,20 @@ class Run:
             self.ledger.recall("reduce", name, self._reduce_key(name))
         return self._modal[name]
 
+    @property
+    def reduced_names(self) -> list[str]:
+        """Flexible bodies that are reduced; the others enter the system as they were read."""
+        return [name for name in self.bodies if self.pipeline.reduce_of(name) is not None]
+
     @cached_property
     def ranked(self) -> dict[str, ModalComponent]:
         """All modes of every body with their influence coefficients; unranked where no balance is asked for."""
-        return {name: self._rank(name, self.pipeline.balance_of(name)) for name in self.bodies}
+        return {name: self._rank(name, self.pipeline.balance_of(name)) for name in self.reduced_names}
 
     @cached_property
     def selection(self) -> Selection:
         """Elastic modes the run keeps of every body."""
-        if not any(self.pipeline.balance_of(name) for name in self.bodies):
+        if not any(self.pipeline.balance_of(name) for name in self.reduced_names):
             return keep_all(self.ranked)
         names = list(self.ranked)
         return self.ledger.once(
@@ -224,7 +229,7 @@ class Run:
         for label, ranking in (keys.compare if keys else {}).items():
             if label == MODEL:
                 raise ConfigError(f"verify.compare: '{MODEL}' is the run's own model; choose another label")
-            ranked = {name: self._rank(name, ranking) for name in self.bodies}
+            ranked = {name: self._rank(name, ranking) for name in self.reduced_names}
             models[label] = self._model(truncate(ranked, self._select(ranked, ranking.keep, {}), _reason(ranking)))
         results = self.comparison.errors(models, self.ledger.progress)
         labels = {name: found.label for name, found in self.references.items()}
@@ -234,7 +239,7 @@ class Run:
         return verified_from(self.scene.configurations, arrays, facts)
 
     def _balance(self) -> Selection:
-        own = {name for name in self.bodies if self.pipeline.components[name].balance is not None}
+        own = {name for name in self.reduced_names if self.pipeline.components[name].balance is not None}
         chosen: Selection = {}
         for name in own:
             rule = self.pipeline.keep_of(name)
@@ -269,7 +274,12 @@ class Run:
 
     def _model(self, components: Mapping[str, ModalComponent]) -> ReducedModel:
         subs = {name: modal_substructure(c, self.bodies[name].points(self.scene)) for name, c in components.items()}
-        return ReducedModel(AssembledModel(self._in_order(subs), self.scene), components)
+        shapes: dict[str, ModalComponent | None] = dict(components)
+        for name in self.bodies:
+            if name not in components:
+                subs[name], shapes[name] = self.references[name].substructure, self.references[name].modes
+                self.ledger.note(f"{name}: not reduced; it enters the system as it was read")
+        return ReducedModel(AssembledModel(self._in_order(subs), self.scene), shapes)
 
     def _in_order(self, flexible: Mapping[str, Substructure]) -> dict[str, Substructure]:
         every = {**flexible, **self.rigid_bodies}

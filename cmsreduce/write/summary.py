@@ -27,8 +27,8 @@ def summary(run: RunResult) -> dict[str, Any]:
     Returns
     -------
     dict
-        The keys of the contract, and beside them ``comparisons``, ``limits``, ``reference``, ``band_hz`` and
-        ``notes``. What has no finite value is None.
+        The keys of the contract, and beside them ``comparisons``, ``limits``, ``reference``, ``band_hz``,
+        ``system`` and ``notes``. What has no finite value is None.
     """
     others = [label for label in (run.configurations[0].errors if run.configurations else {}) if label != run.model]
     speed = run.speed
@@ -54,6 +54,15 @@ def summary(run: RunResult) -> dict[str, Any]:
             "limits": dict(run.limits),
             "reference": dict(run.reference),
             "band_hz": list(run.band),
+            "system": [
+                {
+                    "name": modes.configuration.name,
+                    "angles": angles(modes.configuration),
+                    "rigid_modes": modes.rigid_count,
+                    "frequencies_hz": modes.frequencies_hz.tolist(),
+                }
+                for modes in run.systems
+            ],
             "notes": list(run.notes),
         }
     )
