@@ -39,7 +39,7 @@ pipelines: $(RUNS) ## run every pipeline whose inputs changed; try -j2
 
 # A run depends on its pipeline, the fragments it may include, its sample's files and the code.
 .SECONDEXPANSION:
-build/%/summary.json: pipelines/%.yaml $$(wildcard configs/*.yaml) $$(wildcard sample_models/%/*) \
+build/%/summary.json: pipelines/%.yaml $$(wildcard configs/*.yaml) $$(wildcard sample_models/$$*/*) \
 		$$(wildcard cmsreduce/*.py cmsreduce/*/*.py) | $(STAMP)
 	$(BIN)/cmsreduce run $< --out $(@D)
 

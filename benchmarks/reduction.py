@@ -86,7 +86,8 @@ def blocks() -> None:
         hz = source[np.isfinite(source)][:MODES]
         worst = abs(2 * np.pi * hz / w - 1).max()
         print(
-            f"| {body.n} | {interface.size} | {hz.size} | {ours:.2f} | {plainly:.2f} | {plainly / ours:.1f} | {worst:.0e} |"
+            f"| {body.n} | {interface.size} | {hz.size} | {ours:.2f} | {plainly:.2f} "
+            f"| {plainly / ours:.1f} | {worst:.0e} |"
         )
 
 

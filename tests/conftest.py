@@ -1,5 +1,6 @@
 """Fixtures that every room's tests share."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -8,12 +9,15 @@ SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "data"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    if SHARED.is_dir():
-        return
-    absent = pytest.mark.skip(reason=f"reference bodies are not here: {SHARED}")
+    reasons = {}
+    if not SHARED.is_dir():
+        reasons["shared"] = f"reference bodies are not here: {SHARED}"
+    if shutil.which("ccx") is None:
+        reasons["ccx"] = "the CalculiX solver ccx is not on the PATH"
     for item in items:
-        if "shared" in item.keywords:
-            item.add_marker(absent)
+        for marker, reason in reasons.items():
+            if marker in item.keywords:
+                item.add_marker(pytest.mark.skip(reason=reason))
 
 
 @pytest.fixture(scope="session")

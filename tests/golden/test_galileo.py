@@ -80,9 +80,8 @@ def test_summary_keeps_its_contract(result, folder):
     summary = json.loads((folder / "summary.json").read_text())
     stable = {"name", "version", "components", "configurations", "worst", "speed", "passed"}
     assert stable <= summary.keys()
-    assert {
-        "full_dofs", "basis_size", "elastic_modes", "kept_modes", "method", "frequencies_hz", "seconds", "peak_mib", "checks",
-    } <= summary["components"]["rotor"].keys()  # fmt: skip
+    sizes = {"full_dofs", "basis_size", "elastic_modes", "kept_modes", "method", "frequencies_hz"}
+    assert sizes | {"seconds", "peak_mib", "checks"} <= summary["components"]["rotor"].keys()
     assert summary["components"]["rotor"]["seconds"]["reduce"] > 0
     row = summary["configurations"][3]
     assert {"angles", "frf_error", "db_error", "frequency_error", "n_full", "n_reduced"} <= row.keys()
