@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cmsreduce.errors import CmsReduceError
+from cmsreduce.errors import CmsReduceError, WriteError
 
 if TYPE_CHECKING:
     from cmsreduce.config import Pipeline
@@ -153,7 +153,7 @@ def new(name: str) -> None:
 
     path = Path(f"{name}.yaml")
     if path.exists():
-        raise click.ClickException(f"{path} exists; choose another name or remove it")
+        raise WriteError(f"{path} exists; choose another name or remove it")
     path.write_text(starter_pipeline(name), encoding="utf-8")
     click.echo(f"{path} written; fill in your files, then: cmsreduce run {path}")
 

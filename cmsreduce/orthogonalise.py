@@ -31,11 +31,12 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
         If the basis holds a shape without mass or the same shape twice.
     """
     modes, r = component.modes, component.rigid.shape[1]
-    lam, X = elastic_pairs(component.K, component.M, component.rigid)
+    lam, X = elastic_pairs(component.K, component.M, component.rigid, component.body.rounding)
     if lam.size < modes.m - r:
         raise MatrixError(
             f"body '{component.name}': {modes.m - r - lam.size} of the {modes.m} shapes of its {modes.method} basis "
-            "carry no mass of their own or repeat others; take massless dofs out of the interface"
+            f"carry no mass of their own or repeat others, above all at dof {_massless_dof(component)}; leave it out "
+            "of the interface (`dofs:`), so that it follows statically"
         )
     Psi = np.hstack([component.rigid, X])
     Phi, lam = _polished(component, modes.Phi @ Psi, lam)
@@ -91,6 +92,15 @@ def orthogonality_errors(component: ModalComponent) -> tuple[float, float]:
         w[: component.rigid_count] = component.omega[-1]
     stiffness = abs(Phi.T @ (body.K @ Phi) - np.diag(component.omega**2))
     return float(mass), float((stiffness / np.outer(w, w)).max(initial=0.0)) if w.any() else 0.0
+
+
+def _massless_dof(component: ReducedComponent) -> str:
+    """Interface dof with the largest share in the combination of shapes that has the least mass."""
+    M = component.M
+    scale = 1 / np.sqrt(np.where(M.diagonal() > 0, M.diagonal(), abs(M).max(initial=0.0) or 1.0))
+    lightest = np.linalg.eigh(M * np.outer(scale, scale))[1][:, 0]
+    static = np.array([kind == "constraint" for kind in component.modes.kind])
+    return component.modes.label[int(np.argmax(abs(lightest) * static))]
 
 
 def _origin(component: ReducedComponent, Psi: NDArray[np.float64]) -> tuple[tuple[ModeKind, ...], NDArray[np.float64]]:

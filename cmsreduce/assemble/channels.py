@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.placement import joint_axes
+from cmsreduce.assemble.placement import joint_arms, joint_axes
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import SceneError
 from cmsreduce.model import Channel, Joint, JointTerm, Placement, PointTerm, Scene, StrutTerm, cross_matrix
@@ -98,9 +98,8 @@ def _add_joint(
     axes = joint_axes(stack.substructures, placed, joint)
     direction = np.zeros(6)
     direction[term.dof // 3 * 3 : term.dof // 3 * 3 + 3] = axes[term.dof % 3]
-    arm = np.asarray(joint.offset if joint.offset is not None else (0.0, 0.0, 0.0))
     carry = np.eye(6)
-    carry[:3, 3:] = -cross_matrix(arm)
+    carry[:3, 3:] = -cross_matrix(joint_arms(stack.substructures, placed, joint)[0])
     for point, sign in ((joint.first, -1.0), (joint.second, 1.0)):
         place = placed[point.body]
         along = np.concatenate([direction[:3] @ place.rotation, direction[3:] @ place.rotation])

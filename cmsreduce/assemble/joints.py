@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.placement import interface_at, joint_axes, joint_gap
-from cmsreduce.assemble.points import PointStack
+from cmsreduce.assemble.placement import interface_at, joint_arms, joint_axes, joint_gap
+from cmsreduce.assemble.points import PointStack, dense
 from cmsreduce.errors import ConstraintError, SceneError, UnitsError
 from cmsreduce.model import DOF_NAMES, Interface, Joint, Placement, Point, Scene, Substructure, cross_matrix
 
@@ -98,7 +98,7 @@ def check_redundant(stack: PointStack, constraints: Constraints) -> None:
         A = constraints.A[:, columns]
         # A flexible body of which only the rigid modes are kept has as many coordinates, but its joints are no error.
         rigid = sub.omega is None and sub.rigid.shape[1] == sub.m
-        parts.append(A @ np.asarray(stack.motions(name)) if rigid else A)
+        parts.append(A @ dense(stack.motions(name)) if rigid else A)
     A = np.hstack(parts) if parts else constraints.A
     # Rotations are measured against the arms that turn them into displacements.
     norms = np.linalg.norm(A, axis=1)
@@ -138,16 +138,16 @@ def _joint_rows(
             "needs one node on either side"
         )
     a, b = placed[joint.first.body], placed[joint.second.body]
-    arm = np.asarray(joint.offset if joint.offset is not None else (0.0, 0.0, 0.0))
-    # Motion of the first interface carried along the rigid arm to where the second one is.
-    carry = np.eye(6)
-    carry[:3, 3:] = -cross_matrix(arm)
+    arms, size = joint_arms(stack.substructures, placed, joint), _reach(stack.substructures)
     labels = [stack.substructures[p.body].point_labels(f) for p, f in ((joint.first, first), (joint.second, second))]
+    locked = [dof for dof in range(6) if dof not in joint.free]
     found = []
     for k, (near, far) in enumerate(zip(*labels, strict=True)):
         here = _available(first, k, axes @ a.rotation)
         there = _available(second, k, axes @ b.rotation)
-        locked = [dof for dof in range(6) if dof not in joint.free]
+        # Motion of the first interface carried along the rigid arm to where the second one is.
+        carry = np.eye(6)
+        carry[:3, 3:] = -cross_matrix(arms[k])
         differ = [DOF_NAMES[dof] for dof in locked if here[dof] != there[dof]]
         if differ:
             raise SceneError(
@@ -158,6 +158,8 @@ def _joint_rows(
         for dof in locked:
             if not here[dof]:
                 continue
+            if dof < 3:
+                _check_carried(first, k, np.cross(arms[k], axes[dof] @ a.rotation), joint, size)
             row = np.zeros(stack.size)
             direction = np.zeros(6)
             direction[dof // 3 * 3 : dof // 3 * 3 + 3] = axes[dof % 3]
@@ -165,7 +167,23 @@ def _joint_rows(
             row[stack.columns(joint.first.body, near)] -= _in_body(direction, a) @ carry
             where = f" node {first.node[k]}" if first.node.size > 1 else ""
             found.append((row, f"{joint.name}{where} {DOF_NAMES[dof]}"))
+    if locked and not found:
+        raise SceneError(
+            f"joint '{joint.name}' locks nothing: neither '{joint.first}' (dofs {_digits(first, 0)}) nor "
+            f"'{joint.second}' (dofs {_digits(second, 0)}) can move along its axes "
+            f"{', '.join(DOF_NAMES[dof] for dof in locked)}. Check `free:` and the `frame:` of the first interface"
+        )
     return found
+
+
+def _check_carried(face: Interface, k: int, turn: NDArray[np.float64], joint: Joint, size: float) -> None:
+    """Refuse an arm on a node without the rotation, about ``turn``, that swings it."""
+    missing = [face.node_frame(k)[c - 4] for c in (4, 5, 6) if c not in face.components[k]]
+    if any(abs(turn @ axis) > _COINCIDENT * size for axis in missing):
+        raise SceneError(
+            f"joint '{joint.name}': its interfaces lie apart, by an offset or a slide, but '{joint.first}' (dofs "
+            f"{_digits(face, k)}) has no rotations to swing the arm between them. Give it a node with all six dofs"
+        )
 
 
 def _ground_rows(
@@ -218,8 +236,7 @@ def _check_coincident(
     if not as_built:
         gap = gap @ axes.T
         gap[:, [dof for dof in joint.free if dof < 3]] = 0.0
-    places = np.vstack([x for sub in substructures.values() for x in sub.position.values()])
-    size = max(float(np.ptp(places, axis=0).max()), float(abs(places).max()), 1e-300)
+    size = _reach(substructures)
     distance = np.linalg.norm(gap, axis=1)
     if distance.max() <= _COINCIDENT * size:
         return
@@ -238,6 +255,12 @@ def _check_coincident(
         f"frames); they must coincide to {_COINCIDENT * size:.2g}. Move a body with `place:`, give the joint an "
         "`offset:`, or list the nodes in matching order"
     )
+
+
+def _reach(substructures: Mapping[str, Substructure]) -> float:
+    """Size of the system, by the coordinates of its points."""
+    places = np.vstack([x for sub in substructures.values() for x in sub.position.values()])
+    return max(float(np.ptp(places, axis=0).max()), float(abs(places).max()), 1e-300)
 
 
 def _xyz(x: NDArray[np.float64]) -> str:

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError
-from cmsreduce.model import Configuration, Interface, Joint, Placement, Point, Scene, Substructure, cross_matrix
+from cmsreduce.model import SCALAR, Configuration, Interface, Joint, Placement, Point, Scene, Substructure, cross_matrix
 
-__all__ = ["interface_at", "joint_axes", "joint_gap", "place_bodies"]
+__all__ = ["interface_at", "joint_arms", "joint_axes", "joint_gap", "place_bodies"]
 
 
 def place_bodies(
@@ -20,7 +20,8 @@ def place_bodies(
 
     Joints are walked outwards from the base body. An angle turns the outboard side about the joint's axis, right
     handed, relative to the inboard side; several freedoms of one joint are turned in the order x y z rx ry rz
-    about the axes of the first interface as they stand before.
+    about the axes of the first interface as they stand before. The pivot is the second interface: an offset, or
+    a slide, is fixed to the first body.
 
     Parameters
     ----------
@@ -71,7 +72,7 @@ def place_bodies(
         for dof in range(6):
             value = configuration.angles.get((joint.name, dof), 0.0)
             if value:
-                pivot, axes = _position(substructures, placed, joint.first), joint_axes(substructures, placed, joint)
+                pivot, axes = _position(substructures, placed, joint.second), joint_axes(substructures, placed, joint)
                 for name in _outboard(outer, children):
                     placed[name] = _moved(placed[name], pivot, axes[dof % 3], value, turn=dof >= 3)
     return placed
@@ -95,6 +96,21 @@ def joint_gap(
     here = (first.position + arm) @ a.rotation.T + a.translation
     there = second.position @ b.rotation.T + b.translation
     return np.asarray(there - here)
+
+
+def joint_arms(
+    substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], joint: Joint
+) -> NDArray[np.float64]:
+    """Rigid arms from the first interface's nodes to the second's, in the first body's basic axes (p, 3).
+
+    They hold the joint's offset and how far it is slid; what motion of the first interface does at the second is
+    measured with them.
+    """
+    first, second = (interface_at(substructures, point) for point in (joint.first, joint.second))
+    if any(components == (SCALAR,) for face in (first, second) for components in face.components):
+        return np.zeros((first.node.size, 3))
+    arm = np.asarray(joint.offset if joint.offset is not None else (0.0, 0.0, 0.0))
+    return np.asarray(joint_gap(substructures, placed, joint) @ placed[joint.first.body].rotation + arm)
 
 
 def interface_at(substructures: Mapping[str, Substructure], point: Point) -> Interface:

@@ -48,7 +48,17 @@ def physical_substructure(body: FEModel, points: Iterable[str], rigid: NDArray[n
     if body.damping.structural is not None:
         loss = sp.csc_array(body.damping.structural * body.K)
     rows = sp.csr_array(sp.eye_array(body.n))
-    return Substructure(body.name, body.M, body.K, D, loss, rigid, *_motions(body, rows, points), body.interfaces)
+    return Substructure(
+        body.name,
+        body.M,
+        body.K,
+        D,
+        loss,
+        rigid,
+        *_motions(body, rows, points),
+        body.interfaces,
+        rounding=body.rounding,
+    )
 
 
 def modal_substructure(component: ModalComponent, points: Iterable[str]) -> Substructure:

@@ -131,6 +131,7 @@ def assemble(substructures: Mapping[str, Substructure], scene: Scene, configurat
         sizes={name: sub.m for name, sub in substructures.items()},
         inputs=tuple(actuator.name for actuator in scene.actuators),
         outputs=tuple(sensor.name for sensor in scene.sensors),
+        rounding=max(sub.rounding for sub in substructures.values()),
     )
 
 

@@ -31,7 +31,7 @@ def system_modes(system: System, omega: float) -> tuple[NDArray[np.float64], NDA
         Modes, orthonormal in M.
     """
     if sp.issparse(system.K):
-        return modes_below(system.K, sp.csc_array(system.M), omega, rigid=system.rigid)
-    lam, X = elastic_pairs(np.asarray(system.K), np.asarray(system.M), system.rigid)
+        return modes_below(system.K, sp.csc_array(system.M), omega, rigid=system.rigid, rounding=system.rounding)
+    lam, X = elastic_pairs(np.asarray(system.K), np.asarray(system.M), system.rigid, system.rounding)
     keep = lam <= omega**2
     return np.sqrt(lam[keep]), X[:, keep]

@@ -11,14 +11,16 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.factorise import factorise
+from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
 from cmsreduce.linalg.pencil import elastic_pairs
 
 __all__ = ["ElasticFlexibility", "modes_below", "sturm_count"]
 
 # Up to this size all modes by dense algebra are quicker than a Lanczos run, and none can be missed.
 _DENSE_LIMIT = 600
-# Modes this close above the cutoff, relative to it, are the other half of a repeated mode: kept too.
+# A mode this close above the cutoff, relative to it, is at the cutoff; one this close above another is the other half
+# of a repeated mode. Both are kept.
+_AT_CUTOFF = 1e-9
 _REPEATED = 1e-6
 # Lanczos vectors beyond the modes asked for, and the modes asked for beyond those counted.
 _EXTRA = 4
@@ -46,7 +48,10 @@ def sturm_count(K: sp.csc_array, M: sp.csc_array, omega: float) -> int:
     sigma = omega**2
     for attempt in range(6):
         # An exact hit on an eigenvalue, or an off-diagonal pivot, is stepped over by a hair.
-        factor = factorise(sp.csc_array(K - sigma * (1 + attempt * 1e-7) * M), definite=False)
+        try:
+            factor = factorise(sp.csc_array(K - sigma * (1 + attempt * 1e-7) * M), definite=False)
+        except NotPositiveDefiniteError:
+            continue
         if factor.symmetric:
             return factor.negative_pivots
     raise MatrixError(
@@ -91,6 +96,7 @@ def modes_below(
     *,
     rigid: NDArray[np.float64] | None = None,
     solve: Solve | None = None,
+    rounding: float = 2.0**-53,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """All elastic normal modes up to a frequency: not a fixed number, and none missing.
 
@@ -104,6 +110,8 @@ def modes_below(
         Rigid-body modes of the pencil, orthonormal in M.
     solve : callable, optional
         Solves K x = b, where the factor is at hand (elastic flexibility for a free body).
+    rounding : float
+        Relative rounding of the entries of M, where they are printed with few digits.
 
     Returns
     -------
@@ -119,23 +127,21 @@ def modes_below(
     """
     n = K.shape[0]
     none = np.empty((n, 0)) if rigid is None else rigid
+    top = omega * (1 + _AT_CUTOFF)
     if n <= _DENSE_LIMIT:
-        lam, X = elastic_pairs(K.toarray(), M.toarray(), none)
+        lam, X = elastic_pairs(K.toarray(), M.toarray(), none, rounding)
     else:
-        wanted = sturm_count(K, M, omega) - none.shape[1]
-        if wanted <= 0 and omega <= 0:
+        if omega <= 0:
             return np.empty(0), np.empty((n, 0))
+        wanted = sturm_count(K, M, top) - none.shape[1]
         if solve is None:
             solve = factorise(K, what="the stiffness") if not none.size else ElasticFlexibility(K, M, none)
-        lam, X = _lanczos(K, M, solve, wanted, omega)
-    keep = lam <= omega**2
-    while keep.any() and not keep.all():
-        # argmin finds the first mode left out
-        first = int(np.argmin(keep))
-        if np.sqrt(lam[first]) > max(np.sqrt(lam[first - 1]), omega if first == 0 else 0.0) * (1 + _REPEATED):
-            break
-        keep[first] = True
-    lam, X = lam[keep], X[:, keep]
+        lam, X = _lanczos(K, M, solve, wanted, top)
+    w = np.sqrt(np.maximum(lam, 0.0))
+    kept = int(np.count_nonzero(w <= top))
+    while 0 < kept < w.size and w[kept] <= w[kept - 1] * (1 + _REPEATED):
+        kept += 1
+    lam, X = lam[:kept], X[:, :kept]
     if lam.size:
         residual = np.linalg.norm(K @ X - (M @ X) * lam, axis=0)
         size = spla.norm(K, 1) * np.linalg.norm(X, axis=0)

@@ -23,8 +23,13 @@ _DENSE_LIMIT = 600
 # Vectors looked at for mechanisms beyond rigid motion, and how far the scaled stiffness is raised to be definite.
 _WANTED = 12
 _SHIFT = 1e-3
-# A null vector's strain energy is pure cancellation: this many roundings of the energy's absolute parts.
-_NULL_FACTOR = 50.0
+# A null vector's strain energy is pure cancellation: this many roundings of the energy's absolute parts. Rounding is
+# relative to the decade of a number, so ten of them are the most that a file leaves; arithmetic leaves its own.
+_LEFT_BY_FILE = 10.0
+_LEFT_BY_ARITHMETIC = 50.0
+# Where geometry gives rigid motions, what they leave is what the file leaves; mechanisms leave this many times as much.
+# A slender body's first bending in single precision is not far above.
+_LIKE_RIGID = 5.0
 
 
 def null_space(A: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
@@ -69,7 +74,9 @@ def row_basis(A: NDArray[np.float64]) -> NDArray[np.float64]:
     return (u[:, s > _DEPENDENT * s.max()] * scale[:, None]).T
 
 
-def stiffness_null_space(K: sp.csc_array, rounding: float) -> NDArray[np.float64]:
+def stiffness_null_space(
+    K: sp.csc_array, rounding: float, known: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
     """Null space of a stiffness matrix, from the matrix alone.
 
     Parameters
@@ -78,6 +85,8 @@ def stiffness_null_space(K: sp.csc_array, rounding: float) -> NDArray[np.float64
         Symmetric, positive semidefinite up to rounding.
     rounding : float
         Relative rounding of its entries.
+    known : (n, r) float64, optional
+        Motions that are known to be rigid: their energy shows how well the file does.
 
     Returns
     -------
@@ -95,10 +104,17 @@ def stiffness_null_space(K: sp.csc_array, rounding: float) -> NDArray[np.float64
         inverse = spla.LinearOperator((n, n), matvec=lambda b: held(np.ravel(b)), dtype=np.float64)
         start = np.random.default_rng(1).standard_normal(n)
         _, V = spla.eigsh(scaled, k=min(_WANTED, n - 2), sigma=-shift, OPinv=inverse, v0=start)
-    energy = np.einsum("ij,ij->j", V, scaled @ V)
-    parts = np.einsum("ij,ij->j", abs(V), abs(scaled) @ abs(V))
-    null = energy <= _NULL_FACTOR * max(rounding, 2.0**-53) * parts
+    left = _LEFT_BY_FILE * rounding
+    if known is not None and known.shape[1]:
+        left = min(left, _LIKE_RIGID * float(abs(_energy_share(scaled, known * d[:, None])).max()))
+    null = _energy_share(scaled, V) <= max(left, _LEFT_BY_ARITHMETIC * 2.0**-53)
     return V[:, null] / d[:, None]
+
+
+def _energy_share(K: sp.csc_array, X: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Strain energy of each column, relative to the absolute parts it is the sum of."""
+    energy, parts = np.einsum("ij,ij->j", X, K @ X), np.einsum("ij,ij->j", abs(X), abs(K) @ abs(X))
+    return np.asarray(np.divide(energy, parts, out=np.zeros_like(energy), where=parts > 0), dtype=np.float64)
 
 
 def rigid_body_modes(
@@ -141,7 +157,7 @@ def rigid_body_modes(
         if vt.size:
             scale = spla.norm(K, 1)
             shapes = Q @ vt[s <= _RIGID_FACTOR * max(rounding, 2.0**-53) * scale].T
-    N = stiffness_null_space(K, rounding)
+    N = stiffness_null_space(K, rounding, shapes)
     if N.shape[1] > shapes.shape[1]:
         # Only what geometry does not span is a mechanism; the geometric shapes are the more accurate ones.
         Qg, _ = np.linalg.qr(shapes)

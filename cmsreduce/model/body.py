@@ -134,8 +134,8 @@ class FEModel:
                 at = int(diagonal.argmin())
                 raise MatrixError(
                     f"body '{self.name}': {what} matrix {letter} is not positive semidefinite: its diagonal is "
-                    f"{diagonal[at]:.6g} at row {at + 1} ({self.dofs.labels[at]}). Check its "
-                    "sign and its source: a structure gives back no more energy than it is given"
+                    f"{diagonal[at]:.6g} at row {at + 1} ({self.dofs.labels[at]}). Check its sign and its source: a "
+                    "structure gives back no more energy than it is given"
                 )
             object.__setattr__(self, letter, sp.csc_array((A + A.T) * 0.5))
         if self.D is not None and self.damping.law != "none":

@@ -71,7 +71,7 @@ def execute(run: Run, source: Path, overrides: Sequence[str] = (), until: str | 
         wanted[run.ledger.only]()
     # Only now: a pipeline that cannot be run must not take the place of the one the folder was made from.
     _remember(run.folder, source, overrides)
-    if run.ledger.only == "assemble" or ("assemble" in reached and last != "write"):
+    if run.ledger.only == "assemble" or (run.ledger.only is None and "assemble" in reached and last != "write"):
         run.ledger.written.append(_write_system(run))
     if last != "write":
         return None
@@ -147,7 +147,7 @@ def _write_system(run: Run) -> Path:
     path = run.folder / "system.h5"
     model = run.model.assembled
     systems = [model.system(configuration) for configuration in run.scene.configurations]
-    write_system(path, systems, provenance=_provenance(run))
+    write_system(path, systems, provenance=_provenance(run), units=run.scene.units)
     return path
 
 

@@ -8,9 +8,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.errors import StageError
+from cmsreduce.errors import MatrixError, StageError
 from cmsreduce.pipeline.progress import Progress
 from cmsreduce.pipeline.stage_store import StageStore
 
@@ -86,12 +87,12 @@ class Ledger:
                 f"on this pipeline first, or `cmsreduce run{whole}`"
             )
         prepare()
-        result = self.timed(stage, what, work)
-        packed, described = pack(result)
-        self.written.append(
-            self.store.save(stage, what, key, packed, {**described, "seconds": self.seconds[what][stage]})
-        )
-        return result
+        packed, described = pack(self.timed(stage, what, work))
+        # Laid out as what is read back, so that a run that goes on from here rounds as one that was never stopped.
+        arrays = {name: np.asarray(array, order="C") for name, array in packed.items()}
+        facts = {**described, "seconds": self.seconds[what][stage]}
+        self.written.append(self.store.save(stage, what, key, arrays, facts))
+        return unpack(arrays, facts)
 
     def recall(self, stage: str, what: str, key: str) -> None:
         """Take the time of a finished stage that a later one made needless to read."""
@@ -104,7 +105,13 @@ class Ledger:
         """Do a piece of work and note how long it took."""
         self.progress.stage(stage, what)
         started = time.perf_counter()
-        result = work()
+        try:
+            result = work()
+        except MatrixError as error:
+            # Linear algebra does not know whose matrices it is given.
+            if f"'{what}'" in str(error):
+                raise
+            raise MatrixError(f"{stage} of '{what}': {error}") from error
         self._add(stage, what, time.perf_counter() - started)
         return result
 

@@ -155,8 +155,8 @@ class Run:
     @cached_property
     def kept(self) -> dict[str, ModalComponent]:
         """The reduced bodies of the run."""
-        balance = self.pipeline.balance
-        return truncate(self.ranked, self.selection, "all modes kept" if balance is None else _reason(balance))
+        reasons = {name: _reason(name, self.pipeline.balance_of(name)) for name in self.ranked}
+        return truncate(self.ranked, self.selection, reasons)
 
     @cached_property
     def model(self) -> ReducedModel:
@@ -230,7 +230,8 @@ class Run:
             if label == MODEL:
                 raise ConfigError(f"verify.compare: '{MODEL}' is the run's own model; choose another label")
             ranked = {name: self._rank(name, ranking) for name in self.reduced_names}
-            models[label] = self._model(truncate(ranked, self._select(ranked, ranking.keep, {}), _reason(ranking)))
+            reasons = {name: _reason(name, ranking) for name in ranked}
+            models[label] = self._model(truncate(ranked, self._select(ranked, ranking.keep, {}), reasons))
         results = self.comparison.errors(models, self.ledger.progress)
         labels = {name: found.label for name, found in self.references.items()}
         return Verified(results, labels, self.comparison.full_seconds, self.comparison.reduced_seconds)
@@ -260,7 +261,7 @@ class Run:
         whole = {**self.ranked, **ranked}
 
         def candidate(selection: Selection) -> ReducedModel:
-            return self._model(truncate(whole, {**fixed, **selection}, "candidate"))
+            return self._model(truncate(whole, {**fixed, **selection}, dict.fromkeys(whole, "candidate")))
 
         def exact(selection: Selection) -> float:
             results = self.comparison.errors({MODEL: candidate(selection)}, Silent())
@@ -306,10 +307,10 @@ class Run:
         return stage_key(stage, __version__, settings, asked, {name: self._modal_key(name) for name in self.bodies})
 
 
-def _reason(keys: RankingKeys) -> str:
+def _reason(body: str, keys: RankingKeys | None) -> str:
     """Why a mode is kept, in words for the component file."""
-    rule = keys.keep.rule
-    if rule == "all":
+    rule = "all" if keys is None else keys.keep.rule
+    if keys is None or rule == "all" or (rule == "modes" and keys.keep.modes_of(body) is None):
         return "all modes kept"
     if rule == "frf_error":
         return f"needed for frf_error {keys.keep.frf_error:g}, {keys.rank}"

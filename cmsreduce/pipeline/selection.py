@@ -91,11 +91,13 @@ def select(
     )
 
 
-def truncate(components: Mapping[str, ModalComponent], selection: Selection, reason: str) -> dict[str, ModalComponent]:
+def truncate(
+    components: Mapping[str, ModalComponent], selection: Selection, reasons: Mapping[str, str]
+) -> dict[str, ModalComponent]:
     """Keep the selected modes of every body, and say why."""
     kept = {}
     for name, component in components.items():
         r = component.rigid_count
-        why = ("rigid body",) * r + tuple(reason for _ in range(component.omega.size - r))
+        why = ("rigid body",) * r + (reasons[name],) * (component.omega.size - r)
         kept[name] = replace(component, why=why).truncated(selection[name])
     return kept

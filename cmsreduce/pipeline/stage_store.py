@@ -11,11 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.write import atomic_path
+from cmsreduce.write import hdf5_file, put_texts
 
 __all__ = ["StageStore", "stage_key"]
 
 Arrays = dict[str, NDArray[Any]]
+
+# Dataset with what is not an array; no component can have this name.
+_FACTS = "facts."
 
 
 def stage_key(*parts: Any) -> str:
@@ -51,8 +54,8 @@ class StageStore:
             with h5py.File(path, "r") as file:
                 if file.attrs.get("key") != key:
                     return None
-                arrays = {name: dataset[()] for name, dataset in file.items()}
-                return arrays, json.loads(file.attrs["facts"])
+                arrays = {name: dataset[()] for name, dataset in file.items() if name != _FACTS}
+                return arrays, json.loads(file[_FACTS][0])
         except (OSError, KeyError, ValueError):
             # A file that cannot be read whole is made again; nothing of the user's is in it.
             return None
@@ -63,7 +66,7 @@ class StageStore:
 
         try:
             with h5py.File(self.path(stage, what), "r") as file:
-                found: dict[str, Any] = json.loads(file.attrs["facts"])
+                found: dict[str, Any] = json.loads(file[_FACTS][0])
                 return found if file.attrs.get("key") == key else None
         except (OSError, KeyError, ValueError):
             return None
@@ -72,12 +75,11 @@ class StageStore:
         self, stage: str, what: str, key: str, arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]
     ) -> Path:
         """Write a finished stage; it appears under its name only when it is whole."""
-        import h5py
-
         path = self.path(stage, what)
-        with atomic_path(path) as temporary, h5py.File(temporary, "w", track_order=True) as file:
+        with hdf5_file(path) as file:
             file.attrs["key"] = key
-            file.attrs["facts"] = json.dumps(facts, sort_keys=True)
+            # A dataset, because HDF5 bounds the size of attributes.
+            put_texts(file, _FACTS, [json.dumps(facts, sort_keys=True)])
             for name, array in arrays.items():
                 value = np.asarray(array)
                 filtered = {"fletcher32": True} if value.size else {}

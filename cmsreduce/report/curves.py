@@ -40,7 +40,8 @@ def plot_data(run: RunResult) -> dict[str, Any]:
     -------
     dict
         ``models`` label in one order what stands in every list beside them, the run's own first. Curves are thinned
-        and packed as base64 of little-endian float32; the frequencies are in Hz, magnitudes in dB.
+        and packed as base64 of little-endian float32; frequencies in Hz, magnitudes in dB re 1, ``missed`` the
+        magnitude of the difference in dB re the full response.
     """
     models = (run.model, *compared(run))
     channels = [(o, i) for o in range(len(run.outputs)) for i in range(len(run.inputs))]
@@ -103,13 +104,23 @@ def _channel(result: ConfigurationResult, models: Iterable[str], o: int, i: int)
     response = result.response
     full = decibels(response.full[:, o, i])
     reduced = {m: decibels(response.reduced[m][:, o, i]) for m in models if m in response.reduced}
+    missed = {m: decibels(_missed(response.full[:, o, i], response.reduced[m][:, o, i])) for m in reduced}
     errors = [abs(curve - full) for curve in reduced.values()]
-    at = thinned_points(response.frequency_hz, np.vstack([full, *reduced.values(), *errors]))
+    at = thinned_points(response.frequency_hz, np.vstack([full, *reduced.values(), *errors, *missed.values()]))
     return {
         "hz": _packed(response.frequency_hz[at]),
         "full": _packed(full[at]),
         "reduced": [_packed(reduced[m][at]) if m in reduced else None for m in models],
+        "missed": [_packed(missed[m][at]) if m in missed else None for m in models],
     }
+
+
+def _missed(full: NDArray[np.complex128], reduced: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Share of the full response that the reduced one is off, in magnitude or phase; NaN where there is none."""
+    heard = full != 0
+    off = abs(reduced - full) / np.where(heard, abs(full), 1.0)
+    # Two equal numbers differ by less than rounding, which unlike zero has a place on a logarithmic axis.
+    return np.where(heard, np.maximum(off, np.finfo(float).eps), np.nan)
 
 
 def _modes(part: ComponentResult) -> dict[str, Any]:

@@ -10,7 +10,10 @@ __all__ = ["decibel_grid", "frequency_grid", "lowest_frequency"]
 # A band that starts at zero is looked at over this many decades: below, only rigid motion is left.
 _DECADES = 3.0
 # Distances from a resonance, in half-power half-widths zeta w, from well inside the peak to well outside.
-_OFFSETS = np.concatenate([[0.0], np.geomspace(0.05, 40.0, 28)])
+_OFFSETS = np.concatenate([[0.0], np.geomspace(0.05, 5000.0, 48)])
+_OUTSIDE = 40.0
+# Flanks of a sharper peak are followed further, to this share of its frequency, where the grid itself takes over.
+_FLANK = 0.05
 # Width given to the peak of a mode without damping.
 _NO_DAMPING = 1e-4
 # Points of the fixed grid of the decibel error.
@@ -45,8 +48,10 @@ def frequency_grid(
     grid = [2 * np.pi * np.geomspace(low, high, points)]
     width = np.where(zeta > 0, zeta, _NO_DAMPING) * omega
     offsets = _OFFSETS if np.all(zeta > 0) else _OFFSETS[1:]
+    distance = width[:, None] * offsets
+    near = (offsets <= _OUTSIDE) | (distance <= _FLANK * omega[:, None])
     for sign in (-1.0, 1.0):
-        grid.append((omega[:, None] + sign * width[:, None] * offsets[None, :]).ravel())
+        grid.append((omega[:, None] + sign * distance)[near])
     w = np.unique(np.concatenate(grid))
     return w[(w >= 2 * np.pi * low * (1 - 1e-12)) & (w <= 2 * np.pi * high * (1 + 1e-12))]
 

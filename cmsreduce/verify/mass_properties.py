@@ -53,6 +53,8 @@ def mass_properties(body: FEModel) -> MassProperties:
     moment = np.array(
         [coupling[2, 1] - coupling[1, 2], coupling[0, 2] - coupling[2, 0], coupling[1, 0] - coupling[0, 1]]
     )
-    cg = moment / (2 * total)
+    # A coordinate shows in the two motions across it; a body held in some directions lacks one or both.
+    across = mass.sum() - mass
+    cg = np.where(across > 0, moment / np.where(across > 0, across, 1.0), 0.0)
     skew = cross_matrix(cg)
-    return MassProperties(mass, cg, rigid[3:, 3:] + total * skew @ skew)
+    return MassProperties(mass, cg, rigid[3:, 3:] - skew.T @ (mass[:, None] * skew))

@@ -3,6 +3,7 @@
 from cmsreduce.write.atomic import atomic_path
 from cmsreduce.write.component import FORMAT, FORMAT_VERSION, write_component
 from cmsreduce.write.component_file import ComponentFile, read_component
+from cmsreduce.write.datasets import hdf5_file, put_texts
 from cmsreduce.write.summary import angles, summary, write_summary
 from cmsreduce.write.system import write_system
 
@@ -12,6 +13,8 @@ __all__ = [
     "ComponentFile",
     "angles",
     "atomic_path",
+    "hdf5_file",
+    "put_texts",
     "read_component",
     "summary",
     "write_component",

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import platform
+import re
+import secrets
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -35,12 +39,14 @@ def atomic_path(path: Path) -> Iterator[Path]:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         _sweep(path)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+        temporary = path.with_name(f".{path.name}.{_machine()}-{os.getpid()}-{secrets.token_hex(4)}.tmp")
         try:
             yield temporary
-            with temporary.open("rb") as file:
-                os.fsync(file.fileno())
+            _flush(temporary)
             temporary.replace(path)
+            # Some disks do not flush folders; the file is in its place by now.
+            with contextlib.suppress(OSError):
+                _flush(path.parent)
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
@@ -50,19 +56,38 @@ def atomic_path(path: Path) -> Iterator[Path]:
         ) from None
 
 
+def _flush(path: Path) -> None:
+    """Have the disk hold what the system only promised, so that a power cut finds the old file or the new one."""
+    # Windows flushes only what is open for writing.
+    handle = os.open(path, os.O_RDONLY if os.name == "posix" else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
 def _sweep(path: Path) -> None:
-    """Remove what killed processes left of earlier attempts at the same file."""
-    for left in path.parent.glob(f".{path.name}.*.tmp"):
-        owner = left.name.split(".")[-2]
-        if owner.isdigit() and not _alive(int(owner)):
+    """Remove what killed processes of this machine left of earlier attempts at the same file."""
+    ours = re.compile(rf"\.{re.escape(path.name)}\.{_machine()}-(\d+)-[0-9a-f]+\.tmp")
+    for left in path.parent.iterdir():
+        found = ours.fullmatch(left.name)
+        if found and not _alive(int(found[1])):
             with contextlib.suppress(OSError):
                 left.unlink()
 
 
+def _machine() -> str:
+    # On a shared disk the process of another machine is alive, though its number means nothing here.
+    return f"{zlib.crc32(platform.node().encode()):08x}"
+
+
 def _alive(pid: int) -> bool:
+    if os.name != "posix":
+        # Elsewhere os.kill ends the process that it is asked about.
+        return True
     try:
         os.kill(pid, 0)
-    except ProcessLookupError:
+    except (ProcessLookupError, OverflowError):
         return False
     except PermissionError:
         return True

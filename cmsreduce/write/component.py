@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.model import Check, FEModel, Interface, ModalComponent, rigid_body_shapes
-from cmsreduce.write.atomic import atomic_path
-from cmsreduce.write.datasets import put, put_texts
+from cmsreduce.write.datasets import hdf5_file, put, put_texts, put_units
+from cmsreduce.write.shapes import basic_shapes
 
 __all__ = ["FORMAT", "FORMAT_VERSION", "write_component"]
 
@@ -61,20 +61,17 @@ def write_component(
     WriteError
         If the file cannot be written.
     """
-    import h5py
-
     body = component.body
-    with atomic_path(path) as temporary, h5py.File(temporary, "w", libver="v110") as file:
+    with hdf5_file(path) as file:
         file.attrs["format"] = FORMAT
         file.attrs["format_version"] = FORMAT_VERSION
         file.attrs["name"] = component.name
         file.attrs["method"] = component.method
+        file.attrs["frame"] = "basic frame of the body"
+        file.attrs["support"] = _support(component)
         file.attrs["created_utc"] = datetime.now(UTC).isoformat(timespec="seconds")
         _provenance(file.create_group("provenance"), body, provenance)
-        units = file.create_group("units")
-        units.attrs["name"] = body.units.name
-        for what in ("length", "mass", "time"):
-            units.attrs[f"{what}_in_si"] = getattr(body.units, what)
+        put_units(file.create_group("units"), body.units)
         _modes(file.create_group("modes"), component)
         chosen = _chosen(body, nodes, all_nodes)
         _dofs(file.create_group("dofs"), component, chosen)
@@ -97,6 +94,13 @@ def write_component(
         put_texts(done, "name", [check.name for check in checks])
         put(done, "value", np.array([check.value for check in checks], dtype=np.float64))
         put(done, "limit", np.array([check.limit for check in checks], dtype=np.float64))
+
+
+def _support(component: ModalComponent) -> str:
+    """How the body was held when its modes were computed: their rigid motion is what a floating frame brings itself."""
+    if not component.rigid_count:
+        return "held: no rigid motion is left in the modes"
+    return f"floating: the first {component.rigid_count} modes are its rigid motions"
 
 
 def _provenance(group: Any, body: FEModel, provenance: Mapping[str, Any]) -> None:
@@ -168,19 +172,9 @@ def _nodes(group: Any, component: ModalComponent, chosen: NDArray[np.int64]) -> 
     put(group, "id", chosen)
     put(group, "xyz", body.nodes.xyz[at], "length", "in the body's basic frame")
     put(group, "frame", body.nodes.frame[at], "", "displacement axes as rows, in basic")
-    m = component.omega.size
-    for name, first in (("translation", 1), ("rotation", 4)):
-        shapes = np.full((chosen.size, 3, m), np.nan)
-        rows = body.dofs.rows(np.repeat(chosen, 3), np.tile(np.arange(first, first + 3), chosen.size)).reshape(-1, 3)
-        whole = (rows >= 0).all(axis=1)
-        shapes[whole] = np.einsum("kca,kcm->kam", body.nodes.frame[at[whole]], component.Phi[rows[whole]])
-        for k in np.flatnonzero(~whole & (rows >= 0).any(axis=1)):
-            # Along basic axes only what the missing displacement axes do not touch is known.
-            have = rows[k] >= 0
-            axes = body.nodes.frame[at[k]]
-            known = abs(axes[~have]).max(axis=0) < 1e-9
-            shapes[k, known] = (axes[have].T @ component.Phi[rows[k][have]])[known]
-        put(group, name, shapes, "", f"{name} of each mode along basic x y z, NaN where the node has none")
+    for name in ("translation", "rotation"):
+        shapes = basic_shapes(body, body.nodes, component.Phi, chosen, name)
+        put(group, name, shapes, "", f"{name} of each mode along basic x y z, NaN where it is not known")
 
 
 def _interface(group: Any, component: ModalComponent, face: Interface, name: str) -> None:
@@ -198,11 +192,14 @@ def _integrals(group: Any, component: ModalComponent) -> None:
     R = rigid_body_shapes(body.dofs, body.nodes)
     MR = body.M @ R
     rigid, coupling = R.T @ MR, MR.T @ component.Phi
-    moment = np.array([rigid[4, 2] - rigid[5, 1], rigid[5, 0] - rigid[3, 2], rigid[3, 1] - rigid[4, 0]]) / -2
+    mass = rigid.diagonal()[:3]
+    # A coordinate shows in the two motions across it; a body held in some directions lacks one or both.
+    across = np.where(mass.sum() - mass > 0, mass.sum() - mass, 1.0)
+    moment = np.array([rigid[5, 1] - rigid[4, 2], rigid[3, 2] - rigid[5, 0], rigid[4, 0] - rigid[3, 1]])
     group.attrs["mass_matrix"] = "consistent: as given"
     group.attrs["about"] = "origin of the body's basic frame"
-    put(group, "mass", rigid.diagonal()[:3].max(), "mass")
-    put(group, "first_moment", moment, "mass length", "int r dm")
+    put(group, "mass", mass.max(), "mass")
+    put(group, "first_moment", mass.max() * moment / across, "mass length", "int r dm")
     put(group, "inertia", rigid[3:, 3:], "mass length^2")
     put(group, "rigid_mass", rigid, "", "R^T M R, 6 x 6")
     put(group, "int_phi", coupling[:3], "", "int phi dm, one column per mode")

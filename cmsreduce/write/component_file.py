@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Check
 from cmsreduce.write.component import FORMAT, FORMAT_VERSION
+from cmsreduce.write.contents import fault
 
 __all__ = ["ComponentFile", "read_component"]
 
@@ -53,8 +54,8 @@ class ComponentFile:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The pipeline as it was understood."""
-        found: dict[str, Any] = json.loads(self.texts["provenance/settings"][0])
+        """The pipeline as it was understood; empty if the writer gave none."""
+        found: dict[str, Any] = json.loads(self.texts.get("provenance/settings", ("{}",))[0])
         return found
 
 
@@ -64,7 +65,7 @@ def read_component(path: Path) -> ComponentFile:
     Raises
     ------
     ReadError
-        If the file is missing, not whole, or of another format or a later version.
+        If the file is missing, damaged, not whole, or of another format or a later version.
     """
     import h5py
 
@@ -86,21 +87,12 @@ def read_component(path: Path) -> ComponentFile:
 
     try:
         with h5py.File(path, "r") as file:
-            kind, version = file.attrs.get("format"), file.attrs.get("format_version", 0)
-            if kind != FORMAT:
-                raise ReadError(f"{path}: this HDF5 file is no component file (format {kind!r}, expected {FORMAT!r})")
-            if version > FORMAT_VERSION:
-                raise ReadError(
-                    f"{path}: format version {version} is newer than this program reads ({FORMAT_VERSION}); update it"
-                )
+            _refuse_other_formats(path, file.attrs)
             attributes[""] = dict(file.attrs)
             file.visititems(visit)
-        checks = tuple(
-            Check(name, float(value), float(limit))
-            for name, value, limit in zip(
-                texts["checks/name"], arrays["checks/value"], arrays["checks/limit"], strict=True
-            )
-        )
+        found = fault(attributes, {name: np.shape(value) for name, value in (arrays | texts).items()})
+        if found is not None:
+            raise ReadError(f"{path}: {found}; write the file again with `cmsreduce run`")
         return ComponentFile(
             name=str(attributes[""]["name"]),
             method=str(attributes[""]["method"]),
@@ -108,9 +100,26 @@ def read_component(path: Path) -> ComponentFile:
             arrays=arrays,
             texts=texts,
             attributes=attributes,
-            checks=checks,
+            checks=tuple(
+                Check(name, float(value), float(limit))
+                for name, value, limit in zip(
+                    texts["checks/name"], arrays["checks/value"], arrays["checks/limit"], strict=True
+                )
+            ),
         )
-    except (OSError, KeyError, ValueError, RuntimeError) as error:
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
         raise ReadError(
             f"{path}: the file is damaged or not whole ({error}); write it again with `cmsreduce run`"
         ) from None
+
+
+def _refuse_other_formats(path: Path, attributes: Mapping[str, Any]) -> None:
+    kind, version = attributes.get("format"), attributes.get("format_version", 0)
+    if not isinstance(kind, str) or kind != FORMAT:
+        raise ReadError(f"{path}: this HDF5 file is no component file (format {kind!r}, expected {FORMAT!r})")
+    if not isinstance(version, (int, np.integer)) or version < 1:
+        raise ReadError(f"{path}: format_version {version} is none; write the file again with `cmsreduce run`")
+    if version > FORMAT_VERSION:
+        raise ReadError(
+            f"{path}: format version {version} is newer than this program reads ({FORMAT_VERSION}); update it"
+        )

@@ -2,20 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["put", "put_texts"]
+from cmsreduce.model import Units
+from cmsreduce.write.atomic import atomic_path
 
-# Below this many bytes a chunked, compressed dataset is larger than a plain one.
-_PLAIN = 512
+__all__ = ["hdf5_file", "put", "put_texts", "put_units"]
+
+# Below this many bytes compression saves nothing.
+_SMALL = 512
+
+
+@contextmanager
+def hdf5_file(path: Path) -> Iterator[Any]:
+    """Compose an HDF5 file, and put it under its name when the block ends without an error.
+
+    Parameters
+    ----------
+    path : Path
+        Where; the file is whole or not there.
+
+    Yields
+    ------
+    h5py.File
+        Of HDF5 1.10, the oldest whose files can be read with ``swmr``.
+
+    Raises
+    ------
+    WriteError
+        If the file cannot be written.
+    """
+    import h5py
+
+    # Composed in memory: the HDF5 library ends the whole process where the disk fills up under it.
+    with h5py.File(path.name, "w", driver="core", backing_store=False, libver="v110") as file:
+        yield file
+        file.flush()
+        image = file.id.get_file_image()
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(image)
 
 
 def put(group: Any, name: str, data: ArrayLike, unit: str = "", about: str = "") -> None:
-    """Write an array, compressed and with a checksum where it is large enough, with its unit and meaning.
+    """Write an array with a checksum, compressed where it is large enough, with its unit and meaning.
 
     Parameters
     ----------
@@ -30,8 +65,11 @@ def put(group: Any, name: str, data: ArrayLike, unit: str = "", about: str = "")
     """
     array = np.asarray(data)
     options: dict[str, Any] = {"track_times": False}
-    if array.ndim and array.nbytes > _PLAIN:
-        options |= {"compression": "gzip", "compression_opts": 4, "shuffle": True, "fletcher32": True, "chunks": True}
+    # HDF5 has no filters for single values and for arrays of nothing.
+    if array.ndim and array.size:
+        options |= {"fletcher32": True, "chunks": True}
+        if array.nbytes > _SMALL:
+            options |= {"compression": "gzip", "compression_opts": 4, "shuffle": True}
     dataset = group.create_dataset(name, data=array, **options)
     if unit:
         dataset.attrs["unit"] = unit
@@ -43,6 +81,11 @@ def put_texts(group: Any, name: str, texts: Iterable[str], about: str = "") -> N
     """Write texts as fixed-length UTF-8, which every HDF5 reader understands and which leaves no heap behind."""
     encoded = [text.encode("utf-8") for text in texts]
     width = max([len(text) for text in encoded] + [1])
-    dataset = group.create_dataset(name, data=np.array(encoded, dtype=f"S{width}"), track_times=False)
-    if about:
-        dataset.attrs["about"] = about
+    put(group, name, np.array(encoded, dtype=f"S{width}"), about=about)
+
+
+def put_units(group: Any, units: Units) -> None:
+    """Write what the units are worth in SI."""
+    group.attrs["name"] = units.name
+    for what in ("length", "mass", "time"):
+        group.attrs[f"{what}_in_si"] = getattr(units, what)

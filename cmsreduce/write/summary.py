@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ def summary(run: RunResult) -> dict[str, Any]:
         The keys of the contract, and beside them ``comparisons``, ``limits``, ``reference``, ``band_hz``,
         ``system`` and ``notes``. What has no finite value is None.
     """
-    others = [label for label in (run.configurations[0].errors if run.configurations else {}) if label != run.model]
+    labels = dict.fromkeys(label for result in run.configurations for label in result.errors)
     speed = run.speed
     facts: dict[str, Any] = _finite(
         {
@@ -49,7 +50,8 @@ def summary(run: RunResult) -> dict[str, Any]:
             "passed": run.passed,
             "comparisons": {
                 label: {"worst": run.worst(label), "configurations": _configurations(run, label, sizes=False)}
-                for label in others
+                for label in labels
+                if label != run.model
             },
             "limits": dict(run.limits),
             "reference": dict(run.reference),
@@ -57,7 +59,7 @@ def summary(run: RunResult) -> dict[str, Any]:
             "system": [
                 {
                     "name": modes.configuration.name,
-                    "angles": angles(modes.configuration),
+                    "angles": angles(modes.configuration, [other.configuration for other in run.systems]),
                     "rigid_modes": modes.rigid_count,
                     "frequencies_hz": modes.frequencies_hz.tolist(),
                 }
@@ -97,9 +99,11 @@ def _component(part: ComponentResult) -> dict[str, Any]:
 
 def _configurations(run: RunResult, label: str, *, sizes: bool) -> list[dict[str, Any]]:
     rows = []
+    every = [result.configuration for result in run.configurations]
     for result in run.configurations:
-        row: dict[str, Any] = {"name": result.configuration.name, "angles": angles(result.configuration)}
-        row |= {name: getattr(result.errors[label], name) for name in _FIGURES}
+        row: dict[str, Any] = {"name": result.configuration.name, "angles": angles(result.configuration, every)}
+        errors = result.errors.get(label)
+        row |= {name: None if errors is None else getattr(errors, name) for name in _FIGURES}
         if sizes:
             row |= {"n_full": result.n_full, "n_reduced": result.n_reduced}
             row |= {"modes_full": result.modes_full, "modes_reduced": result.modes_reduced}
@@ -107,13 +111,28 @@ def _configurations(run: RunResult, label: str, *, sizes: bool) -> list[dict[str
     return rows
 
 
-def angles(configuration: Configuration) -> dict[str, float]:
-    """Settings by joint, in degrees, translations in the scene's unit of length; ``joint.dof`` where it has several."""
-    joints = [joint for joint, _ in configuration.angles]
+def angles(configuration: Configuration, among: Sequence[Configuration] = ()) -> dict[str, float]:
+    """Settings by joint, in degrees; translations in the scene's unit of length.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        Whose settings.
+    among : sequence of Configuration
+        All configurations of the run: a joint that is set in several motions anywhere in it is written ``joint.dof``
+        everywhere.
+
+    Examples
+    --------
+    >>> angles(Configuration("tilted", {("spin", 5): np.pi / 4}))
+    {'spin': 45.0}
+    """
+    motions = {key for one in (configuration, *among) for key in one.angles}
+    joints = [joint for joint, _ in motions]
     found = {}
     for (joint, dof), value in configuration.angles.items():
         key = joint if joints.count(joint) == 1 else f"{joint}.{DOF_NAMES[dof]}"
-        # Twelve digits give back the degrees that were typed.
+        # Twelve decimals give back the degrees that were typed.
         found[key] = round(math.degrees(value), 12) if dof >= 3 else value
     return found
 
@@ -125,6 +144,6 @@ def _finite(value: Any) -> Any:
         return [_finite(item) for item in value]
     if isinstance(value, (float, np.floating)):
         return float(value) if math.isfinite(value) else None
-    if isinstance(value, np.integer):
-        return int(value)
+    if isinstance(value, (np.integer, np.bool_)):
+        return value.item()
     return value

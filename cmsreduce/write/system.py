@@ -8,17 +8,34 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from cmsreduce.model import DOF_NAMES, System
-from cmsreduce.write.atomic import atomic_path
-from cmsreduce.write.datasets import put, put_texts
+import numpy as np
+from numpy.typing import NDArray
 
-__all__ = ["write_system"]
+from cmsreduce.linalg.pencil import elastic_pairs
+from cmsreduce.model import DOF_NAMES, Matrix, System, Units
+from cmsreduce.write.datasets import hdf5_file, put, put_texts, put_units
+
+__all__ = ["SYSTEM_FORMAT", "SYSTEM_FORMAT_VERSION", "write_system"]
 
 SYSTEM_FORMAT = "cmsreduce-system"
 SYSTEM_FORMAT_VERSION = 1
 
+_MATRICES = {
+    "M": "mass",
+    "K": "stiffness",
+    "D": "viscous damping",
+    "loss": "imaginary part of a complex stiffness",
+    "B": "columns: inputs",
+    "C1": "rows: outputs, of the displacements",
+    "C2": "rows: outputs, of the rates",
+    "T": "coordinates of the bodies, stacked in their order = T x",
+    "rigid": "columns: rigid motions and free motions of the joints, orthonormal in M",
+}
 
-def write_system(path: Path, systems: Sequence[System], *, provenance: Mapping[str, Any]) -> None:
+
+def write_system(
+    path: Path, systems: Sequence[System], *, provenance: Mapping[str, Any], units: Units | None = None
+) -> None:
     """Write the assembled reduced system.
 
     Parameters
@@ -26,21 +43,25 @@ def write_system(path: Path, systems: Sequence[System], *, provenance: Mapping[s
     path : Path
         Where; the file is whole or not there.
     systems : sequence of System
-        Dense, one for each configuration.
+        One for each configuration, of reduced bodies: their matrices are written dense.
     provenance : mapping
         JSON values: settings, notes.
+    units : Units, optional
+        Unit system of the scene.
 
     Raises
     ------
     WriteError
         If the file cannot be written.
+    MatrixError
+        If a system has free motions that its ``rigid`` does not name.
     """
-    import h5py
-
-    with atomic_path(path) as temporary, h5py.File(temporary, "w", libver="v110") as file:
+    with hdf5_file(path) as file:
         file.attrs["format"] = SYSTEM_FORMAT
         file.attrs["format_version"] = SYSTEM_FORMAT_VERSION
         file.attrs["created_utc"] = datetime.now(UTC).isoformat(timespec="seconds")
+        if units is not None:
+            put_units(file.create_group("units"), units)
         notes = file.create_group("provenance")
         for key, value in provenance.items():
             put_texts(notes, key, [json.dumps(value, sort_keys=True, default=str)], about="JSON")
@@ -49,11 +70,23 @@ def write_system(path: Path, systems: Sequence[System], *, provenance: Mapping[s
             group.attrs["name"] = system.configuration.name
             for (joint, dof), value in system.configuration.angles.items():
                 group.attrs[f"setting {joint}.{DOF_NAMES[dof]}"] = value
-            for name, size in system.sizes.items():
-                group.attrs[f"coordinates {name}"] = size
+            put_texts(group, "bodies", system.sizes, "in the order of the rows of T")
+            put(group, "sizes", np.array(list(system.sizes.values()), dtype=np.int64), "", "coordinates of each body")
             put_texts(group, "inputs", system.inputs)
             put_texts(group, "outputs", system.outputs)
-            for name in ("M", "K", "D", "loss", "B", "C1", "C2", "T", "rigid"):
+            for name, about in _MATRICES.items():
                 matrix = getattr(system, name)
                 if matrix is not None:
-                    put(group, name, matrix)
+                    put(group, name, _dense(matrix), about=about)
+            put(group, "frequency_hz", _frequencies(system), "Hz", "undamped natural frequencies, the zero ones first")
+
+
+def _frequencies(system: System) -> NDArray[np.float64]:
+    squared, _ = elastic_pairs(_dense(system.K), _dense(system.M), system.rigid, system.rounding)
+    # Round-off may leave a soft mode a hair below zero.
+    omega = np.concatenate([np.zeros(system.rigid.shape[1]), np.sqrt(np.maximum(squared, 0.0))])
+    return np.asarray(omega / (2 * np.pi))
+
+
+def _dense(matrix: Matrix) -> NDArray[np.float64]:
+    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)

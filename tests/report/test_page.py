@@ -13,6 +13,7 @@ import pytest
 from cmsreduce.model import RunResult
 from cmsreduce.report import render_report
 
+HZ_1, HZ_2 = 1.0, 4.0
 HOSTILE = "</script><script>window.stolen = 1</script>"
 
 
@@ -85,7 +86,7 @@ def test_every_configuration_channel_and_model_is_there(make_run) -> None:
     for label in ("reduced", "all modes (compared)", "first 19 (compared)"):
         assert label in page.words
     labelled = {attrs.get("for") for tag, attrs in page.tags if tag == "label"}
-    assert {"configuration", "channel", "figure"} == labelled == set(page.options)
+    assert {"configuration", "channel", "error", "figure", "order"} == labelled == set(page.options)
 
 
 def test_tables_hold_the_figures(make_run) -> None:
@@ -120,6 +121,17 @@ def test_curves_are_the_closed_form_and_keep_its_peaks(make_run) -> None:
     for packed, label in ((own, "reduced"), (first, "first by frequency")):
         kept = 20 * np.log10(abs(run.configurations[0].response.reduced[label][:, 0, 0]))
         assert (packed.min(), packed.max()) == (np.float32(kept.min()), np.float32(kept.max()))
+
+
+def test_a_shifted_resonance_is_missed_by_its_shift_over_its_width(make_run) -> None:
+    curve = Page(render_report(make_run(points=20_000))).data["settings"][0]["curves"][0]
+    hz, own = unpacked(curve["hz"]), unpacked(curve["missed"][0])
+    # Near its resonance the response is 1 / (w - w_1 + i zeta w_1): off by shift / |x + shift - i zeta| at distance x,
+    # at most shift / zeta = 20 %, where the magnitude is off by less and the phase by the rest.
+    assert 10 ** (own[abs(hz - 1) < 0.05].max() / 20) == pytest.approx(1e-3 / 0.005, rel=2e-2)
+    # Far below the resonance the magnitude alone is off, by twice the shift on its share of the static response.
+    share = (1 / HZ_1**2) / (1 / HZ_1**2 + 0.25 / HZ_2**2)
+    assert 10 ** (own[0] / 20) == pytest.approx(2e-3 * share, rel=2e-2)
 
 
 def test_a_silent_channel_is_a_gap(make_run) -> None:
@@ -166,7 +178,7 @@ def test_nothing_verified(make_run, compared: tuple[str, ...]) -> None:
     page = Page(render_report(make_run(configurations=(), compared=compared, speed=None, limits={})))
     assert "No response was verified" in page.words
     assert "The speed of the responses was not measured" in page.words
-    assert page.options == {}
+    assert set(page.options) == {"order"}
     assert "among the first by gregory" in page.words
 
 
@@ -219,6 +231,16 @@ addEventListener("load", () => setTimeout(() => {
     lines: document.querySelectorAll(".cartesianlayer .js-line").length, stolen: window.stolen || 0,
     bars: document.querySelectorAll(".barlayer .point").length,
     buttons: [...document.querySelectorAll(".modebar-btn")].map((button) => button.dataset.title) };
+  const turned = (id) => {
+    const choice = document.getElementById(id);
+    if (!choice) return [];
+    choice.value = "1";
+    choice.dispatchEvent(new Event("change"));
+    return plots.map((plot) => [plot.data.length, (plot.layout.yaxis2 || plot.layout.xaxis).title?.text]);
+  };
+  found.relative = turned("error");
+  found.ranked = turned("order");
+  found.bars_ranked = plots.slice(-1)[0].data.map((trace) => [...trace.x]);
   const place = document.createElement("pre");
   place.id = "probe";
   place.textContent = JSON.stringify(found);
@@ -258,6 +280,10 @@ def test_a_browser_draws_every_plot(make_run, tmp_path: Path) -> None:
     # full, two models, their errors and the limit; two models; kept and left out of each body.
     assert found["traces"] == [6, 2, 2, 2]
     assert found["lines"] == 8
+    # The limit is one of decibels, and is not drawn on the error in per cent.
+    assert found["relative"][0] == [5, "|error| / |full|, %"]
+    assert [title for _, title in found["ranked"][2:]] == ["rank, by sigma"] * 2
+    assert found["bars_ranked"] == [[1], [2]]
     assert found["bars"] == 4
     assert "reduced1 %" in found["before"]
     assert "reduced2 %" in found["after"]

@@ -1,0 +1,108 @@
+"""What a component file must hold, and of which shape."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+__all__ = ["fault"]
+
+_SHAPES: Mapping[str, tuple[str | int, ...]] = {
+    "modes/omega": ("m",),
+    "modes/frequency_hz": ("m",),
+    "modes/zeta": ("m",),
+    "modes/mass": ("m", "m"),
+    "modes/stiffness": ("m", "m"),
+    "modes/damping": ("m", "m"),
+    "modes/kind": ("m",),
+    "modes/source_hz": ("m",),
+    "modes/sigma": ("m",),
+    "modes/spacing": ("m",),
+    "modes/why": ("m",),
+    "dofs/node": ("p",),
+    "dofs/component": ("p",),
+    "dofs/label": ("p",),
+    "dofs/shapes": ("p", "m"),
+    "inputs/name": ("u",),
+    "inputs/B": ("m", "u"),
+    "outputs/name": ("y",),
+    "outputs/C1": ("y", "m"),
+    "outputs/C2": ("y", "m"),
+    "checks/name": ("c",),
+    "checks/value": ("c",),
+    "checks/limit": ("c",),
+    "provenance/source": ("s",),
+    "provenance/sha256": ("s",),
+    "provenance/holds": ("s",),
+}
+"""Datasets of every file; a letter stands for one length throughout."""
+
+_WITH_GEOMETRY: Mapping[str, tuple[str | int, ...]] = {
+    "nodes/id": ("k",),
+    "nodes/xyz": ("k", 3),
+    "nodes/frame": ("k", 3, 3),
+    "nodes/translation": ("k", 3, "m"),
+    "nodes/rotation": ("k", 3, "m"),
+    "integrals/mass": (),
+    "integrals/first_moment": (3,),
+    "integrals/inertia": (3, 3),
+    "integrals/rigid_mass": (6, 6),
+    "integrals/int_phi": (3, "m"),
+    "integrals/int_r_x_phi": (3, "m"),
+}
+"""Datasets of a body with geometry."""
+
+_INTERFACE: Mapping[str, tuple[str | int, ...]] = {
+    "node": ("i",),
+    "component": ("i",),
+    "position": ("n", 3),
+    "frame": (3, 3),
+    "shapes": ("i", "m"),
+}
+"""Datasets of every interface; the letters but m are its own."""
+
+_GROUPS = ("modes", "dofs", "inputs", "outputs", "checks", "provenance", "units", "interfaces", "integration")
+
+
+def fault(groups: Iterable[str], shapes: Mapping[str, tuple[int, ...]]) -> str | None:
+    """Say what is missing from a component file or does not fit the rest of it.
+
+    Parameters
+    ----------
+    groups : iterable of str
+        Paths of the groups in the file.
+    shapes : mapping of path to tuple of int
+        Shape of every dataset in it.
+
+    Returns
+    -------
+    str or None
+        The first fault in words; None if there is none.
+    """
+    groups = list(groups)
+    missing = [group for group in _GROUPS if group not in groups]
+    if missing:
+        return f"group '{missing[0]}' is missing"
+    wanted = dict(_SHAPES)
+    if "nodes" in groups or "integrals" in groups:
+        wanted |= _WITH_GEOMETRY
+    for group in groups:
+        if group.startswith("interfaces/"):
+            own = {name: tuple(_owned(size, group) for size in shape) for name, shape in _INTERFACE.items()}
+            wanted |= {f"{group}/{name}": shape for name, shape in own.items()}
+    length: dict[str | int, int] = {}
+    for path, shape in wanted.items():
+        if path not in shapes:
+            return f"dataset '{path}' is missing"
+        found = shapes[path]
+        fits = len(found) == len(shape) and all(
+            there == (size if isinstance(size, int) else length.setdefault(size, there))
+            for size, there in zip(shape, found, strict=True)
+        )
+        if not fits:
+            expected = ", ".join(str(length.get(size, size)) for size in shape)
+            return f"dataset '{path}' has shape {found}, where ({expected}) fits the others"
+    return None
+
+
+def _owned(size: str | int, group: str) -> str | int:
+    return size if size == "m" or isinstance(size, int) else f"{group}:{size}"

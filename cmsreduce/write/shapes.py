@@ -1,0 +1,60 @@
+"""Translation and slope of modes at nodes, along the basic axes."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.model import FEModel, Nodes
+
+__all__ = ["basic_shapes"]
+
+# A displacement axis this near to square with a basic one, in radians, is square with it: decks print 8 digits.
+_SQUARE = 1e-6
+
+
+def basic_shapes(
+    body: FEModel,
+    nodes: Nodes,
+    Phi: NDArray[np.float64],
+    chosen: NDArray[np.int64],
+    motion: Literal["translation", "rotation"],
+) -> NDArray[np.float64]:
+    """Shapes at nodes along the basic axes, from rows along the displacement axes.
+
+    Parameters
+    ----------
+    body : FEModel
+        n dofs.
+    nodes : Nodes
+        Geometry of the body.
+    Phi : (n, m) float64
+        Shapes.
+    chosen : (k,) int64
+        Node ids, all of them in ``nodes``.
+    motion : {"translation", "rotation"}
+        Which three components.
+
+    Returns
+    -------
+    (k, 3, m) float64
+        NaN along a basic axis in which the motion is not known. A constrained dof is known to stay at zero; but a
+        constrained rotation of a node without any other one is the mark of a solid element, whose slope is not known.
+    """
+    first = 1 if motion == "translation" else 4
+    asked = np.repeat(chosen, 3), np.tile(np.arange(first, first + 3), chosen.size)
+    rows = body.dofs.rows(*asked).reshape(-1, 3)
+    have = rows >= 0
+    known = have.copy()
+    if body.constrained is not None:
+        held = body.constrained.rows(*asked).reshape(-1, 3) >= 0
+        known |= held if motion == "translation" else held & have.any(axis=1, keepdims=True)
+    axes = nodes.frame[nodes.index(chosen)]
+    along = np.where(have[..., None], Phi[rows], 0.0)
+    shapes = np.asarray(np.einsum("kca,kcm->kam", axes, along))
+    # What moves along an axis of unknown motion is unknown along every basic axis that it is not square with.
+    unknown = (abs(axes) > _SQUARE) & ~known[..., None]
+    shapes[unknown.any(axis=1)] = np.nan
+    return shapes

@@ -1,0 +1,131 @@
+"""What the commands say and do, and their exit codes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from cmsreduce.cli import main
+
+
+def call(*args: object) -> Result:
+    return CliRunner().invoke(main, [str(arg) for arg in args])
+
+
+@pytest.fixture(scope="module")
+def finished(good_study: Path) -> Path:
+    """Run directory of the good study."""
+    out = good_study / "finished"
+    assert call("run", good_study / "study.yaml", "--quiet", "--out", out).exit_code == 0
+    return out
+
+
+def test_a_good_run_exits_0_with_all_its_files(finished: Path) -> None:
+    assert sorted(path.name for path in finished.iterdir()) == [
+        "arm.h5",
+        "panel.h5",
+        "report.html",
+        "stages",
+        "summary.json",
+        "system.h5",
+    ]
+    summary = json.loads((finished / "summary.json").read_text())
+    assert summary["passed"] is True
+    assert summary["worst"]["frf_error"] <= 0.05
+    assert set(summary["components"]) == {"arm", "panel"}
+    assert {row["name"]: row["angles"] for row in summary["configurations"]} == {
+        "hinge=0": {"hinge": 0.0},
+        "hinge=50": {"hinge": 50.0},
+    }
+
+
+def test_a_broken_limit_exits_1_and_still_writes_everything(study: Path) -> None:
+    result = call("run", study, "--set", "verify.limits={frf_error: 1e-9}")
+    assert result.exit_code == 1
+    assert "study: FAIL" in result.stdout and "above its limit" in result.stdout
+    summary = json.loads((study.parent / "out" / "summary.json").read_text())
+    assert summary["passed"] is False and summary["limits"] == {"frf_error": 1e-9}
+    assert (study.parent / "out" / "arm.h5").is_file()
+
+
+def test_quiet_says_nothing(study: Path) -> None:
+    result = call("run", study, "--quiet", "--out", study.parent / "elsewhere")
+    assert (result.exit_code, result.output) == (0, "")
+    assert (study.parent / "elsewhere" / "summary.json").is_file()
+    assert not (study.parent / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("limits", "code"),
+    [
+        ((), 0),
+        (("--max", "frf_error=0.5"), 0),
+        (("--max", "frf_error=1e-9"), 1),
+        (("--max", "frf_error=0.5", "--max", "db_error=1e-9"), 1),
+        (("--max", "orthogonality in M=1e-30"), 1),
+    ],
+)
+def test_check_a_run(finished: Path, limits: tuple[str, ...], code: int) -> None:
+    for path in (finished, finished / "summary.json"):
+        result = call("check", path, *limits)
+        assert result.exit_code == code, result.output
+        assert ("FAIL" in result.stdout) == bool(code)
+        assert "frf_error" in result.stdout and "panel: orthogonality in M" in result.stdout
+
+
+def test_check_a_component_file(finished: Path) -> None:
+    assert call("check", finished / "panel.h5").exit_code == 0
+    assert call("check", finished / "panel.h5", "--max", "orthogonality in K=1e-30").exit_code == 1
+
+
+def test_inspect_says_what_is_in_files(finished: Path) -> None:
+    folder = finished.parent
+    result = call("inspect", folder / "arm.op4", folder / "panel.bdf", finished / "panel.h5", folder / "study.yaml")
+    assert result.exit_code == 0
+    said = result.stdout
+    assert "matrix KAA: 30 x 30" in said and "matrix MAA: 30 x 30" in said
+    assert "geometry of 6 nodes" in said
+    assert "component 'panel', craig-bampton" in said and "6 rigid and 13 elastic modes" in said
+    # Four bars of 0.2 m, 4 cm2, 2700 kg/m3 and a lump of 0.3 kg in the middle.
+    assert "arm: 30 dofs, 6 rigid-body modes" in said and "mass 1.164, centre of mass 0.4 0 0" in said
+    assert "hub: rigid, mass 5" in said
+
+
+def test_report_is_written_again(finished: Path) -> None:
+    before = (finished / "report.html").read_bytes()
+    (finished / "report.html").unlink()
+    result = call("report", finished)
+    assert (result.exit_code, result.stdout.strip()) == (0, str(finished / "report.html"))
+    assert len((finished / "report.html").read_bytes()) == pytest.approx(len(before), rel=0.01)
+
+
+BAD = {
+    "check of nothing": (("check", "{folder}/nothing"), "no summary.json", "output directory"),
+    "check of a matrix file": (("check", "{folder}/arm.op4"), "arm.op4", "summary"),
+    "check of an unknown figure": (("check", "{run}", "--max", "frf_eror=1"), "frf_eror", "frf_error"),
+    "check with a limit that is no number": (
+        ("check", "{run}", "--max", "frf_error=small"),
+        "frf_error=small",
+        "key=value",
+    ),
+    "inspect of nothing": (("inspect", "{folder}/nothing.op4"), "nothing.op4", "no such file"),
+    "inspect of a picture": (("inspect", "{folder}/picture.png"), "picture.png", ""),
+    "report of no run": (("report", "{folder}"), "no run directory", "finished run"),
+    "run of nothing": (("run", "{folder}/nothing.yaml"), "nothing.yaml", "no such file"),
+    "run of a folder": (("run", "{folder}"), "cannot be read", "directory"),
+    "run of a matrix file": (("run", "{folder}/arm.op4"), "arm.op4", ""),
+    "new with a path": (("new", "a/b"), "'a/b'", "letters"),
+}
+
+
+@pytest.mark.parametrize(("args", "first", "second"), BAD.values(), ids=BAD)
+def test_bad_arguments_exit_2_with_one_line(finished: Path, args: tuple[str, ...], first: str, second: str) -> None:
+    (finished.parent / "picture.png").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(200)))
+    result = call(*(arg.format(folder=finished.parent, run=finished) for arg in args))
+    assert result.exit_code == 2, result.output
+    assert isinstance(result.exception, SystemExit)
+    assert result.stderr.startswith("error: ") and result.stderr.count("\n") == 1, result.stderr
+    assert first in result.stderr and second in result.stderr.lower(), result.stderr

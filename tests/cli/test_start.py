@@ -1,0 +1,93 @@
+"""Starting: quick, without heavy libraries, with help for every command, and plain lines in a log."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+import cmsreduce
+from cmsreduce.cli import main
+from cmsreduce.config import load_pipeline
+
+PROGRAM = [sys.executable, "-m", "cmsreduce.cli"]
+HEAVY = ("numpy", "scipy", "pandas", "plotly", "matplotlib", "h5py", "pydantic", "pyyeti", "meshio", "control", "rich")
+
+
+def commands() -> dict[str, click.Command]:
+    return main.commands
+
+
+def test_help_comes_at_once() -> None:
+    seconds = []
+    for _ in range(3):
+        started = time.perf_counter()
+        said = subprocess.run([*PROGRAM, "--help"], capture_output=True, text=True, check=True)
+        seconds.append(time.perf_counter() - started)
+    assert min(seconds) < 0.5
+    assert "Exit codes" in said.stdout
+    assert all(re.search(rf"^  {name}\b", said.stdout, re.M) for name in commands())
+
+
+def test_the_command_line_loads_no_heavy_library() -> None:
+    look = f"import sys, cmsreduce.cli; print([name for name in {HEAVY!r} if name in sys.modules])"
+    said = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "[]"
+
+
+def test_version() -> None:
+    assert CliRunner().invoke(main, ["--version"]).stdout == f"cmsreduce, version {cmsreduce.__version__}\n"
+
+
+@pytest.mark.parametrize("name", commands())
+def test_every_command_explains_itself(name: str) -> None:
+    result = CliRunner().invoke(main, [name, "--help"])
+    assert result.exit_code == 0
+    command = commands()[name]
+    assert command.help and command.help.strip().split("\n")[0] in " ".join(result.stdout.split())
+    described = [p for p in command.params if isinstance(p, click.Option)]
+    assert all(option.help for option in described)
+
+
+def test_stages_of_the_contract_are_commands() -> None:
+    stages = {"reduce", "orthogonalise", "balance", "assemble", "verify", "write"}
+    assert stages | {"run", "inspect", "check", "report", "schema", "new"} <= set(commands())
+
+
+def test_schema_is_json_and_knows_the_grammar() -> None:
+    result = CliRunner().invoke(main, ["schema"])
+    schema = json.loads(result.stdout)
+    assert schema["type"] == "object"
+    assert {"name", "components", "scene", "reduce", "balance", "verify", "write"} <= set(schema["properties"])
+
+
+def test_a_new_pipeline_loads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(main, ["new", "probe"])
+    assert (result.exit_code, result.stderr) == (0, "")
+    pipeline = load_pipeline(tmp_path / "probe.yaml")
+    assert (pipeline.name, set(pipeline.components)) == ("probe", {"rotor", "hub"})
+    before = (tmp_path / "probe.yaml").read_bytes()
+    again = CliRunner().invoke(main, ["new", "probe"])
+    assert again.exit_code == 2
+    assert again.stderr == "error: probe.yaml exists; choose another name or remove it\n"
+    assert (tmp_path / "probe.yaml").read_bytes() == before
+
+
+def test_a_log_has_plain_lines(study: Path) -> None:
+    said = subprocess.run([*PROGRAM, "run", str(study)], capture_output=True, text=True, check=False)
+    assert said.returncode == 0, said.stderr
+    lines = said.stderr.splitlines()
+    assert all(re.fullmatch(r" *\d+\.\d\d s  \S.*", line) for line in lines)
+    assert "\x1b" not in said.stderr + said.stdout and "\r" not in said.stderr + said.stdout
+    order = [line.split()[2] for line in lines]
+    stages = ["read", "reduce", "orthogonalise", "balance", "assemble", "verify", "write"]
+    assert [stage for stage in dict.fromkeys(order) if stage in stages] == stages
+    assert "study: PASS" in said.stdout

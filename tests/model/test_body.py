@@ -1,0 +1,89 @@
+"""Bodies refuse what no structure is."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.errors import DofMapError, MatrixError, SceneError
+from cmsreduce.model import Damping, DofTable, FEModel, Interface, Nodes, RigidBody
+
+DOFS = DofTable([1, 1, 2], [1, 2, 1])
+GOOD = np.diag([3.0, 2.0, 1.0])
+
+
+def with_entry(i, j, value):
+    A = GOOD.copy()
+    A[i, j] = value
+    return sp.csc_array(A)
+
+
+REFUSED = {
+    "another size": ({"M": sp.csc_array(np.eye(2))}, r"mass matrix M is 2 x 2, but the dof table has 3 rows"),
+    "not a number": ({"K": with_entry(1, 1, np.nan)}, r"stiffness matrix K holds nan at row 2 \(1\.2\), column 2"),
+    "infinite": ({"M": with_entry(2, 2, np.inf)}, r"mass matrix M holds inf at row 3 \(2\.1\)"),
+    "one triangle": (
+        {"K": with_entry(0, 2, 0.3)},
+        r"not symmetric: .* by 1\.00e-01 .*rows (1\.1 and 2\.1|2\.1 and 1\.1)",
+    ),
+    "unsymmetric damping": ({"D": with_entry(0, 1, 0.3)}, r"damping matrix D is not symmetric"),
+    "damping twice": ({"D": sp.csc_array(GOOD), "damping": Damping(modal=0.1)}, "a damping matrix or a damping law"),
+}
+
+
+@pytest.mark.parametrize(("change", "message"), REFUSED.values(), ids=REFUSED)
+def test_refused(change, message):
+    given = {"K": sp.csc_array(GOOD), "M": sp.csc_array(GOOD)} | change
+    with pytest.raises(MatrixError, match=f"body 'b': .*{message}|body 'b': give {message}"):
+        FEModel("b", dofs=DOFS, **given)
+
+
+@pytest.mark.parametrize(("rounding", "accepted"), [(2.0**-53, False), (6e-8, True)], ids=["double", "single"])
+def test_symmetry_is_asked_to_the_digits_of_the_file(rounding, accepted):
+    K = GOOD.copy()
+    K[0, 1], K[1, 0] = 1.0, 1.0 + 1e-6
+    if accepted:
+        body = FEModel("b", sp.csc_array(K), sp.csc_array(GOOD), DOFS, rounding=rounding)
+        assert body.K[0, 1] == body.K[1, 0] == pytest.approx(1.0 + 5e-7, abs=1e-12)
+    else:
+        with pytest.raises(MatrixError, match="not symmetric"):
+            FEModel("b", sp.csc_array(K), sp.csc_array(GOOD), DOFS, rounding=rounding)
+
+
+def test_a_node_without_coordinates():
+    with pytest.raises(DofMapError, match=r"1 nodes have rows .* no coordinates .* the first is 2"):
+        FEModel("b", sp.csc_array(GOOD), sp.csc_array(GOOD), DOFS, Nodes.in_basic([1], [[0, 0, 0]]))
+
+
+def test_rows_of_an_interface_are_node_by_node():
+    dofs = DofTable([7, 7, 3, 3, 5], [2, 1, 1, 2, 1])
+    face = Interface("f", np.array([3, 7]), ((1, 2), (1,)), np.zeros((2, 3)), np.eye(3))
+    body = FEModel("b", sp.csc_array(np.eye(5)), sp.csc_array(np.eye(5)), dofs, interfaces={"f": face})
+    assert body.interface_rows("f").tolist() == [2, 3, 1]
+    with pytest.raises(SceneError, match=r"'b' has no interface 'g' \(it has: f\)"):
+        body.interface_rows("g")
+
+
+INERTIAS = {
+    "a ball": (np.eye(3), True),
+    "a slender rod": (np.diag([0.0, 1.0, 1.0]), True),
+    "a flat plate": (np.diag([1.0, 2.0, 3.0]), True),
+    "a rod whose digits are rounded": (np.diag([-1e-8, 1.0, 1.0]), True),
+    "products too large": (np.array([[1.0, 2.0, 0], [2.0, 1.0, 0], [0, 0, 1.0]]), False),
+    "no body": (np.diag([1.0, 1.0, 2.1]), False),
+    "negative": (np.diag([-1.0, 1.0, 1.0]), False),
+}
+
+
+@pytest.mark.parametrize(("inertia", "exists"), INERTIAS.values(), ids=INERTIAS)
+def test_inertias(inertia, exists):
+    if exists:
+        assert RigidBody("r", 1.0, np.zeros(3), inertia).mass == 1.0
+    else:
+        with pytest.raises(MatrixError, match="'r': no mass distribution has principal inertias"):
+            RigidBody("r", 1.0, np.zeros(3), inertia)
+
+
+@pytest.mark.parametrize("mass", [0.0, -1.0, float("nan")])
+def test_masses(mass):
+    with pytest.raises(MatrixError, match="is not positive"):
+        RigidBody("r", mass, np.zeros(3), np.eye(3))

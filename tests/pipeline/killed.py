@@ -1,0 +1,78 @@
+"""Run a pipeline again and again, each run killed while it writes a file, and say what each has left.
+
+``python killed.py PIPELINE NUMBER...``: one run for each number, which kills itself at so many files that it writes,
+when the file is whole under a temporary name but has not its own yet; 0 lets the run finish. One line of JSON for each.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import h5py
+
+from cmsreduce.cli import main
+from cmsreduce.config import load_pipeline
+from cmsreduce.write import read_component
+
+# Loaded before the runs fork, so that every one of them starts at once.
+LIBRARIES = ("cmsreduce.pipeline", "pyyeti.nastran", "plotly.graph_objects", "rich.table")
+
+
+def killed_at(number: int, path: Path) -> int:
+    """Status of a run that is killed while it writes the file of that number; the run forks, so starts at once."""
+    child = os.fork()
+    if child:
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    rename, written = os.replace, 0
+
+    def count(*names: os.PathLike[str]) -> None:
+        nonlocal written
+        written += 1
+        if written == number:
+            os.kill(os.getpid(), signal.SIGKILL)
+        rename(*names)
+
+    os.replace = count
+    try:
+        main(["run", str(path), "--quiet"])
+    except SystemExit as left:
+        os._exit(int(left.code or 0))
+    os._exit(99)
+
+
+def left_behind(folder: Path) -> dict[str, list[str]]:
+    """Files under their own names, all of them whole, and temporary ones."""
+    whole, temporary = [], []
+    for file in sorted(item for item in folder.rglob("*") if item.is_file()):
+        name = str(file.relative_to(folder))
+        if name.endswith(".tmp"):
+            temporary.append(name)
+            continue
+        whole.append(name)
+        if file.suffix == ".json":
+            json.loads(file.read_text())
+        elif file.suffix == ".html":
+            assert file.read_text().rstrip().endswith("</html>")
+        elif file.parent.name != "stages" and file.name != "system.h5":
+            read_component(file)
+        else:
+            with h5py.File(file) as opened:
+                # Reading checks the checksum of every dataset.
+                opened.visititems(lambda _, item: item[()] if isinstance(item, h5py.Dataset) else None)
+    return {"whole": whole, "temporary": temporary}
+
+
+if __name__ == "__main__":
+    pipeline = Path(sys.argv[1])
+    out = load_pipeline(pipeline).output
+    for library in LIBRARIES:
+        import_module(library)
+    for number in map(int, sys.argv[2:]):
+        status = killed_at(number, pipeline)
+        left = left_behind(out) if out.is_dir() else {}
+        sys.stdout.write(json.dumps({"status": status, **left}) + "\n")

@@ -1,0 +1,129 @@
+"""Which modes a run keeps: by number, by fraction, by error, and for one body otherwise than for the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cmsreduce.assemble import modal_substructure
+from cmsreduce.errors import ConfigError
+from cmsreduce.pipeline import Run, execute
+from cmsreduce.pipeline.assembled import AssembledModel
+from cmsreduce.pipeline.comparison import ReducedModel
+from cmsreduce.pipeline.selection import truncate
+from tests.pipeline.study import CANTILEVER
+
+
+def model(run: Run, selection: Mapping[str, np.ndarray]) -> ReducedModel:
+    """The run's system with other modes kept."""
+    components = truncate(run.ranked, dict(selection), dict.fromkeys(run.ranked, "trial"))
+    subs = {name: modal_substructure(c, run.bodies[name].points(run.scene)) for name, c in components.items()}
+    every = {**subs, **run.rigid_bodies}
+    return ReducedModel(AssembledModel({name: every[name] for name in run.pipeline.components}, run.scene), components)
+
+
+def test_modes_by_number_are_the_first_by_influence(opened: Callable[..., Run]) -> None:
+    run = opened("balance.keep={modes: {arm: 4}}")
+    sigma = run.ranked["arm"].sigma[6:]
+    np.testing.assert_array_equal(run.selection["arm"], 6 + np.sort(np.argsort(-sigma)[:4]))
+    # A body that is not named keeps all of its modes.
+    assert run.selection["panel"].size == run.ranked["panel"].elastic_count == 13
+    assert set(run.kept["arm"].why[:6]) == {"rigid body"}
+    assert set(run.kept["arm"].why[6:]) == {"among the first by gregory"}
+    assert set(run.kept["panel"].why[6:]) == {"all modes kept"}
+
+
+def test_modes_by_number_and_frequency(opened: Callable[..., Run]) -> None:
+    run = opened("balance={rank: frequency, keep: {modes: 3}}")
+    for name in ("arm", "panel"):
+        np.testing.assert_array_equal(run.selection[name], [6, 7, 8])
+        assert (np.diff(run.ranked[name].omega[6:]) > 0).all()
+
+
+def test_no_elastic_modes_leave_rigid_bodies(opened: Callable[..., Run]) -> None:
+    run = opened("balance.keep={modes: 0}")
+    (system, _) = (run.model.assembled.system(c) for c in run.scene.configurations)
+    # Three rigid bodies of six motions, eleven of them locked.
+    assert system.N == system.rigid.shape[1] == 7
+    w = 2 * np.pi * np.array([0.5, 5.0])
+    for configuration in run.scene.configurations:
+        rigid = run.comparison.full.rigid_response(configuration, w)
+        np.testing.assert_allclose(run.model.assembled.response(configuration, w), rigid, rtol=1e-8)
+
+
+def test_modes_by_fraction(opened: Callable[..., Run]) -> None:
+    run = opened("balance.keep={fraction: 0.01}")
+    for name, ranked in run.ranked.items():
+        sigma = ranked.sigma[6:]
+        kept = np.flatnonzero(sigma >= 0.01 * sigma.max())
+        np.testing.assert_array_equal(run.selection[name], 6 + kept)
+        assert 0 < kept.size < sigma.size
+
+
+def test_modes_by_error_are_as_few_as_meet_it(opened: Callable[..., Run], study: Path) -> None:
+    run = opened("verify.limits={frf_error: 0.01}", text=CANTILEVER)
+    result = execute(run, study)
+    assert result is not None and result.passed and 0 < result.worst()["frf_error"] <= 0.01
+    (kept,) = run.selection.values()
+    assert 0 < kept.size < run.ranked["arm"].elastic_count
+    # What was left out was not needed, and what was kept is: without any one of them the error is too large.
+    for mode in kept:
+        assert run.comparison.candidate_error(model(run, {"arm": kept[kept != mode]})) > 0.01
+    assert set(run.kept["arm"].why[6:]) == {"needed for frf_error 0.01, gregory"}
+
+
+def test_the_chosen_model_meets_the_error_on_a_finer_grid(opened: Callable[..., Run]) -> None:
+    coarse = opened("verify.frf.points=20", text=CANTILEVER)
+    selection = coarse.selection
+    fine = opened("verify.frf.points=5000", text=CANTILEVER)
+    results = fine.comparison.errors({"reduced": model(fine, selection)}, fine.ledger.progress)
+    assert max(result.errors["reduced"].frf_error for result in results) <= 0.01 * 1.05
+
+
+def test_a_sensor_less_makes_the_model_smaller(opened: Callable[..., Run]) -> None:
+    """Modes of the other plane, of stretching and of twisting are then of no use."""
+    both = opened(text=CANTILEVER)
+    one = opened("scene.sensors={up: {at: arm.5, measure: z}}", text=CANTILEVER)
+    assert 0 < one.selection["arm"].size < both.selection["arm"].size < both.ranked["arm"].elastic_count
+    component = one.bodies["arm"].body.dofs.component
+    in_plane = np.isin(component, [3, 5])
+    shapes = one.kept["arm"].Phi[:, 6:]
+    assert abs(shapes[~in_plane]).max() < 1e-9 * abs(shapes).max()
+
+
+def test_a_body_with_a_rule_of_its_own(opened: Callable[..., Run], study: Path) -> None:
+    run = opened("components.panel.balance={keep: {modes: 12}}", "balance.keep={frf_error: 0.7}")
+    execute(run, study)
+    sigma = run.ranked["panel"].sigma[6:]
+    np.testing.assert_array_equal(run.selection["panel"], 6 + np.sort(np.argsort(-sigma)[:12]))
+    # The other body is chosen with the panel as it is.
+    assert run.comparison.candidate_error(model(run, run.selection)) <= 0.7
+    assert run.selection["arm"].size < run.ranked["arm"].elastic_count
+    assert set(run.kept["panel"].why[6:]) == {"among the first by gregory"}
+    assert set(run.kept["arm"].why[6:]) == {"needed for frf_error 0.7, gregory"}
+
+
+def test_a_body_with_a_reduction_of_its_own(opened: Callable[..., Run]) -> None:
+    run = opened("components.arm.reduce={method: guyan}", "components.panel.reduce={cutoff: 1}")
+    arm, panel = run.modal("arm"), run.modal("panel")
+    assert (arm.method, panel.method) == ("guyan", "craig-bampton")
+    assert (arm.basis_size, arm.elastic_count) == (12, 6)
+    fixed = run.reduced("panel").modes
+    top = max(hz for hz, kind in zip(fixed.source_hz, fixed.kind, strict=True) if kind == "fixed")
+    assert top <= 60 and panel.basis_size < 19
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (("balance.keep={modes: {arm: 12}}",), "12 modes of 'arm' .* has 11"),
+        (("balance.keep={frf_error: 1e-12}",), "frf_error 1e-12 cannot be met: all 24 modes"),
+        (("balance.keep={frf_error: 0.1}", "scene.sensors={}"), "needs a response"),
+    ],
+)
+def test_rules_that_cannot_be_met(opened: Callable[..., Run], settings: tuple[str, ...], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        _ = opened(*settings).selection

@@ -1,0 +1,96 @@
+"""A run killed at any moment leaves no half file, and the next run goes on from the last finished stage."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from cmsreduce.pipeline import Run, execute
+from tests.pipeline import killed
+from tests.pipeline.test_reuse import done, untimed
+
+STAGES = ["arm.reduce", "arm.orthogonalise", "panel.reduce", "panel.orthogonalise", "system.balance", "system.verify"]
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    """Everything in an HDF5 file but when it was made."""
+    found = {}
+    with h5py.File(path) as file:
+        file.visititems(
+            lambda name, item: (
+                found.update({name: np.asarray(item[()]).tobytes()})
+                if isinstance(item, h5py.Dataset) and "provenance" not in name
+                else None
+            )
+        )
+    return found
+
+
+def same_results(folder: Path, other: Path) -> None:
+    for name in ("arm.h5", "panel.h5", "system.h5"):
+        assert contents(folder / name) == contents(other / name), name
+    one, two = (untimed(json.loads((out / "summary.json").read_text())) for out in (folder, other))
+    assert one == two
+
+
+def test_killed_at_every_file(study: Path, finished_study: Path) -> None:
+    """The first run dies at its first file, later ones at the one after, as the file before it is finished by then."""
+    results = ["arm.h5", "panel.h5", "system.h5", "stages/origin.json", "summary.json", "report.html"]
+    stages = [f"stages/{stage}.h5" for stage in STAGES]
+    moments = [1] + [2] * len(stages) + [*range(2, len(results) + 1), 0]
+    program = [sys.executable, killed.__file__, str(study), *map(str, moments)]
+    said = subprocess.run(program, capture_output=True, text=True, check=False)
+    assert said.returncode == 0, said.stderr
+    runs = [json.loads(line) for line in said.stdout.splitlines()]
+    order = [*stages, *results]
+    assert [run["status"] for run in runs] == [-signal.SIGKILL] * len(order) + [0]
+    for number, run in enumerate(runs[:-1]):
+        assert sorted(run["whole"]) == sorted(order[:number])
+        (temporary,) = run["temporary"]
+        folder, _, name = order[number].rpartition("/")
+        assert temporary.startswith(f"{folder}/.{name}." if folder else f".{name}.")
+    assert sorted(runs[-1]["whole"]) == sorted(order)
+    assert runs[-1]["temporary"] == []
+    same_results(study.parent / "out", finished_study / "out")
+
+
+@pytest.mark.parametrize(
+    ("moment", "finished"),
+    [
+        ("read          arm", 0),
+        ("reduce        panel", 2),
+        ("balance       system", 4),
+        ("verify        system", 5),
+        ("write         component", 6),
+    ],
+)
+def test_killed_when_a_stage_begins(
+    study: Path, finished_study: Path, opened: Callable[..., Run], moment: str, finished: int
+) -> None:
+    program = [sys.executable, "-m", "cmsreduce.cli", "run", str(study)]
+    with subprocess.Popen(program, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if moment in line:
+                process.kill()
+                break
+        assert process.wait() == -signal.SIGKILL
+    out = study.parent / "out"
+    left = killed.left_behind(out) if out.is_dir() else {"whole": []}
+    # The stage that had just begun may have come to its end before the signal did.
+    there = [stage for stage in STAGES if f"stages/{stage}.h5" in left["whole"]]
+    assert there == STAGES[: len(there)] and len(there) >= finished
+    run = opened()
+    execute(run, study)
+    stages = [f"{name.split('.')[1]} {name.split('.')[0]}" for name in STAGES]
+    assert sorted(done(run)) == sorted(stages[len(there) :])
+    assert killed.left_behind(out)["temporary"] == []
+    same_results(out, finished_study / "out")

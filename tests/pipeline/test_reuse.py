@@ -1,0 +1,116 @@
+"""A finished stage is reused unless something it depends on has changed."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cmsreduce.pipeline import Run, execute
+from tests.frames import line
+from tests.pipeline.study import write_body
+
+STORED = ("reduce", "orthogonalise", "balance", "verify")
+TIMED = {"seconds", "peak_mib", "speed"}
+MODAL = ["orthogonalise arm", "orthogonalise panel"]
+LAST = ["balance system", "verify system"]
+
+
+def done(run: Run) -> list[str]:
+    """Stages carried out, of those that are stored."""
+    stored = [entry for entry in run.ledger.progress.done if entry.split()[0] in STORED]
+    return [entry for entry in stored if not entry.endswith("unreduced")]
+
+
+def untimed(value: Any) -> Any:
+    """A summary without wall times and memory."""
+    if isinstance(value, dict):
+        return {key: untimed(item) for key, item in value.items() if key not in TIMED}
+    return [untimed(item) for item in value] if isinstance(value, list) else value
+
+
+def summary(study: Path) -> Any:
+    return untimed(json.loads((study.parent / "out" / "summary.json").read_text()))
+
+
+@pytest.fixture
+def run_before(finished_study: Path, study: Path) -> None:
+    """Put the results of a finished run of the study in its place."""
+    shutil.copytree(finished_study / "out", study.parent / "out")
+
+
+def test_a_second_run_computes_nothing_and_finds_the_same(opened: Callable[..., Run], study: Path) -> None:
+    first = opened()
+    execute(first, study)
+    assert sorted(done(first)) == sorted(["reduce arm", "reduce panel", *MODAL, *LAST])
+    found = summary(study)
+    again = opened()
+    result = execute(again, study)
+    assert done(again) == []
+    assert {*MODAL, *LAST} <= set(again.ledger.progress.reused_)
+    assert summary(study) == found
+    assert result is not None
+    for name, modal in again.kept.items():
+        np.testing.assert_array_equal(modal.Phi, first.kept[name].Phi)
+    for one, other in zip(first.verified.configurations, result.configurations, strict=True):
+        np.testing.assert_array_equal(one.response.full, other.response.full)
+    # What was reused keeps the time it took.
+    assert result.components["arm"].seconds["reduce"] == first.ledger.seconds["arm"]["reduce"]
+
+
+@pytest.mark.usefixtures("run_before")
+@pytest.mark.parametrize(
+    ("setting", "redone"),
+    [
+        ("verify.limits.frf_error=0.5", []),
+        ("write.all_nodes=true", []),
+        ("name=another", []),
+        ("components.arm.stiffness.file={folder}/moved.op4", []),
+        ("components.arm.damping.modal=0.02", ["orthogonalise arm", *LAST]),
+        ("components.panel.reduce.cutoff=10", ["reduce panel", "orthogonalise panel", *LAST]),
+        ("scene.band=50 Hz", ["reduce arm", "reduce panel", *MODAL, *LAST]),
+        ("scene.band=[1 Hz, 60 Hz]", LAST),
+        ("reduce.method=guyan", ["reduce arm", "reduce panel", *MODAL, *LAST]),
+        ("scene.articulation.hinge=[0, 20 deg]", LAST),
+        ("scene.sensors={gyro: {at: hub.cg, measure: rz}}", LAST),
+        # A dof that carries an actuator belongs to the interface set of its body.
+        ("scene.actuators.thruster={at: panel.3, force: [0, 0, 1]}", ["reduce panel", "orthogonalise panel", *LAST]),
+        ("components.hub.rigid.mass=6", LAST),
+        ("balance.keep={fraction: 1e-3}", LAST),
+        ("verify.frf.points=50", LAST),
+        ("verify.compare={frequency: {rank: frequency}}", ["verify system"]),
+    ],
+)
+def test_a_change_redoes_what_depends_on_it(
+    opened: Callable[..., Run], study: Path, setting: str, redone: list[str]
+) -> None:
+    shutil.copy(study.parent / "arm.op4", study.parent / "moved.op4")
+    run = opened(setting.replace("{folder}", str(study.parent)))
+    execute(run, study)
+    assert sorted(done(run)) == sorted(redone)
+
+
+@pytest.mark.usefixtures("run_before")
+def test_a_body_whose_file_changed_is_read_anew(opened: Callable[..., Run], study: Path) -> None:
+    write_body(study.parent, line("arm", [0, 0, 0], [0.8, 0, 0], 4, masses={3: 0.5}))
+    run = opened()
+    execute(run, study)
+    assert sorted(done(run)) == sorted(["reduce arm", "orthogonalise arm", *LAST])
+
+
+@pytest.mark.usefixtures("run_before")
+@pytest.mark.parametrize("damage", [b"", b"no HDF5", None], ids=["empty", "other", "cut"])
+def test_a_damaged_stage_is_made_again(opened: Callable[..., Run], study: Path, damage: bytes | None) -> None:
+    found = summary(study)
+    for stage in ("system.verify.h5", "arm.orthogonalise.h5"):
+        path = study.parent / "out" / "stages" / stage
+        path.write_bytes(path.read_bytes()[:3000] if damage is None else damage)
+    run = opened()
+    execute(run, study)
+    assert sorted(done(run)) == ["orthogonalise arm", "verify system"]
+    assert summary(study) == found

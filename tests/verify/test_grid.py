@@ -1,0 +1,58 @@
+"""Frequency grids find every peak."""
+
+import numpy as np
+import pytest
+
+from cmsreduce.verify import decibel_grid, frequency_grid, lowest_frequency
+
+
+def power(w: np.ndarray, w0: float, zeta: float) -> np.ndarray:
+    return 1 / ((w0**2 - w**2) ** 2 + (2 * zeta * w0 * w) ** 2)
+
+
+@pytest.mark.parametrize("points", [30, 400])
+@pytest.mark.parametrize("zeta", [1e-4, 1e-3, 0.005, 0.05])
+@pytest.mark.parametrize("hz", [0.05, 1.234567, 8.0])
+def test_the_integral_over_a_peak(hz, zeta, points):
+    """Closed form pi / (4 zeta w0^3), to one per cent where the base grid carries the flanks."""
+    w0 = 2 * np.pi * hz
+    w = frequency_grid((1e-3, 1e3), points, np.array([w0]), np.array([zeta]))
+    assert np.trapezoid(power(w, w0, zeta), w) == pytest.approx(np.pi / (4 * zeta * w0**3), rel=0.01 + 2 / points)
+
+
+def test_peaks_a_fixed_grid_misses():
+    hz = np.array([0.14, 1.22, 1.23, 5.65, 5.6501, 9.99])
+    omega, zeta = 2 * np.pi * hz, np.full(6, 0.005)
+    w = frequency_grid((0.0, 10.0), 400, omega, zeta)
+    assert (np.diff(w) > 0).all()
+    assert w[0] == pytest.approx(2 * np.pi * 0.01) and w[-1] == pytest.approx(2 * np.pi * 10)
+    for w0 in omega:
+        assert abs(w - w0).min() < 1e-12 * w0
+        assert np.count_nonzero(abs(w - w0) < 0.005 * w0) > 20
+
+
+def test_resonances_outside_the_band_add_their_flanks_only():
+    w = frequency_grid((1.0, 2.0), 50, 2 * np.pi * np.array([0.5, 2.01, 40.0]), np.full(3, 0.01))
+    assert w[0] == pytest.approx(2 * np.pi) and w[-1] == pytest.approx(4 * np.pi)
+    assert 50 < w.size < 100
+
+
+def test_undamped_resonances_are_stepped_around():
+    omega = 2 * np.pi * np.array([1.5])
+    w = frequency_grid((1.0, 2.0), 40, omega, np.zeros(1))
+    assert 0 < abs(w - omega).min() < 1e-4 * omega[0]
+    assert np.isfinite(power(w, omega[0], 0.0)).all()
+
+
+def test_no_resonances():
+    np.testing.assert_allclose(
+        frequency_grid((1.0, 4.0), 3, np.empty(0), np.empty(0)), 2 * np.pi * np.array([1.0, 2.0, 4.0])
+    )
+
+
+@pytest.mark.parametrize(("band", "low"), [((0.0, 10.0), 0.01), ((0.5, 10.0), 0.5)])
+def test_decibel_grid(band, low):
+    w = decibel_grid(band)
+    assert w.size == 1000 and lowest_frequency(band) == pytest.approx(low)
+    np.testing.assert_allclose(w[[0, -1]], 2 * np.pi * np.array([low, 10.0]))
+    np.testing.assert_allclose(np.diff(np.log(w)), np.log(10 / low) / 999, rtol=1e-9)

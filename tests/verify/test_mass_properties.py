@@ -1,0 +1,45 @@
+"""Mass, centre and inertia of frames against rods by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cmsreduce.errors import DofMapError
+from cmsreduce.verify import mass_properties
+from tests.frames import BAR, frame, line, rotation
+
+PER_LENGTH = BAR.rho * BAR.A
+POLAR = BAR.rho * (BAR.Iy + BAR.Iz)
+
+
+def rod_inertia(L: float, axis: np.ndarray) -> np.ndarray:
+    """Slender rod about its middle, with the polar inertia about its axis that the elements carry."""
+    P = np.outer(axis, axis)
+    return PER_LENGTH * L**3 / 12 * (np.eye(3) - P) + POLAR * L * P
+
+
+@pytest.mark.parametrize("end", [[2, 0, 0], [0.3, -1.0, 0.7]], ids=["along x", "askew"])
+@pytest.mark.parametrize("start", [[0, 0, 0], [5.0, -2.0, 1.0]], ids=["at the origin", "away"])
+def test_a_rod(start, end):
+    start, end = np.array(start, float), np.array(start, float) + end
+    L = np.linalg.norm(end - start)
+    found = mass_properties(line("rod", start, end, 4))
+    np.testing.assert_allclose(found.mass, PER_LENGTH * L, rtol=1e-12)
+    np.testing.assert_allclose(found.cg, (start + end) / 2, atol=1e-12)
+    np.testing.assert_allclose(found.inertia, rod_inertia(L, (end - start) / L), atol=1e-10)
+
+
+def test_displacement_frames_do_not_matter():
+    axes = np.array([rotation([1, 2, 3], 0.3 * k) for k in range(4)])
+    xyz, bars = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 2]], [(1, 2), (2, 3), (3, 4)]
+    plain, turned = (mass_properties(frame("f", xyz, bars, axes=a, masses={4: 2.5})) for a in (None, axes))
+    assert plain.mass[0] == pytest.approx(2.5 + 4 * PER_LENGTH)
+    np.testing.assert_allclose(turned.mass, plain.mass, rtol=1e-12)
+    np.testing.assert_allclose(turned.cg, plain.cg, atol=1e-12)
+    np.testing.assert_allclose(turned.inertia, plain.inertia, atol=1e-11)
+
+
+def test_without_geometry_there_is_no_centre():
+    with pytest.raises(DofMapError, match="'rod' has no geometry"):
+        mass_properties(replace(line("rod", [0, 0, 0], [1, 0, 0], 1), nodes=None))

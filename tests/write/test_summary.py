@@ -1,0 +1,172 @@
+"""summary.json keeps its keys, whatever the figures."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.model import (
+    SCALAR,
+    Check,
+    ComponentResult,
+    Configuration,
+    ConfigurationResult,
+    DofTable,
+    FEModel,
+    ModalComponent,
+    ModelErrors,
+    Response,
+    RunResult,
+    Speed,
+    SystemModes,
+)
+from cmsreduce.write import summary, write_summary
+
+CONTRACT = {"name", "version", "components", "configurations", "worst", "speed", "passed"}
+OF_A_COMPONENT = {
+    "full_dofs",
+    "basis_size",
+    "elastic_modes",
+    "kept_modes",
+    "method",
+    "frequencies_hz",
+    "seconds",
+    "peak_mib",
+    "checks",
+}
+OF_A_CONFIGURATION = {"angles", "frf_error", "db_error", "frequency_error", "n_full", "n_reduced"}
+ERRORS = ("frf_error", "db_error", "frequency_error")
+
+
+def errors(*figures: float) -> ModelErrors:
+    none = np.empty(0)
+    return ModelErrors(*figures, np.ones((1, 1)), none, none, none)
+
+
+def setting(name: str, angles: dict, own: ModelErrors, **others: ModelErrors) -> ConfigurationResult:
+    response = Response(np.ones(1), np.ones((1, 1, 1), complex), {})
+    return ConfigurationResult(Configuration(name, angles), 300, 41, 12, 11, {"reduced": own, **others}, response)
+
+
+def run(**changes) -> RunResult:
+    one = sp.csc_array(np.eye(5))
+    body = FEModel("rotor", one, one, DofTable(np.arange(1, 6), np.full(5, SCALAR)))
+    nan = np.nan
+    modes = ModalComponent(
+        body=body,
+        method="craig-bampton",
+        Phi=np.eye(5, 4),
+        omega=2 * np.pi * np.array([0.0, 1.5, 2.5, 4.0]),
+        zeta=np.array([0.0, 0.01, 0.01, 0.01]),
+        rigid_count=1,
+        D=None,
+        kind=("rigid", "fixed", "fixed", "constraint"),
+        source_hz=np.array([0.0, 1.4, 2.6, nan]),
+        sigma=np.array([nan, 3.0, 1.0, 2.0]),
+        spacing=np.array([nan, 0.1, 0.1, 0.1]),
+        why=("rigid body", "ranked", "", "ranked"),
+        basis_size=4,
+    )
+    rotor = ComponentResult(
+        "rotor", 5, modes, np.array([0, 1, 3]), {"read": 0.5}, 80.0, (Check("orthogonality in M", 1e-15, 1e-8),), ()
+    )
+    result = RunResult(
+        name="galileo",
+        version="0.1.0",
+        components={"rotor": rotor},
+        configurations=(
+            setting("first", {("spin", 5): np.radians(45), ("slide", 0): 0.2}, errors(0.01, 0.5, 1e-4)),
+            setting("second", {("spin", 5): np.radians(90)}, errors(0.02, 0.25, 2e-4)),
+        ),
+        limits={"frf_error": 0.05},
+        model="reduced",
+        inputs=("motor",),
+        outputs=("gyro",),
+        band=(0.0, 10.0),
+        speed=Speed(1.0, 2.0, 0.5),
+        reference={"rotor": "all modes"},
+        notes=("as SI",),
+    )
+    return replace(result, **changes)
+
+
+def test_keys_are_those_of_the_contract():
+    facts = summary(run())
+    assert set(facts) >= CONTRACT
+    assert set(facts["components"]["rotor"]) >= OF_A_COMPONENT
+    assert set(facts["components"]["rotor"]["checks"][0]) == {"name", "value", "limit", "passed"}
+    for row in facts["configurations"]:
+        assert set(row) >= OF_A_CONFIGURATION
+    assert set(facts["worst"]) == set(ERRORS)
+    assert set(facts["speed"]) == {"reduce_s", "full_frf_s", "reduced_frf_s"}
+
+
+def test_figures_are_those_of_the_run():
+    facts = summary(run())
+    rotor = facts["components"]["rotor"]
+    counts = ("full_dofs", "basis_size", "elastic_modes", "kept_modes")
+    assert [rotor[key] for key in counts] == [5, 4, 3, 2]
+    # Of the elastic modes that are kept; the rigid one and the one left out are not among them.
+    assert rotor["frequencies_hz"] == pytest.approx([1.5, 4.0], rel=1e-15)
+    assert facts["worst"] == {"frf_error": 0.02, "db_error": 0.5, "frequency_error": 2e-4}
+    assert facts["band_hz"] == [0.0, 10.0]
+    assert facts["passed"] is True
+    assert summary(run(limits={"frf_error": 0.015}))["passed"] is False
+
+
+def test_angles_are_in_degrees_and_lengths_as_they_are():
+    first, second = summary(run())["configurations"]
+    assert first["angles"] == {"spin": 45.0, "slide": 0.2}
+    assert second["angles"] == {"spin": 90.0}
+
+
+def test_a_joint_that_turns_two_ways_anywhere_is_named_with_its_motion_everywhere():
+    results = (
+        setting("a", {("ball", 3): np.radians(10)}, errors(0, 0, 0)),
+        setting("b", {("ball", 4): np.radians(20)}, errors(0, 0, 0)),
+    )
+    found = [row["angles"] for row in summary(run(configurations=results))["configurations"]]
+    assert found == [{"ball.rx": 10.0}, {"ball.ry": 20.0}]
+
+
+def test_systems_have_their_frequencies_and_the_same_angles():
+    ball = [Configuration(name, {("ball", dof): np.radians(10)}) for name, dof in (("a", 3), ("b", 4))]
+    systems = tuple(SystemModes(configuration, 2, np.array([1.5, 2.5])) for configuration in ball)
+    found = summary(run(systems=systems))["system"]
+    assert [row["angles"] for row in found] == [{"ball.rx": 10.0}, {"ball.ry": 10.0}]
+    assert found[0] == {"name": "a", "angles": {"ball.rx": 10.0}, "rigid_modes": 2, "frequencies_hz": [1.5, 2.5]}
+
+
+def test_compared_models_have_their_figures():
+    results = (setting("a", {}, errors(0.01, 0.1, 0.0), first=errors(0.9, 30.0, 0.5)),)
+    found = summary(run(configurations=results))["comparisons"]
+    assert found["first"]["worst"] == {"frf_error": 0.9, "db_error": 30.0, "frequency_error": 0.5}
+    assert found["first"]["configurations"][0]["frf_error"] == 0.9
+
+
+@pytest.mark.parametrize("figure", [np.inf, np.nan, np.float64("inf")])
+def test_the_file_is_valid_json_where_a_figure_is_not_finite(tmp_path, figure):
+    results = (setting("a", {}, errors(figure, 0.1, 0.0)), setting("b", {}, errors(0.01, 0.1, 0.0)))
+    path = tmp_path / "deep" / "summary.json"
+    write_summary(path, run(configurations=results))
+
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is not JSON")
+
+    facts = json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+    assert facts["configurations"][0]["frf_error"] is None
+    assert facts["worst"]["frf_error"] is None
+    assert facts["passed"] is False
+
+
+def test_nothing_verified():
+    facts = summary(run(configurations=(), speed=None))
+    assert (facts["configurations"], facts["worst"], facts["speed"]) == ([], {}, None)
+
+
+def test_the_same_run_gives_the_same_bytes(tmp_path):
+    for name in ("a.json", "b.json"):
+        write_summary(tmp_path / name, run())
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()

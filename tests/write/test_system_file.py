@@ -1,0 +1,82 @@
+"""system.h5 holds the assembled system and its natural frequencies."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.model import Configuration, System, Units
+from cmsreduce.write import write_system
+
+PAGE = Path(__file__).parents[2] / "docs" / "component-file.md"
+STIFFNESS = 40.0
+
+
+def pendulum(**changes) -> System:
+    """Two masses of 1 and 3 on a spring, floating: w^2 = k (1 + 1/3)."""
+    M, K = np.diag([1.0, 3.0]), STIFFNESS * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    system = System(
+        configuration=Configuration("spin=45", {("spin", 5): np.pi / 4}),
+        T=np.eye(2),
+        M=M,
+        K=K,
+        D=None,
+        loss=None,
+        B=np.array([[1.0], [0.0]]),
+        C1=np.array([[0.0, 1.0]]),
+        C2=np.zeros((1, 2)),
+        rigid=np.full((2, 1), 0.5),
+        sizes={"stator": 1, "rotor": 1},
+        inputs=("motor",),
+        outputs=("gyro",),
+    )
+    return replace(system, **changes)
+
+
+def sparse(system: System) -> System:
+    return replace(system, M=sp.csc_array(system.M), K=sp.csc_array(system.K), T=sp.csc_array(system.T))
+
+
+@pytest.mark.parametrize("form", [pendulum, lambda: sparse(pendulum())], ids=["dense", "sparse"])
+def test_system_reads_back(tmp_path, form):
+    path = tmp_path / "system.h5"
+    second = pendulum(configuration=Configuration("spin=0"), loss=0.01 * pendulum().K)
+    write_system(path, [form(), second], provenance={"notes": []}, units=Units.parse("mm-t-s"))
+    with h5py.File(path) as file:
+        assert (file.attrs["format"], file.attrs["format_version"]) == ("cmsreduce-system", 1)
+        assert file["units"].attrs["length_in_si"] == 1e-3
+        first = file["configuration_0"]
+        assert first.attrs["name"] == "spin=45"
+        assert first.attrs["setting spin.rz"] == np.pi / 4
+        for name in ("M", "K", "T", "B", "C1", "C2", "rigid"):
+            np.testing.assert_array_equal(first[name], getattr(pendulum(), name))
+        assert "D" not in first
+        # In the order of the rows of T, not of the alphabet.
+        assert first["bodies"].asstr()[:].tolist() == ["stator", "rotor"]
+        assert first["inputs"].asstr()[:].tolist() == ["motor"]
+        expected = [0.0, np.sqrt(STIFFNESS * 4 / 3) / (2 * np.pi)]
+        np.testing.assert_allclose(first["frequency_hz"], expected, rtol=1e-14)
+        np.testing.assert_array_equal(file["configuration_1/loss"], 0.01 * pendulum().K)
+
+
+def test_every_item_on_the_page_is_in_the_file(tmp_path):
+    _, _, page = PAGE.read_text(encoding="utf-8").partition("## system.h5")
+    table = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
+    items = [item for cell in table for item in re.findall(r"`([^`]+)`", cell)]
+    K = pendulum().K
+    write_system(tmp_path / "system.h5", [pendulum(D=0.1 * K, loss=0.2 * K)], provenance={})
+    with h5py.File(tmp_path / "system.h5") as file:
+        assert set(items) == set(file["configuration_0"])
+
+
+def test_a_system_of_no_coordinates(tmp_path):
+    none = np.empty((0, 0))
+    empty = pendulum(M=none, K=none, T=np.empty((2, 0)), B=np.empty((0, 1)), C1=np.empty((1, 0)), C2=np.empty((1, 0)))
+    write_system(tmp_path / "system.h5", [replace(empty, rigid=np.empty((0, 0)))], provenance={})
+    with h5py.File(tmp_path / "system.h5") as file:
+        assert file["configuration_0/frequency_hz"].shape == (0,)
+        assert file["configuration_0/T"].shape == (2, 0)
