@@ -165,16 +165,17 @@ def frequency_response(
 def _dense_receptances(sub: Substructure, omega: NDArray[np.float64], L: NDArray[np.float64]) -> NDArray[np.complex128]:
     zero = np.zeros((sub.m, sub.m))
     M, K = dense(sub.M), dense(sub.K)
+    load, rigid = _elastic_load(sub, L)
     D, loss = (zero if part is None else dense(part) for part in (sub.D, sub.loss))
     Y = np.empty((omega.size, L.shape[0], L.shape[0]), dtype=np.complex128)
     chunk = max(1, _CHUNK * _COORDINATES**2 // max(sub.m, _COORDINATES) ** 2)
     for start in range(0, omega.size, chunk):
         w = omega[start : start + chunk, None, None]
         try:
-            X = np.linalg.solve(K - w**2 * M + 1j * (loss + w * D), L.T[None].astype(np.complex128))
+            X = np.linalg.solve(K - w**2 * M + 1j * (loss + w * D), load[None].astype(np.complex128))
         except np.linalg.LinAlgError:
             raise MatrixError(_resonance(sub, float(w[0, 0, 0]))) from None
-        Y[start : start + chunk] = L @ X
+        Y[start : start + chunk] = load.T @ X - rigid / w**2
     return Y
 
 
@@ -183,16 +184,27 @@ def _sparse_receptances(
 ) -> NDArray[np.complex128]:
     zero = sp.csc_array((sub.m, sub.m))
     M, K = sp.csc_array(sub.M), sp.csc_array(sub.K)
+    load, rigid = _elastic_load(sub, L)
     D, loss = (zero if part is None else sp.csc_array(part) for part in (sub.D, sub.loss))
     Y = np.empty((omega.size, L.shape[0], L.shape[0]), dtype=np.complex128)
     for k, w in enumerate(omega):
         Z = sp.csc_array(K - w**2 * M + 1j * (loss + w * D))
         try:
-            X = spla.splu(Z, permc_spec="MMD_AT_PLUS_A").solve(np.asfortranarray(L.T, dtype=np.complex128))
+            X = spla.splu(Z, permc_spec="MMD_AT_PLUS_A").solve(np.asfortranarray(load, dtype=np.complex128))
         except RuntimeError:
             raise MatrixError(_resonance(sub, float(w))) from None
-        Y[k] = L @ X
+        Y[k] = load.T @ X - rigid / w**2
     return Y
+
+
+def _elastic_load(sub: Substructure, L: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Loads at the points without their share in rigid motion (m, p), and the flexibility of that share times -w^2.
+
+    K is zero on rigid motion only to round-off, which a solve at low frequency magnifies by K over w^2 M.
+    """
+    momentum, at_points = np.asarray(sub.M @ sub.rigid), L @ sub.rigid
+    motion = np.linalg.solve(sub.rigid.T @ momentum, at_points.T)
+    return L.T - momentum @ motion, at_points @ motion
 
 
 def _modal_receptances(sub: Substructure, omega: NDArray[np.float64], L: NDArray[np.float64]) -> NDArray[np.complex128]:

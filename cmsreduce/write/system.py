@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.pencil import elastic_pairs
@@ -43,7 +44,7 @@ def write_system(
     path : Path
         Where; the file is whole or not there.
     systems : sequence of System
-        One for each configuration, of reduced bodies: their matrices are written dense.
+        One for each configuration. What an unreduced body makes sparse is written sparse, by compressed columns.
     provenance : mapping
         JSON values: settings, notes.
     units : Units, optional
@@ -77,16 +78,25 @@ def write_system(
             for name, about in _MATRICES.items():
                 matrix = getattr(system, name)
                 if matrix is not None:
-                    put(group, name, _dense(matrix), about=about)
-            put(group, "frequency_hz", _frequencies(system), "Hz", "undamped natural frequencies, the zero ones first")
+                    _put_matrix(group, name, matrix, about)
+            if not sp.issparse(system.K):
+                put(group, "frequency_hz", _frequencies(system), "Hz", "undamped, the zero ones first")
 
 
 def _frequencies(system: System) -> NDArray[np.float64]:
-    squared, _ = elastic_pairs(_dense(system.K), _dense(system.M), system.rigid, system.rounding)
+    squared, _ = elastic_pairs(np.asarray(system.K), np.asarray(system.M), system.rigid, system.rounding)
     # Round-off may leave a soft mode a hair below zero.
     omega = np.concatenate([np.zeros(system.rigid.shape[1]), np.sqrt(np.maximum(squared, 0.0))])
     return np.asarray(omega / (2 * np.pi))
 
 
-def _dense(matrix: Matrix) -> NDArray[np.float64]:
-    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)
+def _put_matrix(group: Any, name: str, matrix: Matrix, about: str) -> None:
+    if not sp.issparse(matrix):
+        put(group, name, matrix, about=about)
+        return
+    columns = sp.csc_array(matrix)
+    parts = group.create_group(name)
+    parts.attrs["about"] = f"{about}; compressed sparse columns"
+    put(parts, "shape", np.array(columns.shape, dtype=np.int64))
+    for part in ("data", "indices", "indptr"):
+        put(parts, part, getattr(columns, part))

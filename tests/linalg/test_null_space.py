@@ -41,10 +41,8 @@ def test_null_space(A, rank):
     np.testing.assert_allclose((A / np.where(sizes > 0, sizes, 1)) @ N, 0, atol=1e-13)
 
 
-@pytest.mark.parametrize(("A", "rank"), CONSTRAINTS.values(), ids=CONSTRAINTS)
+@pytest.mark.parametrize(("A", "rank"), [case for name, case in CONSTRAINTS.items() if name != "no columns"])
 def test_row_basis(A, rank):
-    if not A.shape[1]:
-        pytest.skip("rows without columns are never dropped")
     U = row_basis(A)
     assert U.shape == (rank, A.shape[0])
     if rank:
