@@ -41,6 +41,8 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
     Psi = np.hstack([component.rigid, X])
     Phi, lam = _polished(component, modes.Phi @ Psi, lam)
     omega = np.concatenate([np.zeros(r), np.sqrt(lam)])
+    D = None if component.body.D is None else Phi.T @ (component.body.D @ Phi)
+    zeta = component.body.damping.ratios(omega[r:]) if D is None else D.diagonal()[r:] / (2 * omega[r:])
     kind, source = _origin(component, Psi)
     m = modes.m
     return ModalComponent(
@@ -48,9 +50,9 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
         method=modes.method,
         Phi=Phi,
         omega=omega,
-        zeta=np.concatenate([np.zeros(r), component.body.damping.ratios(omega[r:])]),
+        zeta=np.concatenate([np.zeros(r), zeta]),
         rigid_count=r,
-        D=None if component.body.D is None else Phi.T @ (component.body.D @ Phi),
+        D=D,
         kind=kind,
         source_hz=source,
         sigma=np.full(m, np.nan),

@@ -14,7 +14,7 @@ from cmsreduce.assemble.points import PointStack, dense
 from cmsreduce.assemble.system import Wiring, wire
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.null_space import row_basis
-from cmsreduce.model import Configuration, Scene, Substructure, System
+from cmsreduce.model import Configuration, Matrix, Scene, Substructure, System
 
 __all__ = ["FrequencyResponse", "couple", "frequency_response", "receptances", "rigid_response"]
 
@@ -22,6 +22,8 @@ __all__ = ["FrequencyResponse", "couple", "frequency_response", "receptances", "
 _CHUNK = 512
 # Bodies with this many coordinates or more, and no modes, are solved sparse; smaller ones, dense, many points at once.
 _SPARSE = 200
+# Damping that leaves more than this share of itself on rigid motion brakes it; round-off of a projection leaves less.
+_BRAKED = 1e-9
 # Coordinates for which a whole chunk of dense matrices is held in memory.
 _COORDINATES = 24
 
@@ -202,9 +204,17 @@ def _elastic_load(sub: Substructure, L: NDArray[np.float64]) -> tuple[NDArray[np
 
     K is zero on rigid motion only to round-off, which a solve at low frequency magnifies by K over w^2 M.
     """
+    # A damping matrix of the user may brake rigid motion, which is then no motion of its own.
+    if sub.D is not None and not _vanishes(sub.D, sub.rigid):
+        return L.T, np.zeros((L.shape[0], L.shape[0]))
     momentum, at_points = np.asarray(sub.M @ sub.rigid), L @ sub.rigid
     motion = np.linalg.solve(sub.rigid.T @ momentum, at_points.T)
     return L.T - momentum @ motion, at_points @ motion
+
+
+def _vanishes(A: Matrix, X: NDArray[np.float64]) -> bool:
+    size = spla.norm(sp.csc_array(A), 1) * abs(X).max(initial=0.0)
+    return bool(abs(A @ X).max(initial=0.0) <= _BRAKED * size)
 
 
 def _modal_receptances(sub: Substructure, omega: NDArray[np.float64], L: NDArray[np.float64]) -> NDArray[np.complex128]:

@@ -34,10 +34,13 @@ class Constraints:
         Rows over a `PointStack`.
     owner : tuple of str
         Joint or ground, and the motion locked, of each row.
+    gap : float
+        Largest distance between nodes that are joined, relative to the size of the system.
     """
 
     A: NDArray[np.float64]
     owner: tuple[str, ...]
+    gap: float
 
 
 def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], *, as_built: bool) -> Constraints:
@@ -67,9 +70,10 @@ def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], 
     """
     rows: list[NDArray[np.float64]] = []
     owner: list[str] = []
+    gap = 0.0
     for joint in scene.joints:
         axes = joint_axes(stack.substructures, placed, joint)
-        _check_coincident(stack.substructures, placed, joint, axes, as_built)
+        gap = max(gap, _coincidence(stack.substructures, placed, joint, axes, as_built))
         for row, name in _joint_rows(stack, placed, joint, axes):
             rows.append(row)
             owner.append(name)
@@ -78,7 +82,7 @@ def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], 
             rows.append(row)
             owner.append(name)
     A = np.array(rows) if rows else np.zeros((0, stack.size))
-    return Constraints(A, tuple(owner))
+    return Constraints(A, tuple(owner), gap)
 
 
 def check_redundant(stack: PointStack, constraints: Constraints) -> None:
@@ -222,16 +226,17 @@ def _digits(face: Interface, k: int) -> str:
     return "".join(str(c) for c in face.components[k])
 
 
-def _check_coincident(
+def _coincidence(
     substructures: Mapping[str, Substructure],
     placed: Mapping[str, Placement],
     joint: Joint,
     axes: NDArray[np.float64],
     as_built: bool,
-) -> None:
+) -> float:
+    """Largest gap of a joint relative to the size of the system; refused where it is none of rounding."""
     first, second = (interface_at(substructures, point) for point in (joint.first, joint.second))
     if first.node.size != second.node.size or (first.components[0] == (0,)):
-        return
+        return 0.0
     gap = joint_gap(substructures, placed, joint)
     if not as_built:
         gap = gap @ axes.T
@@ -239,7 +244,7 @@ def _check_coincident(
     size = _reach(substructures)
     distance = np.linalg.norm(gap, axis=1)
     if distance.max() <= _COINCIDENT * size:
-        return
+        return float(distance.max() / size)
     here, there = first.position[0], second.position[0]
     for ratio, pair in _UNIT_RATIOS.items():
         for factor in (ratio, 1 / ratio):

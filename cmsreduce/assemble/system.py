@@ -22,6 +22,10 @@ __all__ = ["Wiring", "assemble", "wire"]
 # The null space is held sparse when at least this share of the coordinates is in no constraint.
 _MOSTLY_FREE = 0.5
 
+# Nodes without rotations that are joined over a gap hold rigid motion by that gap over their distance from the centre
+# of mass, which is this share of the system's size or more.
+_OVER_GAP = 100.0
+
 # A constraint row's weight on a coordinate below this share of the row is round-off of a direction cosine.
 _NO_WEIGHT = 1e-14
 
@@ -40,6 +44,8 @@ class Wiring:
         Displacements and rates the sensors measure.
     placed : mapping of body to Placement
         Where the bodies stand.
+    gap : float
+        Largest distance between nodes that are joined, relative to the size of the system.
     """
 
     A: NDArray[np.float64]
@@ -47,6 +53,7 @@ class Wiring:
     C1: NDArray[np.float64]
     C2: NDArray[np.float64]
     placed: Mapping[str, Placement]
+    gap: float
 
 
 def wire(stack: PointStack, scene: Scene, configuration: Configuration) -> Wiring:
@@ -71,6 +78,7 @@ def wire(stack: PointStack, scene: Scene, configuration: Configuration) -> Wirin
         np.where(rate, 0.0, C),
         np.where(rate, C, 0.0),
         placed,
+        constraints.gap,
     )
 
 
@@ -112,7 +120,7 @@ def assemble(substructures: Mapping[str, Substructure], scene: Scene, configurat
         else None
         for letter in ("D", "loss")
     )
-    rigid = np.asarray(T.T @ _rigid_motions(A, substructures))
+    rigid = np.asarray(T.T @ _rigid_motions(A, substructures, wiring.gap))
     if rigid.shape[1]:
         weight, V = la.eigh(rigid.T @ (M @ rigid))
         rigid = rigid @ (V / np.sqrt(weight))
@@ -168,8 +176,8 @@ def _or_zero(block: Matrix | None, m: int) -> Matrix:
     return sp.csc_array((m, m)) if block is None else block
 
 
-def _rigid_motions(A: sp.csr_array, substructures: Mapping[str, Substructure]) -> NDArray[np.float64]:
+def _rigid_motions(A: sp.csr_array, substructures: Mapping[str, Substructure], gap: float) -> NDArray[np.float64]:
     """Rigid motions of the bodies that the joints allow: no body is strained by them (sum m_i, R)."""
     rigid = la.block_diag(*[sub.rigid for sub in substructures.values()])
-    N, _ = null_space(dense(A @ rigid))
+    N, _ = null_space(dense(A @ rigid), _OVER_GAP * gap)
     return np.asarray(rigid @ N)

@@ -32,12 +32,14 @@ _LEFT_BY_ARITHMETIC = 50.0
 _LIKE_RIGID = 5.0
 
 
-def null_space(A: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
+def null_space(A: NDArray[np.float64], inexact: float = 0.0) -> tuple[NDArray[np.float64], int]:
     """Orthonormal null space of a dense constraint matrix, by SVD of its normalised rows.
 
     Parameters
     ----------
     A : (c, m) float64
+    inexact : float
+        How far the rows are off, relative to their size, where they are known less well than to nine digits.
 
     Returns
     -------
@@ -50,7 +52,7 @@ def null_space(A: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
     rows = A[norms > _DEPENDENT * norms.max(initial=0.0)]
     rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
     _, s, vt = la.svd(rows, full_matrices=True)
-    rank = int(np.count_nonzero(s > _DEPENDENT * s.max(initial=1.0)))
+    rank = int(np.count_nonzero(s > max(inexact, _DEPENDENT) * s.max(initial=1.0)))
     return vt[rank:].T.copy(), rank
 
 

@@ -62,7 +62,7 @@ class ModalComponent:
     omega : (m,) float64
         Natural frequencies in rad/s; exactly 0 for the rigid modes.
     zeta : (m,) float64
-        Viscous damping ratios (g/2 for a loss factor g); 0 for rigid modes.
+        Viscous damping ratios (g/2 for a loss factor g, the diagonal of a damping matrix); 0 for rigid modes.
     rigid_count : int
         r: the first r columns are rigid modes.
     D : (m, m) float64, optional

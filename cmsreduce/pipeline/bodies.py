@@ -104,7 +104,7 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     as_read, proof = _read(name, part, part.units_in(scene.units))
     body = in_units(as_read, scene.units)
     R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
-    rigid = np.zeros((body.n, 0)) if body.grounded else rigid_body_modes(body.K, body.M, R, body.rounding, name)
+    rigid = rigid_body_modes(body.K, body.M, R, body.rounding, name)
     checks, notes = [], []
     if proof.status == "proven":
         checks.append(Check("row order: K times rigid motions", proof.residual, proof.tolerance))

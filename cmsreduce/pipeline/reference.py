@@ -13,10 +13,10 @@ from cmsreduce.model import FEModel, ModalComponent, ModeKind, ModeSet, ReducedC
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
 
-__all__ = ["Reference", "reference"]
+__all__ = ["ALL_MODES_LIMIT", "Reference", "reference"]
 
-# All modes of a body are n dense columns and take n^3 operations: seconds up to here.
 ALL_MODES_LIMIT = 2000
+"""Dofs up to which all modes of a body, n dense columns and n^3 operations, take seconds."""
 # A sparse factorisation per frequency takes seconds beyond this.
 SPARSE_LIMIT = 20000
 # The stand-in for a body too large for either holds modes up to this many times the cutoff, and all static shapes.

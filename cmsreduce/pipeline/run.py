@@ -19,7 +19,7 @@ from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible, read_rigid
 from cmsreduce.pipeline.comparison import Comparison, ReducedModel
 from cmsreduce.pipeline.ledger import Ledger
 from cmsreduce.pipeline.progress import Progress, Silent
-from cmsreduce.pipeline.reference import Reference, reference
+from cmsreduce.pipeline.reference import ALL_MODES_LIMIT, Reference, reference
 from cmsreduce.pipeline.selection import rank_component, select, truncate
 from cmsreduce.pipeline.stage_data import (
     modal_from,
@@ -217,10 +217,10 @@ class Run:
         )
         for name, label in found.reference.items():
             if label.startswith("modes"):
-                self.ledger.note(
-                    f"{name}: {self.bodies[name].body.n} dofs are too many for all modes or for a solve per frequency; "
-                    f"the full system is represented by {label} and all static shapes"
-                )
+                n = self.bodies[name].body.n
+                many = f"{n} dofs are too many for all modes or for a solve per frequency"
+                why = many if n > ALL_MODES_LIMIT else "some of its shapes have no mass, so it has no full set of modes"
+                self.ledger.note(f"{name}: {why}; the full system is represented by {label} and all static shapes")
         return found
 
     def _verify(self) -> Verified:

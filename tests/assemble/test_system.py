@@ -1,6 +1,7 @@
 """Assembled systems: constraint null space, modes, units."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -11,15 +12,29 @@ from cmsreduce.assemble import (
     PointStack,
     assemble,
     frequency_response,
+    modal_substructure,
     physical_substructure,
     rigid_substructure,
     system_modes,
     wire,
 )
 from cmsreduce.errors import SceneError
-from cmsreduce.model import Configuration, Damping, Joint, Point, Scene, Units, in_units, rigid_in_units
+from cmsreduce.model import (
+    Configuration,
+    Damping,
+    DofTable,
+    FEModel,
+    Joint,
+    Point,
+    Scene,
+    Units,
+    in_units,
+    rigid_in_units,
+)
+from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.reduce import Guyan
 from tests.assemble.rigs import at, in_joint, joint, modal, physical, rigid_body, strut, substructures
-from tests.frames import frame, line
+from tests.frames import BAR, Section, frame, line
 
 ELBOW = [1.0, 0.4, 0.0]
 
@@ -160,6 +175,61 @@ def test_points_that_are_not_there_are_refused():
     for label, message in (("9", "has no node 9"), ("nose", "neither a node id nor an interface")):
         with pytest.raises(SceneError, match=message):
             physical_substructure(body, [label], np.zeros((body.n, 0)))
+
+
+def truss(name, xyz, rods, faces):
+    """Rods between nodes without rotations, as those of solids."""
+    body = frame(name, xyz, rods, faces, section=Section(Iy=0, Iz=0, J=0))
+    keep = body.dofs.component <= 3
+    return FEModel(
+        name,
+        sp.csc_array(body.K[keep][:, keep]),
+        sp.csc_array(body.M[keep][:, keep]),
+        DofTable(body.dofs.node[keep], body.dofs.component[keep]),
+        body.nodes,
+        body.interfaces,
+    )
+
+
+@pytest.mark.parametrize("form", [physical, modal], ids=["dofs", "modes"])
+@pytest.mark.parametrize("off", [0.0, 1e-9, 1e-8, 1e-7, 1e-6])
+def test_coordinates_of_few_digits_leave_the_rigid_motions(form, off):
+    """Four nodes of two solids, printed apart in the last digit: still one free body, with the modes of one."""
+    cube = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.1], [0, 0, 1], [1, 0, 1], [0, 1, 1.2], [1, 1, 1]])
+    peak = np.array([[0.5, 0.5, 2], [1, 0, 2.2]])
+    lower, upper = list(combinations(range(1, 9), 2)), list(combinations(range(1, 7), 2))
+    # As one body, whose rods between the four nodes are double.
+    whole = truss("whole", np.vstack([cube, peak]), lower + [(a + 4, b + 4) for a, b in upper], {})
+    exact = np.sqrt(la.eigvalsh(whole.K.toarray(), whole.M.toarray())[6:])
+    top = cube[4:] + off * np.random.default_rng(0).standard_normal((4, 3))
+    foot = truss("foot", cube, lower, {"top": ((5, 6, 7, 8), (1, 2, 3))})
+    head = truss("head", np.vstack([top, peak]), upper, {"base": ((1, 2, 3, 4), (1, 2, 3))})
+    scene = Scene(("foot", "head"), (0.0, 1.0), (Joint("weld", Point("foot", "top"), Point("head", "base")),))
+    system = assemble({"foot": form(foot), "head": form(head)}, scene, scene.configurations[0])
+    assert (system.N, system.rigid.shape[1]) == (30, 6)
+    w, _ = system_modes(system, 1e6)
+    np.testing.assert_allclose(w, exact, rtol=1e-9 + 3 * off)
+
+
+def test_a_loop_stays_accepted_when_its_bodies_keep_rigid_modes_only():
+    """A bar joined at both ends to one platform: redundant if it were rigid."""
+    bar = line("bar", [0, 0, 0], [1, 0, 0], 4, damping=Damping(modal=0.01))
+    component = orthogonalise(Guyan(1.0).reduce(bar, np.r_[bar.interface_rows("a"), bar.interface_rows("b")]))
+    platform = rigid_body("platform", 5.0, [0.5, 0, 0], [1, 1, 1], {"a": [0, 0, 0], "b": [1, 0, 0]})
+    joints = (joint("left", "platform.a", "bar.a"), joint("right", "platform.b", "bar.b"))
+    channels = (at("platform.cg", "y"),)
+    scene = Scene(("platform", "bar"), (0.0, 1.0), joints, actuators=channels, sensors=channels)
+    w = np.array([1.0, 10.0])
+    for keep in ([], np.arange(component.omega.size)):
+        subs = {
+            "platform": rigid_substructure(platform),
+            "bar": modal_substructure(component.truncated(keep), ["a", "b"]),
+        }
+        system = assemble(subs, scene, scene.configurations[0])
+        assert system.rigid.shape[1] == 6
+        mass = 5.0 + BAR.rho * BAR.A
+        H = frequency_response(subs, scene, scene.configurations[0], w)
+        np.testing.assert_allclose(H[:, 0, 0], -1 / (mass * w**2), rtol=1e-3)
 
 
 def test_many_nodes_are_joined_one_by_one():

@@ -93,10 +93,10 @@ def test_nas2cam_one_body_reduced(shared_data: Path, opened: Opened, tmp_path: P
     """The inboard body joins as it was read, massless warping and all; the outboard one is reduced."""
     text = SUPERELEMENTS.replace("modal: 0.01}}", "structural: 0.02}}")
     text = text.replace("structural: 0.02}}}}\nscene", "structural: 0.02}}, reduce: {{cutoff: 30}}}}\nscene")
-    text += "verify: {{limits: {{frf_error: 1e-6, db_error: 1e-4, frequency_error: 1e-9}}}}\nwrite: {{}}\n"
+    text += "verify: {{limits: {{frf_error: 1e-6, db_error: 1e-3, frequency_error: 1e-8}}}}\nwrite: {{}}\n"
     run = opened(text, data=shared_data / "nas2cam", **WELD)
     result = execute(run, tmp_path / "study.yaml")
-    print(result.worst(), [c.name for c in result.components["outboard"].checks if not c.passed], result.components["outboard"].modes.basis_size); assert result is not None and result.passed
+    assert result is not None and result.passed
     (configuration,) = run.scene.configurations
     hertz = run.model.assembled.resonances(configuration).omega / (2 * np.pi)
     np.testing.assert_allclose(hertz[:5], UNCUT_HZ, atol=2e-6)
@@ -108,13 +108,14 @@ def test_nas2cam_both_bodies_reduced(shared_data: Path, opened: Opened, tmp_path
 
     The basis then holds no shape without mass, and the joint has 23 of the 24 dofs.
     """
-    stages = "reduce: {{cutoff: 20}}\nverify: {{limits: {{frf_error: 2e-3, db_error: 0.1}}}}\nwrite: {{}}\n"
+    stages = "reduce: {{cutoff: 20}}\nverify: {{limits: {{frf_error: 1e-6, db_error: 1e-3}}}}\nwrite: {{}}\n"
     run = opened(SUPERELEMENTS + stages, data=shared_data / "nas2cam", **WELD_OF_23)
     result = execute(run, tmp_path / "study.yaml")
-    assert result is not None
+    assert result is not None and result.passed
     (configuration,) = run.scene.configurations
     hertz = run.model.assembled.resonances(configuration).omega / (2 * np.pi)
     np.testing.assert_allclose(hertz[:5], UNCUT_HZ, rtol=5e-6)
+    assert [note for note in result.notes if note.startswith("inboard: some of its shapes have no mass")]
     assert {path.name for path in (tmp_path / "out").glob("*.*")} == {
         "inboard.h5",
         "outboard.h5",
@@ -122,7 +123,6 @@ def test_nas2cam_both_bodies_reduced(shared_data: Path, opened: Opened, tmp_path
         "summary.json",
         "report.html",
     }
-    print(result.worst(), hertz)
 
 
 BLOCK = """\

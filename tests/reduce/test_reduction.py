@@ -56,7 +56,9 @@ def test_reduced_frequencies_are_never_below_the_full_ones(seed, clamped, share)
     modal = orthogonalise(CraigBampton(cutoff).reduce(body, i_set(body)))
     assert modal.rigid_count == (0 if clamped else 6)
     exact = w[modal.rigid_count :][: modal.elastic_count]
-    assert (modal.omega[modal.rigid_count :] >= exact * (1 - 1e-8)).all()
+    # What a dense solver leaves of a soft mode beside the stiffest one.
+    slack = 1e-9 + 1e-15 * (w[-1] / exact) ** 2
+    assert (modal.omega[modal.rigid_count :] >= exact * (1 - slack)).all()
     assert max(orthogonality_errors(modal)) < 1e-8
 
 
