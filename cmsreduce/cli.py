@@ -122,7 +122,8 @@ def check(path: Path, maxima: tuple[str, ...]) -> None:
     passed = True
     for found in run_checks(path, maxima):
         passed &= found.passed
-        click.echo(f"{'pass' if found.passed else 'FAIL'}  {found.name}: {found.value:.6g} (limit {found.limit:.6g})")
+        limit = f"limit {found.limit:.6g}" if found.limit < float("inf") else "no limit"
+        click.echo(f"{'pass' if found.passed else 'FAIL'}  {found.name}: {found.value:.6g} ({limit})")
     sys.exit(OK if passed else LIMIT_BROKEN)
 
 

@@ -254,8 +254,9 @@ def _coincidence(
                     f"'{joint.first}', as {pair} are: state the units of both components (`units: mm-t-s`)"
                 )
     k = int(np.argmax(distance))
+    where = f" at node {first.node[k]}" if first.node[k] >= 0 else ""
     raise SceneError(
-        f"joint '{joint.name}': its interfaces lie {distance[k]:.6g} apart at node {first.node[k]} "
+        f"joint '{joint.name}': its interfaces lie {distance[k]:.6g} apart{where} "
         f"('{joint.first}' at {_xyz(first.position[k])}, '{joint.second}' at {_xyz(second.position[k])} in their basic "
         f"frames); they must coincide to {_COINCIDENT * size:.2g}. Move a body with `place:`, give the joint an "
         "`offset:`, or list the nodes in matching order"
