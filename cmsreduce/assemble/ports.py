@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,7 +23,7 @@ class Ports:
     interface : (i,) int64
         Rows of the i-set: every interface of the body and every dof an actuator acts on (Spanos-Tsuha's rule).
     loads : (n, l) float64
-        Self-balancing loads of struts inside the body, one column each.
+        Loads whose static shapes the basis must hold: struts inside the body, one column each.
     displacements, rates : (p, n), (q, n) sparse array
         Rows of the sensors on the body.
     """
@@ -32,6 +32,12 @@ class Ports:
     loads: NDArray[np.float64]
     displacements: sp.csr_array
     rates: sp.csr_array
+
+    def as_loads(self) -> Ports:
+        """Ports with unit forces on the i-set as loads: for a body that nothing holds, reduced to its free modes."""
+        units = np.zeros((self.loads.shape[0], self.interface.size))
+        units[self.interface, np.arange(self.interface.size)] = 1.0
+        return replace(self, interface=self.interface[:0], loads=np.hstack([units, self.loads]))
 
 
 def body_points(scene: Scene, body: FEModel) -> list[str]:

@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factorise import factorise
 
-__all__ = ["null_space", "rigid_body_modes", "row_basis", "stiffness_null_space"]
+__all__ = ["motions_held", "null_space", "rigid_body_modes", "row_basis", "stiffness_null_space"]
 
 # A constraint is dependent when what it adds is below this share of the largest: joints are written with
 # coordinates of 8 digits, so their directions are known no better.
 _DEPENDENT = 1e-9
+# Rigid motions are independent at an interface when their smallest singular value there, in units of the largest,
+# exceeds this: an interface this nearly singular amplifies every digit that a deck prints.
+_HELD = 1e-8
 # K R is built from numbers known to the file's rounding; a rigid motion leaves this many of them, relative to |K|.
 _RIGID_FACTOR = 1e4
 # Below this size the whole spectrum of the scaled stiffness is cheaper than a Lanczos run on a part of it.
@@ -54,6 +57,22 @@ def null_space(A: NDArray[np.float64], inexact: float = 0.0) -> tuple[NDArray[np
     _, s, vt = la.svd(rows, full_matrices=True)
     rank = int(np.count_nonzero(s > max(inexact, _DEPENDENT) * s.max(initial=1.0)))
     return vt[rank:].T.copy(), rank
+
+
+def motions_held(rigid: NDArray[np.float64], rows: NDArray[np.int64]) -> int:
+    """Count the rigid motions that holding some dofs prevents.
+
+    Parameters
+    ----------
+    rigid : (n, r) float64
+        Rigid-body modes.
+    rows : (i,) int64
+        Dofs held.
+    """
+    if not rigid.shape[1] or not rows.size:
+        return 0
+    s = la.svdvals(rigid[rows] / np.linalg.norm(rigid, axis=0))
+    return int(np.count_nonzero(s > _HELD * s.max(initial=0.0)))
 
 
 def row_basis(A: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from cmsreduce.assemble import Ports, body_points, body_ports
 from cmsreduce.config import Component, InterfaceKeys, MatrixFile, Pipeline
 from cmsreduce.errors import SceneError
 from cmsreduce.linalg.connectivity import check_connected
-from cmsreduce.linalg.null_space import rigid_body_modes
+from cmsreduce.linalg.null_space import motions_held, rigid_body_modes
 from cmsreduce.model import (
     Check,
     Damping,
@@ -112,7 +112,11 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
     if body.damping.law == "none" and body.D is None:
         notes.append(f"{name}: no damping is given; its resonances are infinite")
-    return FlexibleBody(body, body_ports(body, scene), rigid, tuple(checks), tuple(notes))
+    ports = body_ports(body, scene)
+    if not body.interfaces and motions_held(rigid, ports.interface) < rigid.shape[1]:
+        # Nothing is joined to the body, and its actuators do not hold it: it has no constraint modes.
+        ports = ports.as_loads()
+    return FlexibleBody(body, ports, rigid, tuple(checks), tuple(notes))
 
 
 def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:

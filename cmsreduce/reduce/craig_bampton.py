@@ -5,21 +5,18 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SingularInterfaceError
 from cmsreduce.linalg.eigenpairs import ElasticFlexibility, Solve, modes_below
 from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
+from cmsreduce.linalg.null_space import motions_held
 from cmsreduce.model import FEModel, ModeKind, ModeSet
 from cmsreduce.reduce.reduction import Reduction
 
 __all__ = ["CraigBampton", "Guyan"]
 
-# Rigid motions are independent at the interface when their smallest singular value there, in units of the largest,
-# exceeds this: an interface this nearly singular amplifies every digit that a deck prints.
-_HELD = 1e-8
 # A load's static shape is new when the modes before it leave this share of its strain energy: round-off leaves 1e-14.
 _NEW = 1e-12
 
@@ -105,10 +102,7 @@ class CraigBampton(Reduction):
         return ModeSet(self.method, np.hstack([rigid, phi, residual]), _kinds(kinds), source, tuple(names))
 
     def _check_held(self, body: FEModel, interface: NDArray[np.int64], rigid: NDArray[np.float64]) -> None:
-        if rigid.shape[1] == 0:
-            return
-        s = la.svdvals(rigid[interface] / np.linalg.norm(rigid, axis=0))
-        held = int(np.count_nonzero(s > _HELD * s.max(initial=0.0)))
+        held = motions_held(rigid, interface)
         if held < rigid.shape[1]:
             raise SingularInterfaceError(
                 f"body '{body.name}' has {rigid.shape[1]} rigid-body motions, but its {interface.size} interface dofs "

@@ -129,3 +129,37 @@ def test_bodies_that_are_not_reduced_join_as_they_are(opened: Callable[..., Run]
     assert sorted(path.name for path in (study.parent / "out").glob("*.h5")) == ["panel.h5", "system.h5"]
     none = opened("reduce=null", "balance=null")
     assert errors(none) == {"frf_error": 0.0, "db_error": 0.0, "frequency_error": 0.0}
+
+
+FREE_ARM = """\
+name: free_arm
+output: {output}
+components:
+  arm:
+    stiffness: {{file: arm.op4, matrix: KAA}}
+    mass: {{file: arm.op4, matrix: MAA}}
+    geometry: arm.bdf
+    damping: {{modal: 0.01}}
+scene:
+  band: 60 Hz
+  actuators: {{thruster: {{at: arm.5, force: [0, 0.6, 0.8]}}}}
+  sensors: {{end: {{at: arm.5, measure: [y, z]}}}}
+reduce: {{cutoff: 2}}
+"""
+
+
+def test_a_lone_free_body_answers_its_thruster(opened: Callable[..., Run]) -> None:
+    """Nothing holds it, so it has free modes, and the thruster's static shapes beside them."""
+    run = opened(text=FREE_ARM)
+    modal = run.modal("arm")
+    assert modal.rigid_count == 6
+    assert run.reduced("arm").modes.kind.count("residual") == 2
+    # Far below its first mode, at 139 Hz, the elastic answer is the static one, and that is held exactly; the lag is the
+    # damping of modes that are cut off.
+    w = 2 * np.pi * np.array([0.5, 1.0])
+    (configuration,) = run.scene.configurations
+    elastic = [
+        model.response(configuration, w) - model.rigid_response(configuration, w)
+        for model in (run.comparison.full, run.model.assembled)
+    ]
+    np.testing.assert_allclose(elastic[1].real, elastic[0].real, rtol=1e-8)
