@@ -23,7 +23,7 @@ def _check_pair(value: object) -> object:
 
 
 class RayleighKeys(Keys):
-    """Damping matrix alpha M + beta K."""
+    """Damping matrix alpha M + beta K; the first part does not brake rigid motion."""
 
     alpha: Number = Field(default=0.0, description="Factor of the mass matrix, 1/s.", examples=[0.1])
     beta: Number = Field(default=0.0, description="Factor of the stiffness matrix, s.", examples=[1e-5])
@@ -48,7 +48,9 @@ class DampingKeys(Keys):
         examples=[[0.01, 0.01, 0.005]],
     )
     rayleigh: RayleighKeys | None = Field(
-        default=None, description="Damping matrix alpha M + beta K.", examples=[{"alpha": 0.1, "beta": 1e-05}]
+        default=None,
+        description="Damping matrix alpha M + beta K; alpha M does not brake rigid motion.",
+        examples=[{"alpha": 0.1, "beta": 1e-05}],
     )
     structural: Number | None = Field(
         default=None, description="Loss factor g: complex stiffness K (1 + i g).", examples=[0.01]

@@ -28,8 +28,14 @@ from cmsreduce.model import (
     rigid_in_units,
 )
 from cmsreduce.read import InterfaceSpec, MatrixSource, RowOrderProof, prove_row_order, read_body
+from cmsreduce.verify import mass_disorder
 
 __all__ = ["FlexibleBody", "read_flexible", "read_rigid"]
+
+# Only a body that is free in all directions must show one mass in each of them.
+_ALL_MOTIONS = 6
+# A file's rounding adds up over a body's mass; a condensed body loses a few digits more, rows in disorder all of them.
+_MASS_ALIKE, _MASS_FACTOR = 1e-6, 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +114,9 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     checks, notes = [], []
     if proof.status == "proven":
         checks.append(Check("row order: K times rigid motions", proof.residual, proof.tolerance))
+        if proof.motions == _ALL_MOTIONS:
+            limit = max(_MASS_ALIKE, _MASS_FACTOR * body.rounding)
+            checks.append(Check("mass matrix: the same mass along x, y, z", mass_disorder(body), limit))
     else:
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
     if body.damping.law == "none" and body.D is None:

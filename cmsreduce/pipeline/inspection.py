@@ -155,7 +155,8 @@ def _bodies(path: Path) -> Iterator[str]:
         yield f"  {name}: {body.n} dofs, {flexible.rigid.shape[1]} rigid-body modes, units {body.units.name}"
         if body.nodes is not None:
             found = mass_properties(body)
-            yield f"    mass {found.mass.max():.9g}, centre of mass " + " ".join(f"{x:.6g}" for x in found.cg)
+            masses = list(dict.fromkeys(f"{mass:.9g}" for mass in found.mass))
+            yield f"    mass {' / '.join(masses)}, centre of mass " + " ".join(f"{x:.6g}" for x in found.cg)
             xx, yy, zz = found.inertia.diagonal()
             yield f"    inertia about it {xx:.6g} {yy:.6g} {zz:.6g}"
         massless = int((abs(body.M).sum(axis=0) == 0).sum())

@@ -2,7 +2,7 @@
 
 from cmsreduce.verify.frequency_error import FrequencyPairs, pair_frequencies
 from cmsreduce.verify.grid import decibel_grid, frequency_grid, lowest_frequency
-from cmsreduce.verify.mass_properties import MassProperties, mass_properties
+from cmsreduce.verify.mass_properties import MassProperties, mass_disorder, mass_properties
 from cmsreduce.verify.response_error import SILENT, channel_scales, db_error, frac, frf_error
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "frequency_grid",
     "frf_error",
     "lowest_frequency",
+    "mass_disorder",
     "mass_properties",
     "pair_frequencies",
 ]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import FEModel, cross_matrix, rigid_body_shapes
 
-__all__ = ["MassProperties", "mass_properties"]
+__all__ = ["MassProperties", "mass_disorder", "mass_properties"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,3 +58,31 @@ def mass_properties(body: FEModel) -> MassProperties:
     cg = np.where(across > 0, moment / np.where(across > 0, across, 1.0), 0.0)
     skew = cross_matrix(cg)
     return MassProperties(mass, cg, rigid[3:, 3:] - skew.T @ (mass[:, None] * skew))
+
+
+def mass_disorder(body: FEModel) -> float:
+    """How far the mass matrix is from that of a body: the same mass in every direction, in one place.
+
+    Rows of a mass matrix that are in another order than those of the stiffness give other masses along x, y and z, or
+    a coupling of translations with rotations that no centre of mass has.
+
+    Parameters
+    ----------
+    body : FEModel
+        With geometry, and free to move in all directions.
+
+    Returns
+    -------
+    float
+        Largest entry of R^T M R, in its first three rows and with R about the centroid, that rigid mass does not have,
+        relative to the mass, arms in units of the body's size.
+    """
+    if body.nodes is None:
+        raise DofMapError(f"body '{body.name}' has no geometry, so its mass matrix cannot be compared with a rigid one")
+    R = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+    rigid = R[:, :3].T @ (body.M @ R)
+    mass = float(np.trace(rigid[:, :3]) / 3)
+    size = float(np.ptp(body.nodes.xyz, axis=0).max(initial=0.0)) or 1.0
+    coupling = rigid[:, 3:] / size
+    worst = max(abs(rigid[:, :3] - mass * np.eye(3)).max(), abs(coupling + coupling.T).max())
+    return float(worst / mass) if mass > 0 else float("inf")

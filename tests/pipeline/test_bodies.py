@@ -154,8 +154,8 @@ def test_a_lone_free_body_answers_its_thruster(opened: Callable[..., Run]) -> No
     modal = run.modal("arm")
     assert modal.rigid_count == 6
     assert run.reduced("arm").modes.kind.count("residual") == 2
-    # Far below its first mode, at 139 Hz, the elastic answer is the static one, and that is held exactly; the lag is the
-    # damping of modes that are cut off.
+    # Far below its first mode, at 139 Hz, the elastic answer is the static one, and that is held exactly; what lags is
+    # the damping of modes that are cut off.
     w = 2 * np.pi * np.array([0.5, 1.0])
     (configuration,) = run.scene.configurations
     elastic = [
