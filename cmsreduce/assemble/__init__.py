@@ -1,7 +1,6 @@
 """Join bodies: joints, articulation, constraint null space, frequency response, state space."""
 
 from cmsreduce.assemble.frequency_response import (
-    FrequencyResponse,
     couple,
     frequency_response,
     receptances,
@@ -16,7 +15,6 @@ from cmsreduce.assemble.system import Wiring, assemble, wire
 from cmsreduce.assemble.system_modes import system_modes
 
 __all__ = [
-    "FrequencyResponse",
     "PointStack",
     "Ports",
     "body_points",

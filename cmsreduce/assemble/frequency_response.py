@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,7 +15,7 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.null_space import row_basis
 from cmsreduce.model import Configuration, Matrix, Scene, Substructure, System
 
-__all__ = ["FrequencyResponse", "couple", "frequency_response", "receptances", "rigid_response"]
+__all__ = ["couple", "frequency_response", "receptances", "rigid_response"]
 
 # Points coupled at a time, to bound the memory of the modal sum (points x motions^2 x 16 bytes).
 _CHUNK = 512
@@ -26,30 +25,6 @@ _SPARSE = 200
 _BRAKED = 1e-9
 # Coordinates for which a whole chunk of dense matrices is held in memory.
 _COORDINATES = 24
-
-
-@dataclass(frozen=True, eq=False)
-class FrequencyResponse:
-    """Response of the outputs to the inputs.
-
-    Parameters
-    ----------
-    omega : (f,) float64
-        Circular frequencies in rad/s.
-    H : (f, outputs, inputs) complex128
-        Response, rigid-body part included.
-    rigid : (f, outputs, inputs) complex128
-        Rigid-body part, the same for a body and its reduction.
-    """
-
-    omega: NDArray[np.float64]
-    H: NDArray[np.complex128]
-    rigid: NDArray[np.complex128]
-
-    @property
-    def elastic(self) -> NDArray[np.complex128]:
-        """Response without its rigid-body part."""
-        return np.asarray(self.H - self.rigid)
 
 
 def receptances(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -77,11 +77,7 @@ class Run:
         found = {}
         for name, part in self.pipeline.components.items():
             if part.rigid is None:
-                found[name] = self.ledger.timed(
-                    "read",
-                    name,
-                    lambda name=name: read_flexible(self.pipeline, name, self.scene),  # type: ignore[misc]
-                )
+                found[name] = self.ledger.timed("read", name, partial(read_flexible, self.pipeline, name, self.scene))
                 for note in found[name].notes:
                     self.ledger.note(note)
         bare = {

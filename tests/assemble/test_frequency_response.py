@@ -7,7 +7,6 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.assemble import (
-    FrequencyResponse,
     PointStack,
     assemble,
     couple,
@@ -103,7 +102,7 @@ def test_a_lone_mass():
     np.testing.assert_allclose(H[:, 0, 0], -1 / (4 * OMEGA**2), rtol=1e-14)
     np.testing.assert_allclose(H[:, 1, 0], -1j / (4 * OMEGA), rtol=1e-14)
     rigid = rigid_response(assemble(subs, scene, configuration), OMEGA)
-    np.testing.assert_allclose(FrequencyResponse(OMEGA, H, rigid).elastic, 0, atol=1e-16)
+    np.testing.assert_allclose(H - rigid, 0, atol=1e-16)
 
 
 def test_two_halves_are_the_whole():
