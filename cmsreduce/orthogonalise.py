@@ -37,8 +37,8 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
             f"body '{component.name}': {modes.m - r - lam.size} of the {modes.m} shapes of its {modes.method} basis "
             f"carry no mass of their own or repeat others, above all at dof {_massless_dof(component)}; leave it out "
             "of the interface (`dofs:`), so that it follows statically. Solid elements of reduced integration "
-            "(C3D20R and the like) leave many such shapes: store the mass of fully integrated ones. Or let the body join "
-            "as it is, without `reduce:`"
+            "(C3D20R and the like) leave many such shapes: store the mass of fully integrated ones. Or let the body "
+            "join as it is, without `reduce:`"
         )
     Psi = np.hstack([component.rigid, X])
     Phi, lam = _polished(component, modes.Phi @ Psi, lam)
