@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.errors import SceneError
+from cmsreduce.errors import DampingError, SceneError
 from cmsreduce.model import (
     SCALAR,
     FEModel,
@@ -20,6 +20,9 @@ from cmsreduce.model import (
 )
 
 __all__ = ["modal_substructure", "physical_substructure", "rigid_substructure"]
+
+# Taking rigid motion out of a damping matrix fills it: up to this size it is small enough to be held dense.
+_DENSE_LIMIT = 600
 
 
 def physical_substructure(body: FEModel, points: Iterable[str], rigid: NDArray[np.float64]) -> Substructure:
@@ -119,13 +122,11 @@ def rigid_substructure(body: RigidBody) -> Substructure:
 
 
 def _without_rigid_drag(body: FEModel, alpha: float, beta: float, rigid: NDArray[np.float64]) -> Matrix:
-    # alpha M would brake rigid motion, which no material damping does; the projection is dense, so it is only
-    # formed where the body is small.
-    limit = 3000
-    if body.n > limit:
-        raise SceneError(
+    # alpha M would brake rigid motion, which no material damping does.
+    if body.n > _DENSE_LIMIT:
+        raise DampingError(
             f"body '{body.name}': Rayleigh damping with alpha > 0 brakes rigid motion, and taking that out of a free "
-            f"body of {body.n} dofs is not supported above {limit}; use alpha = 0 or modal damping"
+            f"body of {body.n} dofs in its own dofs is not supported above {_DENSE_LIMIT}; use its modes, or alpha = 0"
         )
     momentum = body.M @ rigid
     return np.asarray(alpha * (body.M.toarray() - momentum @ momentum.T) + beta * body.K.toarray())

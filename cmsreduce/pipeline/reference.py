@@ -45,9 +45,10 @@ class Reference:
 def reference(body: FEModel, scene: Scene, ports: Ports, rigid: NDArray[np.float64], cutoff_hz: float) -> Reference:
     """Choose how the unreduced body is represented in the frequency response.
 
-    A damping law stated mode by mode needs all modes of the body, since it applies to all of them; other laws act on
-    the sparse matrices. Bodies too large for that are represented by Craig-Bampton with modes to four times the
-    cutoff: exact in statics at every joint and actuator, and named so in the summary.
+    A damping law stated mode by mode needs all modes of the body, since it applies to all of them, and so does Rayleigh
+    damping with alpha > 0 of a body that floats; other laws act on the sparse matrices. Bodies too large for that are
+    represented by Craig-Bampton with modes to four times the cutoff: exact in statics at every joint and actuator, and
+    named so in the summary.
 
     Parameters
     ----------
@@ -63,9 +64,12 @@ def reference(body: FEModel, scene: Scene, ports: Ports, rigid: NDArray[np.float
         Cutoff of the reduction.
     """
     points = body_points(scene, body)
-    if not body.damping.acts_on_modes and body.n <= SPARSE_LIMIT:
+    # alpha M without the braking of rigid motion is no sparse matrix, but it is diagonal in the modes.
+    alpha = 0.0 if body.damping.rayleigh is None else body.damping.rayleigh[0]
+    by_modes = body.damping.acts_on_modes or (alpha > 0 and rigid.shape[1] > 0)
+    if not by_modes and body.n <= SPARSE_LIMIT:
         return Reference(physical_substructure(body, points, rigid), None, "sparse dofs")
-    if body.damping.acts_on_modes and body.n <= ALL_MODES_LIMIT:
+    if by_modes and body.n <= ALL_MODES_LIMIT:
         everything = _all_modes(body, rigid)
         if everything is not None:
             return Reference(modal_substructure(everything, points), everything, "all modes")

@@ -163,3 +163,17 @@ def test_a_lone_free_body_answers_its_thruster(opened: Callable[..., Run]) -> No
         for model in (run.comparison.full, run.model.assembled)
     ]
     np.testing.assert_allclose(elastic[1].real, elastic[0].real, rtol=1e-8)
+
+
+def test_mass_proportional_damping_of_a_floating_body_acts_on_its_modes(opened: Callable[..., Run]) -> None:
+    """alpha M, without braking rigid motion, fills the matrix: the reference is taken in modes, whatever the size."""
+    alpha = 2.0
+    run = opened(f"components.arm.damping={{rayleigh: {{alpha: {alpha}, beta: {BETA}}}}}", text=FREE_ARM)
+    reference = run.references["arm"]
+    assert reference.label == "all modes"
+    damping = reference.substructure.D.diagonal()
+    np.testing.assert_allclose(damping[:6], 0, atol=0)
+    np.testing.assert_allclose(damping[6:], alpha + BETA * reference.modes.omega[6:] ** 2, rtol=1e-12)
+    assert (
+        opened(f"components.arm.damping={{rayleigh: {{beta: {BETA}}}}}", text=FREE_ARM).references["arm"].modes is None
+    )
