@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.pencil import elastic_pairs, refine
-from cmsreduce.model import ModalComponent, ModeKind, ReducedComponent
+from cmsreduce.linalg.pencil import UndeterminedError, elastic_and_massless, refine
+from cmsreduce.model import FEModel, ModalComponent, ModeKind, ReducedComponent
 
-__all__ = ["orthogonalise", "orthogonality_errors"]
+__all__ = ["STATIC", "orthogonalise", "orthogonality_errors"]
+
+STATIC = "static: carries no mass"
+"""Why a static mode is kept."""
+
+# A static mode's strain energy below this many roundings of its terms over all dofs is cancellation between shapes of
+# the basis that repeat each other: sums over many dofs leave more roundings than the small pencil does.
+_REPEATS = 100.0
+# What is left, of shapes that cancel, as a displacement: the root of what is left of an energy.
+_NO_MOTION = 1e-7
 
 
 def orthogonalise(component: ReducedComponent) -> ModalComponent:
     """Solve the reduced pencil, so that M becomes the identity and K the squared frequencies.
+
+    Shapes that carry no mass have no frequency; they are kept as static modes, which follow their load at once.
 
     Parameters
     ----------
@@ -23,98 +35,131 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
     Returns
     -------
     ModalComponent
-        Rigid modes first, exactly r of them with frequency exactly zero, then elastic ones by frequency.
+        Rigid modes first, exactly r of them with frequency exactly zero, then elastic ones by frequency, then static
+        ones.
 
     Raises
     ------
     MatrixError
-        If the basis holds a shape without mass or the same shape twice.
+        If the basis holds the same shape twice, or a motion with neither mass nor stiffness.
     """
-    modes, r = component.modes, component.rigid.shape[1]
-    lam, X = elastic_pairs(component.K, component.M, component.rigid, component.body.rounding)
-    if lam.size < modes.m - r:
-        raise MatrixError(
-            f"body '{component.name}': {modes.m - r - lam.size} of the {modes.m} shapes of its {modes.method} basis "
-            f"carry no mass of their own or repeat others, above all at dof {_massless_dof(component)}; leave it out "
-            "of the interface (`dofs:`), so that it follows statically. Solid elements of reduced integration "
-            "(C3D20R and the like) leave many such shapes: store the mass of fully integrated ones. Or let the body "
-            "join as it is, without `reduce:`"
-        )
-    Psi = np.hstack([component.rigid, X])
-    Phi, lam = _polished(component, modes.Phi @ Psi, lam)
-    omega = np.concatenate([np.zeros(r), np.sqrt(lam)])
-    D = None if component.body.D is None else Phi.T @ (component.body.D @ Phi)
-    zeta = component.body.damping.ratios(omega[r:]) if D is None else D.diagonal()[r:] / (2 * omega[r:])
-    kind, source = _origin(component, Psi)
-    m = modes.m
+    modes, body, r = component.modes, component.body, component.rigid.shape[1]
+    try:
+        lam, X, N = elastic_and_massless(component.K, component.M, component.rigid, body.rounding)
+    except UndeterminedError as error:
+        raise MatrixError(_undetermined(component, error.shape)) from None
+    _refuse_repeats(component, N)
+    Phi, lam = _polished(body, modes.Phi @ np.hstack([component.rigid, X, N]), r, N.shape[1], lam)
+    D = None if body.D is None else Phi.T @ (body.D @ Phi)
+    w, s, m = np.sqrt(lam), N.shape[1], modes.m
+    zeta = body.damping.ratios(w) if D is None else D.diagonal()[r : m - s] / (2 * w)
+    kind, source = _origin(component, X, N)
     return ModalComponent(
-        body=component.body,
+        body=body,
         method=modes.method,
         Phi=Phi,
-        omega=omega,
-        zeta=np.concatenate([np.zeros(r), zeta]),
+        omega=np.concatenate([np.zeros(r), w, np.full(s, np.inf)]),
+        zeta=np.concatenate([np.zeros(r), zeta, np.zeros(s)]),
         rigid_count=r,
         D=D,
         kind=kind,
         source_hz=source,
         sigma=np.full(m, np.nan),
         spacing=np.full(m, np.nan),
-        why=("rigid body",) * r + ("all modes kept",) * (m - r),
+        why=("rigid body",) * r + ("all modes kept",) * w.size + (STATIC,) * s,
         basis_size=m,
+        static_count=s,
     )
 
 
+def orthogonality_errors(component: ModalComponent) -> tuple[float, float]:
+    """Largest errors of the modes' mass and stiffness matrices, which should be diagonal.
+
+    Returns
+    -------
+    mass : float
+        Of Phi^T M Phi. A static mode, which has no kinetic energy, is measured against the absolute parts of it,
+        abs(phi)^T abs(M) abs(phi), with the largest entry of M on dofs that have no mass.
+    stiffness : float
+        Of Phi^T K Phi, relative to w_i w_j; w of a static mode is 1. Rigid modes, whose w is zero, are measured against
+        the highest frequency: they hold what rounding leaves of K.
+    """
+    Phi, body, static = component.Phi, component.body, slice(component.elastic.stop, None)
+    g, w = np.ones(component.omega.size), np.sqrt(component.stiffness)
+    bare = np.where(body.M.diagonal() > 0, 0.0, abs(body.M).max())
+    g[static] = np.sqrt(_parts(body.M, Phi[:, static]) + bare @ Phi[:, static] ** 2)
+    if component.elastic_count:
+        w[: component.rigid_count] = component.omega[component.elastic][-1]
+    mass = abs(Phi.T @ (body.M @ Phi) - np.diag(component.mass))
+    stiffness = abs(Phi.T @ (body.K @ Phi) - np.diag(component.stiffness))
+    return _largest(mass, np.outer(g, g)), _largest(stiffness, np.outer(w, w))
+
+
 def _polished(
-    component: ReducedComponent, Phi: NDArray[np.float64], lam: NDArray[np.float64]
+    body: FEModel, Phi: NDArray[np.float64], r: int, s: int, lam: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Modes made orthonormal once more over all dofs.
 
     A basis of shapes that are nearly alike, such as constraint modes of neighbouring nodes, loses digits when its
     columns are combined; over the modes themselves the pencil is nearly diagonal, and one step restores them.
     """
-    body, r = component.body, component.rigid.shape[1]
-    rigid, elastic = Phi[:, :r], Phi[:, r:]
+    rigid, elastic, static = np.split(Phi, [r, Phi.shape[1] - s], axis=1)
     for _ in range(2):
         rigid = rigid @ (1.5 * np.eye(r) - 0.5 * (rigid.T @ (body.M @ rigid)))
         elastic = elastic - rigid @ ((body.M @ rigid).T @ elastic)
+        static = static @ (1.5 * np.eye(s) - 0.5 * (static.T @ (body.K @ static)))
+        elastic = elastic - static @ ((body.K @ static).T @ elastic)
     M, K = elastic.T @ (body.M @ elastic), elastic.T @ (body.K @ elastic)
     lam, X = refine((K + K.T) / 2, (M + M.T) / 2, lam, np.eye(lam.size))
     order = np.argsort(lam, kind="stable")
-    return np.hstack([rigid, elastic @ X[:, order]]), lam[order]
+    return np.hstack([rigid, elastic @ X[:, order], static]), lam[order]
 
 
-def orthogonality_errors(component: ModalComponent) -> tuple[float, float]:
-    """Largest error of Phi^T M Phi = I, and of Phi^T K Phi = diag(w^2) relative to w_i w_j.
-
-    Rows and columns of rigid modes, whose w is zero, are measured against the highest frequency: they hold what
-    rounding leaves of K.
-    """
-    Phi, body = component.Phi, component.body
-    mass = abs(Phi.T @ (body.M @ Phi) - np.eye(Phi.shape[1])).max(initial=0.0)
-    w = component.omega.copy()
-    if component.elastic_count:
-        w[: component.rigid_count] = component.omega[-1]
-    stiffness = abs(Phi.T @ (body.K @ Phi) - np.diag(component.omega**2))
-    return float(mass), float((stiffness / np.outer(w, w)).max(initial=0.0)) if w.any() else 0.0
+def _refuse_repeats(component: ReducedComponent, N: NDArray[np.float64]) -> None:
+    """Refuse massless shapes that are none: combinations of the basis that add up to nothing."""
+    energy = np.einsum("ij,ij->j", N, component.K @ N)
+    parts = _parts(component.body.K, abs(component.modes.Phi) @ abs(N))
+    nothing = energy <= _REPEATS * float(np.finfo(float).eps) * parts
+    if nothing.any():
+        raise MatrixError(_undetermined(component, N[:, int(np.argmax(nothing))]))
 
 
-def _massless_dof(component: ReducedComponent) -> str:
-    """Interface dof with the largest share in the combination of shapes that has the least mass."""
-    M = component.M
-    scale = 1 / np.sqrt(np.where(M.diagonal() > 0, M.diagonal(), abs(M).max(initial=0.0) or 1.0))
-    lightest = np.linalg.eigh(M * np.outer(scale, scale))[1][:, 0]
-    static = np.array([kind == "constraint" for kind in component.modes.kind])
-    return component.modes.label[int(np.argmax(abs(lightest) * static))]
+def _undetermined(component: ReducedComponent, shape: NDArray[np.float64]) -> str:
+    """What is wrong with a basis that holds a shape with neither mass nor stiffness."""
+    modes, dofs = component.modes, component.body.dofs
+    size = abs(modes.Phi) * abs(shape)
+    moved = abs(modes.Phi @ shape)
+    # Nothing moves where the shapes of the basis cancel.
+    if moved.max(initial=0.0) <= _NO_MOTION * size.max(initial=0.0):
+        column = int(np.argmax(size.max(axis=0)))
+        return (
+            f"body '{component.name}': the {modes.m} shapes of its {modes.method} basis repeat each other, above all "
+            f"{modes.kind[column]} shape {modes.label[column]}; leave one of them out"
+        )
+    return (
+        f"body '{component.name}': a motion, above all of dof {dofs.labels[int(np.argmax(moved))]}, has neither mass "
+        "nor stiffness, so that nothing determines it. Hold the dof by a constraint, or take its row out"
+    )
 
 
-def _origin(component: ReducedComponent, Psi: NDArray[np.float64]) -> tuple[tuple[ModeKind, ...], NDArray[np.float64]]:
-    """Kind and source frequency of the basis shapes with most of each mode's kinetic energy."""
-    modes, r = component.modes, component.rigid.shape[1]
-    share = abs(Psi * (component.M @ Psi))
+def _origin(
+    component: ReducedComponent, X: NDArray[np.float64], N: NDArray[np.float64]
+) -> tuple[tuple[ModeKind, ...], NDArray[np.float64]]:
+    """Kind and source frequency of the basis shapes with most of each mode's energy: kinetic, or strain if static."""
+    modes, r, s = component.modes, component.rigid.shape[1], N.shape[1]
+    share = np.hstack([abs(X * (component.M @ X)), abs(N * (component.K @ N))])
     names = sorted(set(modes.kind))
     by_kind = np.array([share[[k == name for k in modes.kind]].sum(axis=0) for name in names])
-    kind = [names[k] for k in by_kind.argmax(axis=0)]
-    kind[:r] = ["rigid"] * r
-    source = modes.source_hz[share.argmax(axis=0)]
-    source[:r] = 0.0
+    kind = ["rigid"] * r + [names[k] for k in by_kind.argmax(axis=0)]
+    source = np.concatenate([np.zeros(r), modes.source_hz[share[:, : X.shape[1]].argmax(axis=0)], np.full(s, np.nan)])
     return tuple(kind), source
+
+
+def _parts(A: sp.csc_array, X: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Absolute parts that the energy of each column is the sum of."""
+    return np.asarray(np.einsum("ij,ij->j", abs(X), abs(A) @ abs(X)))
+
+
+def _largest(error: NDArray[np.float64], scale: NDArray[np.float64]) -> float:
+    """Largest relative error; zero where there is nothing to be relative to."""
+    return float(np.divide(error, scale, out=np.zeros_like(error), where=scale > 0).max(initial=0.0))

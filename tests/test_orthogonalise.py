@@ -7,8 +7,9 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from cmsreduce.assemble import modal_substructure, receptances
 from cmsreduce.errors import MatrixError
-from cmsreduce.model import Damping, ModeSet
+from cmsreduce.model import SCALAR, Damping, DofTable, FEModel, ModeSet
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
 from cmsreduce.reduce import CraigBampton, project
 from tests.frames import BAR, line
@@ -106,6 +107,111 @@ def test_a_shape_given_twice_is_refused():
     w, X = la.eigh(body.K.toarray(), body.M.toarray())
     Phi = np.column_stack([X[:, :4], X[:, 0] + X[:, 1]])
     twice = ModeSet("twice", Phi, ("free",) * 5, np.zeros(5), tuple("12345"))
-    with pytest.raises(MatrixError, match=r"'bar': 1 of the 5 shapes of its twice basis"):
+    with pytest.raises(MatrixError, match=r"'bar': the 5 shapes of its twice basis repeat each other, .* shape 5"):
         orthogonalise(project(body, twice, np.empty((body.n, 0))))
     assert w[0] > 0
+
+
+WALL, SOFT, MASS = 300.0, 70.0, 2.0
+
+
+def hung(damping: Damping | None = None, D: np.ndarray | None = None, light: float = 0.0) -> FEModel:
+    """A mass on a spring to the wall, and from it a softer spring to a point that weighs nothing."""
+    K, M = np.array([[WALL + SOFT, -SOFT], [-SOFT, SOFT]]), np.diag([MASS, light])
+    dofs = DofTable(np.array([1, 2]), np.full(2, SCALAR))
+    D = None if D is None else sp.csc_array(D)
+    return FEModel("hung", sp.csc_array(K), sp.csc_array(M), dofs, damping=damping or Damping(), D=D, grounded=True)
+
+
+OMEGA = np.array([1e-3, 3.0, 12.2, 40.0])
+DASHPOT = 1.5
+
+
+def viscous(k, c=0.0):
+    return k + 1j * OMEGA * c
+
+
+@pytest.mark.parametrize(
+    ("body", "compliance"),
+    [
+        (hung(), 1 / SOFT + 1 / (WALL - OMEGA**2 * MASS)),
+        (
+            hung(Damping(modal=0.02)),
+            1 / SOFT + 1 / (viscous(WALL, 0.04 * np.sqrt(WALL * MASS)) - OMEGA**2 * MASS),
+        ),
+        (
+            hung(Damping(rayleigh=(0.3, 1e-3))),
+            1 / viscous(SOFT, 1e-3 * SOFT) + 1 / (viscous(WALL, 1e-3 * WALL + 0.3 * MASS) - OMEGA**2 * MASS),
+        ),
+        (
+            hung(Damping(structural=0.05)),
+            1 / (SOFT * (1 + 0.05j)) + 1 / (WALL * (1 + 0.05j) - OMEGA**2 * MASS),
+        ),
+        (
+            hung(D=DASHPOT * np.array([[1.0, -1.0], [-1.0, 1.0]])),
+            1 / viscous(SOFT, DASHPOT) + 1 / (WALL - OMEGA**2 * MASS),
+        ),
+    ],
+    ids=["undamped", "modal", "rayleigh", "structural", "matrix"],
+)
+def test_a_point_without_mass_follows_its_spring(body, compliance):
+    """The two springs act one after the other at every frequency, each damped as its law says."""
+    modes = orthogonalise(CraigBampton(100.0).reduce(body, [1]))
+    assert (modes.rigid_count, modes.elastic_count, modes.static_count) == (0, 1, 1)
+    assert modes.omega[0] == pytest.approx(np.sqrt(WALL / MASS), rel=1e-14) and modes.omega[1] == np.inf
+    assert (modes.zeta[1], modes.kind[1], modes.why[1]) == (0.0, "constraint", "static: carries no mass")
+    np.testing.assert_array_equal(modes.mass, [1, 0])
+    np.testing.assert_allclose(modes.stiffness, [WALL / MASS, 1])
+    assert max(orthogonality_errors(modes)) < 1e-14
+    sub = modal_substructure(modes, ["2"])
+    found = receptances(sub, OMEGA, sub.motion["2"])[:, 0, 0]
+    np.testing.assert_allclose(found, compliance, rtol=1e-13)
+
+
+def test_a_light_point_is_an_elastic_mode():
+    """However light: its frequency is that of its spring."""
+    modes = orthogonalise(CraigBampton(100.0).reduce(hung(light=1e-12), [1]))
+    assert (modes.elastic_count, modes.static_count) == (2, 0)
+    assert modes.omega[1] == pytest.approx(np.sqrt(SOFT / 1e-12), rel=1e-9)
+
+
+def test_errors_measure_what_is_off_in_a_static_mode():
+    modes = orthogonalise(CraigBampton(100.0).reduce(hung(), [1]))
+    Phi = modes.Phi.copy()
+    # A hundredth of the elastic mode, whose stiffness is 150 and w its root, in the static one.
+    Phi[:, 1] += 0.01 * Phi[:, 0]
+    mass, stiffness = orthogonality_errors(replace(modes, Phi=Phi))
+    assert stiffness == pytest.approx(0.01 * np.sqrt(WALL / MASS), rel=1e-9)
+    # Against what the mass would weigh on either dof.
+    assert mass == pytest.approx(0.01 / np.sqrt(MASS * (Phi[:, 1] ** 2).sum()), rel=1e-9)
+
+
+def test_static_modes_stay_when_others_are_left_out():
+    modes = orthogonalise(CraigBampton(100.0).reduce(hung(), [1])).truncated([])
+    assert (modes.omega.size, modes.static_count, modes.elastic_count) == (1, 1, 0)
+    # What is left is the flexibility of the soft spring.
+    assert modes.Phi[1, 0] ** 2 == pytest.approx(1 / SOFT, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"omega": np.array([1.0, 2.0])}, "static modes come last"),
+        ({"omega": np.array([np.inf, np.inf])}, "static modes come last"),
+        ({"zeta": np.array([0.01, 0.01])}, "no damping ratio"),
+        ({"rigid_count": 2}, "are more than 2"),
+    ],
+    ids=["frequency", "no frequency", "ratio", "too many"],
+)
+def test_static_modes_have_their_place(change, message):
+    modes = orthogonalise(CraigBampton(100.0).reduce(hung(), [1]))
+    with pytest.raises(MatrixError, match=rf"'hung': .*{message}"):
+        replace(modes, **change)
+
+
+def test_a_motion_with_neither_mass_nor_stiffness_is_named():
+    body = hung()
+    loose = FEModel("hung", sp.csc_array(np.diag([WALL, 0.0])), body.M, body.dofs, grounded=True)
+    every = ModeSet("all", np.eye(2), ("free",) * 2, np.zeros(2), ("1", "2"))
+    with pytest.raises(MatrixError, match=r"'hung': .*dof 2.*neither mass nor stiffness"):
+        orthogonalise(project(loose, every, np.empty((2, 0))))

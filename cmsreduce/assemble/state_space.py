@@ -6,15 +6,22 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg as la
+from numpy.typing import NDArray
 
 from cmsreduce.assemble.points import dense
+from cmsreduce.assemble.system_modes import undetermined
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.pencil import UndeterminedError, split_massless
 from cmsreduce.model import System
 
 __all__ = ["state_space"]
 
 # A has (2 N)^2 entries: 128 MiB at this size.
 _LARGEST = 2000
+# Damping of a massless shape is none if it holds the shape back by less than this share at the highest frequency.
+_NO_DAMPING = 1e-6
+# A product below this share of the size of its factors, or of the absolute parts of its sum, is round-off.
+_ROUND_OFF = 1e-12
 
 
 def state_space(system: System) -> Any:
@@ -23,7 +30,9 @@ def state_space(system: System) -> Any:
     Parameters
     ----------
     system : System
-        Reduced; states are its N coordinates, then their rates.
+        Reduced; states are its N coordinates, then their rates. Where the system holds s shapes without mass, states
+        are amplitudes of N - s shapes that these follow, then their rates, and the flexibility of the massless ones,
+        C1 N (N^T K N)^-1 N^T B, is the feedthrough.
 
     Returns
     -------
@@ -33,29 +42,58 @@ def state_space(system: System) -> Any:
     Raises
     ------
     MatrixError
-        If the system is too large for a dense matrix, or has massless coordinates, or its damping is a complex
-        stiffness, which has no real state space.
+        If the system is too large for a dense matrix, or its damping is a complex stiffness, which has no real state
+        space, or a shape without mass is damped, moves a rate output, or has no stiffness either.
     """
     import control  # it loads matplotlib, which only this object needs
 
-    N = system.N
-    if N > _LARGEST:
+    if system.N > _LARGEST:
         raise MatrixError(
-            f"a state space is made of a reduced system; this one has {N} coordinates, more than {_LARGEST}: "
+            f"a state space is made of a reduced system; this one has {system.N} coordinates, more than {_LARGEST}: "
             "reduce its bodies first"
         )
     if system.loss is not None:
         raise MatrixError("structural damping is a complex stiffness and has no real state space; use modal damping")
+    M, K = dense(system.M), dense(system.K)
+    D = np.zeros_like(M) if system.D is None else dense(system.D)
     try:
-        factor = la.cho_factor(dense(system.M))
-    except la.LinAlgError:
-        raise MatrixError(
-            "the system has coordinates without mass, whose accelerations are infinite: orthogonalise its bodies first"
-        ) from None
-    D = np.zeros((N, N)) if system.D is None else dense(system.D)
-    A = np.block([[np.zeros((N, N)), np.eye(N)], [-la.cho_solve(factor, dense(system.K)), -la.cho_solve(factor, D)]])
-    B = np.vstack([np.zeros_like(system.B), la.cho_solve(factor, system.B)])
-    C = np.hstack([system.C1, system.C2])
-    feedthrough = np.zeros((C.shape[0], B.shape[1]))
+        T, weight, N = split_massless(K, M, system.rounding)
+    except UndeterminedError as error:
+        raise undetermined(system, error) from None
+    if N.shape[1]:
+        highest = float((np.einsum("ij,ij->j", T, K @ T) / weight).max(initial=0.0))
+        _refuse_rates(system, N, np.sqrt(highest))
+    else:
+        T = np.eye(system.N)
+    M, K, D = (T.T @ A @ T for A in (M, K, D))
+    factor, zero = la.cho_factor(M), np.zeros_like(M)
+    A = np.block([[zero, np.eye(M.shape[0])], [-la.cho_solve(factor, K), -la.cho_solve(factor, D)]])
+    B = np.vstack([np.zeros((M.shape[0], system.B.shape[1])), la.cho_solve(factor, T.T @ system.B)])
+    C = np.hstack([system.C1 @ T, system.C2 @ T])
+    feedthrough = (system.C1 @ N) @ (N.T @ system.B)
     inputs, outputs = ([name.replace(".", "_") for name in names] for names in (system.inputs, system.outputs))
     return control.ss(A, B, C, feedthrough, inputs=inputs, outputs=outputs)
+
+
+def _refuse_rates(system: System, N: NDArray[np.float64], top: float) -> None:
+    """Refuse what makes the rate of a massless shape appear: it is the derivative of a load, which is no state."""
+    if system.D is not None and (np.einsum("ij,ij->j", N, system.D @ N) * top > _NO_DAMPING).any():
+        raise MatrixError(
+            "a shape without mass is damped, so that it lags behind its load in a way that no pair of states has; give "
+            "its body a modal damping ratio, which leaves such shapes alone"
+        )
+    rates, loads = _product(system.C2, N), _product(N.T, system.B)
+    derived = abs(rates @ loads) > _ROUND_OFF * (abs(rates) @ abs(loads))
+    if derived.any():
+        output, into = np.argwhere(derived)[0]
+        raise MatrixError(
+            f"the rate output '{system.outputs[output]}' moves with a shape without mass that '{system.inputs[into]}' "
+            "acts on, so that it is the derivative of that input, which no state space gives; measure the displacement"
+        )
+
+
+def _product(A: NDArray[np.float64], B: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A B without its round-off."""
+    AB = A @ B
+    size = np.outer(np.linalg.norm(A, axis=1), np.linalg.norm(B, axis=0))
+    return np.where(abs(AB) > _ROUND_OFF * size, AB, 0.0)

@@ -54,7 +54,7 @@ class Ranking(ABC):
         Parameters
         ----------
         component : ModalComponent
-            m modes, the first r of them rigid.
+            m modes: rigid, elastic, static.
         B : (m, inputs) float64
             Modal input matrix: interface forces and actuators.
         C1, C2 : (outputs, m) float64
@@ -63,14 +63,13 @@ class Ranking(ABC):
         Returns
         -------
         ModalComponent
-            The same modes with ``sigma`` and ``spacing`` set; NaN for rigid modes, which are always kept.
+            The same modes with ``sigma`` and ``spacing`` set; NaN for rigid and static modes, which are always kept.
         """
-        r = component.rigid_count
+        e = component.elastic
+        omega, zeta = component.omega[e], component.zeta[e]
         sigma, spacing = np.full(component.omega.size, np.nan), np.full(component.omega.size, np.nan)
-        sigma[r:] = self.coefficients(
-            component.omega[r:], component.zeta[r:], B[r:], C1[:, r:], C2[:, r:], component.name
-        )
-        spacing[r:] = mode_spacing(component.omega[r:], component.zeta[r:])
+        sigma[e] = self.coefficients(omega, zeta, B[e], C1[:, e], C2[:, e], component.name)
+        spacing[e] = mode_spacing(omega, zeta)
         return replace(component, sigma=sigma, spacing=spacing)
 
 

@@ -1,4 +1,8 @@
-"""How many of the ranked modes to keep: a number, a fraction, or as few as an error allows."""
+"""How many of the ranked modes to keep: a number, a fraction, or as few as an error allows.
+
+Modes of one repeated frequency are kept or left out together: any other shapes of their subspace would do as well, and
+a part of it would be whatever part the solver happened to find.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ConfigError
+from cmsreduce.linalg.repeated import repeated_groups
 from cmsreduce.model import ModalComponent
 
 __all__ = ["Selection", "keep_all", "keep_error", "keep_fraction", "keep_modes"]
 
-Selection = dict[str, NDArray[np.int64]]
-"""Columns kept of each body, rigid ones excepted."""
+Columns = NDArray[np.int64]
+Selection = dict[str, Columns]
+"""Elastic columns kept of each body; rigid and static ones are always kept."""
 
 # Up to this many candidates every prefix of the ranked list is tried; beyond, the first passing one is bracketed.
 _EXHAUSTIVE = 400
@@ -21,11 +27,11 @@ _EXHAUSTIVE = 400
 
 def keep_all(components: Mapping[str, ModalComponent]) -> Selection:
     """Every mode of every body."""
-    return {name: np.arange(c.rigid_count, c.omega.size) for name, c in components.items()}
+    return {name: np.arange(c.elastic.start, c.elastic.stop) for name, c in components.items()}
 
 
 def keep_modes(components: Mapping[str, ModalComponent], count: Mapping[str, int] | int) -> Selection:
-    """Keep a given number of elastic modes.
+    """Keep a given number of elastic modes, or a few more where the number would split a repeated one.
 
     Parameters
     ----------
@@ -48,15 +54,18 @@ def keep_modes(components: Mapping[str, ModalComponent], count: Mapping[str, int
                 f"keep: {number} modes of '{name}' are asked for, but it has {components[name].elastic_count} elastic "
                 "modes below the cutoff; ask for fewer or raise reduce.cutoff"
             )
-    return {name: np.sort(_ranked(c)[: wanted.get(name, c.elastic_count)]) for name, c in components.items()}
+    return {name: _first(_ranked(c), wanted.get(name, c.elastic_count)) for name, c in components.items()}
 
 
 def keep_fraction(components: Mapping[str, ModalComponent], fraction: float) -> Selection:
-    """Keep the modes of each body whose coefficient is at least a fraction of its largest."""
+    """Keep the modes of each body whose coefficient is at least a fraction of its largest.
+
+    A repeated mode is kept whole if one of its shapes is to be kept.
+    """
     kept = {}
     for name, c in components.items():
-        sigma = c.sigma[c.rigid_count :]
-        kept[name] = c.rigid_count + np.flatnonzero(sigma >= fraction * sigma.max(initial=0.0))
+        limit = fraction * c.sigma[c.elastic].max(initial=0.0)
+        kept[name] = _columns([group for group in _ranked(c) if c.sigma[group].max() >= limit])
     return kept
 
 
@@ -66,7 +75,7 @@ def keep_error(
     """Keep the fewest modes with which the assembled system meets an error.
 
     Modes of all bodies are taken in the order of their coefficients until the error is met; then each of those
-    taken is left out, the least important first, if the error allows it.
+    taken is left out, the least important first, if the error allows it. A repeated mode is taken and left out whole.
 
     Parameters
     ----------
@@ -82,18 +91,17 @@ def keep_error(
     ConfigError
         If all modes together do not meet the limit.
     """
-    pool = [(c.sigma[k], name, int(k)) for name, c in components.items() for k in _ranked(c)]
+    pool = [(c.sigma[group].max(), name, group) for name, c in components.items() for group in _ranked(c)]
     pool.sort(key=lambda entry: -entry[0])
 
-    def selection(entries: list[tuple[float, str, int]]) -> Selection:
-        return {
-            name: np.array(sorted(k for _, owner, k in entries if owner == name), dtype=np.int64) for name in components
-        }
+    def selection(entries: list[tuple[float, str, Columns]]) -> Selection:
+        return {name: _columns([group for _, owner, group in entries if owner == name]) for name in components}
 
     full = error_of(selection(pool))
     if full > limit:
+        modes = sum(c.elastic_count for c in components.values())
         raise ConfigError(
-            f"keep: frf_error {limit:g} cannot be met: all {len(pool)} modes below the cutoff leave {full:.3g}. "
+            f"keep: frf_error {limit:g} cannot be met: all {modes} modes below the cutoff leave {full:.3g}. "
             "Raise reduce.cutoff, or allow a larger error"
         )
     first = _first_passing(len(pool), lambda count: error_of(selection(pool[:count])) <= limit)
@@ -117,7 +125,18 @@ def _first_passing(size: int, passes: Callable[[int], bool]) -> int:
     return high
 
 
-def _ranked(component: ModalComponent) -> NDArray[np.int64]:
-    """Elastic columns, most important first."""
-    sigma = component.sigma[component.rigid_count :]
-    return np.asarray(component.rigid_count + np.argsort(-sigma, kind="stable"))
+def _ranked(component: ModalComponent) -> list[Columns]:
+    """Elastic columns, those of a repeated frequency together, most important first."""
+    group = repeated_groups(component.omega[component.elastic])
+    groups = [component.rigid_count + np.flatnonzero(group == number) for number in np.unique(group)]
+    return sorted(groups, key=lambda columns: -component.sigma[columns].max())
+
+
+def _first(groups: list[Columns], count: int) -> Columns:
+    """As many of the first groups as make up a number of columns at least."""
+    before = np.cumsum([0, *(group.size for group in groups)])
+    return _columns([group for group, taken in zip(groups, before, strict=False) if taken < count])
+
+
+def _columns(groups: list[Columns]) -> Columns:
+    return np.sort(np.concatenate([np.empty(0, dtype=np.int64), *groups]))

@@ -12,19 +12,22 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
-from cmsreduce.linalg.pencil import elastic_pairs
+from cmsreduce.linalg.pencil import UndeterminedError, elastic_pairs
+from cmsreduce.linalg.repeated import REPEATED, repeated_groups
 
 __all__ = ["ElasticFlexibility", "modes_below", "sturm_count"]
 
 # Up to this size all modes by dense algebra are quicker than a Lanczos run, and none can be missed.
 _DENSE_LIMIT = 600
-# A mode this close above the cutoff, relative to it, is at the cutoff; one this close above another is the other half
-# of a repeated mode. Both are kept.
+# A mode this close above the cutoff, relative to it, is at the cutoff and kept.
 _AT_CUTOFF = 1e-9
-_REPEATED = 1e-6
-# Lanczos vectors beyond the modes asked for, and the modes asked for beyond those counted.
-_EXTRA = 4
-# A mode is accepted when |K x - lam M x| is below this share of |K||x|: well above round-off, far below any use.
+# Modes asked for beyond those counted, more of them until all are found and the last repeated one is whole.
+_EXTRA = (4, 16, 64, 256)
+# A count steps over a mode that it hits by up to this share of its squared frequency.
+_STEP = 1e-7
+_STEPS = 6
+# A mode is accepted when |K x - lam M x| is below this share of |K||x|, well above round-off, far below any use; or
+# below what the rounding of the file leaves of K on rigid motion.
 _RESIDUAL = 1e-9
 
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -46,10 +49,10 @@ def sturm_count(K: sp.csc_array, M: sp.csc_array, omega: float) -> int:
         Eigenvalues below omega^2, rigid modes included.
     """
     sigma = omega**2
-    for attempt in range(6):
+    for attempt in range(_STEPS):
         # An exact hit on an eigenvalue, or an off-diagonal pivot, is stepped over by a hair.
         try:
-            factor = factorise(sp.csc_array(K - sigma * (1 + attempt * 1e-7) * M), definite=False)
+            factor = factorise(sp.csc_array(K - sigma * (1 + attempt * _STEP) * M), definite=False)
         except NotPositiveDefiniteError:
             continue
         if factor.symmetric:
@@ -122,6 +125,8 @@ def modes_below(
 
     Raises
     ------
+    UndeterminedError
+        If a motion has neither mass nor stiffness.
     MatrixError
         If fewer modes converge than the Sturm count asks for, or a residual is too large.
     """
@@ -129,23 +134,30 @@ def modes_below(
     none = np.empty((n, 0)) if rigid is None else rigid
     top = omega * (1 + _AT_CUTOFF)
     if n <= _DENSE_LIMIT:
-        lam, X = elastic_pairs(K.toarray(), M.toarray(), none, rounding)
+        try:
+            lam, X = elastic_pairs(K.toarray(), M.toarray(), none, rounding)
+        except UndeterminedError as error:
+            row = int(np.argmax(abs(error.shape)))
+            raise UndeterminedError(f"{error}; the first of them moves row {row + 1} above all", error.shape) from None
     else:
         if omega <= 0:
             return np.empty(0), np.empty((n, 0))
-        wanted = sturm_count(K, M, top) - none.shape[1]
+        # What repeats a mode at the cutoff is counted with it.
+        reach = top * (1 + 2 * REPEATED)
+        wanted = sturm_count(K, M, reach) - none.shape[1]
         if solve is None:
             solve = factorise(K, what="the stiffness") if not none.size else ElasticFlexibility(K, M, none)
-        lam, X = _lanczos(K, M, solve, wanted, top)
+        lam, X = _lanczos(K, M, solve, wanted, reach)
     w = np.sqrt(np.maximum(lam, 0.0))
     kept = int(np.count_nonzero(w <= top))
-    while 0 < kept < w.size and w[kept] <= w[kept - 1] * (1 + _REPEATED):
-        kept += 1
+    if kept:
+        group = repeated_groups(w)
+        kept = int(np.count_nonzero(group <= group[kept - 1]))
     lam, X = lam[:kept], X[:, :kept]
     if lam.size:
         residual = np.linalg.norm(K @ X - (M @ X) * lam, axis=0)
         size = spla.norm(K, 1) * np.linalg.norm(X, axis=0)
-        if (residual > _RESIDUAL * size).any():
+        if (residual > max(_RESIDUAL, rounding) * size).any():
             worst = int(np.argmax(residual / size))
             raise MatrixError(
                 f"mode {worst + 1} at {np.sqrt(lam[worst]) / 2 / np.pi:.6g} Hz did not converge: residual "
@@ -161,15 +173,17 @@ def _lanczos(
     n = K.shape[0]
     inverse = spla.LinearOperator((n, n), matvec=lambda b: solve(np.ravel(b)), dtype=np.float64)
     start = solve(M @ np.random.default_rng(7).standard_normal(n))
-    for extra in (_EXTRA, 4 * _EXTRA, 16 * _EXTRA):
+    found = 0
+    for extra in _EXTRA:
         k = min(wanted + extra, n - 2)
         lam, X = spla.eigsh(K, k=k, M=M, sigma=0.0, OPinv=inverse, v0=start, ncv=min(n - 1, max(2 * k + 1, 40)))
         order = np.argsort(lam)
         lam, X = lam[order], X[:, order]
-        if np.count_nonzero(lam <= omega**2 * (1 + 1e-9)) >= wanted:
+        found = int(np.count_nonzero(lam <= omega**2 * (1 + _STEPS * _STEP)))
+        group = repeated_groups(np.sqrt(np.maximum(lam, 0.0)))
+        if found >= wanted and (not found or group[-1] > group[found - 1] or k == n - 2):
             X = X / np.sqrt(np.einsum("ij,ij->j", X, M @ X))
             return lam, X
-    found = np.count_nonzero(lam <= omega**2)
     raise MatrixError(
         f"{wanted} modes lie below {omega / 2 / np.pi:.6g} Hz but {found} were found; lower the cutoff, or look for "
         "a part of the body that is nearly unconnected"

@@ -51,6 +51,9 @@ class ReducedComponent:
 class ModalComponent:
     """A reduced body in orthonormal modes: q'' + 2 zeta w q' + w^2 q = Phi^T f (theory section 3).
 
+    Shapes that carry no mass are static modes: they follow their load at once, q = Phi^T f, and keep the body's static
+    flexibility whole.
+
     Parameters
     ----------
     body : FEModel
@@ -58,27 +61,32 @@ class ModalComponent:
     method : str
         Mode set the shapes came from.
     Phi : (n, m) float64
-        Orthonormal shapes, rigid ones first, then by frequency.
+        Shapes: r rigid ones, then elastic ones by frequency, orthonormal in M; then s static ones, orthonormal in K.
     omega : (m,) float64
-        Natural frequencies in rad/s; exactly 0 for the rigid modes.
+        Natural frequencies in rad/s; exactly 0 for the rigid modes, infinite for the static ones.
     zeta : (m,) float64
-        Viscous damping ratios (g/2 for a loss factor g, the diagonal of a damping matrix); 0 for rigid modes.
+        Viscous damping ratios (g/2 for a loss factor g, the diagonal of a damping matrix); 0 for rigid and static
+        modes.
     rigid_count : int
         r: the first r columns are rigid modes.
     D : (m, m) float64, optional
         Damping matrix in modal coordinates where the user gave a matrix; not diagonal in general.
     kind : tuple of ModeKind
-        Kind of basis shape that carries most of each mode's kinetic energy; ``rigid`` for rigid modes.
+        Kind of basis shape that carries most of each mode's kinetic energy, of a static mode's strain energy;
+        ``rigid`` for rigid modes.
     source_hz : (m,) float64
         Frequency of the normal mode of the basis with the largest share in each mode; NaN if it is static.
     sigma : (m,) float64
-        Influence coefficient of the ranking; NaN for rigid modes and before ranking.
+        Influence coefficient of the ranking; NaN for rigid and static modes and before ranking.
     spacing : (m,) float64
-        max over the other modes of max(zeta) max(w) / |w_i - w_j| (theory section 4); NaN before ranking.
+        max over the other modes of max(zeta) max(w) / |w_i - w_j| (theory section 4); NaN before ranking and for rigid
+        and static modes.
     why : tuple of str
         Why each mode was kept.
     basis_size : int
         Columns of the mode set before truncation.
+    static_count : int
+        s: the last s columns are static modes.
     """
 
     body: FEModel
@@ -94,6 +102,7 @@ class ModalComponent:
     spacing: NDArray[np.float64]
     why: tuple[str, ...]
     basis_size: int
+    static_count: int = 0
 
     def __post_init__(self) -> None:
         m = self.Phi.shape[1]
@@ -102,8 +111,19 @@ class ModalComponent:
         }
         if lengths != {m}:
             raise MatrixError(f"body '{self.name}': {m} modes need {m} values of everything, got {sorted(lengths)}")
-        if np.any(self.omega[: self.rigid_count] != 0) or np.any(self.omega[self.rigid_count :] <= 0):
+        if self.elastic_count < 0:
+            raise MatrixError(
+                f"body '{self.name}': {self.rigid_count} rigid and {self.static_count} static modes are more than {m}"
+            )
+        w = self.omega[self.elastic]
+        if np.any(self.omega[: self.rigid_count] != 0) or np.any(w <= 0):
             raise MatrixError(f"body '{self.name}': rigid modes come first, with frequency 0, and no others")
+        if np.any(self.omega[self.elastic.stop :] != np.inf) or not np.isfinite(w).all():
+            raise MatrixError(f"body '{self.name}': static modes come last, with infinite frequency, and no others")
+        if np.any(np.diff(w) < 0):
+            raise MatrixError(f"body '{self.name}': elastic modes must be in order of frequency")
+        if self.zeta[: self.rigid_count].any() or self.zeta[self.elastic.stop :].any():
+            raise MatrixError(f"body '{self.name}': rigid and static modes have no damping ratio")
 
     @property
     def name(self) -> str:
@@ -117,8 +137,41 @@ class ModalComponent:
 
     @property
     def elastic_count(self) -> int:
-        """Number of elastic modes."""
-        return int(self.omega.size - self.rigid_count)
+        """Number of elastic modes: those with a frequency, which is not zero."""
+        return int(self.omega.size - self.rigid_count - self.static_count)
+
+    @property
+    def elastic(self) -> slice:
+        """Columns of the elastic modes."""
+        return slice(self.rigid_count, self.omega.size - self.static_count)
+
+    @property
+    def mass(self) -> NDArray[np.float64]:
+        """Diagonal of Phi^T M Phi: 1, and 0 for static modes (m,)."""
+        return np.where(np.isinf(self.omega), 0.0, 1.0)
+
+    @property
+    def stiffness(self) -> NDArray[np.float64]:
+        """Diagonal of Phi^T K Phi: w^2, and 1 for static modes (m,)."""
+        return np.where(np.isinf(self.omega), 1.0, self.omega**2)
+
+    @property
+    def viscous(self) -> NDArray[np.float64]:
+        """Diagonal of the viscous damping of the body's law (m,); zero under structural damping.
+
+        2 zeta w of an elastic mode. A static one has no ratio: a law stated mode by mode does not damp it, beta K does.
+        """
+        damping = np.zeros(self.omega.size)
+        if self.damping.structural is None:
+            damping[self.elastic] = 2 * self.zeta[self.elastic] * self.omega[self.elastic]
+        if self.damping.rayleigh is not None:
+            damping[self.elastic.stop :] = self.damping.rayleigh[1]
+        return damping
+
+    @property
+    def loss(self) -> NDArray[np.float64]:
+        """Diagonal of the imaginary stiffness of structural damping (m,); zero under any other law."""
+        return (self.damping.structural or 0.0) * self.stiffness
 
     def truncated(self, keep: ArrayLike, why: Sequence[str] | None = None) -> ModalComponent:
         """The component with some of its modes.
@@ -126,11 +179,12 @@ class ModalComponent:
         Parameters
         ----------
         keep : (k,) array_like of int
-            Columns to keep; rigid ones are kept whether named or not. Order is by frequency.
+            Columns to keep; rigid and static ones are kept whether named or not. Order is by frequency.
         why : sequence of str, optional
             Reason for each column of this component (length m), stored for those kept.
         """
-        columns = np.union1d(np.arange(self.rigid_count), np.asarray(keep, dtype=np.int64))
+        always = np.delete(np.arange(self.omega.size), self.elastic)
+        columns = np.union1d(always, np.asarray(keep, dtype=np.int64))
         reasons = self.why if why is None else tuple(why)
         return replace(
             self,

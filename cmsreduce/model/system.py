@@ -45,7 +45,8 @@ class Substructure:
     interfaces : mapping of name to Interface
         Interfaces; the label of node k of an interface is ``point_labels(interface)[k]``.
     omega : (m,) float64, optional
-        Natural frequencies where the coordinates are orthonormal modes (M = I, K = diag(omega^2)).
+        Natural frequencies where the coordinates are orthonormal modes (M = I, K = diag(omega^2)); infinite for static
+        ones, which have no mass and unit stiffness.
     rounding : float
         Relative rounding of the entries of M and K, where they come from a file.
     """

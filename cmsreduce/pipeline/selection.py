@@ -97,7 +97,7 @@ def truncate(
     """Keep the selected modes of every body, and say why."""
     kept = {}
     for name, component in components.items():
-        r = component.rigid_count
-        why = ("rigid body",) * r + (reasons[name],) * (component.omega.size - r)
+        e = component.elastic
+        why = component.why[: e.start] + (reasons[name],) * component.elastic_count + component.why[e.stop :]
         kept[name] = replace(component, why=why).truncated(selection[name])
     return kept

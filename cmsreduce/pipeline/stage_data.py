@@ -46,6 +46,7 @@ def modal_to(component: ModalComponent) -> tuple[Arrays, dict[str, Any]]:
     facts = {
         "method": component.method,
         "rigid_count": component.rigid_count,
+        "static_count": component.static_count,
         "kind": component.kind,
         "why": component.why,
         "basis_size": component.basis_size,
@@ -59,6 +60,8 @@ def modal_from(body: FEModel, arrays: Mapping[str, NDArray[Any]], facts: Mapping
         body=body,
         method=facts["method"],
         rigid_count=facts["rigid_count"],
+        # Stages that were finished before static modes were known have none.
+        static_count=facts.get("static_count", 0),
         kind=tuple(facts["kind"]),
         why=tuple(facts["why"]),
         basis_size=facts["basis_size"],

@@ -15,8 +15,9 @@ from cmsreduce.model import FEModel, ModeSet, ReducedComponent, rigid_body_shape
 __all__ = ["Reduction", "project", "recover"]
 
 # A rigid-body mode that the basis misses by more than this, in the mass norm, is not in its span. Ten-digit punch
-# files leave 1e-8 of a rigid motion in the constraint modes.
-_SPANNED = 1e-6
+# files leave 1e-8 of a rigid motion in the constraint modes, stiffness that differs by twelve decades 1e-6, and single
+# precision 1e-4.
+_SPANNED, _SPANNED_FACTOR = 1e-5, 1e4
 # Corrections of the normal equations, whose condition is the square of the basis's.
 _REFINEMENTS = 3
 
@@ -118,16 +119,22 @@ def project(body: FEModel, modes: ModeSet, rigid: NDArray[np.float64]) -> Reduce
     Phi = modes.Phi
     M, K = _congruence(body.M @ Phi, Phi), _congruence(body.K @ Phi, Phi)
     D = None if body.D is None else _congruence(body.D @ Phi, Phi)
+    # Rigid motion strains nothing, so any share of K may be added to the norm: the mass alone is blind to shapes
+    # without mass. The share is small enough that what rounding leaves of K on rigid shapes does not count.
+    strain, inertia = float(np.sum(body.K.diagonal() @ Phi**2)), float(np.trace(M))
+    share = inertia / strain if strain > 0 else 0.0
+    W = M + share * K
     # Scaled to a unit diagonal: columns of a basis differ by the square root of a mass.
-    scale = np.sqrt(np.maximum(M.diagonal(), np.finfo(float).tiny))
-    scaled = M / np.outer(scale, scale)
+    scale = np.sqrt(np.maximum(W.diagonal(), np.finfo(float).tiny))
+    scaled = W / np.outer(scale, scale)
     q, missed = np.zeros((modes.m, rigid.shape[1])), rigid
     for _ in range(_REFINEMENTS):
-        step, *_ = np.linalg.lstsq(scaled, (Phi.T @ (body.M @ missed)) / scale[:, None], rcond=1e-14)
+        force = body.M @ missed + share * (body.K @ missed)
+        step, *_ = np.linalg.lstsq(scaled, (Phi.T @ force) / scale[:, None], rcond=1e-14)
         q = q + step / scale[:, None]
         missed = rigid - Phi @ q
     lost = np.sqrt(np.maximum(np.einsum("ij,ij->j", missed, body.M @ missed), 0.0))
-    if (lost > _SPANNED).any():
+    if (lost > max(_SPANNED, _SPANNED_FACTOR * body.rounding)).any():
         raise MatrixError(
             f"body '{body.name}': a rigid-body motion is not in the span of its {modes.method} basis (missed by "
             f"{lost.max():.1e} in the mass norm); the row order or the geometry may be wrong"

@@ -11,6 +11,7 @@ from cmsreduce.assemble import (
     assemble,
     couple,
     frequency_response,
+    modal_substructure,
     receptances,
     rigid_response,
     rigid_substructure,
@@ -18,7 +19,9 @@ from cmsreduce.assemble import (
     wire,
 )
 from cmsreduce.errors import MatrixError
-from cmsreduce.model import Configuration, Damping, Placement, Point, Scene
+from cmsreduce.model import SCALAR, Configuration, Damping, DofTable, FEModel, Placement, Point, Scene
+from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.reduce import CraigBampton
 from tests.assemble.rigs import at, direct, in_joint, joint, modal, physical, rigid_body, strut, turned
 from tests.frames import frame, line, rotation
 
@@ -195,9 +198,46 @@ def test_what_has_no_state_space_is_refused():
         scene = Scene(tuple(subs), (0.0, 600.0), JOINTS, (TURNED,), **CHANNELS)
         system = assemble(subs, scene, TURNED)
         if message is None:
-            system, message = replace(system, M=system.M * 0), "without mass"
+            system, message = replace(system, M=system.M * 0), "neither mass nor stiffness"
         with pytest.raises(MatrixError, match=message):
             state_space(system)
+
+
+WALL, SOFT, MASS = 300.0, 70.0, 2.0
+
+
+def hung(damping: Damping, rate: bool):
+    """A mass on a spring to the wall, a softer spring to a point without mass, on which the force acts."""
+    K, M = np.array([[WALL + SOFT, -SOFT], [-SOFT, SOFT]]), np.diag([MASS, 0.0])
+    dofs = DofTable(np.array([1, 2]), np.full(2, SCALAR))
+    body = FEModel("hung", sp.csc_array(K), sp.csc_array(M), dofs, damping=damping, grounded=True)
+    sub = modal_substructure(orthogonalise(CraigBampton(100.0).reduce(body, [1])), ["1", "2"])
+    sensors = (at("hung.2", "x", "point"), at("hung.1", "x", "mass", rate=True), at("hung.2", "x", "speed", rate=True))
+    scene = Scene(("hung",), (0.0, 1.0), actuators=(at("hung.2", "x", "push"),), sensors=sensors[: 3 if rate else 2])
+    return assemble({"hung": sub}, scene, scene.configurations[0])
+
+
+def test_a_massless_point_is_the_feedthrough_of_the_state_space():
+    system = hung(Damping(modal=0.02), rate=False)
+    plant = state_space(system)
+    assert (plant.nstates, system.N) == (2, 2)
+    np.testing.assert_allclose(plant.D, [[1 / SOFT], [0]], atol=1e-18)
+    for w in (1e-3, 3.0, 12.2, 40.0):
+        modal_part = 1 / (WALL + 0.04j * w * np.sqrt(WALL * MASS) - w**2 * MASS)
+        np.testing.assert_allclose(plant(1j * w).ravel(), [1 / SOFT + modal_part, 1j * w * modal_part], rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("damping", "rate", "message"),
+    [
+        (Damping(modal=0.02), True, r"rate output 'speed' .* 'push'"),
+        (Damping(rayleigh=(0.0, 1e-3)), False, "shape without mass is damped"),
+    ],
+    ids=["rate", "damped"],
+)
+def test_a_massless_point_with_a_rate_has_no_state_space(damping, rate, message):
+    with pytest.raises(MatrixError, match=message):
+        state_space(hung(damping, rate))
 
 
 @pytest.mark.parametrize("name", ["stator", "rotor", "box"])

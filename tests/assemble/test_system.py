@@ -163,7 +163,8 @@ def test_units_change_no_frequency_and_scale_every_response(name):
         assert system.rigid.shape[1] == 7
         frequencies.append(system_modes(system, 3000.0)[0])
         answers.append(frequency_response(subs, scene, angle, omega))
-    np.testing.assert_allclose(frequencies[1], frequencies[0], rtol=1e-12)
+    # Unit factors round every entry of K anew, which soft modes feel (w_top / w)^2 times as much: 2e4 or more here.
+    np.testing.assert_allclose(frequencies[1], frequencies[0], rtol=2e4 * 2.0**-53)
     effort = np.array([seconds.energy, seconds.force, seconds.force])
     motion = np.array([1.0, seconds.length, seconds.length])
     restated = answers[1] * motion[:, None] / effort

@@ -10,25 +10,27 @@ from cmsreduce.errors import ConfigError
 from cmsreduce.model import DofTable, FEModel, ModalComponent
 
 
-def component(name: str, rigid: int, sigma: list[float]) -> ModalComponent:
+def component(name: str, rigid: int, sigma: list[float], omega: list[float] | None = None, static: int = 0):
     import scipy.sparse as sp
 
-    m = rigid + len(sigma)
+    m = rigid + len(sigma) + static
+    w = 1.0 + np.arange(len(sigma)) if omega is None else omega
     one = sp.csc_array(np.eye(m))
     return ModalComponent(
         body=FEModel(name, one, one, DofTable(np.arange(1, m + 1), np.zeros(m))),
         method="all",
         Phi=np.eye(m),
-        omega=np.r_[np.zeros(rigid), 1.0 + np.arange(len(sigma))],
-        zeta=np.r_[np.zeros(rigid), np.full(len(sigma), 0.01)],
+        omega=np.r_[np.zeros(rigid), w, np.full(static, np.inf)],
+        zeta=np.r_[np.zeros(rigid), np.full(len(sigma), 0.01), np.zeros(static)],
         rigid_count=rigid,
         D=None,
-        kind=("rigid",) * rigid + ("free",) * len(sigma),
+        kind=("rigid",) * rigid + ("free",) * (len(sigma) + static),
         source_hz=np.zeros(m),
-        sigma=np.r_[np.full(rigid, np.nan), sigma],
+        sigma=np.r_[np.full(rigid, np.nan), sigma, np.full(static, np.nan)],
         spacing=np.full(m, np.nan),
         why=("",) * m,
         basis_size=m,
+        static_count=static,
     )
 
 
@@ -148,3 +150,36 @@ def test_a_long_list_is_bracketed_rather_than_tried():
     assert keep_error(body, error_of, 0.5)["long"].size == 37
     # Full, bracket, then one trial for each mode taken.
     assert calls < 60
+
+
+# A pair at 2 and a triple at 5, of one rigid and two static modes; the halves of the pair rank unlike.
+GROUPED = {
+    "frame": component(
+        "frame", 1, [0.5, 3.0, 0.2, 0.4, 1.0, 1.0, 1.0], [1.0, 2.0, 2.0 * (1 + 1e-9), 4.0, 5.0, 5.0, 5.0], static=2
+    )
+}
+
+
+@pytest.mark.parametrize(
+    ("count", "expected"),
+    [(0, []), (1, [2, 3]), (2, [2, 3]), (3, [2, 3, 5, 6, 7]), (5, [2, 3, 5, 6, 7]), (6, [1, 2, 3, 5, 6, 7])],
+)
+def test_a_number_never_splits_a_repeated_mode(count, expected):
+    assert as_lists(keep_modes(GROUPED, count)) == {"frame": expected}
+
+
+def test_a_fraction_never_splits_a_repeated_mode():
+    assert as_lists(keep_fraction(GROUPED, 0.9)) == {"frame": [2, 3]}
+    assert as_lists(keep_fraction(GROUPED, 0.15)) == {"frame": [1, 2, 3, 5, 6, 7]}
+
+
+def test_an_error_never_splits_a_repeated_mode():
+    """The mode at column 6 alone would do; its group comes, and the pair, ranked higher but idle, goes whole."""
+    error_of, calls = weights(frame={6: 2.0})
+    assert as_lists(keep_error(GROUPED, error_of, 0.1)) == {"frame": [5, 6, 7]}
+    for call in calls:
+        assert len({2, 3} & set(call["frame"])) in (0, 2) and len({5, 6, 7} & set(call["frame"])) in (0, 3)
+
+
+def test_all_means_all_elastic_and_no_static():
+    assert as_lists(keep_all(GROUPED)) == {"frame": [1, 2, 3, 4, 5, 6, 7]}

@@ -5,7 +5,7 @@ import pytest
 import scipy.linalg as la
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.pencil import elastic_pairs, refine
+from cmsreduce.linalg.pencil import UndeterminedError, elastic_and_massless, elastic_pairs, refine
 
 NONE = np.empty((3, 0))
 
@@ -47,10 +47,46 @@ def test_two_free_masses(masses, k):
 def test_a_massless_dof_follows_statically():
     k1, k2, m = 300.0, 700.0, 2.0
     K, M = np.array([[k1 + k2, -k2], [-k2, k2]]), np.diag([0.0, m])
-    lam, X = elastic_pairs(K, M, NONE[:2])
+    lam, X, N = elastic_and_massless(K, M, NONE[:2])
     assert lam.size == 1
     assert lam[0] == pytest.approx(k1 * k2 / (k1 + k2) / m, rel=1e-14)
     assert X[0, 0] / X[1, 0] == pytest.approx(k2 / (k1 + k2), rel=1e-13)
+    # Both springs hold the dof while the mass stays.
+    np.testing.assert_allclose(N @ N.T, np.diag([1 / (k1 + k2), 0]), atol=1e-18)
+
+
+@pytest.mark.parametrize("contrast", [1.0, 1e6, 1e12])
+def test_massless_shapes_keep_their_flexibility(contrast):
+    """A chain from the ground: mass, soft spring, dof, penalty spring, dof. Its end has the compliance of all three."""
+    k = np.array([50.0, 3.0, 3.0 * contrast])
+    K = np.array([[k[0] + k[1], -k[1], 0], [-k[1], k[1] + k[2], -k[2]], [0, -k[2], k[2]]])
+    lam, X, N = elastic_and_massless(K, np.diag([2.0, 0.0, 0.0]), NONE)
+    # A double holds a soft shape beside a stiff one to no more digits than these.
+    digits = 1e-13 + 1e-15 * contrast
+    np.testing.assert_allclose(N.T @ K @ N, np.eye(2), atol=digits)
+    np.testing.assert_allclose(X.T @ K @ N, 0, atol=digits)
+    np.testing.assert_allclose(lam, [25.0], rtol=digits)
+    flexibility = X @ np.diag(1 / lam) @ X.T + N @ N.T
+    exact = np.array([1 / 50, 1 / 50 + 1 / 3, 1 / 50 + 1 / 3 + 1 / k[2]])
+    np.testing.assert_allclose(flexibility.diagonal(), exact, rtol=digits)
+
+
+@pytest.mark.parametrize("light", [1e-5, 1e-9, 1e-14])
+def test_a_light_mass_is_a_mass(light):
+    """Two springs between wall, unit mass and light mass: the product of the squared frequencies is k1 k2 / (m1 m2)."""
+    K = np.array([[5.0, -2.0], [-2.0, 2.0]])
+    lam, _, N = elastic_and_massless(K, np.diag([1.0, light]), NONE[:2])
+    assert N.shape == (2, 0)
+    np.testing.assert_allclose([lam.prod(), lam.sum()], [6.0 / light, 5.0 + 2.0 / light], rtol=1e-12)
+
+
+def test_a_motion_with_neither_mass_nor_stiffness_is_refused():
+    """Two massless dofs on one spring, and nothing else."""
+    K, M = np.array([[1.0, -1.0, 0], [-1.0, 1.0, 0], [0, 0, 4.0]]), np.diag([0.0, 0.0, 1.0])
+    with pytest.raises(UndeterminedError, match="1 motions have neither mass nor stiffness") as refused:
+        elastic_pairs(K, M, NONE)
+    moved = abs(refused.value.shape)
+    np.testing.assert_allclose(moved / moved.max(), [1, 1, 0], atol=1e-12)
 
 
 def test_a_repeated_shape_has_no_frequency_of_its_own():
