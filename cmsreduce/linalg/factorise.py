@@ -21,6 +21,9 @@ BLOCK = 64
 # roundings are left (2e-14 seen), of a large one n of them; a cantilever of a thousand elements in a row leaves 1e-10.
 _FEWEST_ROUNDINGS = 1000
 _LARGEST_SINGULAR = 1e-10
+# A pivot that small may also be a soft spring beside a stiff one. A motion that nothing resists then leaves less than
+# one rounding of its energy's absolute parts, a spring that the entries still hold leaves more than this.
+_LEFT_BY_ARITHMETIC = 5.0
 # Raises a matrix that is exactly singular enough to be factorised, so that its smallest pivot shows where.
 _RAISED = 1e-8
 
@@ -114,7 +117,8 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
     Raises
     ------
     NotPositiveDefiniteError
-        If ``definite`` and a pivot is not positive, or falls to the round-off of its diagonal entry.
+        If ``definite`` and a pivot is not positive, or falls to the round-off of its diagonal entry in a motion whose
+        energy is round-off too.
     """
     A = sp.csc_array(A)
     diagonal = A.diagonal()
@@ -129,12 +133,22 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
     if definite:
         limit = min(max(A.shape[0], _FEWEST_ROUNDINGS) * np.finfo(float).eps, _LARGEST_SINGULAR)
         ratio = factor.pivot_ratio
-        if not factor.symmetric or ratio.min(initial=1.0) <= limit:
-            row = int(np.argmin(ratio))
+        row = int(np.argmin(ratio)) if ratio.size else 0
+        if not factor.symmetric or (ratio.min(initial=1.0) <= limit and not _resists(A, factor, row)):
             raise NotPositiveDefiniteError(
                 f"{what} is not positive definite: pivot ratio {ratio.min():.1e} at row {row + 1}", row
             )
     return factor
+
+
+def _resists(A: sp.csc_array, factor: Factor, row: int) -> bool:
+    """Whether a matrix of positive pivots resists its weakest motion, that of the row with the smallest pivot."""
+    if factor.pivots.min() <= 0:
+        return False
+    x = factor(np.eye(1, A.shape[0], row)[0])
+    x = factor(factor.diagonal * x / abs(x).max())
+    parts = abs(x) @ (abs(A) @ abs(x))
+    return bool(x @ (A @ x) > _LEFT_BY_ARITHMETIC * 2.0**-53 * parts)
 
 
 def _singular_row(A: sp.csc_array) -> int:

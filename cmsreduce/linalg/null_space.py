@@ -9,10 +9,11 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.factorise import factorise
+from cmsreduce.linalg.factorise import Factor, NotPositiveDefiniteError, factorise
 
 __all__ = ["motions_held", "null_space", "rigid_body_modes", "row_basis", "stiffness_null_space"]
 
+_DOUBLE = 2.0**-53
 # A constraint is dependent when what it adds is below this share of the largest: joints are written with
 # coordinates of 8 digits, so their directions are known no better.
 _DEPENDENT = 1e-9
@@ -21,15 +22,23 @@ _DEPENDENT = 1e-9
 _HELD = 1e-8
 # K R is built from numbers known to the file's rounding; a rigid motion leaves this many of them, relative to |K|.
 _RIGID_FACTOR = 1e4
-# Below this size the whole spectrum of the scaled stiffness is cheaper than a Lanczos run on a part of it.
+# Below this size the whole spectrum of the scaled stiffness is cheaper than its weakest motions alone.
 _DENSE_LIMIT = 600
-# Vectors looked at for mechanisms beyond rigid motion, and how far the scaled stiffness is raised to be definite.
+# Weakest motions of a larger body looked for at first, inverse iterations that single them out, and how far the scaled
+# stiffness is raised to be regular: below the first bending of a slender body (1e-12 for a mast of a thousand bays),
+# which would otherwise be lost in a crowd.
 _WANTED = 12
-_SHIFT = 1e-3
+_ITERATIONS = 4
+_SHIFT = 1e-14
+# Corrections of null vectors by their residual; each gains the digits that the solve has.
+_CORRECTIONS = 3
 # A null vector's strain energy is pure cancellation: this many roundings of the energy's absolute parts. Rounding is
-# relative to the decade of a number, so ten of them are the most that a file leaves; arithmetic leaves its own.
+# relative to the decade of a number, so ten of them are the most that a file leaves. Arithmetic leaves less than one;
+# a soft mode seven decades below the stiffest leaves twenty.
 _LEFT_BY_FILE = 10.0
-_LEFT_BY_ARITHMETIC = 50.0
+_LEFT_BY_ARITHMETIC = 5.0
+# Condensation works with entries a million times those that it leaves, and leaves their rounding.
+_LEFT_BY_CONDENSATION = 1e-9
 # Where geometry gives rigid motions, what they leave is what the file leaves; mechanisms leave this many times as much.
 # A slender body's first bending in single precision is not far above.
 _LIKE_RIGID = 5.0
@@ -107,29 +116,74 @@ def stiffness_null_space(
     rounding : float
         Relative rounding of its entries.
     known : (n, r) float64, optional
-        Motions that are known to be rigid: their energy shows how well the file does.
+        Motions that are known to be rigid: their energy shows how well the file does. They are returned if there
+        are no others.
 
     Returns
     -------
     N : (n, k) float64
         Vectors whose strain energy is nothing but rounding of its terms.
     """
-    n = K.shape[0]
-    d = np.sqrt(np.where(K.diagonal() > 0, K.diagonal(), max(abs(K.diagonal()).max(initial=0.0), 1e-300)))
-    scaled = sp.csc_array(sp.diags_array(1 / d) @ K @ sp.diags_array(1 / d))
+    n, (scaled, d) = K.shape[0], _unit_diagonal(K)
     if n <= _DENSE_LIMIT:
         _, V = la.eigh(scaled.toarray())
     else:
-        shift = _SHIFT / n
-        held = factorise(sp.csc_array(scaled + shift * sp.eye_array(n)), what="the stiffness raised above zero")
-        inverse = spla.LinearOperator((n, n), matvec=lambda b: held(np.ravel(b)), dtype=np.float64)
-        start = np.random.default_rng(1).standard_normal(n)
-        _, V = spla.eigsh(scaled, k=min(_WANTED, n - 2), sigma=-shift, OPinv=inverse, v0=start)
+        solve = factorise(sp.csc_array(scaled + _SHIFT * sp.eye_array(n)), definite=False, what="the stiffness")
+        V = _weakest(scaled, solve, _WANTED)
     left = _LEFT_BY_FILE * rounding
     if known is not None and known.shape[1]:
         left = min(left, _LIKE_RIGID * float(abs(_energy_share(scaled, known * d[:, None])).max()))
-    null = _energy_share(scaled, V) <= max(left, _LEFT_BY_ARITHMETIC * 2.0**-53)
-    return V[:, null] / d[:, None]
+    left = max(left, _LEFT_BY_ARITHMETIC * _DOUBLE)
+    # All of them null: there may be more.
+    while (null := _is_rounding(_energy_share(scaled, V), left)).all() and V.shape[1] < n:
+        V = _weakest(scaled, solve, min(2 * V.shape[1], n))
+    if known is not None and known.shape[1] == np.count_nonzero(null):
+        # Shapes from coordinates are the more accurate ones.
+        return known
+    return _sharpened(K, V[:, null] / d[:, None])
+
+
+def _sharpened(K: sp.csc_array, N: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Null vectors without what a soft motion adds to them: they are solved for, with one dof of each given.
+
+    An eigenvector is known to rounding over the gap to the next eigenvalue: to a few per cent beside a motion seven
+    decades softer than the stiffest. Residuals in long double regain the digits.
+    """
+    if not N.shape[1] or N.shape[1] == N.shape[0]:
+        return N
+    _, _, order = la.qr((N / np.linalg.norm(N, axis=0)).T, mode="economic", pivoting=True)
+    given, free = order[: N.shape[1]], np.sort(order[N.shape[1] :])
+    try:
+        solve = factorise(sp.csc_array(K[free][:, free]), what="the stiffness held where it moves freely")
+    except NotPositiveDefiniteError:
+        return N
+    X = N @ np.linalg.inv(N[given])
+    X[given] = np.eye(given.size)
+    exact = sp.csc_array(K, dtype=np.longdouble)
+    for _ in range(_CORRECTIONS):
+        X[free] -= solve(np.asarray((exact @ X.astype(np.longdouble))[free], dtype=np.float64))
+    return np.asarray(X)
+
+
+def _weakest(K: sp.csc_array, solve: Factor, wanted: int) -> NDArray[np.float64]:
+    """Motions that a large stiffness matrix resists least (n, wanted); only those it does not resist are exact."""
+    V = np.random.default_rng(1).standard_normal((K.shape[0], wanted))
+    for _ in range(_ITERATIONS):
+        V, _ = np.linalg.qr(solve(V))
+    _, Y = la.eigh(V.T @ (K @ V))
+    return np.asarray(V @ Y)
+
+
+def _unit_diagonal(K: sp.csc_array) -> tuple[sp.csc_array, NDArray[np.float64]]:
+    """Matrix scaled to a unit diagonal, and the scale d: x of K is d x of the scaled one."""
+    diagonal = K.diagonal()
+    d = np.sqrt(np.where(diagonal > 0, diagonal, max(abs(diagonal).max(initial=0.0), 1e-300)))
+    return sp.csc_array(sp.diags_array(1 / d) @ K @ sp.diags_array(1 / d)), d
+
+
+def _is_rounding(share: NDArray[np.float64], left: float) -> NDArray[np.bool_]:
+    """Whether a strain energy is nothing; a negative one is rounding too, unless the matrix is indefinite."""
+    return np.asarray((share <= left) & (share >= -max(left, _LEFT_BY_CONDENSATION)))
 
 
 def _energy_share(K: sp.csc_array, X: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -169,22 +223,14 @@ def rigid_body_modes(
     MatrixError
         If a rigid motion carries no mass.
     """
-    shapes = np.empty((K.shape[0], 0))
-    if R is not None:
-        lengths = np.linalg.norm(R, axis=0)
-        Q, s, _ = la.svd(R[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
-        Q = Q[:, s > _DEPENDENT * s.max(initial=0.0)]
-        _, s, vt = la.svd(K @ Q, full_matrices=False)
-        if vt.size:
-            scale = spla.norm(K, 1)
-            shapes = Q @ vt[s <= _RIGID_FACTOR * max(rounding, 2.0**-53) * scale].T
+    shapes = _geometric_motions(K, R, rounding)
     N = stiffness_null_space(K, rounding, shapes)
     if N.shape[1] > shapes.shape[1]:
         # Only what geometry does not span is a mechanism; the geometric shapes are the more accurate ones.
         Qg, _ = np.linalg.qr(shapes)
         N, _ = np.linalg.qr(N)
         outside = N - Qg @ (Qg.T @ N)
-        u, s, _ = la.svd(outside, full_matrices=False)
+        u, _, _ = la.svd(outside, full_matrices=False)
         shapes = np.hstack([shapes, u[:, : N.shape[1] - shapes.shape[1]]]) if R is not None else N
     if shapes.shape[1] == 0:
         return shapes
@@ -197,3 +243,18 @@ def rigid_body_modes(
             f"{weight[-1]:.1e}); hold it by a constraint, or take the massless dofs out of the matrices"
         )
     return np.asarray(shapes @ (V / np.sqrt(weight)))
+
+
+def _geometric_motions(K: sp.csc_array, R: NDArray[np.float64] | None, rounding: float) -> NDArray[np.float64]:
+    """Combinations of the rigid-body shapes that K resists neither by force nor by energy (n, r)."""
+    lengths = np.empty(0) if R is None else np.linalg.norm(R, axis=0)
+    if R is None or not lengths.any():
+        return np.empty((K.shape[0], 0))
+    Q, s, _ = la.svd(R[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
+    Q = Q[:, s > _DEPENDENT * s.max()]
+    _, s, vt = la.svd(K @ Q, full_matrices=False)
+    shapes = Q @ vt[s <= _RIGID_FACTOR * max(rounding, _DOUBLE) * spla.norm(K, 1)].T
+    scaled, d = _unit_diagonal(K)
+    # In a coarse file a weak spring is lost among the forces of stiff parts, but not in its own energy.
+    limit = max(_LEFT_BY_FILE * rounding, _LEFT_BY_CONDENSATION)
+    return np.asarray(shapes[:, _is_rounding(_energy_share(scaled, shapes * d[:, None]), limit)])

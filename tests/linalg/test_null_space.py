@@ -131,3 +131,132 @@ def test_a_motion_without_mass_is_refused():
     M[np.ix_(spin, spin)] = 0.0
     with pytest.raises(MatrixError, match=r"'rod'.*carries no mass"):
         rigid_body_modes(body.K, sp.csc_array(M), rigid_body_shapes(body.dofs, body.nodes), body.rounding, "rod")
+
+
+# Squared frequencies of two rows of n unit masses on springs, joined by a soft spring: 1e-4 Hz beside 1e3 Hz.
+SOFT, STIFF = (2 * np.pi * 1e-4) ** 2, (2 * np.pi * 1e3) ** 2
+
+
+def train(n: int, joined: bool, massless: int = 0):
+    """Two rows of n masses; the soft spring k_s gives them k_s (1/n + 1/n) against each other.
+
+    ``massless`` further points hang on the last mass by springs, and have no mass.
+    """
+    k, soft = STIFF / 4, SOFT * n / 2
+    springs = [(i, i + 1, k) for i in range(2 * n - 1) if i != n - 1] + [(n - 1, n, soft)] * joined
+    springs += [(2 * n - 1, 2 * n + i, k) for i in range(massless)]
+    size = 2 * n + massless
+    C = np.zeros((len(springs), size))
+    for row, (i, j, stiffness) in enumerate(springs):
+        C[row, [i, j]] = np.sqrt(stiffness) * np.array([1, -1])
+    mass = np.where(np.arange(size) < 2 * n, 1.0, 0.0)
+    return sp.csc_array(C).T @ sp.csc_array(C), sp.diags_array(mass, format="csc")
+
+
+@pytest.mark.parametrize("n", [10, 400], ids=["dense", "sparse"])
+@pytest.mark.parametrize("geometry", [True, False], ids=["geometry", "no geometry"])
+@pytest.mark.parametrize("massless", [0, 7])
+def test_soft_is_not_rigid_and_rigid_is_not_soft(n, geometry, massless):
+    K, M = train(n, joined=True, massless=massless)
+    R = np.ones((K.shape[0], 1)) if geometry else None
+    Phi = rigid_body_modes(sp.csc_array(K), M, R, 2.0**-53, "train")
+    assert Phi.shape[1] == 1
+    # From the matrix alone the motion is known as well as the soft spring is, which is added to a stiff one.
+    np.testing.assert_allclose(abs(Phi), 1 / np.sqrt(2 * n), rtol=1e-12 if geometry else 5e-3)
+    K, M = train(n, joined=False, massless=massless)
+    Phi = rigid_body_modes(sp.csc_array(K), M, R, 2.0**-53, "train")
+    assert Phi.shape[1] == 2
+    # Either row moves as one piece, whatever the other does.
+    np.testing.assert_allclose(Phi[:n] - Phi[0], 0, atol=1e-9)
+    np.testing.assert_allclose(Phi[n:] - Phi[n], 0, atol=1e-9)
+
+
+def planar_beam(elements: int, hinges: int = 0, held: tuple[int, ...] = (), lumped: bool = False):
+    """Beam of unit properties and length in bending; K, M and its two rigid motions, from deflections and slopes.
+
+    At a hinge the slopes on either side are dofs of their own. ``lumped`` leaves the slopes without mass.
+    """
+    h = 1 / elements
+    k = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h]]) / h**3
+    k = np.vstack([k, -k[0], [6 / h**2, 2 / h, -6 / h**2, 4 / h]])
+    m = np.array([[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h]]) * h / 420
+    m = np.vstack([m, [54 * h / 420, 13 * h * h / 420, 156 * h / 420, -22 * h * h / 420]])
+    m = np.vstack([m, np.array([-13 * h, -3 * h * h, -22 * h, 4 * h * h]) * h / 420])
+    if lumped:
+        m = np.diag([h / 2, 0, h / 2, 0])
+    dofs = 2 * np.arange(elements)[:, None] + np.arange(4)
+    cuts = np.linspace(0, elements, hinges + 2).astype(int)[1:-1]
+    dofs[cuts, 1] = 2 * (elements + 1) + np.arange(hinges)
+    n = 2 * (elements + 1) + hinges
+    i, j = np.repeat(dofs, 4, axis=1).ravel(), np.tile(dofs, (1, 4)).ravel()
+    K, M = (sp.csc_array((np.tile(part.ravel(), elements), (i, j)), shape=(n, n)) for part in (k, m))
+    R = np.zeros((n, 2))
+    R[0 : 2 * elements + 2 : 2, 0] = 1.0
+    R[0 : 2 * elements + 2 : 2, 1] = np.linspace(0, 1, elements + 1)
+    R[1 : 2 * elements + 2 : 2, 1] = R[2 * elements + 2 :, 1] = 1.0
+    keep = np.setdiff1d(np.arange(n), held)
+    return K[keep][:, keep], M[keep][:, keep], R[keep]
+
+
+@pytest.mark.parametrize("geometry", [True, False], ids=["geometry", "no geometry"])
+@pytest.mark.parametrize(
+    ("elements", "hinges", "held", "count"),
+    [
+        (60, 0, (), 2),
+        (60, 0, (0,), 1),
+        (60, 0, (0, 1), 0),
+        (60, 1, (), 3),
+        (60, 16, (0, 1), 16),
+        (400, 0, (), 2),
+        (400, 0, (0, 1), 0),
+        (400, 16, (), 18),
+        (400, 40, (0,), 41),
+        (2500, 0, (), 2),
+        (2500, 1, (), 3),
+    ],
+)
+@pytest.mark.parametrize("lumped", [False, True], ids=["consistent", "lumped"])
+def test_a_beam_with_hinges(elements, hinges, held, count, lumped, geometry):
+    """Each hinge adds one motion to the two of a free beam: more than a dozen, and one of them or none."""
+    K, M, R = planar_beam(elements, hinges, held, lumped)
+    Phi = rigid_body_modes(K, M, R if geometry else None, 2.0**-53, "beam")
+    assert Phi.shape == (K.shape[0], count)
+    np.testing.assert_allclose(Phi.T @ (M @ Phi), np.eye(count), atol=1e-8)
+    if not count:
+        return
+    # Between hinges nothing bends: second differences of the deflections are those of straight pieces.
+    d = np.sqrt(K.diagonal())
+    assert abs((K @ Phi) / d[:, None]).max() < 1e-9 * abs(d[:, None] * Phi).max()
+    # A unit mass that translates, and turns about its middle, is made of these motions.
+    if not held:
+        share = Phi.T @ (M @ R)
+        np.testing.assert_allclose(share.T @ share, R.T @ M @ R, rtol=1e-7)
+
+
+@pytest.mark.parametrize("size", [8, 120], ids=["dense", "sparse"])
+@pytest.mark.parametrize(
+    ("pinned", "count"), [((), 6), ((0, 1, 2), 3), ((2, 3, 4), 3), ((0, 1, 2, 3, 4), 1), (tuple(range(6)), 0)]
+)
+def test_space_frames_without_rotary_inertia(size, pinned, count):
+    """Rotations without mass are no motions of their own, where bending holds them."""
+    angle = np.linspace(0, 1.5 * np.pi, size)
+    body = frame("bow", np.c_[np.cos(angle), np.sin(angle), 0.1 * angle], [(k, k + 1) for k in range(1, size)])
+    lumps = np.where(body.dofs.component <= 3, body.M.diagonal(), 0.0)
+    keep = np.setdiff1d(np.arange(body.n), pinned)
+    R = rigid_body_shapes(body.dofs, body.nodes)[keep]
+    K, M = body.K[keep][:, keep], sp.diags_array(lumps[keep], format="csc")
+    for shapes in (R, None):
+        Phi = rigid_body_modes(K, M, shapes, body.rounding, "bow")
+        assert Phi.shape[1] == count
+        np.testing.assert_allclose(Phi.T @ (M @ Phi), np.eye(count), atol=1e-9)
+
+
+def test_a_weak_spring_shows_in_a_coarse_file():
+    """A rod that a hair of torsional stiffness holds: lost among its forces in single precision, not in its energy."""
+    body = line("rod", [0, 0, 0], [3, 0, 0], 20)
+    K = body.K.toarray()
+    K[3, 3] += 1e-2 * K[3, 3]
+    coarse = sp.csc_array(K.astype(np.float32).astype(float))
+    R = rigid_body_shapes(body.dofs, body.nodes)
+    assert abs(coarse @ R[:, 3]).max() < 1e4 * 6e-8 * abs(coarse).sum(axis=0).max()
+    assert rigid_body_modes(coarse, body.M, R, 6e-8, "rod").shape[1] == 5
