@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import SceneError
 from cmsreduce.model import SCALAR, Configuration, Interface, Joint, Placement, Point, Scene, Substructure, cross_matrix
 
-__all__ = ["interface_at", "joint_arms", "joint_axes", "joint_gap", "place_bodies"]
+__all__ = ["interface_at", "joint_arms", "joint_axes", "joint_gap", "joint_tree", "place_bodies"]
 
 
 def place_bodies(
@@ -42,25 +42,12 @@ def place_bodies(
         If a body is joined to nothing.
     """
     placed = {name: scene.placements.get(name, Placement()) for name in substructures}
-    base = scene.base or scene.bodies[0]
-    reached, inboard_of = [base], dict[str, Joint]()
-    roots = {base} | {point.body for point in scene.ground}
-    reached += [name for name in scene.bodies if name in roots - {base}]
-    at = 0
-    while at < len(reached):
-        for joint in scene.joints:
-            ends = (joint.first.body, joint.second.body)
-            if reached[at] in ends:
-                outer = ends[1] if ends[0] == reached[at] else ends[0]
-                if outer not in reached:
-                    reached.append(outer)
-                    inboard_of[outer] = joint
-        at += 1
+    reached, inboard_of = joint_tree(scene)
     lost = [name for name in substructures if name not in reached]
     if lost:
         raise SceneError(
-            f"component '{lost[0]}' is joined to nothing: no chain of joints leads from it to '{base}'. Add a joint, "
-            "ground it, or take it out of the pipeline"
+            f"component '{lost[0]}' is joined to nothing: no chain of joints leads from it to '{reached[0]}'. Add a "
+            "joint, ground it, or take it out of the pipeline"
         )
     children: dict[str, list[str]] = {name: [] for name in reached}
     for outer, joint in inboard_of.items():
@@ -76,6 +63,33 @@ def place_bodies(
                 for name in _outboard(outer, children):
                     placed[name] = _moved(placed[name], pivot, axes[dof % 3], value, turn=dof >= 3)
     return placed
+
+
+def joint_tree(scene: Scene) -> tuple[list[str], dict[str, Joint]]:
+    """Walk the joints outwards from the base body and the ground.
+
+    Returns
+    -------
+    reached : list of str
+        Bodies in the order they are come to, the base first.
+    inboard_of : dict of name to Joint
+        The joint that each body hangs on; the base and grounded bodies hang on none.
+    """
+    base = scene.base or scene.bodies[0]
+    reached, inboard_of = [base], dict[str, Joint]()
+    roots = {base} | {point.body for point in scene.ground}
+    reached += [name for name in scene.bodies if name in roots - {base}]
+    at = 0
+    while at < len(reached):
+        for joint in scene.joints:
+            ends = (joint.first.body, joint.second.body)
+            if reached[at] in ends:
+                outer = ends[1] if ends[0] == reached[at] else ends[0]
+                if outer not in reached:
+                    reached.append(outer)
+                    inboard_of[outer] = joint
+        at += 1
+    return reached, inboard_of
 
 
 def joint_axes(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,9 +10,15 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError
-from cmsreduce.model import SCALAR, FEModel, Point, PointTerm, Scene, StrutTerm
+from cmsreduce.model import SCALAR, Channel, FEModel, Point, PointTerm, Scene, StrutTerm, dof_index
 
 __all__ = ["Ports", "body_points", "body_ports"]
+
+_NODE_DOFS = 6
+
+_ALL_OF_A_KIND = ("actuators", "sensors", "dampers")
+# Discrete dampers act on few dofs; a static shape for each is affordable up to here.
+_MOST_DAMPED = 300
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,15 +30,25 @@ class Ports:
     interface : (i,) int64
         Rows of the i-set: every interface of the body and every dof an actuator acts on (Spanos-Tsuha's rule).
     loads : (n, l) float64
-        Loads whose static shapes the basis must hold: struts inside the body, one column each.
+        Loads whose static shapes the basis must hold, one column each: struts inside the body, and forces on nodes
+        that follow others.
     displacements, rates : (p, n), (q, n) sparse array
         Rows of the sensors on the body.
+    residuals : (n, k) float64
+        Further loads whose static shapes the basis must hold, which are no inputs: unit loads along what sensors
+        measure, or at dofs the user names.
     """
 
     interface: NDArray[np.int64]
     loads: NDArray[np.float64]
     displacements: sp.csr_array
     rates: sp.csr_array
+    residuals: NDArray[np.float64]
+
+    @property
+    def static_loads(self) -> NDArray[np.float64]:
+        """Every load whose static shape the basis must hold, unit forces on the i-set apart (n, l + k)."""
+        return np.hstack([self.loads, self.residuals])
 
     def as_loads(self) -> Ports:
         """Ports with unit forces on the i-set as loads: for a body that nothing holds, reduced to its free modes."""
@@ -46,7 +63,7 @@ def body_points(scene: Scene, body: FEModel) -> list[str]:
     return list(dict.fromkeys([*body.interfaces, *named]))
 
 
-def body_ports(body: FEModel, scene: Scene) -> Ports:
+def body_ports(body: FEModel, scene: Scene, residuals: Collection[str] = ()) -> Ports:
     """Collect the inputs and outputs of one body from the scene.
 
     Parameters
@@ -55,51 +72,85 @@ def body_ports(body: FEModel, scene: Scene) -> Ports:
         In the scene's units.
     scene : Scene
         Actuators, sensors, joints.
+    residuals : collection of str
+        ``actuators`` to take the actuators' dofs as loads instead of into the i-set, ``sensors`` for a load along
+        each measured motion, ``dampers`` for the forces of the body's damping matrix, ``NODE`` or ``NODE.DOF`` for
+        unit loads there.
 
     Raises
     ------
     SceneError
-        If an actuator or a sensor sits on a node that the body does not have.
+        If an actuator, a sensor or a residual sits on a node that the body does not have.
     """
-    rows: dict[int, None] = {}
-    for name in body.interfaces:
-        rows.update(dict.fromkeys(int(row) for row in body.interface_rows(name)))
-    loads: list[NDArray[np.float64]] = []
-    for actuator in scene.actuators:
-        for term in actuator.terms:
+    at_joints = [row for name in body.interfaces for row in body.interface_rows(name)]
+    inside, at_points = _channels(body, scene.actuators)
+    # What acts on a node that follows many others is one load, not as many interface dofs.
+    spread = [np.count_nonzero(row) > _NODE_DOFS for row in at_points]
+    by_load = [row for row, wide in zip(at_points, spread, strict=True) if wide or "actuators" in residuals]
+    held = [row for row, wide in zip(at_points, spread, strict=True) if not wide and "actuators" not in residuals]
+    acted_on = [row for direction in held for row in np.flatnonzero(direction)]
+    measured = [_channels(body, [sensor for sensor in scene.sensors if sensor.rate is rate]) for rate in (False, True)]
+    displacements, rates = ([*struts, *points] for struts, points in measured)
+    wanted = [row for text in residuals if text not in _ALL_OF_A_KIND for row in _named(body, text)]
+    if "sensors" in residuals:
+        wanted += displacements + rates
+    if "dampers" in residuals:
+        wanted += _damper_forces(body)
+    return Ports(
+        np.array(list(dict.fromkeys(int(row) for row in [*at_joints, *acted_on])), dtype=np.int64),
+        _columns([*inside, *by_load], body.n),
+        _stacked(displacements, body.n),
+        _stacked(rates, body.n),
+        _columns(wanted, body.n),
+    )
+
+
+def _channels(
+    body: FEModel, channels: Iterable[Channel]
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+    """Rows of struts inside the body, and of motions of its points, that some channels act on or measure."""
+    inside: list[NDArray[np.float64]] = []
+    at_points: list[NDArray[np.float64]] = []
+    for channel in channels:
+        for term in channel.terms:
             if isinstance(term, PointTerm) and term.at.body == body.name:
-                rows.update(dict.fromkeys(int(row) for row in np.flatnonzero(_row(body, term.at, term.direction))))
-            elif isinstance(term, StrutTerm):
-                inside = term.a.body == term.b.body == body.name
-                if inside:
-                    loads.append(_strut(body, term))
-                else:
-                    for point in (term.a, term.b):
-                        if point.body == body.name:
-                            for axis in np.eye(6)[:3]:
-                                found = np.flatnonzero(_row(body, point, axis))
-                                rows.update(dict.fromkeys(int(row) for row in found))
-    displacements: list[NDArray[np.float64]] = []
-    rates: list[NDArray[np.float64]] = []
-    for sensor in scene.sensors:
-        into = rates if sensor.rate else displacements
-        for term in sensor.terms:
-            if isinstance(term, PointTerm) and term.at.body == body.name:
-                into.append(_row(body, term.at, term.direction))
+                at_points.append(_row(body, term.at, term.direction))
             elif isinstance(term, StrutTerm):
                 if term.a.body == term.b.body == body.name:
-                    into.append(_strut(body, term))
+                    inside.append(_strut(body, term))
                 else:
                     # The line to another body turns with the joints: any direction at this end counts.
                     ends = [point for point in (term.a, term.b) if point.body == body.name]
-                    into += [_row(body, point, axis) for point in ends for axis in np.eye(6)[:3]]
-    n = body.n
-    return Ports(
-        np.array(list(rows), dtype=np.int64),
-        np.column_stack(loads) if loads else np.zeros((n, 0)),
-        _stacked(displacements, n),
-        _stacked(rates, n),
-    )
+                    at_points += [_row(body, point, axis) for point in ends for axis in np.eye(6)[:3]]
+    return inside, at_points
+
+
+def _named(body: FEModel, text: str) -> list[NDArray[np.float64]]:
+    """Unit rows of ``NODE.DOF``, or of every dof that ``NODE`` has."""
+    node, _, dof = text.partition(".")
+    point = Point(body.name, node)
+    wanted = [dof_index(dof)] if dof else range(6)
+    rows = [row for k in wanted if (row := _row(body, point, np.eye(6)[k])).any()]
+    if not rows:
+        raise SceneError(f"'{body.name}.{text}': the node does not have this dof, so no residual vector can be made")
+    return rows
+
+
+def _damper_forces(body: FEModel) -> list[NDArray[np.float64]]:
+    """Forces that the body's damping matrix exerts: its columns, where dampers are few."""
+    if body.D is None:
+        return []
+    damped = np.flatnonzero(np.diff(body.D.indptr))
+    if damped.size > _MOST_DAMPED:
+        raise SceneError(
+            f"component '{body.name}': its damping matrix acts on {damped.size} dofs; residual vectors for `dampers` "
+            f"are for discrete ones, on at most {_MOST_DAMPED} dofs. Take `dampers` out of its residuals"
+        )
+    return list(body.D[:, damped].toarray().T)
+
+
+def _columns(rows: list[NDArray[np.float64]], n: int) -> NDArray[np.float64]:
+    return np.column_stack(rows) if rows else np.zeros((n, 0))
 
 
 def _stacked(rows: list[NDArray[np.float64]], n: int) -> sp.csr_array:
@@ -109,7 +160,7 @@ def _stacked(rows: list[NDArray[np.float64]], n: int) -> sp.csr_array:
 def _node(body: FEModel, point: Point) -> int:
     if point.name in body.interfaces:
         return int(body.interfaces[point.name].node[0])
-    if not point.name.isdigit() or not (body.dofs.node == int(point.name)).any():
+    if not point.name.isdigit() or not (body.recovery.dofs.node == int(point.name)).any():
         faces = ", ".join(body.interfaces) or "none"
         raise SceneError(
             f"'{point}': body '{body.name}' has no node or interface '{point.name}' in its matrices "
@@ -126,13 +177,12 @@ def _row(body: FEModel, point: Point, direction: NDArray[np.float64]) -> NDArray
     along = np.concatenate([frame @ direction[:3], frame @ direction[3:]])
     # What a direction cosine of a printed frame leaves of zero is no input.
     along[abs(along) < 1e-7 * np.linalg.norm(direction)] = 0.0
-    row = np.zeros(body.n)
-    dofs = body.dofs.rows(node, np.arange(1, 7))
-    scalar = body.dofs.rows(node, SCALAR)[0]
+    known = body.recovery
+    dofs = known.dofs.rows(node, np.arange(1, 7))
+    scalar = known.dofs.rows(node, SCALAR)[0]
     if scalar >= 0:
         dofs[0] = scalar
-    row[dofs[dofs >= 0]] = along[dofs >= 0]
-    return row
+    return np.asarray(known.T[dofs[dofs >= 0]].T @ along[dofs >= 0])
 
 
 def _strut(body: FEModel, term: StrutTerm) -> NDArray[np.float64]:

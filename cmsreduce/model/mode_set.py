@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -10,9 +11,31 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 
-__all__ = ["ModeKind", "ModeSet"]
+__all__ = ["ModeBlock", "ModeKind", "ModeSet"]
 
 ModeKind = Literal["rigid", "constraint", "fixed", "free", "residual", "loaded"]
+
+
+@dataclass(frozen=True, eq=False)
+class ModeBlock:
+    """Shapes of one kind.
+
+    Parameters
+    ----------
+    kind : ModeKind
+        What they are.
+    shapes : (n, k) float64
+        Columns.
+    label : sequence of str
+        Dof or load of a static shape, ordinal of a normal mode.
+    source_hz : (k,) float64, optional
+        Frequencies of normal modes; NaN for static shapes if absent, 0 for rigid ones.
+    """
+
+    kind: ModeKind
+    shapes: NDArray[np.float64]
+    label: Sequence[str]
+    source_hz: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +69,23 @@ class ModeSet:
         unknown = set(self.kind) - set(get_args(ModeKind))
         if unknown:
             raise MatrixError(f"mode set '{self.method}': unknown kinds of modes {sorted(unknown)}")
+
+    @classmethod
+    def of(cls, method: str, blocks: Sequence[ModeBlock]) -> ModeSet:
+        """Put blocks of shapes side by side."""
+        source = [
+            np.full(block.shapes.shape[1], 0.0 if block.kind == "rigid" else np.nan)
+            if block.source_hz is None
+            else block.source_hz
+            for block in blocks
+        ]
+        return cls(
+            method,
+            np.hstack([block.shapes for block in blocks]),
+            tuple(block.kind for block in blocks for _ in block.label),
+            np.concatenate(source),
+            tuple(name for block in blocks for name in block.label),
+        )
 
     @property
     def m(self) -> int:

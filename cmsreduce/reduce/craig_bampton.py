@@ -9,20 +9,30 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SingularInterfaceError
-from cmsreduce.linalg.eigenpairs import ElasticFlexibility, Solve, modes_below
+from cmsreduce.linalg.eigenpairs import Solve, modes_below
 from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
 from cmsreduce.linalg.null_space import motions_held
-from cmsreduce.model import FEModel, ModeKind, ModeSet
+from cmsreduce.model import FEModel, ModeBlock, ModeSet
+from cmsreduce.reduce.characteristic import Boundary, InterfaceReduction
+from cmsreduce.reduce.macneal_rubin import free_modes_and_residuals
 from cmsreduce.reduce.reduction import Reduction
+from cmsreduce.reduce.static_shapes import residual_shapes
 
 __all__ = ["CraigBampton", "Guyan"]
-
-# A load's static shape is new when the modes before it leave this share of its strain energy: round-off leaves 1e-14.
-_NEW = 1e-12
 
 
 class CraigBampton(Reduction):
     """Fixed-interface modes up to the cutoff and one constraint mode per interface dof.
+
+    Parameters
+    ----------
+    cutoff_hz : float
+        Fixed-interface modes are kept up to this frequency.
+    interface_cutoff_hz : float, optional
+        Characteristic constraint modes up to this frequency take the place of the constraint modes: for interfaces
+        of many dofs.
+    interface_reduction : InterfaceReduction, optional
+        The same for a part of the interface, or with shapes of one's own.
 
     Notes
     -----
@@ -32,6 +42,17 @@ class CraigBampton(Reduction):
 
     method: ClassVar[str] = "craig-bampton"
     normal_modes: ClassVar[bool] = True
+
+    def __init__(
+        self,
+        cutoff_hz: float,
+        interface_cutoff_hz: float | None = None,
+        interface_reduction: InterfaceReduction | None = None,
+    ) -> None:
+        super().__init__(cutoff_hz)
+        if interface_reduction is None and interface_cutoff_hz is not None:
+            interface_reduction = InterfaceReduction(interface_cutoff_hz)
+        self.interface_reduction = interface_reduction
 
     def basis(
         self,
@@ -48,58 +69,85 @@ class CraigBampton(Reduction):
             If the interface leaves the body a rigid motion or a mechanism.
         """
         omega = 2 * np.pi * self.cutoff_hz if self.normal_modes else 0.0
+        forces = np.empty((body.n, 0)) if loads is None else loads
         if interface.size == 0:
-            return self._free(body, rigid, omega, loads)
-        self._check_held(body, interface, rigid)
-        i, j = interface, np.setdiff1d(np.arange(body.n), interface)
+            names = [f"load {number + 1}" for number in range(forces.shape[1])]
+            return free_modes_and_residuals(self.method, body, rigid, omega, forces, names)
+        constraint, solve, j = self._constraint_modes(body, interface, rigid)
+        boundary = self._boundary(body, interface, rigid, constraint)
         Kjj, Mjj = sp.csc_array(body.K[j][:, j]), sp.csc_array(body.M[j][:, j])
-        try:
-            solve = factorise(Kjj, what=f"body '{body.name}': K with the interface held")
-        except NotPositiveDefiniteError as error:
-            raise SingularInterfaceError(
-                f"body '{body.name}': with its {i.size} interface dofs held, dof "
-                f"{body.dofs.labels[j[error.row]]} still moves freely ({error}). Add interface dofs that hold it, or "
-                "remove the mechanism"
-            ) from None
-        n, k = body.n, i.size
-        constraint = np.zeros((n, k))
-        constraint[i, np.arange(k)] = 1.0
-        if j.size:
-            constraint[j] = -solve(body.K[j][:, i].toarray())
         w, phi = np.empty(0), np.empty((j.size, 0))
         if omega > 0 and j.size:
             w, phi = modes_below(Kjj, Mjj, omega, solve=solve, rounding=body.rounding)
-        normal = np.zeros((n, w.size))
-        normal[j] = phi
-        shapes, kinds, names = [constraint, normal], ["constraint"] * k + ["fixed"] * w.size, list[str]()
-        names += [body.dofs.labels[row] for row in i] + [str(number + 1) for number in range(w.size)]
-        if loads is not None and loads.shape[1]:
-            static, new = _residuals(solve, loads[j], w, phi)
-            residual = np.zeros((n, new.size))
-            residual[j] = static
-            shapes.append(residual)
-            kinds += ["residual"] * new.size
-            names += [f"load {number + 1}" for number in new]
-        source = np.concatenate([np.full(k, np.nan), w / (2 * np.pi), np.full(len(kinds) - k - w.size, np.nan)])
-        return ModeSet(self.method, np.hstack(shapes), _kinds(kinds), source, tuple(names))
+        static, new = np.empty((j.size, 0)), np.empty(0, dtype=np.int64)
+        if j.size:
+            static, new = residual_shapes(solve, Kjj, forces[j], phi)
+        single = constraint @ boundary.shapes[:, : boundary.single.size]
+        many = constraint @ boundary.shapes[:, boundary.single.size :]
+        return ModeSet.of(
+            self.method,
+            [
+                ModeBlock("constraint", single, [body.dofs.labels[row] for row in interface[boundary.single]]),
+                ModeBlock("constraint", many, boundary.labels, boundary.frequency_hz),
+                ModeBlock("fixed", _interior(phi, j, body.n), _ordinals(w.size), w / (2 * np.pi)),
+                ModeBlock("residual", _interior(static, j, body.n), [f"load {load + 1}" for load in new]),
+            ],
+        )
 
-    def _free(
-        self, body: FEModel, rigid: NDArray[np.float64], omega: float, loads: NDArray[np.float64] | None
-    ) -> ModeSet:
-        w, phi = np.empty(0), np.empty((body.n, 0))
-        if omega > 0:
-            w, phi = modes_below(body.K, body.M, omega, rigid=rigid, rounding=body.rounding)
-        r = rigid.shape[1]
-        names = [f"rigid {number + 1}" for number in range(r)] + [str(number + 1) for number in range(w.size)]
-        kinds = ["rigid"] * r + ["free"] * w.size
-        residual = np.empty((body.n, 0))
-        if loads is not None and loads.shape[1]:
-            solve = ElasticFlexibility(body.K, body.M, rigid) if r else factorise(body.K, what="the stiffness")
-            residual, new = _residuals(solve, loads, w, phi)
-            kinds += ["residual"] * new.size
-            names += [f"load {number + 1}" for number in new]
-        source = np.concatenate([np.zeros(r), w / (2 * np.pi), np.full(residual.shape[1], np.nan)])
-        return ModeSet(self.method, np.hstack([rigid, phi, residual]), _kinds(kinds), source, tuple(names))
+    def characteristic_shapes(
+        self, body: FEModel, interface: NDArray[np.int64], rigid: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """All motions that the basis gives the dofs that are reduced, as `InterfaceReduction.shapes` takes them (t, b).
+
+        Raises
+        ------
+        SingularInterfaceError
+            As `basis` does.
+        """
+        constraint, _, _ = self._constraint_modes(body, interface, rigid)
+        boundary = self._boundary(body, interface, rigid, constraint)
+        reduction = self.interface_reduction
+        return boundary.shapes[reduction.positions(interface) if reduction else slice(0)]
+
+    def _constraint_modes(
+        self, body: FEModel, interface: NDArray[np.int64], rigid: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], Solve, NDArray[np.int64]]:
+        """Constraint modes (n, i), the flexibility of the interior with the interface held, and its rows."""
+        self._check_held(body, interface, rigid)
+        j = np.setdiff1d(np.arange(body.n), interface)
+        constraint = np.zeros((body.n, interface.size))
+        constraint[interface, np.arange(interface.size)] = 1.0
+        try:
+            solve = factorise(sp.csc_array(body.K[j][:, j]), what=f"body '{body.name}': K with the interface held")
+        except NotPositiveDefiniteError as error:
+            raise SingularInterfaceError(
+                f"body '{body.name}': with its {interface.size} interface dofs held, dof "
+                f"{body.dofs.labels[j[error.row]]} still moves freely ({error}). Add interface dofs that hold it, or "
+                "remove the mechanism"
+            ) from None
+        if j.size:
+            constraint[j] = -solve(body.K[j][:, interface].toarray())
+        return constraint, solve, j
+
+    def _boundary(
+        self,
+        body: FEModel,
+        interface: NDArray[np.int64],
+        rigid: NDArray[np.float64],
+        constraint: NDArray[np.float64],
+    ) -> Boundary:
+        reduction = self.interface_reduction
+        if reduction is None:
+            return Boundary.whole(interface.size)
+        many = reduction.positions(interface)
+        if not many.size:
+            return Boundary.whole(interface.size)
+        # K Psi is zero but on the interface.
+        K, M = body.K[interface] @ constraint, constraint.T @ (body.M @ constraint)
+        P = np.eye(interface.size) - rigid[interface] @ (rigid[interface].T @ M)
+        return Boundary.reduced(
+            P.T @ ((K + K.T) / 2) @ P, (M + M.T) / 2, rigid[interface], many, reduction, body.rounding
+        )
 
     def _check_held(self, body: FEModel, interface: NDArray[np.int64], rigid: NDArray[np.float64]) -> None:
         held = motions_held(rigid, interface)
@@ -118,22 +166,12 @@ class Guyan(CraigBampton):
     normal_modes: ClassVar[bool] = False
 
 
-def _residuals(
-    solve: Solve, loads: NDArray[np.float64], w: NDArray[np.float64], phi: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Static responses beyond what the normal modes hold, and the loads they belong to; repeated ones left out."""
-    static = solve(loads)
-    residual = static - phi @ ((phi.T @ loads) / (w**2)[:, None])
-    energy = np.einsum("ij,ij->j", loads, static)
-    scale = 1 / np.sqrt(np.where(energy > 0, energy, 1.0))
-    G = loads.T @ residual * np.outer(scale, scale)
-    new: list[int] = []
-    for number in range(loads.shape[1]):
-        known = np.linalg.solve(G[np.ix_(new, new)], G[new, number])
-        if G[number, number] - G[number, new] @ known > _NEW:
-            new.append(number)
-    return residual[:, new], np.array(new, dtype=np.int64)
+def _interior(shapes: NDArray[np.float64], j: NDArray[np.int64], n: int) -> NDArray[np.float64]:
+    """Shapes of the interior, at rest on the interface (n, k)."""
+    Phi = np.zeros((n, shapes.shape[1]))
+    Phi[j] = shapes
+    return Phi
 
 
-def _kinds(names: list[str]) -> tuple[ModeKind, ...]:
-    return tuple(names)  # type: ignore[arg-type]
+def _ordinals(count: int) -> list[str]:
+    return [str(number + 1) for number in range(count)]

@@ -1,0 +1,184 @@
+"""Modes of a body loaded by its neighbours: Benfield-Hruda, and augmented-body modes with their mass alone."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.eigenpairs import modes_below
+from cmsreduce.model import FEModel, InterfaceLoading, ModeBlock, ModeSet
+from cmsreduce.reduce.reduction import Reduction
+from cmsreduce.reduce.static_shapes import elastic_solve, independent_columns, residual_shapes
+
+__all__ = ["AugmentedBody", "BenfieldHruda"]
+
+# A motion of body and neighbours is rigid when the loading's strain energy in it is below this share of the energy's
+# absolute parts: condensation leaves 1e-15.
+_UNRESISTED = 1e-12
+# The same against the absolute parts in the body, whose own rounding hides anything weaker.
+_BODY_LEAVES = 1e-16
+# Rigid motions that move the held dofs by less than this share of the largest are left by the ground: nodes in one line
+# are in it to the digits of a deck.
+_HELD = 1e-8
+# A loaded mode in which the body has less than this share of the energy moves the neighbours only, and has nothing to
+# add; round-off leaves 1e-20.
+_STILL = 1e-16
+# A loaded mode is new when the others leave this share of its energy in the body.
+_NEW = 1e-10
+
+
+class BenfieldHruda(Reduction):
+    """Rigid modes, and the lowest modes of the body with its neighbours' stiffness and mass on its interface.
+
+    Parameters
+    ----------
+    cutoff_hz : float
+        Loaded modes are kept up to this frequency.
+    loading : InterfaceLoading, optional
+        What the neighbours add on the i-set; without it the modes are the body's free ones.
+
+    Notes
+    -----
+    K and M of the body plus psi_B^T K_B psi_B and psi_B^T M_B psi_B of every neighbour B; no static modes. The
+    stiffness loading of a statically determinate interface vanishes. A motion of a neighbour that the interface does
+    not hold is a coordinate of its own. Source: Benfield and Hruda (1971); theory section 2.
+    """
+
+    method: ClassVar[str] = "benfield-hruda"
+    stiffness_loading: ClassVar[bool] = True
+
+    def __init__(self, cutoff_hz: float, loading: InterfaceLoading | None = None) -> None:
+        super().__init__(cutoff_hz)
+        self.loading = loading
+
+    def basis(
+        self,
+        body: FEModel,
+        interface: NDArray[np.int64],
+        rigid: NDArray[np.float64],
+        loads: NDArray[np.float64] | None = None,
+    ) -> ModeSet:
+        """Shapes of the mode set, rigid modes first; see `Reduction.basis`.
+
+        Raises
+        ------
+        MatrixError
+            If the loading is smaller than the interface.
+        """
+        K, M, everywhere = self._loaded(body, interface, rigid)
+        w, phi = self._held_modes(K, M, everywhere, interface, body.rounding)
+        # The body's share of each mode, without its rigid motion: that is in the basis already.
+        shapes = phi[: body.n]
+        shapes = shapes - rigid @ (rigid.T @ (body.M @ shapes))
+        own = _own_motions(body, w, shapes)
+        w, shapes = w[own], shapes[:, own]
+        residual, number = np.empty((body.n, 0)), np.empty(0, dtype=np.int64)
+        if loads is not None and loads.shape[1]:
+            residual, number = residual_shapes(elastic_solve(body, rigid), body.K, loads, shapes)
+        return ModeSet.of(
+            self.method,
+            [
+                ModeBlock("rigid", rigid, [f"rigid {motion + 1}" for motion in range(rigid.shape[1])]),
+                ModeBlock("loaded", shapes, [str(mode + 1) for mode in own], w / (2 * np.pi)),
+                ModeBlock("residual", residual, [f"load {load + 1}" for load in number]),
+            ],
+        )
+
+    def _held_modes(
+        self,
+        K: sp.csc_array,
+        M: sp.csc_array,
+        rigid: NDArray[np.float64],
+        interface: NDArray[np.int64],
+        rounding: float,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Modes of the loaded pencil, at rest where the ground holds the body: an infinitely stiff neighbour."""
+        omega = 2 * np.pi * self.cutoff_hz
+        if self.loading is None or not self.loading.grounded.size:
+            return modes_below(K, M, omega, rigid=rigid, rounding=rounding)
+        held = interface[self.loading.grounded]
+        kept = np.setdiff1d(np.arange(K.shape[0]), held)
+        still = rigid @ la.null_space(rigid[held], rcond=_HELD) if rigid.shape[1] else rigid
+        inside = still[kept]
+        M = sp.csc_array(M[kept][:, kept])
+        if inside.shape[1]:
+            inside = la.solve_triangular(la.cholesky(inside.T @ (M @ inside)), inside.T, trans="T").T
+        w, inner = modes_below(sp.csc_array(K[kept][:, kept]), M, omega, rigid=inside, rounding=rounding)
+        phi = np.zeros((K.shape[0], w.size))
+        phi[kept] = inner
+        return w, phi
+
+    def _loaded(
+        self, body: FEModel, interface: NDArray[np.int64], rigid: NDArray[np.float64]
+    ) -> tuple[sp.csc_array, sp.csc_array, NDArray[np.float64]]:
+        """K and M with the loading (n + f, n + f), and the rigid modes of both, orthonormal in M (n + f, r)."""
+        if self.loading is None:
+            return body.K, body.M, rigid
+        load, n, i = self.loading, body.n, interface.size
+        if load.size < i:
+            raise MatrixError(
+                f"body '{body.name}': its interface has {i} dofs, but the loading by its neighbours is "
+                f"{load.size} x {load.size}: it needs a row for each of them"
+            )
+        free = load.size - i
+        rows = np.concatenate([interface, n + np.arange(free)])
+        added_K = load.K if self.stiffness_loading else np.zeros_like(load.K)
+        K, M = (_spread(A, added, rows, n + free) for A, added in ((body.K, added_K), (body.M, load.M)))
+        # Of the body's rigid motions and the neighbours' free ones, those that strain no neighbour are rigid together.
+        motions = la.block_diag(rigid[interface], np.eye(free))
+        parts = _parts(sp.csc_array(added_K), motions)
+        parts[: rigid.shape[1]] += _BODY_LEAVES / _UNRESISTED * _parts(body.K, rigid)
+        size = np.sqrt(np.where(parts > 0, parts, 1.0))
+        strain, V = la.eigh((motions.T @ added_K @ motions) / np.outer(size, size)) if size.size else (size, motions)
+        together = V[:, strain <= _UNRESISTED] / size[:, None]
+        everywhere = la.block_diag(rigid, np.eye(free)) @ together
+        weight = la.cholesky(everywhere.T @ (M @ everywhere)) if together.shape[1] else np.empty((0, 0))
+        everywhere = la.solve_triangular(weight, everywhere.T, trans="T").T if together.shape[1] else everywhere
+        return K, M, everywhere
+
+
+def _own_motions(body: FEModel, w: NDArray[np.float64], shapes: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Loaded modes in which the body itself deforms, each unlike the others.
+
+    Energy is strain and kinetic energy together: what moves no mass of the body may strain it.
+    """
+    strain, inertia = shapes.T @ (body.K @ shapes), shapes.T @ (body.M @ shapes)
+    moving = np.flatnonzero(strain.diagonal() / w**2 + inertia.diagonal() > _STILL)
+    strain, inertia = strain[np.ix_(moving, moving)], inertia[np.ix_(moving, moving)]
+    energy = strain / (float(np.trace(strain)) or 1.0) + inertia / (float(np.trace(inertia)) or 1.0)
+    scale = 1 / np.sqrt(energy.diagonal())
+    return np.sort(moving[independent_columns(energy * np.outer(scale, scale), _NEW)])
+
+
+class AugmentedBody(BenfieldHruda):
+    """Modes of the body with the mass and inertia of all that is outboard of it on its interface, and no stiffness.
+
+    Notes
+    -----
+    Source: Singh, VanderVoort and Likins (1985) and Macala's augmented-body modes, as TREETOPS offers them; theory
+    section 2.
+    """
+
+    method: ClassVar[str] = "augmented"
+    stiffness_loading: ClassVar[bool] = False
+
+
+def _parts(A: sp.csc_array, X: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Absolute parts that the energy of each column is the sum of."""
+    return np.asarray(np.einsum("ij,ij->j", abs(X), abs(A) @ abs(X)))
+
+
+def _spread(A: sp.csc_array, added: NDArray[np.float64], rows: NDArray[np.int64], size: int) -> sp.csc_array:
+    """A of the body, with ``added`` on some of its rows and on those that follow it."""
+    own = sp.coo_array(A)
+    at_rows, at_columns = np.meshgrid(rows, rows, indexing="ij")
+    values = np.concatenate([own.data, added.ravel()])
+    where = (np.concatenate([own.row, at_rows.ravel()]), np.concatenate([own.col, at_columns.ravel()]))
+    whole = sp.csc_array(sp.coo_array((values, where), shape=(size, size)))
+    whole.eliminate_zeros()
+    return whole

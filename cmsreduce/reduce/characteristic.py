@@ -1,0 +1,136 @@
+"""Interface reduction: characteristic constraint modes instead of one constraint mode per interface dof."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.pencil import elastic_and_massless
+from cmsreduce.linalg.repeated import repeated_groups
+
+__all__ = ["Boundary", "InterfaceReduction"]
+
+# Boundary motions of the rigid modes and modes of the boundary are independent when what the others leave of one
+# exceeds this share of it.
+_INDEPENDENT = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class InterfaceReduction:
+    """How the motion of an interface with many dofs is reduced.
+
+    Parameters
+    ----------
+    cutoff_hz : float
+        Characteristic constraint modes are kept up to this frequency; repeated ones are never split.
+    rows : (t,) int64, optional
+        Dofs that are reduced; all of the i-set if absent. The others keep a constraint mode each.
+    shapes : (t, c) float64, optional
+        Motions of these dofs that the basis shall hold, instead of the modes of the boundary: two bodies that are
+        joined there must be able to move alike.
+    """
+
+    cutoff_hz: float
+    rows: NDArray[np.int64] | None = None
+    shapes: NDArray[np.float64] | None = None
+
+    def positions(self, interface: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Positions in the i-set (i,) of the dofs that are reduced, in the order of ``rows``."""
+        if self.rows is None:
+            return np.arange(interface.size)
+        place = {int(row): k for k, row in enumerate(interface)}
+        return np.array([place[int(row)] for row in self.rows if int(row) in place], dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Boundary:
+    """Motions of the i-set that a basis holds.
+
+    Parameters
+    ----------
+    shapes : (i, b) float64
+        Motions of the i-set: single dofs first, then characteristic shapes.
+    single : (s,) int64
+        Positions in the i-set of the dofs that keep a constraint mode each.
+    frequency_hz : (b - s,) float64
+        Frequencies of the characteristic shapes, 0 for rigid ones, NaN where they were given.
+    """
+
+    shapes: NDArray[np.float64]
+    single: NDArray[np.int64]
+    frequency_hz: NDArray[np.float64]
+
+    @property
+    def labels(self) -> list[str]:
+        """Names of the characteristic shapes."""
+        return [f"characteristic {number + 1}" for number in range(self.frequency_hz.size)]
+
+    @classmethod
+    def whole(cls, i: int) -> Boundary:
+        """Every dof of the i-set by itself."""
+        return cls(np.eye(i), np.arange(i), np.empty(0))
+
+    @classmethod
+    def reduced(
+        cls,
+        K: NDArray[np.float64],
+        M: NDArray[np.float64],
+        rigid: NDArray[np.float64],
+        many: NDArray[np.int64],
+        reduction: InterfaceReduction,
+        rounding: float,
+    ) -> Boundary:
+        """Craig-Bampton of the boundary itself: single dofs, and modes of the others with the single ones held.
+
+        Parameters
+        ----------
+        K, M : (i, i) float64
+            Stiffness and mass condensed to the i-set.
+        rigid : (i, r) float64
+            Rigid-body modes on the i-set, orthonormal in M.
+        many : (t,) int64
+            Positions in the i-set of the dofs to reduce.
+        reduction : InterfaceReduction
+            Cutoff, or the shapes themselves.
+        rounding : float
+            Relative rounding of the body's matrices.
+
+        Notes
+        -----
+        Source: Castanier, Tan and Pierre, AIAA J. 39 (2001) 1182-1187: eigenvectors of the reduced boundary pencil.
+        """
+        single = np.setdiff1d(np.arange(K.shape[0]), many)
+        Ktt, Mtt = K[np.ix_(many, many)], M[np.ix_(many, many)]
+        # Rigid motions that leave the single dofs at rest are modes of frequency zero.
+        still = la.null_space(rigid[single], rcond=_INDEPENDENT) if rigid.shape[1] else np.empty((0, 0))
+        at_rest = rigid[many] @ still if still.size else np.empty((many.size, 0))
+        if at_rest.shape[1]:
+            at_rest = la.solve_triangular(la.cholesky(at_rest.T @ Mtt @ at_rest), at_rest.T, trans="T").T
+        lam, X, N = elastic_and_massless(Ktt, Mtt, at_rest, rounding)
+        kept = _up_to(np.sqrt(lam), 2 * np.pi * reduction.cutoff_hz)
+        U = np.hstack([at_rest, X[:, :kept]])
+        frequency = np.concatenate([np.zeros(at_rest.shape[1]), np.sqrt(lam[:kept]) / (2 * np.pi)])
+        if reduction.shapes is not None:
+            U, frequency = reduction.shapes, np.full(reduction.shapes.shape[1], np.nan)
+            if U.shape[0] != many.size:
+                raise MatrixError(
+                    f"interface reduction: its shapes have {U.shape[0]} rows, but {many.size} dofs are reduced"
+                )
+        # The many follow the single ones statically; what is rigid of that is among the modes.
+        Kts = K[np.ix_(many, single)]
+        follow = -X @ ((X.T @ Kts) / lam[:, None]) - N @ (N.T @ Kts)
+        shapes = np.zeros((K.shape[0], single.size + U.shape[1]))
+        shapes[single, np.arange(single.size)] = 1.0
+        shapes[many, : single.size], shapes[many, single.size :] = follow, U
+        return cls(shapes, single, frequency)
+
+
+def _up_to(w: NDArray[np.float64], omega: float) -> int:
+    """Number of modes up to a frequency, with all of a repeated one."""
+    kept = int(np.count_nonzero(w <= omega))
+    group = repeated_groups(w)
+    return int(np.count_nonzero(group <= group[kept - 1])) if kept else 0

@@ -1,0 +1,85 @@
+"""MacNeal-Rubin: free modes and what they leave of the static flexibility at the interface."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.eigenpairs import modes_below
+from cmsreduce.model import FEModel, ModeBlock, ModeSet
+from cmsreduce.reduce.reduction import Reduction
+from cmsreduce.reduce.static_shapes import elastic_solve, residual_shapes, unit_loads
+
+__all__ = ["MacNealRubin", "free_modes_and_residuals"]
+
+
+class MacNealRubin(Reduction):
+    """Rigid modes, free elastic modes up to the cutoff, and one residual mode per interface dof.
+
+    Notes
+    -----
+    Psi = (P^T G P - phi_e W_e^-2 phi_e^T) F with F unit forces on the i-set, P = I - M phi_r phi_r^T. Residual modes
+    are orthogonal to the kept modes in M and in K. Any interface will do: it need not hold the body. Source: MacNeal
+    (1971), Rubin (1975), with the residuals of Craig and Chang (1977); theory section 2.
+    """
+
+    method: ClassVar[str] = "macneal-rubin"
+
+    def basis(
+        self,
+        body: FEModel,
+        interface: NDArray[np.int64],
+        rigid: NDArray[np.float64],
+        loads: NDArray[np.float64] | None = None,
+    ) -> ModeSet:
+        """Shapes of the mode set, rigid modes first; see `Reduction.basis`."""
+        labels = [body.dofs.labels[row] for row in interface]
+        labels += [f"load {number + 1}" for number in range(0 if loads is None else loads.shape[1])]
+        forces = unit_loads(body.n, interface, loads)
+        return free_modes_and_residuals(self.method, body, rigid, 2 * np.pi * self.cutoff_hz, forces, labels)
+
+
+def free_modes_and_residuals(
+    method: str,
+    body: FEModel,
+    rigid: NDArray[np.float64],
+    omega: float,
+    loads: NDArray[np.float64],
+    labels: list[str],
+) -> ModeSet:
+    """Free modes up to a frequency and the residual flexibility under some loads.
+
+    Parameters
+    ----------
+    method : str
+        Name of the mode set they are for.
+    body : FEModel
+        The body.
+    rigid : (n, r) float64
+        Rigid-body modes.
+    omega : float
+        Highest frequency in rad/s.
+    loads : (n, l) float64
+        Loads whose static response the basis holds.
+    labels : list of str
+        Name of each load.
+    """
+    solve = elastic_solve(body, rigid)
+    w, phi = np.empty(0), np.empty((body.n, 0))
+    if omega > 0:
+        w, phi = modes_below(body.K, body.M, omega, rigid=rigid, solve=solve, rounding=body.rounding)
+    residual, number = residual_shapes(solve, body.K, loads, phi)
+    # Soft modes strain little: what is left of them in a residual shows in its mass.
+    kept = np.hstack([rigid, phi])
+    for _ in range(2):
+        residual = residual - kept @ (kept.T @ (body.M @ residual))
+    return ModeSet.of(
+        method,
+        [
+            ModeBlock("rigid", rigid, [f"rigid {number + 1}" for number in range(rigid.shape[1])]),
+            ModeBlock("free", phi, [str(number + 1) for number in range(w.size)], w / (2 * np.pi)),
+            ModeBlock("residual", residual, [labels[load] for load in number]),
+        ],
+    )
