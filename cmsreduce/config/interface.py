@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, model_validator
 
-from cmsreduce.config.keys import DofNames, Keys, Name, NotAvailable, Plain, Vector, exactly_one
+from cmsreduce.config.keys import DofNames, Keys, Name, Plain, Positive, Vector, exactly_one
 from cmsreduce.config.rotation import Rotations, rotation_matrix
 from cmsreduce.model.scene import dof_index
 
@@ -108,27 +108,48 @@ class InterfaceKeys(Keys):
     set: Plain | None = Field(default=None, description="Dof set of the source, such as b.", examples=["b"])
     position: Vector | None = Field(
         default=None,
-        description="Point of a rigid body, in its basic frame and unit of length.",
+        description="Point of a rigid body, or that nodes are tied to (by default their centroid), in the body's basic "
+        "frame and unit of length.",
         examples=[[0, 0, 0]],
     )
     dofs: DofNames | None = Field(
         default=None,
         min_length=1,
-        description="Dofs that belong to the interface, by default those of 123456 that the node or set has.",
+        description="Dofs that belong to the interface, or that a rigid tie moves; by default those of 123456 that the "
+        "node or set has.",
         examples=[123],
     )
     frame: FrameKeys | None = Field(
         default=None,
-        description="Axes of joints on this interface; by default those of its first node.",
+        description="Axes of joints on this interface; by default those of its first node, basic ones for a tie.",
         examples=[{"axis": "z", "angle": "30 deg"}],
     )
-    tie: NotAvailable = Field(
-        default=None, description="Ties several nodes to one point (rigid, average). Not available in this version."
+    tie: Literal["rigid", "average"] | None = Field(
+        default=None,
+        description="Ties the nodes to one point with dofs 123456, which is then the interface: rigid, the nodes "
+        "follow it as one stiff piece (RBE2); average, it follows their mean motion and stiffens nothing (RBE3).",
+    )
+    weights: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = Field(
+        default=None,
+        description="Weight of each node in an average tie; by default all are equal.",
+        examples=[[1.0, 2.0, 1.0]],
     )
 
     @model_validator(mode="after")
     def _one_place(self) -> InterfaceKeys:
-        exactly_one(self, ("node", "nodes", "set", "position"), "an interface")
+        if self.tie is None:
+            exactly_one(self, ("node", "nodes", "set", "position"), "an interface")
+            if self.weights is not None:
+                raise ValueError("weights are those of nodes in an average: add `tie: average`")
+            return self
+        if self.nodes is None or self.node is not None or self.set is not None:
+            raise ValueError(f"`tie: {self.tie}` ties a list of nodes: name them by `nodes: [...]`, and no other way")
+        if self.tie == "rigid" and self.weights is not None:
+            raise ValueError("a rigid tie has no weights: take them out, or use `tie: average`")
+        if self.tie == "average" and self.dofs is not None:
+            raise ValueError("an average is of the translations of the nodes: take `dofs` out, or use `tie: rigid`")
+        if self.weights is not None and len(self.weights) != len(self.nodes):
+            raise ValueError(f"{len(self.nodes)} nodes need as many weights, found {len(self.weights)}")
         return self
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,6 +15,7 @@ from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import SCALAR, DofTable
 from cmsreduce.model.interface import Interface
 from cmsreduce.model.nodes import Nodes
+from cmsreduce.model.recovery import Recovery
 from cmsreduce.model.units import SI, Units
 
 __all__ = ["FEModel", "RigidBody", "Source"]
@@ -69,7 +71,10 @@ class FEModel:
     sets : mapping of str to (k,) int64
         Rows of named dof sets of the source, such as ``b`` and ``q``.
     constrained : DofTable
-        Dofs the source holds at zero (single-point constraints); they have no rows.
+        Dofs held at zero, by single-point constraints of the source or because nothing determines their motion; they
+        have no rows.
+    tied : Recovery, optional
+        Dofs that follow others, as those of a node tied to an interface point; they have no rows either.
     grounded : bool
         Whether the user says that the body is held to the ground, so that K resists rigid motion.
     sources : tuple of Source
@@ -94,6 +99,7 @@ class FEModel:
     rounding: float = 2.0**-53
     sets: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
     constrained: DofTable | None = None
+    tied: Recovery | None = None
     grounded: bool = False
     sources: tuple[Source, ...] = ()
 
@@ -138,6 +144,8 @@ class FEModel:
                     "structure gives back no more energy than it is given"
                 )
             object.__setattr__(self, letter, sp.csc_array((A + A.T) * 0.5))
+        if self.tied is not None and self.tied.T.shape[1] != n:
+            raise DofMapError(f"body '{self.name}': tied dofs follow {self.tied.T.shape[1]} rows, but it has {n}")
         if self.D is not None and self.damping.law != "none":
             raise MatrixError(f"body '{self.name}': give a damping matrix or a damping law, not both")
         if self.nodes is not None:
@@ -153,6 +161,18 @@ class FEModel:
     def n(self) -> int:
         """Number of dofs."""
         return len(self.dofs)
+
+    @cached_property
+    def recovery(self) -> Recovery:
+        """Every dof whose motion the rows give: the rows themselves, then the dofs tied to them."""
+        rows = sp.eye_array(self.n, format="csr")
+        if self.tied is None:
+            return Recovery(self.dofs, rows)
+        dofs = DofTable(
+            np.concatenate([self.dofs.node, self.tied.dofs.node]),
+            np.concatenate([self.dofs.component, self.tied.dofs.component]),
+        )
+        return Recovery(dofs, sp.csr_array(sp.vstack([rows, self.tied.T])))
 
     def interface_rows(self, name: str) -> NDArray[np.int64]:
         """Rows of one interface, node by node."""

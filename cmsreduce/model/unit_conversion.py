@@ -10,7 +10,9 @@ import scipy.sparse as sp
 
 from cmsreduce.model.body import FEModel, RigidBody
 from cmsreduce.model.damping import Damping
+from cmsreduce.model.dofs import DofTable
 from cmsreduce.model.interface import Interface
+from cmsreduce.model.recovery import Recovery
 from cmsreduce.model.units import Units
 
 __all__ = ["in_units", "rigid_in_units"]
@@ -34,8 +36,7 @@ def in_units(body: FEModel, units: Units) -> FEModel:
     if (length, mass, time) == (1.0, 1.0, 1.0):
         return replace(body, units=units)
     energy = mass * length**2 / time**2
-    component = body.dofs.component
-    inverse = sp.diags_array(np.where((component >= 1) & (component <= 3), 1 / length, 1.0))
+    inverse = _diagonal(body.dofs, 1 / length)
 
     def restated(A: sp.csc_array, power_of_time: int) -> sp.csc_array:
         return sp.csc_array(energy * time**power_of_time * (inverse @ A @ inverse))
@@ -54,6 +55,7 @@ def in_units(body: FEModel, units: Units) -> FEModel:
         interfaces=_faces(body.interfaces, length),
         damping=damping,
         units=units,
+        tied=body.tied and Recovery(body.tied.dofs, _diagonal(body.tied.dofs, length) @ body.tied.T @ inverse),
     )
 
 
@@ -68,6 +70,11 @@ def rigid_in_units(body: RigidBody, units: Units) -> RigidBody:
         interfaces=_faces(body.interfaces, length),
         units=units,
     )
+
+
+def _diagonal(dofs: DofTable, length: float) -> sp.dia_array:
+    """``length`` for translations, 1 for rotations and scalar dofs."""
+    return sp.diags_array(np.where((dofs.component >= 1) & (dofs.component <= 3), length, 1.0))
 
 
 def _ratios(old: Units, new: Units) -> tuple[float, float, float]:

@@ -45,14 +45,15 @@ def basic_shapes(
     """
     first = 1 if motion == "translation" else 4
     asked = np.repeat(chosen, 3), np.tile(np.arange(first, first + 3), chosen.size)
-    rows = body.dofs.rows(*asked).reshape(-1, 3)
+    recovery = body.recovery
+    rows = recovery.dofs.rows(*asked).reshape(-1, 3)
     have = rows >= 0
     known = have.copy()
     if body.constrained is not None:
         held = body.constrained.rows(*asked).reshape(-1, 3) >= 0
         known |= held if motion == "translation" else held & have.any(axis=1, keepdims=True)
     axes = nodes.frame[nodes.index(chosen)]
-    along = np.where(have[..., None], Phi[rows], 0.0)
+    along = np.where(have[..., None], (recovery.T[rows.ravel()] @ Phi).reshape(*rows.shape, Phi.shape[1]), 0.0)
     shapes = np.asarray(np.einsum("kca,kcm->kam", axes, along))
     # What moves along an axis of unknown motion is unknown along every basic axis that it is not square with.
     unknown = (abs(axes) > _SQUARE) & ~known[..., None]
