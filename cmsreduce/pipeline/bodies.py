@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import Ports, body_points, body_ports
@@ -27,7 +28,17 @@ from cmsreduce.model import (
     rigid_body_shapes,
     rigid_in_units,
 )
-from cmsreduce.read import InterfaceSpec, MatrixSource, RowOrderProof, prove_row_order, read_body
+from cmsreduce.read import (
+    Determined,
+    InterfaceSpec,
+    MatrixSource,
+    RowOrderProof,
+    Tie,
+    hold_undetermined,
+    prove_row_order,
+    read_body,
+    tie_nodes,
+)
 from cmsreduce.verify import mass_disorder
 
 __all__ = ["FlexibleBody", "read_flexible", "read_rigid"]
@@ -72,7 +83,7 @@ class FlexibleBody:
         """Hash of all that its reduction depends on."""
         digest = hashlib.sha256()
         body, ports = self.body, self.ports
-        arrays: list[NDArray[Any]] = [body.dofs.node, body.dofs.component, ports.interface, ports.loads]
+        arrays: list[NDArray[Any]] = [body.dofs.node, body.dofs.component, ports.interface, ports.static_loads]
         arrays += [np.array(self.rigid.shape), np.array(body.rounding)]
         for A in (body.K, body.M, body.D):
             if A is not None:
@@ -108,7 +119,10 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     """
     part = pipeline.components[name]
     as_read, proof = _read(name, part, part.units_in(scene.units))
-    body = in_units(as_read, scene.units)
+    named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
+    determined = hold_undetermined(in_units(as_read, scene.units), named)
+    body = determined.body
+    check_connected(body)
     R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
     rigid = rigid_body_modes(body.K, body.M, R, body.rounding, name)
     checks, notes = [], []
@@ -121,7 +135,11 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
     if body.damping.law == "none" and body.D is None:
         notes.append(f"{name}: no damping is given; its resonances are infinite")
-    ports = body_ports(body, scene)
+    if determined.note:
+        notes.append(determined.note)
+    keys = pipeline.reduce_of(name)
+    ports = body_ports(body, scene, () if keys is None else keys.residuals)
+    _check_answerable(determined, ports)
     if not body.interfaces and motions_held(rigid, ports.interface) < rigid.shape[1]:
         # Nothing is joined to the body, and its actuators do not hold it: it has no constraint modes.
         ports = ports.as_loads()
@@ -157,6 +175,15 @@ def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
     return rigid_in_units(body, scene.units)
 
 
+def _check_answerable(determined: Determined, ports: Ports) -> None:
+    """Refuse actuators and sensors on motions without stiffness and mass."""
+    units = sp.csr_array(sp.eye_array(determined.body.n, format="csr")[ports.interface])
+    determined.check_untouched(units, "what acts")
+    determined.check_untouched(sp.csr_array(ports.loads.T), "what acts")
+    determined.check_untouched(ports.displacements, "what is measured")
+    determined.check_untouched(ports.rates, "what is measured")
+
+
 def _read(name: str, part: Component, units: Units) -> tuple[FEModel, RowOrderProof]:
     assert part.stiffness is not None and part.mass is not None
     matrix = None if part.damping is None else part.damping.matrix
@@ -172,8 +199,14 @@ def _read(name: str, part: Component, units: Units) -> tuple[FEModel, RowOrderPr
         grounded=part.grounded,
         interfaces={label: _interface(label, name, keys) for label, keys in part.interfaces.items()},
     )
-    check_connected(body)
-    return body, prove_row_order(body)
+    # The rows are proven on the matrices as they are read; what follows restates them.
+    proof = prove_row_order(body)
+    for label, keys in part.interfaces.items():
+        if keys.tie is not None:
+            position = None if keys.position is None else np.array(keys.position)
+            frame = None if keys.frame is None else keys.frame.rows()
+            body = tie_nodes(body, label, Tie(keys.tie, position, keys.weights, frame))
+    return body, proof
 
 
 def _source(keys: MatrixFile) -> MatrixSource:
@@ -181,7 +214,7 @@ def _source(keys: MatrixFile) -> MatrixSource:
 
 
 def _interface(label: str, body: str, keys: InterfaceKeys) -> InterfaceSpec:
-    if keys.position is not None:
+    if keys.position is not None and keys.tie is None:
         raise SceneError(f"'{body}.{label}': a flexible body is joined at its nodes; give `node:`, not `position:`")
     nodes = (keys.node,) if keys.node is not None else keys.nodes
     dofs = None if keys.dofs is None else "".join(str(c) for c in sorted(keys.components))
