@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from cmsreduce.assemble import (
     Wiring,
     assemble,
     couple,
+    damped_modes,
     receptances,
     rigid_response,
     system_modes,
@@ -20,10 +22,15 @@ from cmsreduce.assemble import (
 )
 from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System
 
-__all__ = ["AssembledModel", "Resonances"]
+__all__ = ["AssembledModel", "DampedModes", "Resonances", "cross_orthogonality"]
+
+Number = TypeVar("Number", np.float64, np.complex128)
 
 # Modes a little above the band still shape the response at its edge.
 _BEYOND_BAND = 1.25
+# A full mode whose reduced one lies in the band may lie a little above it. Nearer to the undamped modes' limit there
+# are too few of these to start from.
+_PARTNER_BEYOND_BAND = 1.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +50,22 @@ class Resonances:
     shapes: Mapping[str, NDArray[np.float64]]
 
 
+@dataclass(frozen=True, eq=False)
+class DampedModes:
+    """Complex modes of a system, those of overdamped motions left out.
+
+    Parameters
+    ----------
+    s : (k,) complex128
+        Roots in rad/s.
+    shapes : mapping of body to (m_i, k) complex128
+        Shapes in each body's own coordinates, of unit length in the system's mass.
+    """
+
+    s: NDArray[np.complex128]
+    shapes: Mapping[str, NDArray[np.complex128]]
+
+
 class AssembledModel:
     """Substructures in a scene; what is asked twice is computed once.
 
@@ -59,7 +82,9 @@ class AssembledModel:
         self.stack = PointStack(substructures)
         self._systems: dict[str, System] = {}
         self._wirings: dict[str, Wiring] = {}
+        self._undamped: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
         self._resonances: dict[str, Resonances] = {}
+        self._damped: dict[str, DampedModes | None] = {}
 
     def wiring(self, configuration: Configuration) -> Wiring:
         """Joints, inputs and outputs in a configuration."""
@@ -77,17 +102,30 @@ class AssembledModel:
         """Elastic modes up to a little above the band."""
         if configuration.name not in self._resonances:
             system = self.system(configuration)
-            w, Phi = system_modes(system, 2 * np.pi * self.scene.band[1] * _BEYOND_BAND)
+            w, Phi = self._modes(configuration)
             zeta = np.zeros(w.size)
             if system.D is not None:
                 zeta += _weights(system.D, Phi) / (2 * w)
             if system.loss is not None:
                 zeta += _weights(system.loss, Phi) / (2 * w**2)
-            stacked = np.asarray(system.T @ Phi)
-            ends = np.cumsum(list(system.sizes.values()))
-            shapes = dict(zip(system.sizes, np.split(stacked, ends[:-1]), strict=True))
-            self._resonances[configuration.name] = Resonances(w, zeta, shapes)
+            self._resonances[configuration.name] = Resonances(w, zeta, _by_body(system, Phi))
         return self._resonances[configuration.name]
+
+    def damped_modes(self, configuration: Configuration) -> DampedModes | None:
+        """Complex modes up to just above the band; None without damping."""
+        if configuration.name not in self._damped:
+            system = self.system(configuration)
+            top = 2 * np.pi * self.scene.band[1] * _PARTNER_BEYOND_BAND
+            found = damped_modes(system, top, self._modes(configuration))
+            modes = None if found is None else DampedModes(found.s, _by_body(system, found.X))
+            self._damped[configuration.name] = modes
+        return self._damped[configuration.name]
+
+    def _modes(self, configuration: Configuration) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        if configuration.name not in self._undamped:
+            top = 2 * np.pi * self.scene.band[1] * _BEYOND_BAND
+            self._undamped[configuration.name] = system_modes(self.system(configuration), top)
+        return self._undamped[configuration.name]
 
     def receptances(self, omega: NDArray[np.float64]) -> dict[str, NDArray[np.complex128]]:
         """Dynamic flexibilities of the single bodies; good for every configuration."""
@@ -109,19 +147,19 @@ class AssembledModel:
 
 
 def cross_orthogonality(
-    full: Resonances,
-    reduced: Resonances,
+    full: Mapping[str, NDArray[Number]],
+    reduced: Mapping[str, NDArray[Number]],
     bodies: Mapping[str, FEModel],
     full_shapes: Mapping[str, ModalComponent | None],
     reduced_shapes: Mapping[str, ModalComponent | None],
     substructures: Mapping[str, Substructure],
-) -> NDArray[np.float64]:
-    """Mass products of the shapes of two models (full modes, reduced modes).
+) -> NDArray[Number]:
+    """Mass products of the shapes of two models (full modes, reduced modes), the full ones conjugated.
 
     Parameters
     ----------
-    full, reduced : Resonances
-        Modes of either model.
+    full, reduced : mapping of body to (m_i, k) array
+        Shapes of either model in each body's own coordinates, real or complex.
     bodies : mapping of name to FEModel
         Mass matrices of the flexible bodies.
     full_shapes, reduced_shapes : mapping of name to ModalComponent or None
@@ -129,17 +167,23 @@ def cross_orthogonality(
     substructures : mapping of name to Substructure
         Bodies of the full model, for the masses of the rigid ones.
     """
-    cross = np.zeros((full.omega.size, reduced.omega.size))
+    cross: list[NDArray[Number]] = []
     for name, sub in substructures.items():
         if name not in bodies:
-            cross += full.shapes[name].T @ (sub.M @ reduced.shapes[name])
+            cross.append(np.asarray(full[name].conj().T @ (sub.M @ reduced[name])))
             continue
         here, there = (
-            model.shapes[name] if modes is None else modes.Phi @ model.shapes[name]
-            for model, modes in ((full, full_shapes[name]), (reduced, reduced_shapes[name]))
+            shapes[name] if modes is None else modes.Phi @ shapes[name]
+            for shapes, modes in ((full, full_shapes[name]), (reduced, reduced_shapes[name]))
         )
-        cross += here.T @ (bodies[name].M @ there)
-    return cross
+        cross.append(np.asarray(here.conj().T @ (bodies[name].M @ there)))
+    return np.asarray(np.sum(cross, axis=0))
+
+
+def _by_body(system: System, X: NDArray[Number]) -> dict[str, NDArray[Number]]:
+    """Shapes of a system in the coordinates of each body."""
+    ends = np.cumsum(list(system.sizes.values()))
+    return dict(zip(system.sizes, np.split(np.asarray(system.T @ X), ends[:-1]), strict=True))
 
 
 def _weights(A: Matrix, Phi: NDArray[np.float64]) -> NDArray[np.float64]:

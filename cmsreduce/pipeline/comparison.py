@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.model import (
     Configuration,
     ConfigurationResult,
+    DampedPairs,
     FEModel,
     ModalComponent,
     ModelErrors,
@@ -18,7 +19,7 @@ from cmsreduce.model import (
     Scene,
     Speed,
 )
-from cmsreduce.pipeline.assembled import AssembledModel, cross_orthogonality
+from cmsreduce.pipeline.assembled import AssembledModel, Number, cross_orthogonality
 from cmsreduce.pipeline.progress import Progress
 from cmsreduce.verify import (
     FrequencyPairs,
@@ -28,6 +29,7 @@ from cmsreduce.verify import (
     frac,
     frequency_grid,
     frf_error,
+    pair_complex_modes,
     pair_frequencies,
 )
 
@@ -155,6 +157,7 @@ class Comparison:
                 full_hz=pairs.full_hz,
                 reduced_hz=pairs.reduced_hz,
                 mac=pairs.mac,
+                damped=self._damped_pairs(configuration, model),
             )
             curves[label] = H_r
         own = next(iter(models.values())).assembled
@@ -176,8 +179,20 @@ class Comparison:
 
     def _pairs(self, configuration: Configuration, model: ReducedModel) -> FrequencyPairs:
         full, reduced = self.full.resonances(configuration), model.assembled.resonances(configuration)
-        cross = cross_orthogonality(full, reduced, self.bodies, self.full_shapes, model.shapes, self.full.substructures)
+        cross = self._cross_orthogonality(full.shapes, reduced.shapes, model)
         return pair_frequencies(full.omega, reduced.omega, cross, self.scene.band[1])
+
+    def _damped_pairs(self, configuration: Configuration, model: ReducedModel) -> DampedPairs | None:
+        full, reduced = self.full.damped_modes(configuration), model.assembled.damped_modes(configuration)
+        if full is None or reduced is None:
+            return None
+        cross = self._cross_orthogonality(full.shapes, reduced.shapes, model)
+        return pair_complex_modes(full.s, reduced.s, cross, self.scene.band[1])
+
+    def _cross_orthogonality(
+        self, full: Mapping[str, NDArray[Number]], reduced: Mapping[str, NDArray[Number]], model: ReducedModel
+    ) -> NDArray[Number]:
+        return cross_orthogonality(full, reduced, self.bodies, self.full_shapes, model.shapes, self.full.substructures)
 
 
 def _thinned(grid: NDArray[np.float64], omega: NDArray[np.float64], zeta: NDArray[np.float64]) -> NDArray[np.float64]:

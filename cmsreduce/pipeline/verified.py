@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import Configuration, ConfigurationResult, ModelErrors, Response
+from cmsreduce.model import Configuration, ConfigurationResult, DampedPairs, ModelErrors, Response
 
 __all__ = ["Verified", "verified_from", "verified_to"]
 
 _COUNTS = ("n_full", "n_reduced", "modes_full", "modes_reduced")
+# The damping error follows from the pairs.
 _FIGURES = ("frf_error", "db_error", "frequency_error")
 _SERIES = ("frac", "full_hz", "reduced_hz", "mac")
+_DAMPED = ("full", "reduced", "mac", "error")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +59,8 @@ def verified_to(verified: Verified) -> tuple[dict[str, NDArray[Any]], dict[str, 
             errors = result.errors[label]
             arrays[f"{c}.{m}.response"] = result.response.reduced[label]
             arrays |= {f"{c}.{m}.{name}": getattr(errors, name) for name in _SERIES}
+            if errors.damped is not None:
+                arrays |= {f"{c}.{m}.damped.{name}": getattr(errors.damped, name) for name in _DAMPED}
             row["errors"].append({name: getattr(errors, name) for name in _FIGURES})
         facts["configurations"].append(row)
     return arrays, facts
@@ -72,7 +76,8 @@ def verified_from(
         for m, label in enumerate(facts["models"]):
             series = {name: np.asarray(arrays[f"{c}.{m}.{name}"]) for name in _SERIES}
             figures: dict[str, Any] = row["errors"][m]
-            errors[label] = ModelErrors(**{**figures, **series})
+            damped = {name: np.asarray(arrays[key]) for name in _DAMPED if (key := f"{c}.{m}.damped.{name}") in arrays}
+            errors[label] = ModelErrors(**{**figures, **series}, damped=DampedPairs(**damped) if damped else None)
             curves[label] = arrays[f"{c}.{m}.response"]
         response = Response(arrays[f"{c}.frequency_hz"], arrays[f"{c}.full"], curves)
         results.append(

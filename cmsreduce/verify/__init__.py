@@ -1,5 +1,6 @@
 """What a reduced model gets wrong, as data."""
 
+from cmsreduce.verify.damping_error import pair_complex_modes
 from cmsreduce.verify.frequency_error import FrequencyPairs, pair_frequencies
 from cmsreduce.verify.grid import decibel_grid, frequency_grid, lowest_frequency
 from cmsreduce.verify.mass_properties import MassProperties, mass_disorder, mass_properties
@@ -18,5 +19,6 @@ __all__ = [
     "lowest_frequency",
     "mass_disorder",
     "mass_properties",
+    "pair_complex_modes",
     "pair_frequencies",
 ]

@@ -1,0 +1,201 @@
+"""Complex modes of the full and of the reduced system, for every damping law, as the summary has them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.config import load_pipeline
+from cmsreduce.linalg.complex_modes import complex_modes
+from cmsreduce.linalg.damped_pencil import DampedPencil
+from cmsreduce.linalg.eigenpairs import modes_below
+from cmsreduce.pipeline import Run, Silent, execute
+from cmsreduce.pipeline.inspection import run_checks
+from cmsreduce.write import summary
+from tests.assemble.rigs import rigid_modes
+from tests.pipeline.study import PIPELINE, arm, write_body
+
+FREE = """\
+name: free
+output: {output}
+components:
+  arm:
+    stiffness: {{file: arm.op4, matrix: KAA}}
+    mass: {{file: arm.op4, matrix: MAA}}
+    geometry: arm.bdf
+    damping: {damping}
+scene:
+  band: 450 Hz
+  actuators: {{push: {{at: arm.5, force: [0, 1, 1]}}}}
+  sensors: {{tip: {{at: arm.1, measure: z}}}}
+reduce: {{cutoff: {cutoff}}}
+verify: {{limits: {{damping_error: {limit}}}}}
+"""
+CHAIN = """\
+name: chain
+output: {output}
+components:
+  chain:
+    stiffness: {{file: {punch}, matrix: KAAX}}
+    mass: {{file: {punch}, matrix: MAAX}}
+    interfaces: {{dampers: {{nodes: {nodes}}}}}
+    damping: {{matrix: {{file: {punch}, matrix: BAAX}}}}
+scene:
+  band: 4 Hz
+  actuators: {{push: {{at: chain.201, force: [1, 0, 0]}}}}
+  sensors: {{probe: {{at: chain.108, measure: [x]}}}}
+reduce: {{cutoff: {cutoff}}}
+verify: {{}}
+"""
+
+Facts = dict[str, Any]
+G = 0.3
+
+
+def facts_of(run: Run, source: Path) -> Facts:
+    result = execute(run, source)
+    assert result is not None
+    return summary(result)
+
+
+@pytest.fixture
+def free(tmp_path: Path) -> Callable[..., Facts]:
+    """Run the arm by itself, floating free: the modes of the system are those of the body."""
+    write_body(tmp_path, arm())
+
+    def run(damping: str, cutoff: float = 1.0, limit: float = 1.0) -> Facts:
+        path = tmp_path / "free.yaml"
+        path.write_text(FREE.format(output=tmp_path / "out", damping=damping, cutoff=cutoff, limit=limit))
+        return facts_of(Run(load_pipeline(path), tmp_path / "out", Silent()), path)
+
+    return run
+
+
+def modes_of(facts: Facts) -> dict[str, np.ndarray]:
+    (configuration,) = facts["configurations"]
+    return {
+        key: np.array([mode[key] for mode in configuration["complex_modes"]])
+        for key in ("full_hz", "full_zeta", "reduced_hz", "reduced_zeta", "mac")
+    }
+
+
+@pytest.mark.parametrize(
+    ("damping", "ratio"),
+    [
+        ("{modal: 0.02}", lambda w: np.full(w.size, 0.02)),
+        ("{table: [[0, 0.01], [1000, 0.03]]}", lambda w: np.interp(w / 2 / np.pi, [0, 1000], [0.01, 0.03])),
+        ("{per_mode: [0.01, 0.05, 0.02]}", lambda w: np.array([0.01, 0.05] + [0.02] * (w.size - 2))),
+        ("{rayleigh: {alpha: 8.0, beta: 1e-5}}", lambda w: 4 / w + 5e-6 * w),
+        (f"{{structural: {G}}}", lambda w: np.full(w.size, np.sin(np.arctan(G) / 2))),
+    ],
+)
+def test_ratios_are_those_of_the_law(
+    free: Callable[..., Facts], damping: str, ratio: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    facts = free(damping)
+    body = arm()
+    w, _ = modes_below(body.K, body.M, 2 * np.pi * 450, rigid=rigid_modes(body))
+    modes = modes_of(facts)
+    assert w.size == modes["full_hz"].size == 3
+    stretch = (1 + G * G) ** 0.25 if "structural" in damping else 1.0
+    np.testing.assert_allclose(modes["full_hz"], stretch * w / (2 * np.pi), rtol=1e-8)
+    np.testing.assert_allclose(modes["full_zeta"], ratio(w), rtol=1e-7)
+    # The reduced body has the law at its own frequencies.
+    w_r = 2 * np.pi * modes["reduced_hz"] / stretch
+    np.testing.assert_allclose(modes["reduced_zeta"], ratio(w_r), rtol=1e-7)
+    assert facts["worst"]["damping_error"] == pytest.approx(max(abs(modes["reduced_zeta"] / modes["full_zeta"] - 1)))
+    assert facts["worst"]["damping_error"] < 1e-3
+
+
+def test_a_limit_on_the_damping_error_decides(free: Callable[..., Facts]) -> None:
+    error = free("{rayleigh: {beta: 1e-5}}", cutoff=0.3)["worst"]["damping_error"]
+    assert error > 1e-6
+    assert free("{rayleigh: {beta: 1e-5}}", cutoff=0.3, limit=1.01 * error)["passed"] is True
+    broken = free("{rayleigh: {beta: 1e-5}}", cutoff=0.3, limit=0.99 * error)
+    assert (broken["passed"], broken["limits"]) == (False, {"damping_error": 0.99 * error})
+
+
+def test_an_undamped_system_has_no_damping_error(opened: Callable[..., Run], study: Path) -> None:
+    text = PIPELINE.replace("    damping: {{modal: 0.01}}\n", "").replace("rank: gregory", "rank: frequency")
+    run = opened(text=text)
+    facts = facts_of(run, study)
+    assert facts["worst"]["damping_error"] is None
+    names = {check.name for check in run_checks(study.parent / "out", [])}
+    assert "frf_error" in names and "damping_error" not in names
+    assert all(row["complex_modes"] is None for row in facts["configurations"])
+    assert all(model._damped for model in (run.comparison.full, run.model.assembled))
+    assert not any(found for found in run.comparison.full._damped.values())
+
+
+def test_pairs_are_kept_with_a_finished_stage(opened: Callable[..., Run], study: Path) -> None:
+    first, again = facts_of(opened(), study), facts_of(opened(), study)
+    assert len(first["configurations"]) == 2
+    for before, after in zip(first["configurations"], again["configurations"], strict=True):
+        assert len(before["complex_modes"]) >= 4
+        assert after["complex_modes"] == before["complex_modes"]
+        assert 0 < after["damping_error"] == before["damping_error"]
+
+
+def test_joined_bodies_of_unlike_damping_have_ratios_between_theirs(opened: Callable[..., Run], study: Path) -> None:
+    """With viscous damping beta K in each body, zeta is a mean of beta w / 2 weighed by strain energy."""
+    run = opened("components.arm.damping={rayleigh: {beta: 1e-4}}", "components.panel.damping={rayleigh: {beta: 3e-5}}")
+    for row in facts_of(run, study)["configurations"]:
+        for mode in row["complex_modes"]:
+            w = 2 * np.pi * mode["full_hz"]
+            assert 1.5e-5 * w < mode["full_zeta"] < 5e-5 * w
+        assert row["damping_error"] < 0.02
+
+
+@pytest.mark.shared
+def test_a_damping_matrix_is_reduced_and_not_diagonalised(shared_data: Path, tmp_path: Path) -> None:
+    """A chain with two dampers, whose ends are interfaces: the reduced ratios fall upon those of 15 dofs in full."""
+    punch = shared_data / "chain15" / "dmig.pch"
+    errors, path = [], tmp_path / "chain.yaml"
+    for cutoff in (0.5, 2.0, 5.0, 20.0):
+        path.write_text(CHAIN.format(output=tmp_path / "out", punch=punch, nodes=[101, 102, 301, 302], cutoff=cutoff))
+        run = Run(load_pipeline(path), tmp_path / "out", Silent())
+        facts = facts_of(run, path)
+        errors.append(facts["worst"]["damping_error"])
+        if cutoff == 2.0:
+            reduced, modes = run.model.assembled.system(run.scene.configurations[0]), modes_of(facts)
+    assert errors[0] > 0.1 and errors[1] < 2e-5 and errors[2] < errors[1] and errors[3] < 1e-12
+    # The full roots from a companion matrix of twice the size, by another road.
+    body = run.bodies["chain"].body
+    K, M, D = (A.toarray() for A in (body.K, body.M, body.D))
+    A = np.block([[np.zeros_like(K), np.eye(15)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
+    s = np.linalg.eigvals(A)
+    s = s[(s.imag > 1e-3) & (abs(s) < 2 * np.pi * 4)]
+    s = s[np.argsort(abs(s))]
+    np.testing.assert_allclose(modes["full_hz"], abs(s) / (2 * np.pi), rtol=1e-9)
+    np.testing.assert_allclose(modes["full_zeta"], -s.real / abs(s), rtol=1e-8)
+    # The diagonal of D in the modes alone is 7 % off, with the same modes.
+    D = sp.csc_array(reduced.D).toarray()
+    alone = complex_modes(DampedPencil(reduced.K, reduced.M, np.diag(np.diag(D)), None), 8 * np.pi, reduced.rigid)
+    assert abs(alone.zeta / modes["full_zeta"] - 1).max() > 0.07
+    assert abs(modes["reduced_zeta"] / modes["full_zeta"] - 1).max() < 2e-5
+
+
+@pytest.mark.shared
+def test_dampers_inside_a_body_need_an_interface(shared_data: Path, tmp_path: Path) -> None:
+    """The force of a damper is no load that the basis knows, and exact frequencies do not show it."""
+    path = tmp_path / "chain.yaml"
+    path.write_text(
+        CHAIN.format(output=tmp_path / "out", punch=shared_data / "chain15" / "dmig.pch", nodes=[105], cutoff=20)
+    )
+    worst = facts_of(Run(load_pipeline(path), tmp_path / "out", Silent()), path)["worst"]
+    assert worst["frequency_error"] < 1e-5
+    assert worst["damping_error"] > 0.1
+
+
+def test_residuals_for_dampers_inside_a_body_hold_their_forces(shared_data: Path, tmp_path: Path) -> None:
+    path = tmp_path / "chain.yaml"
+    path.write_text(
+        CHAIN.format(output=tmp_path / "out", punch=shared_data / "chain15" / "dmig.pch", nodes=[105], cutoff=20)
+    )
+    run = Run(load_pipeline(path, ["reduce.residuals=[dampers]"]), tmp_path / "out", Silent())
+    assert facts_of(run, path)["worst"]["damping_error"] < 1e-4
