@@ -1,16 +1,25 @@
 """Join bodies: joints, articulation, constraint null space, frequency response, state space."""
 
+from cmsreduce.assemble.damped_modes import damped_modes
 from cmsreduce.assemble.frequency_response import (
     couple,
     frequency_response,
     receptances,
     rigid_response,
 )
+from cmsreduce.assemble.neighbours import grounded_rows, joined_to, joint_rows, neighbour_loading
+from cmsreduce.assemble.outboard import outboard_loading
 from cmsreduce.assemble.placement import place_bodies
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.ports import Ports, body_points, body_ports
 from cmsreduce.assemble.state_space import state_space
-from cmsreduce.assemble.substructure import modal_substructure, physical_substructure, rigid_substructure
+from cmsreduce.assemble.substructure import (
+    interface_substructure,
+    modal_substructure,
+    physical_substructure,
+    reduced_substructure,
+    rigid_substructure,
+)
 from cmsreduce.assemble.system import Wiring, assemble, wire
 from cmsreduce.assemble.system_modes import system_modes
 
@@ -22,11 +31,19 @@ __all__ = [
     "Wiring",
     "assemble",
     "couple",
+    "damped_modes",
     "frequency_response",
+    "grounded_rows",
+    "interface_substructure",
+    "joined_to",
+    "joint_rows",
     "modal_substructure",
+    "neighbour_loading",
+    "outboard_loading",
     "physical_substructure",
     "place_bodies",
     "receptances",
+    "reduced_substructure",
     "rigid_response",
     "rigid_substructure",
     "state_space",

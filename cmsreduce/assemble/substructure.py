@@ -14,12 +14,19 @@ from cmsreduce.model import (
     FEModel,
     Matrix,
     ModalComponent,
+    ReducedComponent,
     RigidBody,
     Substructure,
     cross_matrix,
 )
 
-__all__ = ["modal_substructure", "physical_substructure", "rigid_substructure"]
+__all__ = [
+    "interface_substructure",
+    "modal_substructure",
+    "physical_substructure",
+    "reduced_substructure",
+    "rigid_substructure",
+]
 
 # Taking rigid motion out of a damping matrix fills it: up to this size it is small enough to be held dense.
 _DENSE_LIMIT = 600
@@ -70,28 +77,51 @@ def modal_substructure(component: ModalComponent, points: Iterable[str]) -> Subs
     Parameters
     ----------
     component : ModalComponent
-        m modes, the first r rigid.
+        m modes: rigid, elastic, static.
     points : iterable of str
         Interface names and node ids whose motion is wanted.
     """
     m, r = component.omega.size, component.rigid_count
-    K = sp.diags_array(component.omega**2, format="csc")
     D: Matrix | None = component.D
     loss: Matrix | None = None
     if component.damping.structural is not None:
-        loss = sp.csc_array(component.damping.structural * K)
+        loss = sp.diags_array(component.loss, format="csc")
     elif component.damping.law != "none":
-        D = sp.diags_array(2 * component.zeta * component.omega, format="csc")
+        D = sp.diags_array(component.viscous, format="csc")
     return Substructure(
         component.name,
-        sp.eye_array(m, format="csc"),
-        K,
+        sp.diags_array(component.mass, format="csc"),
+        sp.diags_array(component.stiffness, format="csc"),
         D,
         loss,
         np.eye(m, r),
         *_motions(component.body, component.Phi, points),
         component.body.interfaces,
         component.omega,
+    )
+
+
+def reduced_substructure(component: ReducedComponent, points: Iterable[str]) -> Substructure:
+    """Build a body in the coordinates of its basis, without its damping."""
+    return Substructure(
+        component.name,
+        component.M,
+        component.K,
+        None,
+        None,
+        component.rigid,
+        *_motions(component.body, component.modes.Phi, points),
+        component.body.interfaces,
+    )
+
+
+def interface_substructure(body: FEModel, rows: NDArray[np.int64], points: Iterable[str]) -> Substructure:
+    """Build the i-set of a body by itself, without stiffness and mass: its coordinates are the dofs in ``rows``."""
+    i = rows.size
+    picked = sp.csr_array(sp.csc_array(sp.eye_array(body.n, format="csc"))[:, rows])
+    none = np.zeros((i, i))
+    return Substructure(
+        body.name, none, none, None, None, np.zeros((i, 0)), *_motions(body, picked, points), body.interfaces
     )
 
 
@@ -144,11 +174,12 @@ def _motions(
     has: dict[str, NDArray[np.bool_]] = {}
     axes: dict[str, NDArray[np.float64]] = {}
     position: dict[str, NDArray[np.float64]] = {}
+    known = body.recovery
     for node in _nodes_of(body, points):
         label = str(node)
-        rows = body.dofs.rows(node, np.arange(1, 7))
+        rows = known.dofs.rows(node, np.arange(1, 7))
         here = rows >= 0
-        scalar = body.dofs.rows(node, SCALAR)[0]
+        scalar = known.dofs.rows(node, SCALAR)[0]
         if scalar >= 0:
             # A scalar point moves along one direction of no particular frame: it is its own x.
             rows[0], here[0] = scalar, True
@@ -157,7 +188,7 @@ def _motions(
         frame, xyz = _geometry(body, node)
         turn = np.zeros((6, 6))
         turn[:3, :3] = turn[3:, 3:] = frame.T
-        picked = shapes[rows[here]]
+        picked = known.T[rows[here]] @ shapes
         if sp.issparse(picked):
             motion[label] = sp.csc_array(sp.csc_array(turn[:, here]) @ picked)
         else:
@@ -172,7 +203,7 @@ def _nodes_of(body: FEModel, points: Iterable[str]) -> list[int]:
         if point in body.interfaces:
             nodes.update(dict.fromkeys(int(node) for node in body.interfaces[point].node))
         elif point.lstrip("-").isdigit():
-            if not (body.dofs.node == int(point)).any():
+            if not (body.recovery.dofs.node == int(point)).any():
                 raise SceneError(f"'{body.name}.{point}': the body has no node {point} in its matrices")
             nodes[int(point)] = None
         else:

@@ -6,7 +6,15 @@ from cmsreduce.config.grammar import Pipeline, json_schema
 from cmsreduce.config.interface import InterfaceKeys
 from cmsreduce.config.load import load_pipeline
 from cmsreduce.config.scene import build_scene
-from cmsreduce.config.stages import BalanceKeys, KeepKeys, RankingKeys, ReduceKeys, VerifyKeys, WriteKeys
+from cmsreduce.config.stages import (
+    BalanceKeys,
+    KeepKeys,
+    ModeSetKeys,
+    RankingKeys,
+    ReduceKeys,
+    VerifyKeys,
+    WriteKeys,
+)
 from cmsreduce.config.starter import starter_pipeline
 
 __all__ = [
@@ -15,6 +23,7 @@ __all__ = [
     "InterfaceKeys",
     "KeepKeys",
     "MatrixFile",
+    "ModeSetKeys",
     "Pipeline",
     "RankingKeys",
     "ReduceKeys",

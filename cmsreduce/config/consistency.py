@@ -53,11 +53,23 @@ def findings(pipeline: Pipeline) -> Iterator[Finding]:
         yield from _interface(pipeline, ("scene", "ground", k), text)
     if scene.base is not None and scene.base not in pipeline.components:
         yield Finding(("scene", "base"), not_among("component", scene.base, pipeline.components))
+    yield from _residuals(pipeline)
     if pipeline.balance is not None:
         yield from _keep(pipeline, ("balance", "keep"), pipeline.balance.keep)
     if pipeline.verify is not None:
         for label, ranking in pipeline.verify.compare.items():
             yield from _keep(pipeline, ("verify", "compare", label, "keep"), ranking.keep)
+
+
+def _residuals(pipeline: Pipeline) -> Iterator[Finding]:
+    if pipeline.reduce is None:
+        return
+    for text in pipeline.reduce.own_points:
+        yield Finding(
+            ("reduce", "residuals"),
+            f"'{text}' is a node of one body: write it under components.NAME.reduce.residuals; here sensors and "
+            "actuators can stand",
+        )
 
 
 def _components(pipeline: Pipeline) -> Iterator[Finding]:
@@ -67,9 +79,9 @@ def _components(pipeline: Pipeline) -> Iterator[Finding]:
                 yield Finding(("components", name, key), f"a rigid body has no {key}: take out this key, or 'rigid'")
         for face, keys in component.interfaces.items():
             at = ("components", name, "interfaces", face)
-            if component.rigid is not None and keys.position is None:
+            if component.rigid is not None and (keys.position is None or keys.tie is not None):
                 yield Finding(at, "an interface of a rigid body is given by its position, e.g. {position: [0, 0, 0]}")
-            if component.rigid is None and keys.position is not None:
+            if component.rigid is None and keys.position is not None and keys.tie is None:
                 yield Finding(at, "an interface of a flexible body is given by node, nodes or set, e.g. {node: 1001}")
         if component.balance is not None:
             at = ("components", name, "balance", "keep")

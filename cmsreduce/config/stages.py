@@ -18,25 +18,56 @@ from pydantic import (
 from pydantic_core import CoreSchema
 
 from cmsreduce.config.keys import Count, Flag, Keys, Name, Plain, Positive, one_of
+from cmsreduce.model.scene import DOF_NAMES
 
-__all__ = ["BalanceKeys", "FrfKeys", "KeepKeys", "LimitKeys", "RankingKeys", "ReduceKeys", "VerifyKeys", "WriteKeys"]
+__all__ = [
+    "BalanceKeys",
+    "CompareKeys",
+    "FrfKeys",
+    "KeepKeys",
+    "LimitKeys",
+    "ModeSetKeys",
+    "RankingKeys",
+    "ReduceKeys",
+    "VerifyKeys",
+    "WriteKeys",
+]
 
-Method = Literal["craig-bampton", "guyan"]
+Method = Literal["craig-bampton", "macneal-rubin", "benfield-hruda", "augmented", "guyan"]
 Rank = Literal["gregory", "frequency"]
 Format = Literal["hdf5"]
 KeepRule = Literal["all", "modes", "fraction", "frf_error"]
 
-_PLANNED_METHODS = ("macneal-rubin", "benfield-hruda", "augmented")
+_CONSTRAINT_MODES = ("craig-bampton", "guyan")
 _PLANNED_RANKINGS = ("hankel", "component-cost")
 _PLANNED_FORMATS = ("nastran", "treetops", "contops", "discos", "dads", "mbdyn", "mbsim", "sid", "42", "exudyn")
 
 
-class ReduceKeys(Keys):
-    """Which mode set a body is reduced with, and up to which frequency."""
+def _check_residual(value: object) -> str:
+    text = str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+    if isinstance(text, str):
+        node, _, dof = text.partition(".")
+        if text in _ALL_OF_A_KIND or (node.isdigit() and (not dof or dof in DOF_NAMES)):
+            return text
+    raise ValueError(
+        f"{value!r} is no residual: write sensors, actuators, dampers, or a node and a dof of it, e.g. 1200.z (dofs: "
+        f"{', '.join(DOF_NAMES)})"
+    )
 
-    method: Annotated[Method, one_of(get_args(Method), _PLANNED_METHODS)] = Field(
+
+_ALL_OF_A_KIND = ("sensors", "actuators", "dampers")
+Residual = Annotated[str, BeforeValidator(_check_residual)]
+"""Everything of a kind, or a node, or a dof of it."""
+
+
+class ModeSetKeys(Keys):
+    """A mode set, and up to which frequency."""
+
+    method: Method = Field(
         default="craig-bampton",
-        description="Mode set. craig-bampton: fixed-interface and constraint modes; guyan: constraint modes only.",
+        description="Mode set. craig-bampton: fixed-interface and constraint modes; macneal-rubin: free and residual "
+        "modes; benfield-hruda: modes with the neighbours' stiffness and mass on the interface; augmented: modes with "
+        "the mass of all that is outboard; guyan: constraint modes only.",
         examples=["craig-bampton"],
     )
     cutoff: Positive = Field(
@@ -44,6 +75,38 @@ class ReduceKeys(Keys):
         description="Normal modes are kept up to this multiple of the upper end of scene.band.",
         examples=[2.0],
     )
+    interface_cutoff: Positive | None = Field(
+        default=None,
+        description="Interfaces of several nodes get characteristic constraint modes up to this multiple of the upper "
+        "end of scene.band, instead of a constraint mode for each of their dofs. For craig-bampton and guyan.",
+        examples=[5.0],
+    )
+
+    @model_validator(mode="after")
+    def _has_constraint_modes(self) -> ModeSetKeys:
+        if self.interface_cutoff is not None and self.method not in _CONSTRAINT_MODES:
+            raise ValueError(
+                f"{self.method} has no constraint modes, so interface_cutoff does not apply to it: take it out, or "
+                f"use {' or '.join(_CONSTRAINT_MODES)}"
+            )
+        return self
+
+
+class ReduceKeys(ModeSetKeys):
+    """Which mode set a body is reduced with, up to which frequency, and which loads it shall answer exactly."""
+
+    residuals: tuple[Residual, ...] = Field(
+        default=(),
+        description="Residual vectors, which make the static response exact: `sensors` for what they measure, "
+        "`actuators` for their efforts (their dofs then leave the interface), `dampers` for the forces of a damping "
+        "matrix of few dampers, NODE or NODE.DOF for unit loads there.",
+        examples=[["sensors"]],
+    )
+
+    @property
+    def own_points(self) -> tuple[str, ...]:
+        """Residuals that name a node."""
+        return tuple(text for text in self.residuals if text not in _ALL_OF_A_KIND)
 
 
 def _check_modes(value: object) -> object:
@@ -70,7 +133,8 @@ class KeepKeys(Keys):
 
     modes: Modes | None = Field(
         default=None,
-        description="Number of elastic modes that stay, for every body or by name; a body not named keeps all.",
+        description="Number of elastic modes that stay, for every body or by name; a body not named keeps all. "
+        "Modes of one repeated frequency stay or go together: a number that would split them keeps the whole group.",
         examples=[20],
     )
     fraction: Positive | None = Field(
@@ -143,6 +207,16 @@ class BalanceKeys(RankingKeys):
     """Rank the modes by their influence in the scene, and keep those that matter."""
 
 
+class CompareKeys(RankingKeys):
+    """Another model to show beside the run's own: other modes of the same sets, or another mode set."""
+
+    reduce: ModeSetKeys | None = Field(
+        default=None,
+        description="Another mode set for every body that is reduced; keys left out are the body's own.",
+        examples=[{"method": "macneal-rubin"}],
+    )
+
+
 class FrfKeys(Keys):
     """Where the frequency responses are compared."""
 
@@ -167,6 +241,11 @@ class LimitKeys(Keys):
     frequency_error: Positive | None = Field(
         default=None, description="Relative error of the system's natural frequencies in the band.", examples=[1e-3]
     )
+    damping_error: Positive | None = Field(
+        default=None,
+        description="Relative error of the damping ratios of the system's complex modes in the band.",
+        examples=[0.05],
+    )
 
 
 class VerifyKeys(Keys):
@@ -174,9 +253,10 @@ class VerifyKeys(Keys):
 
     frf: FrfKeys = Field(default=FrfKeys(), description="Grid of the frequency responses.")
     limits: LimitKeys = Field(default=LimitKeys(), description="Errors beyond which the run fails.")
-    compare: dict[Plain, RankingKeys] = Field(
+    compare: dict[Plain, CompareKeys] = Field(
         default={},
-        description="Other rankings to show beside the model of the run, by label; limits do not apply to them.",
+        description="Other rankings and mode sets to show beside the model of the run, by label; limits do not apply "
+        "to them.",
         examples=[{"by_frequency": {"rank": "frequency", "keep": {"modes": 19}}}],
     )
 

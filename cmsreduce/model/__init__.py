@@ -5,12 +5,16 @@ from cmsreduce.model.check import Check
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import SCALAR, DofTable, components_from_digits
 from cmsreduce.model.interface import Interface
-from cmsreduce.model.mode_set import ModeKind, ModeSet
+from cmsreduce.model.loading import InterfaceLoading
+from cmsreduce.model.mode_set import ModeBlock, ModeKind, ModeSet
 from cmsreduce.model.nodes import Nodes, cross_matrix, rigid_body_shapes
+from cmsreduce.model.recovery import Recovery
 from cmsreduce.model.reduced import ModalComponent, ReducedComponent
 from cmsreduce.model.run import (
+    ERRORS,
     ComponentResult,
     ConfigurationResult,
+    DampedPairs,
     ModelErrors,
     Response,
     RunResult,
@@ -43,24 +47,29 @@ __all__ = [
     "ComponentResult",
     "Check",
     "DOF_NAMES",
+    "ERRORS",
     "SCALAR",
     "SI",
     "Channel",
     "Configuration",
+    "DampedPairs",
     "Damping",
     "DofTable",
     "FEModel",
     "Interface",
+    "InterfaceLoading",
     "Joint",
     "JointTerm",
     "Matrix",
     "ModalComponent",
+    "ModeBlock",
     "ModeKind",
     "ModeSet",
     "Nodes",
     "Placement",
     "Point",
     "PointTerm",
+    "Recovery",
     "ReducedComponent",
     "RigidBody",
     "Scene",

@@ -14,7 +14,65 @@ from cmsreduce.model.check import Check
 from cmsreduce.model.reduced import ModalComponent
 from cmsreduce.model.scene import Configuration
 
-__all__ = ["ComponentResult", "ConfigurationResult", "ModelErrors", "Response", "RunResult", "Speed", "SystemModes"]
+__all__ = [
+    "ERRORS",
+    "ComponentResult",
+    "ConfigurationResult",
+    "DampedPairs",
+    "ModelErrors",
+    "Response",
+    "RunResult",
+    "Speed",
+    "SystemModes",
+]
+
+ERRORS = ("frf_error", "db_error", "frequency_error", "damping_error")
+"""Errors of a reduced model that a limit can be set on, by their names in `ModelErrors`."""
+
+
+@dataclass(frozen=True, eq=False)
+class DampedPairs:
+    """Complex modes of a damped reduced system in the band, each with the full one that it looks like.
+
+    Parameters
+    ----------
+    full, reduced : (k,) complex128
+        Roots -zeta w + i w sqrt(1 - zeta^2) in rad/s.
+    mac : (k,) float64
+        Modal assurance criterion of the complex shapes in the mass norm.
+    error : (k,) float64
+        |zeta_reduced - zeta_full| / zeta_full; NaN where the full mode has no damping.
+    """
+
+    full: NDArray[np.complex128]
+    reduced: NDArray[np.complex128]
+    mac: NDArray[np.float64]
+    error: NDArray[np.float64]
+
+    @property
+    def full_hz(self) -> NDArray[np.float64]:
+        """Natural frequencies |s| / 2 pi of the full modes."""
+        return np.asarray(abs(self.full) / (2 * np.pi))
+
+    @property
+    def reduced_hz(self) -> NDArray[np.float64]:
+        """Natural frequencies |s| / 2 pi of the reduced modes."""
+        return np.asarray(abs(self.reduced) / (2 * np.pi))
+
+    @property
+    def full_zeta(self) -> NDArray[np.float64]:
+        """Damping ratios of the full modes."""
+        return np.asarray(-self.full.real / abs(self.full))
+
+    @property
+    def reduced_zeta(self) -> NDArray[np.float64]:
+        """Damping ratios of the reduced modes."""
+        return np.asarray(-self.reduced.real / abs(self.reduced))
+
+    @property
+    def worst(self) -> float:
+        """Largest error; 0 if the band holds no damped mode."""
+        return float(np.nanmax(self.error, initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +91,8 @@ class ModelErrors:
         Frequency response assurance criterion per channel, NaN where silent.
     full_hz, reduced_hz, mac : (k,) float64
         Paired natural frequencies and how alike their shapes are.
+    damped : DampedPairs, optional
+        Paired complex modes; None for a system without damping.
     """
 
     frf_error: float
@@ -42,6 +102,12 @@ class ModelErrors:
     full_hz: NDArray[np.float64]
     reduced_hz: NDArray[np.float64]
     mac: NDArray[np.float64]
+    damped: DampedPairs | None = None
+
+    @property
+    def damping_error(self) -> float | None:
+        """Largest relative error of a damping ratio in the band; None for a system without damping."""
+        return None if self.damped is None else self.damped.worst
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +169,7 @@ class ComponentResult:
     modes : ModalComponent
         All modes of the mode set, ranked if they were.
     kept : (k,) int64
-        Columns of ``modes`` that the run keeps, rigid ones included.
+        Columns of ``modes`` that the run keeps, rigid and static ones included.
     seconds : mapping of stage to float
         Wall time of each stage, when it was run; a finished stage that is reused keeps its figure.
     peak_mib : float
@@ -126,7 +192,7 @@ class ComponentResult:
     @property
     def kept_modes(self) -> int:
         """Elastic modes kept."""
-        return int(self.kept.size - self.modes.rigid_count)
+        return int(self.kept.size - self.modes.rigid_count - self.modes.static_count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +238,7 @@ class RunResult:
     configurations : tuple of ConfigurationResult
         Empty if nothing was verified.
     limits : mapping of str to float
-        Limits of the run: frf_error, db_error, frequency_error as far as given.
+        Limits of the run: frf_error, db_error, frequency_error, damping_error as far as given.
     model : str
         Label of the run's own model in ``errors`` and ``reduced``.
     inputs, outputs : tuple of str
@@ -207,12 +273,12 @@ class RunResult:
     systems: tuple[SystemModes, ...] = ()
 
     def worst(self, model: str | None = None) -> dict[str, float]:
-        """Largest errors over all configurations; empty if nothing was verified."""
+        """Largest errors over all configurations, of those that were measured; empty if nothing was verified."""
         label = self.model if model is None else model
-        names = ("frf_error", "db_error", "frequency_error")
         found = [c.errors[label] for c in self.configurations if label in c.errors]
+        values = {name: [value for e in found if (value := getattr(e, name)) is not None] for name in ERRORS}
         # A figure that is no number is worse than any: max() alone would pass over it.
-        return {name: max((getattr(e, name) for e in found), key=_badness) for name in names} if found else {}
+        return {name: max(each, key=_badness) for name, each in values.items() if each}
 
     @property
     def passed(self) -> bool:

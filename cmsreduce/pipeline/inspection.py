@@ -58,7 +58,8 @@ def run_checks(path: Path, maxima: Sequence[str]) -> list[Check]:
     path : Path
         Run directory, its summary.json, or a component file.
     maxima : sequence of str
-        ``KEY=VALUE``: frf_error, db_error or frequency_error of the run, or a check by its name; over the stored limit.
+        ``KEY=VALUE``: frf_error, db_error, frequency_error or damping_error of the run, or a check by its name; over
+        the stored limit.
 
     Returns
     -------
@@ -90,7 +91,10 @@ def _stored_checks(path: Path) -> list[Check]:
         facts: dict[str, Any] = json.loads(summary.read_text(encoding="utf-8"))
         limits = facts.get("limits", {})
         checks = [
-            Check(name, _number(value), _number(limits.get(name))) for name, value in (facts["worst"] or {}).items()
+            Check(name, _number(value), _number(limits.get(name)))
+            for name, value in (facts["worst"] or {}).items()
+            # A system without damping has no such error.
+            if not (name == "damping_error" and value is None)
         ]
         for name, component in facts["components"].items():
             checks += [
@@ -124,9 +128,12 @@ def _is_component(path: Path) -> bool:
 
 def _component(path: Path) -> Iterator[str]:
     file = read_component(path)
-    elastic, top = len(file.omega) - file.rigid_count, np.max(file.omega, initial=0.0) / (2 * np.pi)
+    omega = file.omega[file.elastic]
+    elastic, top = omega.size, omega.max(initial=0.0) / (2 * np.pi)
     yield f"  component '{file.name}', {file.method}"
     yield f"  {file.rigid_count} rigid and {elastic} elastic modes to {top:.6g} Hz"
+    if file.static_count:
+        yield f"  {file.static_count} static modes, which carry no mass"
     for check in file.checks:
         yield f"  {'pass' if check.passed else 'FAIL'}  {check.name}: {check.value:.3g} (limit {check.limit:.3g})"
 

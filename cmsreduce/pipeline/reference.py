@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import Ports, body_points, modal_substructure, physical_substructure
-from cmsreduce.errors import MatrixError
 from cmsreduce.model import FEModel, ModalComponent, ModeKind, ModeSet, ReducedComponent, Scene, Substructure
 from cmsreduce.orthogonalise import orthogonalise
-from cmsreduce.reduce import CraigBampton
+from cmsreduce.reduce import MacNealRubin
 
 __all__ = ["ALL_MODES_LIMIT", "Reference", "reference"]
 
@@ -47,8 +46,8 @@ def reference(body: FEModel, scene: Scene, ports: Ports, rigid: NDArray[np.float
 
     A damping law stated mode by mode needs all modes of the body, since it applies to all of them, and so does Rayleigh
     damping with alpha > 0 of a body that floats; other laws act on the sparse matrices. Bodies too large for that are
-    represented by Craig-Bampton with modes to four times the cutoff: exact in statics at every joint and actuator, and
-    named so in the summary.
+    represented by MacNeal-Rubin with free modes to four times the cutoff: each with the damping that is stated for it,
+    exact in statics at every joint and actuator, and named so in the summary.
 
     Parameters
     ----------
@@ -71,20 +70,16 @@ def reference(body: FEModel, scene: Scene, ports: Ports, rigid: NDArray[np.float
         return Reference(physical_substructure(body, points, rigid), None, "sparse dofs")
     if by_modes and body.n <= ALL_MODES_LIMIT:
         everything = _all_modes(body, rigid)
-        if everything is not None:
-            return Reference(modal_substructure(everything, points), everything, "all modes")
-    modes = orthogonalise(CraigBampton(_BEYOND_CUTOFF * cutoff_hz).reduce(body, ports.interface, ports.loads))
+        return Reference(modal_substructure(everything, points), everything, "all modes")
+    modes = orthogonalise(
+        MacNealRubin(_BEYOND_CUTOFF * cutoff_hz).reduce(body, ports.interface, ports.static_loads, rigid)
+    )
     return Reference(modal_substructure(modes, points), modes, f"modes to {_BEYOND_CUTOFF:g} x cutoff")
 
 
-def _all_modes(body: FEModel, rigid: NDArray[np.float64]) -> ModalComponent | None:
+def _all_modes(body: FEModel, rigid: NDArray[np.float64]) -> ModalComponent:
     # The whole body as its own basis; n is bounded by ALL_MODES_LIMIT.
     n = body.n
     free: ModeKind = "free"
     identity = ModeSet("all modes", np.eye(n), (free,) * n, np.full(n, np.nan), tuple(map(str, range(1, n + 1))))
-    component = ReducedComponent(body, identity, body.M.toarray(), body.K.toarray(), None, rigid)
-    try:
-        return orthogonalise(component)
-    except MatrixError:
-        # Massless dofs: their flexibility is in no mode of finite frequency, but it is in a constraint mode.
-        return None
+    return orthogonalise(ReducedComponent(body, identity, body.M.toarray(), body.K.toarray(), None, rigid))

@@ -10,26 +10,19 @@ from typing import Any
 from cmsreduce import __version__
 from cmsreduce.assemble import modal_substructure, physical_substructure, rigid_substructure
 from cmsreduce.balance import Selection, keep_all
-from cmsreduce.config import KeepKeys, Pipeline, RankingKeys, VerifyKeys, build_scene
+from cmsreduce.config import KeepKeys, ModeSetKeys, Pipeline, RankingKeys, VerifyKeys, build_scene
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import ModalComponent, ReducedComponent, Scene, Substructure
-from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.model import ModalComponent, ReducedComponent, RigidBody, Scene, Substructure
 from cmsreduce.pipeline.assembled import AssembledModel
 from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible, read_rigid
 from cmsreduce.pipeline.comparison import Comparison, ReducedModel
 from cmsreduce.pipeline.ledger import Ledger
+from cmsreduce.pipeline.mode_sets import ModeSets
 from cmsreduce.pipeline.progress import Progress, Silent
-from cmsreduce.pipeline.reference import ALL_MODES_LIMIT, Reference, reference
+from cmsreduce.pipeline.reference import Reference, reference
 from cmsreduce.pipeline.selection import rank_component, select, truncate
-from cmsreduce.pipeline.stage_data import (
-    modal_from,
-    modal_to,
-    reduced_from,
-    reduced_to,
-)
 from cmsreduce.pipeline.stage_store import stage_key
 from cmsreduce.pipeline.verified import Verified, verified_from, verified_to
-from cmsreduce.reduce import reduction
 
 __all__ = ["MODEL", "STAGES", "Run"]
 
@@ -59,14 +52,12 @@ class Run:
         self.pipeline, self.folder = pipeline, folder
         self.ledger = Ledger(folder, progress, only)
         self.scene: Scene = build_scene(pipeline)
-        self._reduced: dict[str, ReducedComponent] = {}
-        self._modal: dict[str, ModalComponent] = {}
 
     @cached_property
-    def rigid_bodies(self) -> dict[str, Substructure]:
-        """Rigid bodies of the scene, ready to assemble."""
+    def rigid_bodies(self) -> dict[str, RigidBody]:
+        """Rigid bodies of the scene."""
         return {
-            name: rigid_substructure(read_rigid(self.pipeline, name, self.scene))
+            name: read_rigid(self.pipeline, name, self.scene)
             for name, part in self.pipeline.components.items()
             if part.rigid is not None
         }
@@ -89,38 +80,18 @@ class Run:
             model.wiring(configuration)
         return found
 
+    @cached_property
+    def mode_sets(self) -> ModeSets:
+        """The bodies reduced, as the pipeline asks or otherwise."""
+        return ModeSets(self.bodies, self.rigid_bodies, self.pipeline, self.scene, self.ledger)
+
     def reduced(self, name: str) -> ReducedComponent:
         """Reduce one body to its mode set."""
-        if name not in self._reduced:
-            flexible, keys = self.bodies[name], self.pipeline.reduce_of(name)
-            if keys is None:
-                raise ConfigError(f"component '{name}' has no `reduce:`, so no stage after read can be run on it")
-            method, ports = reduction(keys.method, keys.cutoff * self.scene.band[1]), flexible.ports
-            self._reduced[name] = self.ledger.once(
-                "reduce",
-                name,
-                self._reduce_key(name),
-                lambda: method.reduce(flexible.body, ports.interface, ports.loads, flexible.rigid),
-                reduced_to,
-                lambda arrays, facts: reduced_from(flexible.body, arrays, facts),
-            )
-        return self._reduced[name]
+        return self.mode_sets.reduced(name)
 
     def modal(self, name: str) -> ModalComponent:
         """Bring one reduced body to orthonormal modes."""
-        if name not in self._modal:
-            body = self.bodies[name].body
-            self._modal[name] = self.ledger.once(
-                "orthogonalise",
-                name,
-                self._modal_key(name),
-                lambda: orthogonalise(self.reduced(name)),
-                modal_to,
-                lambda arrays, facts: modal_from(body, arrays, facts),
-                prepare=lambda: self.reduced(name),
-            )
-            self.ledger.recall("reduce", name, self._reduce_key(name))
-        return self._modal[name]
+        return self.mode_sets.modal(name)
 
     @property
     def reduced_names(self) -> list[str]:
@@ -214,9 +185,10 @@ class Run:
         for name, label in found.reference.items():
             if label.startswith("modes"):
                 n = self.bodies[name].body.n
-                many = f"{n} dofs are too many for all modes or for a solve per frequency"
-                why = many if n > ALL_MODES_LIMIT else "some of its shapes have no mass, so it has no full set of modes"
-                self.ledger.note(f"{name}: {why}; the full system is represented by {label} and all static shapes")
+                self.ledger.note(
+                    f"{name}: {n} dofs are too many for all modes or for a solve per frequency; the full system is "
+                    f"represented by {label} and all static shapes"
+                )
         return found
 
     def _verify(self) -> Verified:
@@ -225,7 +197,7 @@ class Run:
         for label, ranking in (keys.compare if keys else {}).items():
             if label == MODEL:
                 raise ConfigError(f"verify.compare: '{MODEL}' is the run's own model; choose another label")
-            ranked = {name: self._rank(name, ranking) for name in self.reduced_names}
+            ranked = {name: self._rank(name, ranking, ranking.reduce) for name in self.reduced_names}
             reasons = {name: _reason(name, ranking) for name in ranked}
             models[label] = self._model(truncate(ranked, self._select(ranked, ranking.keep, {}), reasons))
         results = self.comparison.errors(models, self.ledger.progress)
@@ -265,8 +237,8 @@ class Run:
 
         return select(ranked, keep, lambda selection: self.comparison.candidate_error(candidate(selection)), exact)
 
-    def _rank(self, name: str, keys: RankingKeys | None) -> ModalComponent:
-        component = self.modal(name)
+    def _rank(self, name: str, keys: RankingKeys | None, other: ModeSetKeys | None = None) -> ModalComponent:
+        component = self.mode_sets.modal(name, other)
         return component if keys is None else rank_component(component, self.bodies[name].ports, keys.rank)
 
     def _model(self, components: Mapping[str, ModalComponent]) -> ReducedModel:
@@ -279,16 +251,8 @@ class Run:
         return ReducedModel(AssembledModel(self._in_order(subs), self.scene), shapes)
 
     def _in_order(self, flexible: Mapping[str, Substructure]) -> dict[str, Substructure]:
-        every = {**flexible, **self.rigid_bodies}
+        every = {**flexible, **{name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}}
         return {name: every[name] for name in self.pipeline.components}
-
-    def _reduce_key(self, name: str) -> str:
-        flexible, keys = self.bodies[name], self.pipeline.reduce_of(name)
-        cutoff = keys and (keys.method, keys.cutoff * self.scene.band[1])
-        return stage_key("reduce", __version__, flexible.fingerprint, cutoff)
-
-    def _modal_key(self, name: str) -> str:
-        return stage_key("orthogonalise", self._reduce_key(name), repr(self.bodies[name].body.damping))
 
     def _system_key(self, stage: str) -> str:
         # File names are left out: what they hold is in the keys of the bodies.
@@ -300,7 +264,9 @@ class Run:
         compared = settings.pop("verify") or {}
         # Limits judge what is found and change nothing in it; balance looks at the grid that errors are taken on.
         asked = [self._points, None if stage == "balance" else compared.get("compare")]
-        return stage_key(stage, __version__, settings, asked, {name: self._modal_key(name) for name in self.bodies})
+        return stage_key(
+            stage, __version__, settings, asked, {name: self.mode_sets.modal_key(name) for name in self.bodies}
+        )
 
 
 def _reason(body: str, keys: RankingKeys | None) -> str:

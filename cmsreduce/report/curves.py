@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.model import ComponentResult, ConfigurationResult, ModelErrors, RunResult
+from cmsreduce.model import ComponentResult, ConfigurationResult, DampedPairs, ModelErrors, RunResult
 from cmsreduce.report.palette import FULL, INK, LIMIT, model_style
 from cmsreduce.report.thinning import thinned_points
-from cmsreduce.report.wording import FIGURES, compared
+from cmsreduce.report.wording import Figure, compared, measured
 
 __all__ = ["decibels", "plot_data"]
 
@@ -44,6 +44,7 @@ def plot_data(run: RunResult) -> dict[str, Any]:
         magnitude of the difference in dB re the full response.
     """
     models = (run.model, *compared(run))
+    figures = measured(run)
     channels = [(o, i) for o in range(len(run.outputs)) for i in range(len(run.inputs))]
     return {
         "models": list(models),
@@ -74,21 +75,24 @@ def plot_data(run: RunResult) -> dict[str, Any]:
                     for model in models
                 ],
             }
-            for figure in FIGURES
+            for figure in figures
         ],
-        "settings": [_setting(result, models, channels) for result in run.configurations],
+        "settings": [_setting(result, models, channels, figures) for result in run.configurations],
         "components": [_modes(part) for part in run.components.values()],
     }
 
 
-def _setting(result: ConfigurationResult, models: Iterable[str], channels: list[tuple[int, int]]) -> dict[str, Any]:
+def _setting(
+    result: ConfigurationResult, models: Iterable[str], channels: list[tuple[int, int]], figures: tuple[Figure, ...]
+) -> dict[str, Any]:
     errors = [result.errors.get(model) for model in models]
     return {
         "full": [result.n_full, result.modes_full],
         "reduced": [result.n_reduced, result.modes_reduced],
-        "errors": [found and [figure.text(getattr(found, figure.name)) for figure in FIGURES] for found in errors],
+        "errors": [found and [figure.text(getattr(found, figure.name)) for figure in figures] for found in errors],
         "frac": [found and [_rounded(found.frac[channel]) for channel in channels] for found in errors],
         "pairs": _pairs(errors[0]) if errors[0] else [],
+        "damped": _damped_pairs(errors[0].damped) if errors[0] and errors[0].damped else None,
         "curves": [_channel(result, models, o, i) for o, i in channels],
     }
 
@@ -98,6 +102,12 @@ def _pairs(found: ModelErrors) -> list[list[float | None]]:
     full, reduced = found.full_hz, found.reduced_hz
     shift = 100 * (reduced - full) / np.where(full > 0, full, np.nan)
     return [_all_rounded(pair) for pair in zip(full, reduced, shift, found.mac, strict=True)]
+
+
+def _damped_pairs(found: DampedPairs) -> list[list[float | None]]:
+    """Full and reduced frequency in Hz and damping ratio in per cent, and likeness of shapes, of every complex pair."""
+    columns = (found.full_hz, found.reduced_hz, 100 * found.full_zeta, 100 * found.reduced_zeta, found.mac)
+    return [_all_rounded(pair) for pair in zip(*columns, strict=True)]
 
 
 def _channel(result: ConfigurationResult, models: Iterable[str], o: int, i: int) -> dict[str, Any]:
@@ -125,14 +135,14 @@ def _missed(full: NDArray[np.complex128], reduced: NDArray[np.complex128]) -> ND
 
 def _modes(part: ComponentResult) -> dict[str, Any]:
     modes = part.modes
-    elastic = slice(modes.rigid_count, None)
+    elastic = modes.elastic
     return {
         "name": part.name,
-        "number": list(range(modes.rigid_count + 1, modes.omega.size + 1)),
+        "number": list(range(elastic.start + 1, elastic.stop + 1)),
         "hz": _all_rounded(modes.omega[elastic] / (2 * np.pi)),
         "sigma": [value if value else None for value in _all_rounded(modes.sigma[elastic])],
         "kind": list(modes.kind[elastic]),
-        "kept": np.isin(np.arange(modes.rigid_count, modes.omega.size), part.kept).tolist(),
+        "kept": np.isin(np.arange(elastic.start, elastic.stop), part.kept).tolist(),
     }
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from cmsreduce.model import RunResult
 from cmsreduce.report.curves import plot_data
 from cmsreduce.report.tables import check_rows, configuration_rows, mode_rows, timings
-from cmsreduce.report.wording import FIGURES, broken, compared, headline, number, seconds, worst
+from cmsreduce.report.wording import broken, compared, headline, measured, number, seconds, worst
 
 __all__ = ["render_report"]
 
@@ -39,7 +39,8 @@ def render_report(run: RunResult) -> str:
         run=run,
         headline=headline(run),
         broken=broken(run),
-        figures=FIGURES,
+        figures=measured(run),
+        damped=any(result.errors[run.model].damped is not None for result in run.configurations),
         models=models,
         worst=[(model, worst(run, model)) for model in models],
         configurations=configuration_rows(run),

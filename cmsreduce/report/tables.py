@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from cmsreduce.model import Check, ComponentResult, ConfigurationResult, RunResult
-from cmsreduce.report.wording import FIGURES, compared, number, seconds
+from cmsreduce.report.wording import Figure, compared, measured, number, seconds
 
 __all__ = ["ConfigurationRow", "ModeRow", "Timings", "check_rows", "configuration_rows", "mode_rows", "timings"]
 
@@ -17,7 +17,7 @@ _CLOSE = 0.1
 
 @dataclass(frozen=True)
 class ModeRow:
-    """One mode of a body, as text; empty where there is nothing to say."""
+    """One mode of a body, as text; empty where there is nothing to say, ``static`` where a mode has no frequency."""
 
     number: int
     hz: str
@@ -32,7 +32,7 @@ class ModeRow:
 
 @dataclass(frozen=True)
 class ConfigurationRow:
-    """One configuration: sizes, and of every model its label and its errors in the order of `FIGURES`."""
+    """One configuration: sizes, and of every model its label and its errors in the order of `measured`."""
 
     name: str
     full: str
@@ -54,7 +54,7 @@ def mode_rows(part: ComponentResult) -> list[ModeRow]:
     return [
         ModeRow(
             number=k + 1,
-            hz=number(float(modes.omega[k]) / (2 * math.pi), 5),
+            hz="static" if math.isinf(modes.omega[k]) else number(float(modes.omega[k]) / (2 * math.pi), 5),
             kind=modes.kind[k],
             source_hz=_known(modes.source_hz[k], 5),
             sigma=_known(modes.sigma[k], 4),
@@ -69,13 +69,13 @@ def mode_rows(part: ComponentResult) -> list[ModeRow]:
 
 def configuration_rows(run: RunResult) -> list[ConfigurationRow]:
     """Errors of every model in every configuration."""
-    models = (run.model, *compared(run))
+    models, figures = (run.model, *compared(run)), measured(run)
     return [
         ConfigurationRow(
             name=result.configuration.name,
             full=f"{result.n_full} ({result.modes_full})",
             reduced=f"{result.n_reduced} ({result.modes_reduced})",
-            errors=tuple((model, _errors(result, model)) for model in models if model in result.errors),
+            errors=tuple((model, _errors(result, model, figures)) for model in models if model in result.errors),
         )
         for result in run.configurations
     ]
@@ -101,8 +101,8 @@ def timings(run: RunResult) -> Timings:
     return Timings(stages, rows)
 
 
-def _errors(result: ConfigurationResult, model: str) -> tuple[str, ...]:
-    return tuple(figure.text(getattr(result.errors[model], figure.name)) for figure in FIGURES)
+def _errors(result: ConfigurationResult, model: str, figures: tuple[Figure, ...]) -> tuple[str, ...]:
+    return tuple(figure.text(getattr(result.errors[model], figure.name)) for figure in figures)
 
 
 def _known(value: float, digits: int) -> str:

@@ -56,7 +56,8 @@ def print_summary(run: RunResult, folder: Path, console: Console | None = None) 
 
 def _components(run: RunResult) -> Table:
     table = _table("component", "method")
-    for column in ("dofs", "basis", "elastic", "kept", "checks", "seconds"):
+    static = any(part.modes.static_count for part in run.components.values())
+    for column in ("dofs", "basis", "elastic", *(["static"] if static else []), "kept", "checks", "seconds"):
         table.add_column(column, justify="right", no_wrap=True)
     for name, part in run.components.items():
         modes = part.modes
@@ -67,6 +68,7 @@ def _components(run: RunResult) -> Table:
             str(part.full_dofs),
             str(modes.basis_size),
             str(modes.elastic_count),
+            *([str(modes.static_count)] if static else []),
             str(part.kept_modes),
             f"{failed} FAIL" if failed else f"{len(part.checks)} PASS",
             number(sum(part.seconds.values()), 3),

@@ -7,7 +7,19 @@ from dataclasses import dataclass
 
 from cmsreduce.model import Check, RunResult
 
-__all__ = ["FIGURES", "Figure", "Worst", "broken", "compared", "headline", "number", "plural", "seconds", "worst"]
+__all__ = [
+    "FIGURES",
+    "Figure",
+    "Worst",
+    "broken",
+    "compared",
+    "headline",
+    "measured",
+    "number",
+    "plural",
+    "seconds",
+    "worst",
+]
 
 
 @dataclass(frozen=True)
@@ -45,6 +57,7 @@ FIGURES = (
     Figure("frf_error", "response error", "%", 100.0, "relative error of the elastic response over the band"),
     Figure("db_error", "decibel error", "dB", 1.0, "99 % of the points of a Bode plot lie closer than this"),
     Figure("frequency_error", "frequency error", "%", 100.0, "largest shift of a natural frequency in the band"),
+    Figure("damping_error", "damping error", "%", 100.0, "largest error of a complex mode's damping ratio in the band"),
 )
 """The errors, in the order they are shown."""
 
@@ -101,6 +114,12 @@ def plural(count: int, thing: str) -> str:
     return f"{count} {thing}{'' if count == 1 else 's'}"
 
 
+def measured(run: RunResult) -> tuple[Figure, ...]:
+    """The errors that a run measured: one without damping has no damping error."""
+    errors = [found for result in run.configurations for found in result.errors.values()]
+    return tuple(figure for figure in FIGURES if all(getattr(found, figure.name) is not None for found in errors))
+
+
 def compared(run: RunResult) -> tuple[str, ...]:
     """Labels of the models the run's own is compared with."""
     labels = dict.fromkeys(label for result in run.configurations for label in result.errors)
@@ -111,7 +130,7 @@ def worst(run: RunResult, model: str) -> tuple[Worst, ...]:
     """Largest of each error of a model over all configurations, and where; empty if nothing was verified."""
     found = [result for result in run.configurations if model in result.errors]
     rows = []
-    for figure in FIGURES if found else ():
+    for figure in measured(run) if found else ():
         values = [float(getattr(result.errors[model], figure.name)) for result in found]
         # A value that is no number is worse than any that is one.
         at = max(range(len(values)), key=lambda k: math.inf if math.isnan(values[k]) else values[k])

@@ -19,7 +19,7 @@ from cmsreduce.write.shapes import basic_shapes
 __all__ = ["FORMAT", "FORMAT_VERSION", "write_component"]
 
 FORMAT = "cmsreduce-component"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 Row = NDArray[np.float64]
 
@@ -126,22 +126,22 @@ def _provenance(group: Any, body: FEModel, provenance: Mapping[str, Any]) -> Non
 
 
 def _modes(group: Any, component: ModalComponent) -> None:
-    omega, r = component.omega, component.rigid_count
-    group.attrs["rigid_count"] = r
+    # A static mode has no frequency.
+    omega = np.where(np.isinf(component.omega), np.nan, component.omega)
+    group.attrs["rigid_count"] = component.rigid_count
+    group.attrs["static_count"] = component.static_count
     group.attrs["basis_size"] = component.basis_size
     group.attrs["damping_law"] = component.damping.law if component.D is None else "matrix"
-    put(group, "omega", omega, "rad/time", "natural frequencies, the rigid modes' first and zero")
+    put(group, "omega", omega, "rad/time", "natural frequencies; rigid first and zero, static last and NaN")
     put(group, "frequency_hz", omega / (2 * np.pi), "cycles/time")
     put(group, "zeta", component.zeta, "", "damping ratios; half the loss factor for structural damping")
-    put(group, "mass", np.eye(omega.size), "", "modal mass: the modes are orthonormal in the mass matrix")
-    put(group, "stiffness", np.diag(omega**2), "rad^2/time^2")
-    damping = np.diag(2 * component.zeta * omega) if component.D is None else component.D
-    structural = component.damping.structural is not None
-    put(group, "damping", np.zeros_like(damping) if structural else damping, "rad/time", "viscous damping")
-    if structural:
-        loss = component.damping.structural or 0.0
-        put(group, "loss", np.diag(loss * omega**2), "rad^2/time^2", "imaginary part of a complex stiffness")
-    put_texts(group, "kind", component.kind, "basis shape with most of each mode's kinetic energy")
+    put(group, "mass", np.diag(component.mass), "", "modal mass: 1, and 0 of a static mode")
+    put(group, "stiffness", np.diag(component.stiffness), "rad^2/time^2", "omega^2, and 1 of a static mode")
+    damping = np.diag(component.viscous) if component.D is None else component.D
+    put(group, "damping", damping, "rad/time", "viscous damping")
+    if component.damping.structural is not None:
+        put(group, "loss", np.diag(component.loss), "rad^2/time^2", "imaginary part of a complex stiffness")
+    put_texts(group, "kind", component.kind, "basis shape with most of each mode's kinetic energy, strain if static")
     put(group, "source_hz", component.source_hz, "cycles/time", "normal mode it comes from, NaN for static shapes")
     put(group, "sigma", component.sigma, "", "influence coefficient, NaN if unranked")
     put(group, "spacing", component.spacing, "", "half-power width over distance to the nearest mode")
@@ -150,18 +150,20 @@ def _modes(group: Any, component: ModalComponent) -> None:
 
 def _chosen(body: FEModel, nodes: Sequence[int], all_nodes: bool) -> NDArray[np.int64]:
     if all_nodes:
-        return np.unique(body.dofs.node)
+        return np.unique(body.recovery.dofs.node)
     at_faces = [face.node for face in body.interfaces.values()]
     return np.unique(np.concatenate([np.asarray(nodes, dtype=np.int64), *at_faces]))
 
 
 def _dofs(group: Any, component: ModalComponent, chosen: NDArray[np.int64]) -> None:
-    dofs = component.body.dofs
+    recovery = component.body.recovery
+    dofs = recovery.dofs
     rows = np.flatnonzero(np.isin(dofs.node, chosen))
     put(group, "node", dofs.node[rows])
     put(group, "component", dofs.component[rows], "", "1..3 translations, 4..6 rotations, 0 scalar")
     put_texts(group, "label", [f"{n}.{c}" for n, c in zip(dofs.node[rows], dofs.component[rows], strict=True)])
-    put(group, "shapes", component.Phi[rows], "", "rows: dofs in their displacement frames; columns: modes")
+    shapes = recovery.T[rows] @ component.Phi
+    put(group, "shapes", shapes, "", "rows: dofs in their displacement frames; columns: modes")
 
 
 def _nodes(group: Any, component: ModalComponent, chosen: NDArray[np.int64]) -> None:
@@ -208,7 +210,7 @@ def _integrals(group: Any, component: ModalComponent) -> None:
 
 def _integration(group: Any, component: ModalComponent) -> None:
     """Largest steps (theory section 8)."""
-    top = float(component.omega.max(initial=0.0))
+    top = float(component.omega[component.elastic].max(initial=0.0))
     group.attrs["highest_omega"] = top
     group.attrs["highest_hz"] = top / (2 * np.pi)
     if top > 0:

@@ -29,6 +29,8 @@ class ComponentFile:
         Body, and mode set it was reduced with.
     rigid_count : int
         The first so many modes are rigid.
+    static_count : int
+        The last so many modes are static: without mass, and so without a frequency.
     arrays : mapping of path to array
         Every numeric dataset by its path in the file, such as ``modes/omega``.
     texts : mapping of path to tuple of str
@@ -42,6 +44,7 @@ class ComponentFile:
     name: str
     method: str
     rigid_count: int
+    static_count: int
     arrays: Mapping[str, NDArray[Any]]
     texts: Mapping[str, tuple[str, ...]]
     attributes: Mapping[str, Mapping[str, Any]]
@@ -49,8 +52,13 @@ class ComponentFile:
 
     @property
     def omega(self) -> NDArray[np.float64]:
-        """Natural frequencies in rad per unit of time (m,)."""
+        """Natural frequencies in rad per unit of time, NaN of static modes (m,)."""
         return self.arrays["modes/omega"]
+
+    @property
+    def elastic(self) -> slice:
+        """Columns of the elastic modes."""
+        return slice(self.rigid_count, self.omega.size - self.static_count)
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -97,6 +105,8 @@ def read_component(path: Path) -> ComponentFile:
             name=str(attributes[""]["name"]),
             method=str(attributes[""]["method"]),
             rigid_count=int(attributes["modes"]["rigid_count"]),
+            # Format version 1 knew no static modes.
+            static_count=int(attributes["modes"].get("static_count", 0)),
             arrays=arrays,
             texts=texts,
             attributes=attributes,

@@ -10,12 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from cmsreduce.model import DOF_NAMES, ComponentResult, Configuration, RunResult
+from cmsreduce.model import DOF_NAMES, ERRORS, ComponentResult, Configuration, ModelErrors, RunResult
 from cmsreduce.write.atomic import atomic_path
 
 __all__ = ["angles", "summary", "write_summary"]
-
-_FIGURES = ("frf_error", "db_error", "frequency_error")
 
 
 def summary(run: RunResult) -> dict[str, Any]:
@@ -39,7 +37,7 @@ def summary(run: RunResult) -> dict[str, Any]:
             "version": run.version,
             "components": {name: _component(part) for name, part in run.components.items()},
             "configurations": _configurations(run, run.model, sizes=True),
-            "worst": run.worst(),
+            "worst": _worst(run, run.model),
             "speed": None
             if speed is None
             else {
@@ -49,7 +47,7 @@ def summary(run: RunResult) -> dict[str, Any]:
             },
             "passed": run.passed,
             "comparisons": {
-                label: {"worst": run.worst(label), "configurations": _configurations(run, label, sizes=False)}
+                label: {"worst": _worst(run, label), "configurations": _configurations(run, label, sizes=False)}
                 for label in labels
                 if label != run.model
             },
@@ -78,16 +76,33 @@ def write_summary(path: Path, run: RunResult) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
+def _worst(run: RunResult, label: str) -> dict[str, float | None]:
+    """Largest errors; a system without damping has no damping error."""
+    found = run.worst(label)
+    return {name: found.get(name) for name in ERRORS} if found else {}
+
+
+def _complex_modes(errors: ModelErrors | None) -> list[dict[str, float]] | None:
+    """Complex modes of the reduced system in the band, each beside its full one; None without damping."""
+    if errors is None or errors.damped is None:
+        return None
+    names = ("full_hz", "reduced_hz", "full_zeta", "reduced_zeta", "mac")
+    columns = [getattr(errors.damped, name).tolist() for name in names]
+    return [dict(zip(names, mode, strict=True)) for mode in zip(*columns, strict=True)]
+
+
 def _component(part: ComponentResult) -> dict[str, Any]:
     modes = part.modes
+    elastic = np.arange(modes.omega.size)[modes.elastic]
     return {
         "full_dofs": part.full_dofs,
         "basis_size": modes.basis_size,
         "rigid_modes": modes.rigid_count,
         "elastic_modes": modes.elastic_count,
+        "static_modes": modes.static_count,
         "kept_modes": part.kept_modes,
         "method": modes.method,
-        "frequencies_hz": (modes.omega[part.kept][modes.rigid_count :] / (2 * np.pi)).tolist(),
+        "frequencies_hz": (modes.omega[np.intersect1d(part.kept, elastic)] / (2 * np.pi)).tolist(),
         "seconds": dict(part.seconds),
         "peak_mib": part.peak_mib,
         "checks": [
@@ -103,8 +118,9 @@ def _configurations(run: RunResult, label: str, *, sizes: bool) -> list[dict[str
     for result in run.configurations:
         row: dict[str, Any] = {"name": result.configuration.name, "angles": angles(result.configuration, every)}
         errors = result.errors.get(label)
-        row |= {name: None if errors is None else getattr(errors, name) for name in _FIGURES}
+        row |= {name: None if errors is None else getattr(errors, name) for name in ERRORS}
         if sizes:
+            row["complex_modes"] = _complex_modes(errors)
             row |= {"n_full": result.n_full, "n_reduced": result.n_reduced}
             row |= {"modes_full": result.modes_full, "modes_reduced": result.modes_reduced}
         rows.append(row)

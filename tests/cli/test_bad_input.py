@@ -221,8 +221,13 @@ CASES = {
     "unknown method": Case(
         (r"study\.yaml:\d+", "craig-bamton", "craig-bampton"), {"method: craig-bampton": "method: craig-bamton"}
     ),
-    "method of a later version": Case(
-        ("macneal-rubin", "not available"), {"method: craig-bampton": "method: macneal-rubin"}
+    "interface cutoff without constraint modes": Case(
+        (r"study\.yaml:\d+", "macneal-rubin has no constraint modes", "interface_cutoff"),
+        {"method: craig-bampton": "method: macneal-rubin, interface_cutoff: 3"},
+    ),
+    "residual of a node for every body": Case(
+        (r"study\.yaml:\d+", "'4.z' is a node of one body", "components.NAME.reduce.residuals"),
+        {"method: craig-bampton": "method: craig-bampton, residuals: [4.z]"},
     ),
     "unknown ranking": Case((r"study\.yaml:\d+", "gregori", "gregory"), {"rank: gregory": "rank: gregori"}),
     "stage whose inputs are not finished": Case(

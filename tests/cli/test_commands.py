@@ -65,6 +65,8 @@ def test_quiet_says_nothing(study: Path) -> None:
         (("--max", "frf_error=0.5"), 0),
         (("--max", "frf_error=1e-9"), 1),
         (("--max", "frf_error=0.5", "--max", "db_error=1e-9"), 1),
+        (("--max", "damping_error=0.5"), 0),
+        (("--max", "damping_error=1e-12"), 1),
         (("--max", "orthogonality in M=1e-30"), 1),
     ],
 )

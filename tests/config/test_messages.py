@@ -38,15 +38,39 @@ MISTAKES = {
     "misspelt choice": (
         "method: guyan", "method: guyann", 0,
         "found the text 'guyann', did you mean 'guyan'? expected craig-bampton or"),
-    "method of a later version": (
-        "method: guyan", "method: macneal-rubin", 0,
-        "key 'components.rotor.reduce.method': 'macneal-rubin' is not available in this version"),
+    "interface cutoff without constraint modes": (
+        "method: guyan", "method: macneal-rubin, interface_cutoff: 3", 0,
+        "key 'components.rotor.reduce': macneal-rubin has no constraint modes, so interface_cutoff does not apply"),
+    "residual that is no dof": (
+        "method: guyan", "method: guyan, residuals: [12.q]", 0,
+        "key 'components.rotor.reduce.residuals[0]': '12.q' is no residual: write sensors, actuators, dampers, or"),
     "stage of a later version": (
         "write: {formats: [hdf5]}", "project: {modes: auto}", 0,
         "key 'project': this is not available in this version"),
-    "tie of a later version": (
-        "nodes: [7, 8, 9], dofs: 123", "nodes: [7, 8, 9], tie: rigid", 0,
-        "key 'components.stator.interfaces.platform_hinge.tie': this is not available in this version"),
+    "misspelt tie": (
+        "nodes: [7, 8, 9], dofs: 123", "nodes: [7, 8, 9], tie: rigit", 0,
+        "key 'components.stator.interfaces.platform_hinge.tie': found the text 'rigit', did you mean 'rigid'?"),
+    "tie without nodes": (
+        "{nodes: [7, 8, 9], dofs: 123}", "{node: 7, tie: rigid}", 0,
+        "key 'components.stator.interfaces.platform_hinge': `tie: rigid` ties a list of nodes: name them by `nodes:"),
+    "tie of a set": (
+        "{nodes: [7, 8, 9], dofs: 123}", "{set: b, tie: average}", 0, "`tie: average` ties a list of nodes"),
+    "weights of a rigid tie": (
+        "nodes: [7, 8, 9], dofs: 123", "nodes: [7, 8, 9], tie: rigid, weights: [1, 2, 1]", 0,
+        "a rigid tie has no weights"),
+    "weights without a tie": ("dofs: 123}", "weights: [1, 2, 1]}", 0, "add `tie: average`"),
+    "too few weights": (
+        "nodes: [7, 8, 9], dofs: 123", "nodes: [7, 8, 9], tie: average, weights: [1, 2]", 0,
+        "3 nodes need as many weights, found 2"),
+    "weight of zero": (
+        "nodes: [7, 8, 9], dofs: 123", "nodes: [7, 8, 9], tie: average, weights: [1, 0, 1]", 0,
+        "found the number 0, expected a number above 0"),
+    "dofs of an average": (
+        "nodes: [7, 8, 9], dofs: 123", "nodes: [7, 8, 9], dofs: 123, tie: average", 0,
+        "an average is of the translations of the nodes: take `dofs` out"),
+    "tie of a rigid body": (
+        "{hinge: {position: [0, 0, 0]}}", "{hinge: {nodes: [1], position: [0, 0, 0], tie: rigid}}", 0,
+        "an interface of a rigid body is given by its position"),
     "format of a later version": (
         "[hdf5]", "[hdf5, nastran]", 0, "key 'write.formats[1]': 'nastran' is not available in this version, hdf5 is"),
     "length for a frequency": (

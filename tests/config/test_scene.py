@@ -162,6 +162,15 @@ def test_frame_of_an_interface(galileo):
     np.testing.assert_array_equal(basic.components["rotor"].interfaces["spin_bearing"].frame.rows(), np.eye(3))
 
 
+def test_tied_interfaces(galileo):
+    hinge = "components.stator.interfaces.platform_hinge"
+    tied = f"{hinge}={{nodes: [7, 8, 9], tie: average, weights: [1, 2, 1], position: [0, 0, 1.5]}}"
+    face = load_pipeline(galileo, [tied]).components["stator"].interfaces["platform_hinge"]
+    assert (face.tie, face.nodes, face.weights, face.position) == ("average", (7, 8, 9), (1, 2, 1), (0, 0, 1.5))
+    rigid = load_pipeline(galileo, [f"{hinge}.tie=rigid"]).components["stator"].interfaces["platform_hinge"]
+    assert (rigid.tie, rigid.nodes, rigid.components, rigid.position) == ("rigid", (7, 8, 9), (1, 2, 3), None)
+
+
 def test_axes_typed_by_hand_are_made_orthonormal(galileo):
     axes = (
         "components.rotor.interfaces.spin_bearing.frame={axes: [[0.7071, 0.7071, 0], [-0.7071, 0.7071, 0], [0, 0, 1]]}"

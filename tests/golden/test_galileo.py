@@ -14,7 +14,7 @@ from cmsreduce.pipeline import MODEL, Run, Silent, execute
 ROOT = Path(__file__).parents[2]
 PIPELINE = ROOT / "pipelines" / "galileo.yaml"
 SAMPLE = ROOT / "sample_models" / "galileo"
-ALL, NAIVE = "all modes to 20 Hz", "first 19 by frequency"
+ALL, NAIVE = "Craig-Bampton to 20 Hz", "first 19 by frequency"
 
 
 @pytest.fixture(scope="module")
@@ -42,10 +42,17 @@ def test_sizes_are_the_papers(result, name, dofs, basis, elastic, kept):
     assert all(check.passed for check in part.checks)
 
 
-def test_all_modes_show_no_error_at_any_angle(result):
+# Loaded modes without static ones need twice the frequency to come to where no eye sees an error (1 dB).
+@pytest.mark.parametrize(
+    ("label", "frf_error", "db_error"),
+    [(ALL, 0.01, 0.1), ("MacNeal-Rubin to 20 Hz", 1e-4, 0.01), ("Benfield-Hruda to 40 Hz", 0.05, 1.0)],
+)
+def test_all_three_mode_sets_show_no_error_at_any_angle(result, label, frf_error, db_error):
     assert len(result.configurations) >= 6
-    assert result.worst(ALL)["frf_error"] < 0.01
-    assert result.worst(ALL)["db_error"] < 0.1
+    for configuration in result.configurations:
+        assert configuration.errors[label].frf_error < frf_error
+        assert configuration.errors[label].db_error < db_error
+    assert result.worst(label)["damping_error"] < 1e-3
 
 
 def test_ranked_modes_show_no_visible_error_at_any_angle(result):
@@ -88,7 +95,7 @@ def test_summary_keeps_its_contract(result, folder):
     assert row["angles"] == {"spin": 45.0, "cone": 30.0}
     # 300 dofs, 6 of the platform, less 5 locked in each joint.
     assert (row["n_full"], row["n_reduced"]) == (243 + 57 + 6 - 10, 25 + 21 + 6 - 10)
-    assert set(summary["worst"]) == {"frf_error", "db_error", "frequency_error"}
+    assert set(summary["worst"]) == {"frf_error", "db_error", "frequency_error", "damping_error"}
     assert set(summary["speed"]) == {"reduce_s", "full_frf_s", "reduced_frf_s"}
     assert summary["passed"] is True
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cmsreduce.assemble import modal_substructure
+from cmsreduce.assemble import modal_substructure, rigid_substructure
 from cmsreduce.errors import ConfigError
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.assembled import AssembledModel
@@ -21,7 +21,7 @@ def model(run: Run, selection: Mapping[str, np.ndarray]) -> ReducedModel:
     """The run's system with other modes kept."""
     components = truncate(run.ranked, dict(selection), dict.fromkeys(run.ranked, "trial"))
     subs = {name: modal_substructure(c, run.bodies[name].points(run.scene)) for name, c in components.items()}
-    every = {**subs, **run.rigid_bodies}
+    every = {**subs, **{name: rigid_substructure(body) for name, body in run.rigid_bodies.items()}}
     return ReducedModel(AssembledModel({name: every[name] for name in run.pipeline.components}, run.scene), components)
 
 

@@ -15,6 +15,7 @@ from cmsreduce.model import (
     ComponentResult,
     Configuration,
     ConfigurationResult,
+    DampedPairs,
     DofTable,
     FEModel,
     ModalComponent,
@@ -43,6 +44,16 @@ def oscillators(hz: np.ndarray, natural: np.ndarray, gain: np.ndarray) -> np.nda
 def errors(frf: float, db: float, shift: float, silent: np.ndarray) -> ModelErrors:
     frac = np.where(silent, np.nan, 1 - frf**2)
     return ModelErrors(frf, db, shift, frac, HZ, HZ * (1 + shift), np.array([1.0, 1 - 1e-9]))
+
+
+def damped(shift: float, ratio: float) -> DampedPairs:
+    """Both modes paired; the first of the reduced model has its frequency and its damping ratio off by these shares."""
+    zeta = np.full(2, ZETA)
+    full, reduced = (
+        2 * np.pi * hz * (-z + 1j * np.sqrt(1 - z**2))
+        for hz, z in ((HZ, zeta), (HZ * np.array([1 + shift, 1.0]), zeta * np.array([1 + ratio, 1.0])))
+    )
+    return DampedPairs(full, reduced, np.array([0.9999, 1.0]), np.array([ratio, 0.0]))
 
 
 def component(name: str) -> ComponentResult:

@@ -12,6 +12,7 @@ import pytest
 
 from cmsreduce.model import RunResult
 from cmsreduce.report import render_report
+from tests.report.conftest import damped
 
 HZ_1, HZ_2 = 1.0, 4.0
 HOSTILE = "</script><script>window.stolen = 1</script>"
@@ -107,6 +108,29 @@ def test_tables_hold_the_figures(make_run) -> None:
         '"band": "10 Hz"',
     ):
         assert figure in words
+
+
+def test_damping_ratios_of_a_damped_system(make_run) -> None:
+    run = make_run()
+    pairs = damped(0.001, 0.04)
+    results = tuple(
+        replace(result, errors={label: replace(found, damped=pairs) for label, found in result.errors.items()})
+        for result in run.configurations
+    )
+    page = Page(render_report(replace(run, configurations=results, limits={"damping_error": 0.03})))
+    assert "spin=0 9 (2) 4 (1) reduced 1 % 0.125 dB 0.1 % 4 %" in page.words
+    assert "damping error 4 % at spin=0 is above its limit 3 %" in page.words
+    assert "Complex modes and damping ratios in this configuration" in page.words
+    assert [figure["label"] for figure in page.data["figures"]][-1] == "damping error"
+    # Full and reduced frequency in Hz, full and reduced ratio in per cent, likeness of shapes.
+    assert page.data["settings"][1]["damped"] == [[1.0, 1.001, 0.5, 0.52, 0.9999], [4.0, 4.0, 0.5, 0.5, 1.0]]
+
+
+def test_a_system_without_damping_shows_no_damping_error(make_run) -> None:
+    page = Page(render_report(make_run()))
+    assert "damping" not in page.words
+    assert page.data["settings"][0]["damped"] is None
+    assert len(page.data["figures"]) == len(page.data["settings"][0]["errors"][0]) == 3
 
 
 def test_curves_are_the_closed_form_and_keep_its_peaks(make_run) -> None:

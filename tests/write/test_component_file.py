@@ -127,6 +127,37 @@ def test_steps_follow_from_the_highest_frequency(tmp_path, component):
     assert steps["trapezoidal_step_1_percent"] == pytest.approx(0.346 / top, rel=1e-13)
 
 
+@pytest.fixture
+def bare():
+    """The chain with nothing on its first point, which its joint holds: three static modes, one along each axis."""
+    body = chain(masses=(0.0, 2.0, 3.0))
+    return orthogonalise(CraigBampton(1e3).reduce(replace(body, damping=Damping(rayleigh=(0.0, 1e-3))), [0, 1, 2]))
+
+
+def test_static_modes_come_last_and_have_no_frequency(tmp_path, bare):
+    file = read_component(written(tmp_path / "chain.h5", bare))
+    assert (file.rigid_count, file.static_count, file.elastic) == (3, 3, slice(3, 6))
+    assert np.isnan(file.omega[6:]).all() and np.isnan(file.arrays["modes/frequency_hz"][6:]).all()
+    assert not np.isinf(np.concatenate([array.ravel() for array in file.arrays.values()])).any()
+    np.testing.assert_array_equal(file.arrays["modes/mass"], np.diag([1] * 6 + [0] * 3))
+    # beta K damps them, and two masses on three springs have w^2 = k (1/2 + 1/3).
+    squared = 50 * np.array([0.25, 0.5, 1.0]) * 5 / 6
+    np.testing.assert_allclose(file.arrays["modes/stiffness"], np.diag([0, 0, 0, *squared, 1, 1, 1]), atol=1e-11)
+    np.testing.assert_allclose(file.arrays["modes/damping"], 1e-3 * file.arrays["modes/stiffness"], atol=1e-14)
+    assert file.attributes["integration"]["highest_omega"] == pytest.approx(np.sqrt(squared[-1]), rel=1e-12)
+    # The first springs, one after the other in their direction, are all the flexibility that the joint sees besides.
+    S = file.arrays["interfaces/end/shapes"][:, 6:]
+    np.testing.assert_allclose(S @ S.T, np.diag([1 / 50, 1 / 25, 1 / 12.5]), atol=1e-15)
+
+
+def test_a_file_of_the_first_version_has_no_static_modes(tmp_path, component):
+    path = written(tmp_path / "chain.h5", component)
+    with h5py.File(path, "r+") as file:
+        file.attrs["format_version"] = 1
+        del file["modes"].attrs["static_count"]
+    assert read_component(path).static_count == 0
+
+
 def test_the_lines_on_the_page_read_it(tmp_path, component, monkeypatch):
     written(tmp_path / "rotor.h5", component)
     monkeypatch.chdir(tmp_path)

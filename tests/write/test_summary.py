@@ -13,6 +13,7 @@ from cmsreduce.model import (
     ComponentResult,
     Configuration,
     ConfigurationResult,
+    DampedPairs,
     DofTable,
     FEModel,
     ModalComponent,
@@ -37,7 +38,7 @@ OF_A_COMPONENT = {
     "checks",
 }
 OF_A_CONFIGURATION = {"angles", "frf_error", "db_error", "frequency_error", "n_full", "n_reduced"}
-ERRORS = ("frf_error", "db_error", "frequency_error")
+ERRORS = ("frf_error", "db_error", "frequency_error", "damping_error")
 
 
 def errors(*figures: float) -> ModelErrors:
@@ -110,7 +111,7 @@ def test_figures_are_those_of_the_run():
     assert [rotor[key] for key in counts] == [5, 4, 3, 2]
     # Of the elastic modes that are kept; the rigid one and the one left out are not among them.
     assert rotor["frequencies_hz"] == pytest.approx([1.5, 4.0], rel=1e-15)
-    assert facts["worst"] == {"frf_error": 0.02, "db_error": 0.5, "frequency_error": 2e-4}
+    assert facts["worst"] == {"frf_error": 0.02, "db_error": 0.5, "frequency_error": 2e-4, "damping_error": None}
     assert facts["band_hz"] == [0.0, 10.0]
     assert facts["passed"] is True
     assert summary(run(limits={"frf_error": 0.015}))["passed"] is False
@@ -142,8 +143,36 @@ def test_systems_have_their_frequencies_and_the_same_angles():
 def test_compared_models_have_their_figures():
     results = (setting("a", {}, errors(0.01, 0.1, 0.0), first=errors(0.9, 30.0, 0.5)),)
     found = summary(run(configurations=results))["comparisons"]
-    assert found["first"]["worst"] == {"frf_error": 0.9, "db_error": 30.0, "frequency_error": 0.5}
+    assert found["first"]["worst"] == {
+        "frf_error": 0.9,
+        "db_error": 30.0,
+        "frequency_error": 0.5,
+        "damping_error": None,
+    }
     assert found["first"]["configurations"][0]["frf_error"] == 0.9
+
+
+def test_complex_modes_stand_beside_the_full_ones():
+    # A root of length 10 with damping ratio 0.6 is -6 + 8i.
+    damped = DampedPairs(np.array([-6 + 8j]), np.array([-8 + 6j]), np.array([0.99]), np.array([1 / 3]))
+    own = replace(errors(0.01, 0.1, 0.0), damped=damped)
+    result = run(configurations=(setting("a", {}, own),), limits={"damping_error": 0.3})
+    facts = summary(result)
+    (mode,) = facts["configurations"][0]["complex_modes"]
+    hertz = 10 / (2 * np.pi)
+    assert mode == pytest.approx(
+        {"full_hz": hertz, "reduced_hz": hertz, "full_zeta": 0.6, "reduced_zeta": 0.8, "mac": 0.99}, rel=1e-15
+    )
+    assert facts["configurations"][0]["damping_error"] == facts["worst"]["damping_error"] == pytest.approx(1 / 3)
+    assert facts["passed"] is False
+    assert summary(replace(result, limits={"damping_error": 0.4}))["passed"] is True
+
+
+def test_without_damping_there_is_no_damping_error_to_limit():
+    facts = summary(run(limits={"damping_error": 1e-9}))
+    assert [row["damping_error"] for row in facts["configurations"]] == [None, None]
+    assert [row["complex_modes"] for row in facts["configurations"]] == [None, None]
+    assert facts["passed"] is True
 
 
 @pytest.mark.parametrize("figure", [np.inf, np.nan, np.float64("inf")])
