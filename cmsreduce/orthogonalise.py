@@ -10,11 +10,17 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.pencil import UndeterminedError, elastic_and_massless, refine
 from cmsreduce.model import FEModel, ModalComponent, ModeKind, ReducedComponent
 
-__all__ = ["STATIC", "orthogonalise", "orthogonality_errors"]
+__all__ = ["ORTHOGONAL", "STATIC", "orthogonalise", "orthogonality_errors"]
+
+ORTHOGONAL = 1e-10
+"""Modes are orthonormal to this share of their norms in M and in K."""
 
 STATIC = "static: carries no mass"
 """Why a static mode is kept."""
 
+_DOUBLE = 2.0**-53
+# Roundings of the parts of an energy that its sum over many dofs leaves.
+_ROUNDINGS = 4.0
 # A static mode's strain energy below this many roundings of its terms over all dofs is cancellation between shapes of
 # the basis that repeat each other: sums over many dofs leave more roundings than the small pencil does.
 _REPEATS = 100.0
@@ -78,21 +84,31 @@ def orthogonality_errors(component: ModalComponent) -> tuple[float, float]:
     Returns
     -------
     mass : float
-        Of Phi^T M Phi. A static mode, which has no kinetic energy, is measured against the absolute parts of it,
-        abs(phi)^T abs(M) abs(phi), with the largest entry of M on dofs that have no mass.
+        Of Phi^T M Phi, relative to the modes' norms in M, which are 1. A static mode, which has no kinetic energy, is
+        measured against the absolute parts of it, with the largest entry of M on dofs that have no mass.
     stiffness : float
-        Of Phi^T K Phi, relative to w_i w_j; w of a static mode is 1. Rigid modes, whose w is zero, are measured against
-        the highest frequency: they hold what rounding leaves of K.
+        Of Phi^T K Phi, relative to the modes' norms in K, which are w, and 1 for a static mode. Rigid modes, whose w is
+        zero, are measured against the highest frequency: what K leaves of them is the matrix's own.
+
+    Notes
+    -----
+    Energy is a sum of parts abs(phi)^T abs(K) abs(phi) that cancel, and what the rounding of the matrices leaves of the
+    parts is no property of the modes. Where that is more than `ORTHOGONAL` of the energy, as in soft modes between
+    stiff parts, it takes the energy's place in the norm, so that a value beyond `ORTHOGONAL` is more than rounding.
     """
     Phi, body, static = component.Phi, component.body, slice(component.elastic.stop, None)
-    g, w = np.ones(component.omega.size), np.sqrt(component.stiffness)
-    bare = np.where(body.M.diagonal() > 0, 0.0, abs(body.M).max())
-    g[static] = np.sqrt(_parts(body.M, Phi[:, static]) + bare @ Phi[:, static] ** 2)
+    hidden = _ROUNDINGS * max(body.rounding, _DOUBLE) / ORTHOGONAL
+    inertia = _parts(body.M, Phi)
+    g = np.maximum(component.mass, hidden * inertia)
+    w = component.stiffness.copy()
     if component.elastic_count:
-        w[: component.rigid_count] = component.omega[component.elastic][-1]
+        w[: component.rigid_count] = w[component.elastic][-1]
+    w = np.maximum(w, hidden * _parts(body.K, Phi))
+    bare = np.where(body.M.diagonal() > 0, 0.0, abs(body.M).max())
+    g[static] = inertia[static] + bare @ Phi[:, static] ** 2
     mass = abs(Phi.T @ (body.M @ Phi) - np.diag(component.mass))
     stiffness = abs(Phi.T @ (body.K @ Phi) - np.diag(component.stiffness))
-    return _largest(mass, np.outer(g, g)), _largest(stiffness, np.outer(w, w))
+    return _largest(mass, np.sqrt(np.outer(g, g))), _largest(stiffness, np.sqrt(np.outer(w, w)))
 
 
 def _polished(

@@ -14,6 +14,7 @@ from cmsreduce.assemble.channels import channel_rows
 from cmsreduce.assemble.joints import check_redundant, constrain
 from cmsreduce.assemble.placement import place_bodies
 from cmsreduce.assemble.points import PointStack, dense
+from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.null_space import null_space
 from cmsreduce.model import Configuration, Matrix, Placement, Scene, Substructure, System
 
@@ -25,6 +26,9 @@ _MOSTLY_FREE = 0.5
 # Nodes without rotations that are joined over a gap hold rigid motion by that gap over their distance from the centre
 # of mass, which is this share of the system's size or more.
 _OVER_GAP = 100.0
+
+# A free motion with less than this share of the largest modal mass carries none: inertia and mass differ by units.
+_NO_MASS = 1e-20
 
 # A constraint row's weight on a coordinate below this share of the row is round-off of a direction cosine.
 _NO_WEIGHT = 1e-14
@@ -103,6 +107,8 @@ def assemble(substructures: Mapping[str, Substructure], scene: Scene, configurat
     ------
     SceneError, ConstraintError
         As `wire` does.
+    MatrixError
+        If a free motion of the joints carries no mass.
 
     Notes
     -----
@@ -123,6 +129,11 @@ def assemble(substructures: Mapping[str, Substructure], scene: Scene, configurat
     rigid = np.asarray(T.T @ _rigid_motions(A, substructures, wiring.gap))
     if rigid.shape[1]:
         weight, V = la.eigh(rigid.T @ (M @ rigid))
+        if weight[0] <= _NO_MASS * weight[-1]:
+            raise MatrixError(
+                f"configuration '{configuration.name}': a motion that nothing holds carries no mass, such as the spin of "
+                "a rod without inertia in a free hinge: lock it in its joint, or give the body its inertia"
+            )
         rigid = rigid @ (V / np.sqrt(weight))
     B, C1, C2 = (dense(stack.spread(rows) @ T) for rows in (wiring.B, wiring.C1, wiring.C2))
     return System(

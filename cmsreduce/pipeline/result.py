@@ -8,13 +8,11 @@ import numpy as np
 
 from cmsreduce import __version__
 from cmsreduce.model import Check, ComponentResult, Configuration, RunResult, Speed, SystemModes
-from cmsreduce.orthogonalise import orthogonality_errors
+from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
 from cmsreduce.pipeline.run import MODEL, Run
 
 __all__ = ["component_checks", "run_result"]
 
-# Orthonormality is lost to round-off of n dofs times the condition of the basis; beyond this a basis is unusable.
-_ORTHOGONALITY = 1e-8
 # Roundings of the file that the mass of a massless shape amounts to, relative to its parts.
 _MASSLESS = 10.0
 
@@ -26,8 +24,8 @@ def component_checks(run: Run, name: str) -> tuple[Check, ...]:
     rounding = _MASSLESS * run.bodies[name].body.rounding if run.kept[name].static_count else 0.0
     return (
         *run.bodies[name].checks,
-        Check("orthogonality in M", mass, max(_ORTHOGONALITY, rounding)),
-        Check("orthogonality in K", stiffness, _ORTHOGONALITY),
+        Check("orthogonality in M", mass, max(ORTHOGONAL, rounding)),
+        Check("orthogonality in K", stiffness, ORTHOGONAL),
     )
 
 

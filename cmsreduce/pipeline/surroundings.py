@@ -18,6 +18,7 @@ from cmsreduce.assemble import (
     outboard_loading,
     reduced_substructure,
 )
+from cmsreduce.errors import SceneError
 from cmsreduce.model import FEModel, InterfaceLoading, Joint, Point, RigidBody, Scene, Substructure
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.reduce import CraigBampton, Guyan, InterfaceReduction
@@ -86,6 +87,11 @@ def shared_interfaces(
     InterfaceReduction or None
         None where the body has no interface of several nodes.
 
+    Raises
+    ------
+    SceneError
+        If two such interfaces of a body that is joined at one of them share a node.
+
     Notes
     -----
     Two bodies whose interfaces are reduced each to shapes of its own could hardly move together where they are joined.
@@ -101,7 +107,12 @@ def shared_interfaces(
         if all(_takes_part(end, bodies, cutoffs_hz) for end in _ends(joint))
     }
     if not partners:
-        return InterfaceReduction(cutoffs_hz[name], rows)
+        return InterfaceReduction(cutoffs_hz[name], np.unique(rows))
+    if np.unique(rows).size < rows.size:
+        raise SceneError(
+            f"component '{name}': two of its interfaces share a node, so they cannot be reduced one by one to the "
+            "shapes of their neighbours; take `interface_cutoff` out, or make them one interface"
+        )
     own = _characteristic(bodies[name], cutoffs_hz[name])
     blocks, start = [], 0
     for face in (face for face in body.interfaces if _is_many(body, face)):
