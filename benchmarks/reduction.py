@@ -46,15 +46,29 @@ def galileo() -> None:
 
 def block(cells: tuple[int, int, int]) -> FEModel:
     """Steel bar of hexahedra, 1 x 0.25 x 0.25 m, free."""
-    mesh = MeshHex.init_tensor(*(np.linspace(0, side, n + 1) for side, n in zip((1, 0.25, 0.25), cells, strict=True)))
+    sides = [np.linspace(0, side, n + 1) for side, n in zip((1, 0.25, 0.25), cells, strict=True)]
+    # All cells are alike: the matrices of the first one are scattered over the mesh.
+    K1, M1, dofs1 = _matrices(MeshHex.init_tensor(*(side[:2] for side in sides)))
+    mesh = MeshHex.init_tensor(*sides)
+    rows = (3 * mesh.t[:, None, :] + np.arange(3)[None, :, None]).reshape(24, -1)
+    at = np.repeat(rows, 24, axis=0).ravel(), np.tile(rows, (24, 1)).ravel()
+    own = dofs1.T.ravel()
+    n = 3 * mesh.p.shape[1]
+    K, M = (
+        sp.csc_array(sp.coo_array((np.repeat(A[np.ix_(own, own)].ravel(), mesh.t.shape[1]), at), shape=(n, n)))
+        for A in (K1, M1)
+    )
+    ids = np.arange(1, mesh.p.shape[1] + 1)
+    nodes = Nodes.in_basic(ids, mesh.p.T)
+    return FEModel("block", K, M, DofTable(np.repeat(ids, 3), np.tile([1, 2, 3], ids.size)), nodes)
+
+
+def _matrices(mesh: MeshHex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Stiffness and mass of a mesh, and the dof of each component at each of its nodes in the order of ``mesh.t``."""
     basis = Basis(mesh, ElementVector(ElementHex1()))
     K = linear_elasticity(*lame_parameters(2.1e11, 0.3)).assemble(basis)
     M = BilinearForm(lambda u, v, w: 7850 * dot(u, v)).assemble(basis)
-    node, component = np.zeros(K.shape[0], dtype=int), np.zeros(K.shape[0], dtype=int)
-    for c in range(3):
-        node[basis.nodal_dofs[c]], component[basis.nodal_dofs[c]] = np.arange(1, mesh.p.shape[1] + 1), c + 1
-    nodes = Nodes.in_basic(np.arange(1, mesh.p.shape[1] + 1), mesh.p.T)
-    return FEModel("block", sp.csc_array(K), sp.csc_array(M), DofTable(node, component), nodes)
+    return K.toarray(), M.toarray(), basis.nodal_dofs[:, mesh.t[:, 0]]
 
 
 def plain(body: FEModel, interface: np.ndarray, count: int) -> np.ndarray:

@@ -131,8 +131,8 @@ def assemble(substructures: Mapping[str, Substructure], scene: Scene, configurat
         weight, V = la.eigh(rigid.T @ (M @ rigid))
         if weight[0] <= _NO_MASS * weight[-1]:
             raise MatrixError(
-                f"configuration '{configuration.name}': a motion that nothing holds carries no mass, such as the spin of "
-                "a rod without inertia in a free hinge: lock it in its joint, or give the body its inertia"
+                f"configuration '{configuration.name}': a motion that nothing holds carries no mass, such as the spin "
+                "of a rod without inertia in a free hinge: lock it in its joint, or give the body its inertia"
             )
         rigid = rigid @ (V / np.sqrt(weight))
     B, C1, C2 = (dense(stack.spread(rows) @ T) for rows in (wiring.B, wiring.C1, wiring.C2))
