@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,6 +24,12 @@ _CHUNK = 512
 _SPARSE = 200
 # Damping that leaves more than this share of itself on rigid motion brakes it; round-off of a projection leaves less.
 _BRAKED = 1e-9
+# Symmetric matrices factorise in their own order; a pivot ten times its diagonal entry still goes before it.
+_SYMMETRIC: dict[str, Any] = {
+    "permc_spec": "MMD_AT_PLUS_A",
+    "diag_pivot_thresh": 0.1,
+    "options": {"SymmetricMode": True},
+}
 # Coordinates for which a whole chunk of dense matrices is held in memory.
 _COORDINATES = 24
 
@@ -167,7 +174,7 @@ def _sparse_receptances(
     for k, w in enumerate(omega):
         Z = sp.csc_array(K - w**2 * M + 1j * (loss + w * D))
         try:
-            X = spla.splu(Z, permc_spec="MMD_AT_PLUS_A").solve(np.asfortranarray(load, dtype=np.complex128))
+            X = spla.splu(Z, **_SYMMETRIC).solve(np.asfortranarray(load, dtype=np.complex128))
         except RuntimeError:
             raise MatrixError(_resonance(sub, float(w))) from None
         Y[k] = load.T @ X - rigid / w**2

@@ -129,7 +129,7 @@ class DofTable:
             raise DofMapError(f"node {node} has no dof {missing} in the matrices: {has}")
         return rows
 
-    @property
+    @cached_property
     def labels(self) -> list[str]:
         """``node.component`` of every row."""
         return [f"{n}.{c}" for n, c in zip(self.node, self.component, strict=True)]

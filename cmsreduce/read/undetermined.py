@@ -70,7 +70,7 @@ class Determined:
         SceneError
             Naming a dof.
         """
-        if not self.held or not rows.shape[0]:
+        if not self.motions.shape[1] or not rows.shape[0]:
             return
         along = abs(rows @ self.motions).max(axis=1)
         at = int(along.argmax())
@@ -114,30 +114,37 @@ def hold_undetermined(body: FEModel, named: Collection[str] = ()) -> Determined:
     """
     if not body.M.diagonal().any():
         raise MatrixError(f"body '{body.name}' has no mass: all entries of M are zero; name its mass matrix")
-    motions, scale = _undetermined_motions(body)
-    if not motions.shape[1]:
+    empty, motions, scale = _undetermined_motions(body)
+    if not empty.any() and not motions.shape[1]:
         return Determined(body, motions)
     # Orthonormal in scaled dofs, the share each dof has in the motions does not depend on the vectors chosen.
-    scaled = la.orth(motions * scale[:, None])
+    scaled = la.orth(motions * scale[:, None]) if motions.shape[1] else motions
     share = np.linalg.norm(scaled, axis=1)
-    moved = share > _AT_REST * share.max()
+    moved = empty | (share > _AT_REST * share.max())
     faces, lost = {}, []
     for name, face in body.interfaces.items():
         faces[name], labels = _without(body, face, moved, name in named)
         if labels:
             lost.append((name, labels))
-    _, order = la.qr(scaled.T, mode="r", pivoting=True)
-    held = np.sort(np.asarray(order[: motions.shape[1]], dtype=np.int64))
+    held = np.flatnonzero(empty)
+    if motions.shape[1]:
+        _, order = la.qr(scaled.T, mode="r", pivoting=True)
+        held = np.union1d(held, order[: motions.shape[1]])
     stay = np.setdiff1d(np.arange(body.n, dtype=np.int64), held)
     labels_held = tuple(body.dofs.labels[row] for row in held)
     return Determined(_restricted(body, stay, held, faces), motions[stay], labels_held, tuple(lost))
 
 
-def _undetermined_motions(body: FEModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Common null space of K, M and D (n, k), and a scale that makes unlike dofs comparable (n,)."""
+def _undetermined_motions(
+    body: FEModel,
+) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]:
+    """Null space of K, M and D together: empty rows (n,), motions of the other dofs (n, k), and their scale (n,).
+
+    The scale makes unlike dofs comparable.
+    """
     A = _sum(body)
-    empty = np.flatnonzero(A.diagonal() == 0)
-    rest = np.flatnonzero(A.diagonal() != 0)
+    empty = A.diagonal() == 0
+    rest = np.flatnonzero(~empty)
     inner = sp.csc_array(A[rest][:, rest])
     try:
         pivot = factorise(inner, definite=False).pivot_ratio
@@ -145,12 +152,11 @@ def _undetermined_motions(body: FEModel) -> tuple[NDArray[np.float64], NDArray[n
     except NotPositiveDefiniteError:
         sound = False
     found = np.empty((rest.size, 0)) if sound else stiffness_null_space(inner, body.rounding)
-    motions = np.zeros((body.n, empty.size + found.shape[1]))
-    motions[empty, np.arange(empty.size)] = 1.0
-    motions[rest, empty.size :] = found
+    motions = np.zeros((body.n, found.shape[1]))
+    motions[rest] = found
     scale = np.ones(body.n)
     scale[rest] = np.sqrt(inner.diagonal())
-    return motions / np.linalg.norm(motions * scale[:, None], axis=0), scale
+    return empty, motions / np.linalg.norm(motions * scale[:, None], axis=0), scale
 
 
 def _sum(body: FEModel) -> sp.csc_array:
