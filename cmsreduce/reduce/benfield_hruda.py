@@ -129,14 +129,16 @@ class BenfieldHruda(Reduction):
         rows = np.concatenate([interface, n + np.arange(free)])
         added_K = load.K if self.stiffness_loading else np.zeros_like(load.K)
         K, M = (_spread(A, added, rows, n + free) for A, added in ((body.K, added_K), (body.M, load.M)))
+        if not rigid.shape[1] + free:
+            return K, M, rigid
         # Of the body's rigid motions and the neighbours' free ones, those that strain no neighbour are rigid together.
-        motions = la.block_diag(rigid[interface], np.eye(free))
+        motions = _beside(rigid[interface], free)
         parts = _parts(sp.csc_array(added_K), motions)
         parts[: rigid.shape[1]] += _BODY_LEAVES / _UNRESISTED * _parts(body.K, rigid)
         size = np.sqrt(np.where(parts > 0, parts, 1.0))
-        strain, V = la.eigh((motions.T @ added_K @ motions) / np.outer(size, size)) if size.size else (size, motions)
+        strain, V = la.eigh((motions.T @ added_K @ motions) / np.outer(size, size))
         together = V[:, strain <= _UNRESISTED] / size[:, None]
-        everywhere = la.block_diag(rigid, np.eye(free)) @ together
+        everywhere = _beside(rigid, free) @ together
         weight = la.cholesky(everywhere.T @ (M @ everywhere)) if together.shape[1] else np.empty((0, 0))
         everywhere = la.solve_triangular(weight, everywhere.T, trans="T").T if together.shape[1] else everywhere
         return K, M, everywhere
@@ -166,6 +168,13 @@ class AugmentedBody(BenfieldHruda):
 
     method: ClassVar[str] = "augmented"
     stiffness_loading: ClassVar[bool] = False
+
+
+def _beside(shapes: NDArray[np.float64], free: int) -> NDArray[np.float64]:
+    """Shapes (n, r), and after them some motions free by themselves: (n + f, r + f)."""
+    both = np.pad(shapes, ((0, free), (0, free)))
+    both[np.arange(-free, 0), np.arange(-free, 0)] = 1.0
+    return both
 
 
 def _parts(A: sp.csc_array, X: NDArray[np.float64]) -> NDArray[np.float64]:

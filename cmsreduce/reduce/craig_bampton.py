@@ -81,7 +81,7 @@ class CraigBampton(Reduction):
             w, phi = modes_below(Kjj, Mjj, omega, solve=solve, rounding=body.rounding)
         static, new = np.empty((j.size, 0)), np.empty(0, dtype=np.int64)
         if j.size:
-            static, new = residual_shapes(solve, Kjj, forces[j], phi)
+            static, new = residual_shapes(solve, Kjj, forces[j], phi, Mjj)
         single = constraint @ boundary.shapes[:, : boundary.single.size]
         many = constraint @ boundary.shapes[:, boundary.single.size :]
         return ModeSet.of(

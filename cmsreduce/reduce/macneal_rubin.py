@@ -70,11 +70,9 @@ def free_modes_and_residuals(
     w, phi = np.empty(0), np.empty((body.n, 0))
     if omega > 0:
         w, phi = modes_below(body.K, body.M, omega, rigid=rigid, solve=solve, rounding=body.rounding)
-    residual, number = residual_shapes(solve, body.K, loads, phi)
-    # Soft modes strain little: what is left of them in a residual shows in its mass.
-    kept = np.hstack([rigid, phi])
+    residual, number = residual_shapes(solve, body.K, loads, phi, body.M)
     for _ in range(2):
-        residual = residual - kept @ (kept.T @ (body.M @ residual))
+        residual = residual - rigid @ (rigid.T @ (body.M @ residual))
     return ModeSet.of(
         method,
         [

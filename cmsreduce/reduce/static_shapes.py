@@ -20,7 +20,11 @@ _DEPENDENT = 1e-13
 
 
 def residual_shapes(
-    solve: Solve, K: sp.csc_array, loads: NDArray[np.float64], known: NDArray[np.float64]
+    solve: Solve,
+    K: sp.csc_array,
+    loads: NDArray[np.float64],
+    known: NDArray[np.float64],
+    M: sp.csc_array | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Static responses without what other shapes hold of them.
 
@@ -34,6 +38,8 @@ def residual_shapes(
         Loads.
     known : (n, k) float64
         Shapes of the basis; none of them rigid.
+    M : (n, n) sparse array, optional
+        Mass, where ``known`` are its modes with K, orthonormal in M.
 
     Returns
     -------
@@ -48,18 +54,20 @@ def residual_shapes(
     (G - V V^T) F with V the known shapes orthonormal in K. They are taken out of the loads before the solve: what
     remains is small, and its digits are its own. Source: Craig and Chang (1977); theory section 2.
     """
-    V = _orthonormal(known, K)
+    # K V = M V w^2 for modes: through M a mode much softer than the rest is taken out without the rounding of K V.
+    V, force = (_orthonormal(known, K), K) if M is None else (known, M)
+    share = np.ones(V.shape[1]) if M is None else 1 / np.einsum("ij,ij->j", V, K @ V)
     held = V.T @ loads
-    U = solve(loads - K @ (V @ held)) if loads.shape[1] else np.zeros(loads.shape)
-    U = U - V @ (V.T @ (K @ U))
+    U = solve(loads - force @ (V @ held)) if loads.shape[1] else np.zeros(loads.shape)
+    U = U - V @ (V.T @ (force @ U))
     energy = U.T @ (K @ U)
-    whole = energy.diagonal() + np.einsum("ij,ij->j", held, held)
+    whole = energy.diagonal() + share @ held**2
     scale = 1 / np.sqrt(np.where(whole > 0, whole, 1.0))
     R, number = _pivoted_cholesky(energy * np.outer(scale, scale), _NEW)
     Psi = _over(U[:, number] * scale[number], R)
     # Loads nearly alike lose digits when their shapes are made orthonormal, so it is done again.
     for _ in range(2 if number.size else 0):
-        Psi = Psi - V @ (V.T @ (K @ Psi))
+        Psi = Psi - V @ (V.T @ (force @ Psi))
         Psi = _over(Psi, la.cholesky(_symmetric(Psi.T @ (K @ Psi))))
     return Psi, number
 
