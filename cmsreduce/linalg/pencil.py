@@ -183,8 +183,11 @@ def split_massless(
     MatrixError
         If M gives a shape negative mass.
     """
-    # Unit diagonal of M, so that coordinates of unlike units mix without loss of digits.
-    diagonal = np.where(M.diagonal() > 0, M.diagonal(), abs(M).max(initial=0.0) or 1.0)
+    # Unit diagonal of M, so that coordinates of unlike units mix without loss of digits; but a mass that rounding of a
+    # displacement leaves, whose frequency no double could hold beside the others, is none.
+    least = (_LEFT_BY_ARITHMETIC * float(np.finfo(float).eps)) ** 2 * float(np.trace(M)) / (float(np.trace(K)) or 1.0)
+    weighs = M.diagonal() > least * np.maximum(K.diagonal(), 0.0)
+    diagonal = np.where(weighs, M.diagonal(), abs(M).max(initial=0.0) or 1.0)
     scale = 1 / np.sqrt(diagonal)
     scaled = _symmetric(M * np.outer(scale, scale))
     weight, U = la.eigh(scaled)

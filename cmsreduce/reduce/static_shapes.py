@@ -15,6 +15,9 @@ __all__ = ["elastic_solve", "independent_columns", "residual_shapes", "unit_load
 
 # A load's static shape is new when the shapes before it leave this share of its strain energy: round-off leaves 1e-14.
 _NEW = 1e-12
+# Where modes are taken out of a load before the solve, what is left of a load within their span is the square of
+# their own error. One far softer than the rest may hold all but 1e-14 of a load's energy, and that matters.
+_BEYOND_MODES = 1e-18
 # Shapes of a basis are dependent when the others leave this share of one's strain energy.
 _DEPENDENT = 1e-13
 
@@ -61,8 +64,9 @@ def residual_shapes(
     U = solve(loads - force @ (V @ held)) if loads.shape[1] else np.zeros(loads.shape)
     U = U - V @ (V.T @ (force @ U))
     energy = U.T @ (K @ U)
-    whole = energy.diagonal() + share @ held**2
-    scale = 1 / np.sqrt(np.where(whole > 0, whole, 1.0))
+    own = energy.diagonal()
+    beyond = own > (_NEW if M is None else _BEYOND_MODES) * (own + share @ held**2)
+    scale = np.where(beyond, 1 / np.sqrt(np.where(beyond, own, 1.0)), 0.0)
     R, number = _pivoted_cholesky(energy * np.outer(scale, scale), _NEW)
     Psi = _over(U[:, number] * scale[number], R)
     # Loads nearly alike lose digits when their shapes are made orthonormal, so it is done again.
