@@ -23,8 +23,9 @@ $(STAMP): pyproject.toml
 demo: $(STAMP) ## reduce the Galileo sample; the report is build/galileo/report.html
 	$(BIN)/cmsreduce run pipelines/galileo.yaml
 
+# One BLAS thread for each: two of them with two threads would wait for each other.
 test: $(STAMP) ## all tests, two at a time
-	$(BIN)/python -m pytest -n 2
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
 
 lint: $(STAMP) ## ruff, mypy, import contract
 	$(BIN)/ruff check .
