@@ -85,13 +85,19 @@ class Reduction(ABC):
         Raises
         ------
         MatrixError
-            If a rigid-body mode lies outside the span of the mode set.
+            If a rigid-body mode lies outside the span of the mode set, or the set holds no shape at all.
         """
         if rigid is None:
             R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
             rigid = rigid_body_modes(body.K, body.M, R, body.rounding, body.name)
         rows = np.asarray(interface, dtype=np.int64)
-        return project(body, self.basis(body, rows, rigid, loads), rigid)
+        modes = self.basis(body, rows, rigid, loads)
+        if modes.m == 0:
+            raise MatrixError(
+                f"body '{body.name}': its {self.method} basis is empty, for the body is held, and has no mode below "
+                f"the cutoff of {self.cutoff_hz:g} Hz; raise the cutoff, or take a set with static shapes"
+            )
+        return project(body, modes, rigid)
 
 
 def project(body: FEModel, modes: ModeSet, rigid: NDArray[np.float64]) -> ReducedComponent:

@@ -340,3 +340,11 @@ def test_by_name():
     for name, kind in (("benfield-hruda", BenfieldHruda), ("augmented", AugmentedBody)):
         made = reduction(name, 5.0, loading=load)
         assert type(made) is kind and made.loading is load and made.cutoff_hz == 5.0
+
+
+def test_a_held_body_without_a_mode_below_the_cutoff_is_refused():
+    body = grounded(chain([1.0, 2.0], [1e6]), 0, 1e6)
+    with pytest.raises(
+        MatrixError, match=r"body 'chain': its benfield-hruda basis is empty.*below the cutoff of 0\.1 Hz"
+    ):
+        BenfieldHruda(0.1).reduce(body, [1])
