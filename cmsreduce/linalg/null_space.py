@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factorise import Factor, NotPositiveDefiniteError, factorise
 
-__all__ = ["motions_held", "null_space", "rigid_body_modes", "row_basis", "stiffness_null_space"]
+__all__ = ["HELD", "motions_held", "null_space", "rigid_body_modes", "row_basis", "stiffness_null_space"]
 
 _DOUBLE = 2.0**-53
 # A constraint is dependent when what it adds is below this share of the largest: joints are written with
@@ -19,7 +19,7 @@ _DOUBLE = 2.0**-53
 _DEPENDENT = 1e-9
 # Rigid motions are independent at an interface when their smallest singular value there, in units of the largest,
 # exceeds this: an interface this nearly singular amplifies every digit that a deck prints.
-_HELD = 1e-8
+HELD = 1e-8
 # K R is built from numbers known to the file's rounding; a rigid motion leaves this many of them, relative to |K|.
 _RIGID_FACTOR = 1e4
 # Below this size the whole spectrum of the scaled stiffness is cheaper than its weakest motions alone.
@@ -81,7 +81,7 @@ def motions_held(rigid: NDArray[np.float64], rows: NDArray[np.int64]) -> int:
     if not rigid.shape[1] or not rows.size:
         return 0
     s = la.svdvals(rigid[rows] / np.linalg.norm(rigid, axis=0))
-    return int(np.count_nonzero(s > _HELD * s.max(initial=0.0)))
+    return int(np.count_nonzero(s > HELD * s.max(initial=0.0)))
 
 
 def row_basis(A: NDArray[np.float64]) -> NDArray[np.float64]:

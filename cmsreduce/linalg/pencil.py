@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 
-__all__ = ["UndeterminedError", "elastic_and_massless", "elastic_pairs", "refine", "split_massless"]
+__all__ = ["UndeterminedError", "elastic_and_massless", "elastic_pairs", "orthonormal", "refine", "split_massless"]
 
 # A first-order step is trusted where it rotates two modes by less than this; closer modes are one cluster, which is
 # solved as a small pencil of its own.
@@ -230,6 +230,13 @@ def _parts(A: NDArray[np.float64], X: NDArray[np.float64]) -> NDArray[np.float64
 
 def _limit(rounding: float) -> float:
     return max(_LEFT_BY_ARITHMETIC * float(np.finfo(float).eps), _LEFT_BY_FILE * rounding)
+
+
+def orthonormal(X: NDArray[np.float64], G: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Combinations of independent shapes (n, r) that make their Gram matrix (r, r) the identity."""
+    if not G.size:
+        return X
+    return np.asarray(la.solve_triangular(la.cholesky(_symmetric(G)), X.T, trans="T").T)
 
 
 def _symmetric(A: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigenpairs import modes_below
+from cmsreduce.linalg.null_space import HELD
+from cmsreduce.linalg.pencil import orthonormal
 from cmsreduce.model import FEModel, InterfaceLoading, ModeBlock, ModeSet
 from cmsreduce.reduce.reduction import Reduction
 from cmsreduce.reduce.static_shapes import elastic_solve, independent_columns, residual_shapes
@@ -22,9 +24,6 @@ __all__ = ["AugmentedBody", "BenfieldHruda"]
 _UNRESISTED = 1e-12
 # The same against the absolute parts in the body, whose own rounding hides anything weaker.
 _BODY_LEAVES = 1e-16
-# Rigid motions that move the held dofs by less than this share of the largest are left by the ground: nodes in one line
-# are in it to the digits of a deck.
-_HELD = 1e-8
 # A loaded mode in which the body has less than this share of the energy moves the neighbours only, and has nothing to
 # add; round-off leaves 1e-20.
 _STILL = 1e-16
@@ -103,11 +102,10 @@ class BenfieldHruda(Reduction):
             return modes_below(K, M, omega, rigid=rigid, rounding=rounding)
         held = interface[self.loading.grounded]
         kept = np.setdiff1d(np.arange(K.shape[0]), held)
-        still = rigid @ la.null_space(rigid[held], rcond=_HELD) if rigid.shape[1] else rigid
+        still = rigid @ la.null_space(rigid[held], rcond=HELD) if rigid.shape[1] else rigid
         inside = still[kept]
         M = sp.csc_array(M[kept][:, kept])
-        if inside.shape[1]:
-            inside = la.solve_triangular(la.cholesky(inside.T @ (M @ inside)), inside.T, trans="T").T
+        inside = orthonormal(inside, inside.T @ (M @ inside))
         w, inner = modes_below(sp.csc_array(K[kept][:, kept]), M, omega, rigid=inside, rounding=rounding)
         phi = np.zeros((K.shape[0], w.size))
         phi[kept] = inner
@@ -139,9 +137,7 @@ class BenfieldHruda(Reduction):
         strain, V = la.eigh((motions.T @ added_K @ motions) / np.outer(size, size))
         together = V[:, strain <= _UNRESISTED] / size[:, None]
         everywhere = _beside(rigid, free) @ together
-        weight = la.cholesky(everywhere.T @ (M @ everywhere)) if together.shape[1] else np.empty((0, 0))
-        everywhere = la.solve_triangular(weight, everywhere.T, trans="T").T if together.shape[1] else everywhere
-        return K, M, everywhere
+        return K, M, orthonormal(everywhere, everywhere.T @ (M @ everywhere))
 
 
 def _own_motions(body: FEModel, w: NDArray[np.float64], shapes: NDArray[np.float64]) -> NDArray[np.int64]:

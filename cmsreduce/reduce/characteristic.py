@@ -9,7 +9,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.pencil import elastic_and_massless
+from cmsreduce.linalg.pencil import elastic_and_massless, orthonormal
 from cmsreduce.linalg.repeated import repeated_groups
 
 __all__ = ["Boundary", "InterfaceReduction"]
@@ -108,8 +108,7 @@ class Boundary:
         # Rigid motions that leave the single dofs at rest are modes of frequency zero.
         still = la.null_space(rigid[single], rcond=_INDEPENDENT) if rigid.shape[1] else np.empty((0, 0))
         at_rest = rigid[many] @ still if still.size else np.empty((many.size, 0))
-        if at_rest.shape[1]:
-            at_rest = la.solve_triangular(la.cholesky(at_rest.T @ Mtt @ at_rest), at_rest.T, trans="T").T
+        at_rest = orthonormal(at_rest, at_rest.T @ Mtt @ at_rest)
         lam, X, N = elastic_and_massless(Ktt, Mtt, at_rest, rounding)
         kept = _up_to(np.sqrt(lam), 2 * np.pi * reduction.cutoff_hz)
         U = np.hstack([at_rest, X[:, :kept]])

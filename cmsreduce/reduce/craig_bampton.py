@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import SingularInterfaceError
 from cmsreduce.linalg.eigenpairs import Solve, modes_below
 from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
-from cmsreduce.linalg.null_space import motions_held
+from cmsreduce.linalg.null_space import HELD, motions_held
 from cmsreduce.model import FEModel, ModeBlock, ModeSet
 from cmsreduce.reduce.characteristic import Boundary, InterfaceReduction
 from cmsreduce.reduce.macneal_rubin import free_modes_and_residuals
@@ -20,9 +20,6 @@ from cmsreduce.reduce.reduction import Reduction
 from cmsreduce.reduce.static_shapes import residual_shapes
 
 __all__ = ["CraigBampton", "Guyan"]
-
-# Rigid motions that the interface shows less than this share of, relative to the largest, are not held by it.
-_HELD = 1e-8
 
 
 class CraigBampton(Reduction):
@@ -133,7 +130,7 @@ class CraigBampton(Reduction):
             constraint[j] = -solve(body.K[j][:, interface].toarray())
             # They carry the rigid modes: what a solve loses of them over a long lever, or a coarse file, is known.
             missed = rigid - constraint @ rigid[interface]
-            constraint[j] += missed[j] @ la.pinv(rigid[interface], rtol=_HELD)
+            constraint[j] += missed[j] @ la.pinv(rigid[interface], rtol=HELD)
         return constraint, solve, j
 
     def _boundary(

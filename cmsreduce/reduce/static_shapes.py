@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.eigenpairs import ElasticFlexibility, Solve
 from cmsreduce.linalg.factorise import factorise
+from cmsreduce.linalg.pencil import orthonormal
 from cmsreduce.model import FEModel
 
 __all__ = ["elastic_solve", "independent_columns", "residual_shapes", "unit_loads"]
@@ -72,7 +73,7 @@ def residual_shapes(
     # Loads nearly alike lose digits when their shapes are made orthonormal, so it is done again.
     for _ in range(2 if number.size else 0):
         Psi = Psi - V @ (V.T @ (force @ Psi))
-        Psi = _over(Psi, la.cholesky(_symmetric(Psi.T @ (K @ Psi))))
+        Psi = orthonormal(Psi, Psi.T @ (K @ Psi))
     return Psi, number
 
 
