@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from cmsreduce.linalg.factorise import installed_backends
+from cmsreduce.linalg.solver_settings import BACKENDS
+
 SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "data"
 
 
@@ -14,6 +17,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         reasons["shared"] = f"reference bodies are not here: {SHARED}"
     if shutil.which("ccx") is None:
         reasons["ccx"] = "the CalculiX solver ccx is not on the PATH"
+    for backend in set(BACKENDS) - set(installed_backends()):
+        reasons[backend] = f"the sparse solver {backend} is not installed"
     for item in items:
         for marker, reason in reasons.items():
             if marker in item.keywords:

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+import importlib.util
+import time
+from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.cholmod import cholmod_factor
+from cmsreduce.linalg.factor import BLOCK, Admit, Factor, FactorCost, SingularFactorError
+from cmsreduce.linalg.pardiso import Pardiso, mkl_library
+from cmsreduce.linalg.solver_settings import BACKENDS, Backend, SolverSettings, current_settings
+from cmsreduce.linalg.superlu import SuperLU
+from cmsreduce.model import Factorisation
 
-__all__ = ["BLOCK", "Factor", "NotPositiveDefiniteError", "factorise"]
-
-BLOCK = 64
-"""Right-hand sides solved at once: wide enough to reuse the factor, narrow enough to stay in memory."""
+__all__ = ["BLOCK", "Factor", "InsufficientMemoryError", "NotPositiveDefiniteError", "factorise", "installed_backends"]
 
 # A pivot is what its diagonal entry leaves after cancellation. Of a singular matrix of a few dofs up to a hundred
 # roundings are left (2e-14 seen), of a large one n of them; a cantilever of a thousand elements in a row leaves 1e-10.
@@ -26,6 +29,8 @@ _LARGEST_SINGULAR = 1e-10
 _LEFT_BY_ARITHMETIC = 5.0
 # Raises a matrix that is exactly singular enough to be factorised, so that its smallest pivot shows where.
 _RAISED = 1e-8
+# Below this size SuperLU is done before another library is loaded.
+_SMALL = 5000
 
 
 class NotPositiveDefiniteError(MatrixError):
@@ -36,66 +41,8 @@ class NotPositiveDefiniteError(MatrixError):
         self.row = row
 
 
-@dataclass(frozen=True, eq=False)
-class Factor:
-    """Triangular factors of a symmetric matrix: call it with a right-hand side to solve.
-
-    Parameters
-    ----------
-    lu : SuperLU
-        The factors.
-    diagonal : (n,) float64
-        Diagonal of the matrix itself, the scale pivots are judged by.
-    """
-
-    lu: spla.SuperLU
-    diagonal: NDArray[np.float64]
-
-    def __call__(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solve A x = b for one column or a block.
-
-        Parameters
-        ----------
-        b : (n,) or (n, k) float64
-
-        Returns
-        -------
-        x : float64, shape of ``b``
-        """
-        b = np.asarray(b, dtype=np.float64)
-        if b.ndim == 1 or b.shape[1] <= BLOCK:
-            return np.asarray(self.lu.solve(np.asfortranarray(b)))
-        parts = [self.lu.solve(np.asfortranarray(b[:, k : k + BLOCK])) for k in range(0, b.shape[1], BLOCK)]
-        return np.hstack(parts)
-
-    @cached_property
-    def pivots(self) -> NDArray[np.float64]:
-        """Pivots in the matrix's own row order."""
-        return np.asarray(self.lu.U.diagonal()[self.lu.perm_c])
-
-    @property
-    def symmetric(self) -> bool:
-        """Whether rows and columns were permuted alike, so that pivot signs are the inertia (Sylvester)."""
-        return bool(np.array_equal(self.lu.perm_r, self.lu.perm_c))
-
-    @property
-    def negative_pivots(self) -> int:
-        """Number of negative eigenvalues of the matrix.
-
-        Raises
-        ------
-        MatrixError
-            If the factorisation had to pivot off the diagonal, which hides the inertia.
-        """
-        if not self.symmetric:
-            raise MatrixError("the factorisation pivoted off the diagonal: its inertia cannot be read")
-        return int(np.count_nonzero(self.lu.U.diagonal() < 0))
-
-    @property
-    def pivot_ratio(self) -> NDArray[np.float64]:
-        """Pivot over size of the diagonal entry: what is left of a dof's stiffness when those before it are free."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(self.diagonal != 0, self.pivots / abs(self.diagonal), 0.0)
+class InsufficientMemoryError(MatrixError):
+    """A factor would not fit in the memory that it may take; nothing was allocated."""
 
 
 def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix") -> Factor:
@@ -113,28 +60,38 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
     Returns
     -------
     Factor
+        By the solver that `current_settings` names.
 
     Raises
     ------
     NotPositiveDefiniteError
         If ``definite`` and a pivot is not positive, or falls to the round-off of its diagonal entry in a motion whose
         energy is round-off too.
+    InsufficientMemoryError
+        If the factor would outgrow the memory it may take; said before that memory is allocated.
     """
     A = sp.csc_array(A)
-    diagonal = A.diagonal()
+    settings = current_settings()
+    backend = _chosen(settings.backend, A.shape[0])
+    started, admit = time.perf_counter(), _admission(settings, what, A.shape[0])
     try:
-        lu = spla.splu(
-            A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True, "Equil": False}
-        )
-    except RuntimeError:
+        try:
+            factor = _TYPES[backend](A, definite, admit)
+        except SingularFactorError:
+            # Cholesky stops at a pivot that is not positive; L D L^T tells which is the worst.
+            factor = _TYPES[backend](A, False, admit)
+    except SingularFactorError:
         row = _singular_row(A)
         raise NotPositiveDefiniteError(f"{what} is singular: nothing holds row {row + 1}", row) from None
-    factor = Factor(lu, diagonal)
+    seconds, cost = time.perf_counter() - started, factor.cost
+    settings.work.append(
+        Factorisation(factor.backend, factor.n, cost.nnz, cost.flops / 1e9, cost.bytes / 2**20, seconds)
+    )
     if definite:
         limit = min(max(A.shape[0], _FEWEST_ROUNDINGS) * np.finfo(float).eps, _LARGEST_SINGULAR)
         ratio = factor.pivot_ratio
         row = int(np.argmin(ratio)) if ratio.size else 0
-        if not factor.symmetric or (ratio.min(initial=1.0) <= limit and not _resists(A, factor, row)):
+        if not factor.inertia_known or (ratio.min(initial=1.0) <= limit and not _resists(A, factor, row)):
             raise NotPositiveDefiniteError(
                 f"{what} is not positive definite: pivot ratio {ratio.min():.1e} at row {row + 1}", row
             )
@@ -158,3 +115,48 @@ def _singular_row(A: sp.csc_array) -> int:
         return int(np.argmin(diagonal))
     raised = factorise(sp.csc_array(A + _RAISED * sp.diags_array(diagonal)), definite=False)
     return int(np.argmin(abs(raised.pivot_ratio)))
+
+
+def installed_backends() -> tuple[Backend, ...]:
+    """Sparse solvers that can be used here, the quickest first."""
+    return tuple(backend for backend in BACKENDS if _installed(backend))
+
+
+@cache
+def _installed(backend: Backend) -> bool:
+    if backend == "pardiso":
+        return mkl_library() is not None
+    if backend == "cholmod":
+        return importlib.util.find_spec("sksparse") is not None
+    return True
+
+
+def _chosen(wanted: Backend, n: int) -> Backend:
+    """The solver to use: the one asked for, or the quickest for the size."""
+    if wanted == "auto":
+        return "superlu" if n < _SMALL else installed_backends()[0]
+    if not _installed(wanted):
+        raise MatrixError(
+            f"the sparse solver '{wanted}' is not installed here; installed: {', '.join(installed_backends())}"
+        )
+    return wanted if n else "superlu"
+
+
+def _admission(settings: SolverSettings, what: str, n: int) -> Admit:
+    def admit(cost: FactorCost) -> None:
+        limit = settings.memory_limit
+        if cost.bytes > limit:
+            raise InsufficientMemoryError(
+                f"{what} ({n} rows): its factor has {cost.nnz:.3g} entries and needs {cost.bytes / 2**30:.3g} GiB, "
+                f"{limit / 2**30:.3g} GiB may be used; close other programs, raise `solver.memory`, or split the body "
+                "into components"
+            )
+
+    return admit
+
+
+_TYPES: dict[str, Callable[[sp.csc_array, bool, Admit], Factor]] = {
+    "pardiso": Pardiso,
+    "cholmod": cholmod_factor,
+    "superlu": SuperLU,
+}

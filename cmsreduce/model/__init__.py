@@ -1,9 +1,11 @@
 """The plain data that flows between stages: frozen, with stated shapes and units, no I/O."""
 
 from cmsreduce.model.body import FEModel, RigidBody, Source
+from cmsreduce.model.certificate import ModeCertificate
 from cmsreduce.model.check import Check
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import SCALAR, DofTable, components_from_digits
+from cmsreduce.model.factorisation import Factorisation
 from cmsreduce.model.interface import Interface
 from cmsreduce.model.loading import InterfaceLoading
 from cmsreduce.model.mode_set import ModeBlock, ModeKind, ModeSet
@@ -56,6 +58,7 @@ __all__ = [
     "Damping",
     "DofTable",
     "FEModel",
+    "Factorisation",
     "Interface",
     "InterfaceLoading",
     "Joint",
@@ -63,6 +66,7 @@ __all__ = [
     "Matrix",
     "ModalComponent",
     "ModeBlock",
+    "ModeCertificate",
     "ModeKind",
     "ModeSet",
     "Nodes",

@@ -1,0 +1,193 @@
+"""MKL PARDISO, called directly: symmetric factors by supernodes, in METIS order, on all threads."""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+import sysconfig
+import weakref
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
+from cmsreduce.linalg.solver_settings import current_settings
+
+__all__ = ["Pardiso", "mkl_library"]
+
+# Matrix types of PARDISO.
+_DEFINITE, _INDEFINITE = 2, -2
+# Phases.
+_ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
+# Its error codes.
+_NO_MEMORY, _BAD_PIVOT = -2, -4
+# From here on two levels of parallel work are quicker than one, in the factorisation and in the solves.
+_TWO_LEVELS = 20_000
+# No pivot is moved off zero unless it is far below round-off: a count of signs must be the matrix's own.
+_PERTURBED = 20
+_KIB = 1024.0
+
+
+@cache
+def mkl_library() -> ctypes.CDLL | None:
+    """The MKL runtime of the `mkl` wheel, or of the system; None where there is none."""
+    roots = [Path(sysconfig.get_path("data")) / "lib", Path(sys.prefix) / "lib", Path(sysconfig.get_path("purelib"))]
+    names = [str(path) for root in roots for path in sorted(root.glob("libmkl_rt.so*"), reverse=True)]
+    for name in [*names, "libmkl_rt.so.3", "libmkl_rt.so.2", "libmkl_rt.so"]:
+        try:
+            library = ctypes.CDLL(name)
+        except OSError:
+            continue
+        if hasattr(library, "pardiso"):
+            return library
+    return None
+
+
+class Pardiso(Factor):
+    """Cholesky factors L L^T, or L D L^T with pivots of one or two rows (Bunch and Kaufman).
+
+    Parameters
+    ----------
+    A : (n, n) csc array
+        Symmetric.
+    definite : bool
+        Whether the matrix is taken to be positive definite.
+    admit : callable
+        Refuses a factor that is too large.
+
+    Raises
+    ------
+    SingularFactorError
+        If a pivot is zero, or not positive in a definite matrix.
+    MemoryError
+        If PARDISO finds no memory.
+
+    Notes
+    -----
+    Source: Intel oneAPI Math Kernel Library, developer reference, "oneMKL PARDISO": parameters iparm.
+    """
+
+    backend: ClassVar[str] = "pardiso"
+
+    def __init__(self, A: sp.csc_array, definite: bool, admit: Admit) -> None:
+        # The upper triangle by rows is the lower one by columns; PARDISO wants every diagonal entry, zeros too.
+        lower = sp.csc_array(sp.tril(A, format="csc"))
+        if lower.diagonal().all():
+            lower.sort_indices()
+        else:
+            lower = _with_diagonal(lower)
+        self._values = np.ascontiguousarray(lower.data, dtype=np.float64)
+        self._indptr, self._indices = lower.indptr.astype(np.int32), lower.indices.astype(np.int32)
+        self._order = np.zeros(A.shape[0], dtype=np.int32)
+        self._type = _DEFINITE if definite else _INDEFINITE
+        self._handle = np.zeros(64, dtype=np.int64)
+        self._iparm = _parameters(A.shape[0])
+        size = A.shape[0]
+        self._release = weakref.finalize(self, _release, self._handle, self._iparm.copy(), self._type, size)
+        self._call(_ANALYSE, size)
+        peak, factors, entries = float(self._iparm[15]), float(self._iparm[16]), int(self._iparm[17])
+        nnz = entries if entries > 0 else int(factors * _KIB / 8)
+        # With two levels PARDISO does not count operations: those of a solid's or a frame's factor are near this.
+        counted = float(self._iparm[18]) * 1e6
+        flops = counted if counted > 0 else 2.0 * nnz**2 / max(size, 1)
+        super().__init__(A, FactorCost(nnz, flops, (peak + factors) * _KIB))
+        admit(self.cost)
+        self._call(_FACTORISE, size)
+
+    def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+        b = np.asfortranarray(b)
+        x = np.empty_like(b)
+        self._call(_SOLVE, self.n, b, x)
+        return x
+
+    @cached_property
+    def pivots(self) -> NDArray[np.float64]:
+        """Pivots in the matrix's own row order (n,); of a block of two rows, its diagonal."""
+        eliminated, entries = np.empty(self.n), np.empty(self.n)
+        library, error = _library(), ctypes.c_int(0)
+        library.pardiso_getdiag(_at(self._handle), _at(eliminated), _at(entries), _by(1), ctypes.byref(error))
+        if error.value:
+            raise MemoryError(f"MKL PARDISO gives no pivots (error {error.value})")
+        pivots = np.empty(self.n)
+        pivots[self._order] = eliminated
+        return pivots
+
+    @property
+    def inertia_known(self) -> bool:
+        """Whether no pivot had to be moved off zero."""
+        return int(self._iparm[13]) == 0
+
+    def _negative_pivots(self) -> int:
+        return 0 if self._type == _DEFINITE else int(self._iparm[22])
+
+    def _call(
+        self, phase: int, n: int, b: NDArray[np.float64] | None = None, x: NDArray[np.float64] | None = None
+    ) -> None:
+        error = ctypes.c_int(0)
+        _library().MKL_Set_Num_Threads_Local(ctypes.c_int(current_settings().thread_count))
+        columns = 1 if b is None else b.shape[1]
+        _library().pardiso(
+            *(_at(self._handle), _by(1), _by(1), _by(self._type), _by(phase), _by(n)),
+            *(_at(self._values), _at(self._indptr), _at(self._indices), _at(self._order), _by(columns)),
+            *(_at(self._iparm), _by(0), _at(b), _at(x), ctypes.byref(error)),
+        )
+        if error.value == _BAD_PIVOT:
+            raise SingularFactorError
+        if error.value:
+            size = f"{self._values.nbytes / 2**30:.2g} GiB of entries"
+            raise MemoryError(f"MKL PARDISO stopped in phase {phase} with error {error.value} on {n} rows, {size}")
+
+
+def _parameters(n: int) -> NDArray[np.int32]:
+    iparm = np.zeros(64, dtype=np.int32)
+    iparm[0] = 1  # values of our own
+    iparm[1] = 3 if n > _TWO_LEVELS else 2  # nested dissection; on all threads where it is long
+    iparm[4] = 2  # give the order back
+    iparm[9] = _PERTURBED
+    iparm[17] = iparm[18] = -1  # count entries and operations
+    iparm[20] = 1  # pivots of one or two rows
+    iparm[23] = 1 if n > _TWO_LEVELS else 0
+    iparm[34] = 1  # rows count from 0
+    iparm[55] = 1  # keep the pivots
+    return iparm
+
+
+def _with_diagonal(lower: sp.csc_array) -> sp.csc_array:
+    """The same matrix with every diagonal entry stored."""
+    n = lower.shape[0]
+    rows = np.arange(n)
+    entries = sp.coo_array(lower)
+    row, column = entries.coords
+    data = np.concatenate([entries.data, np.zeros(n)])
+    # Adding entries of one place keeps explicit zeros.
+    full = sp.csc_array(sp.coo_array((data, (np.concatenate([row, rows]), np.concatenate([column, rows]))), (n, n)))
+    full.sort_indices()
+    return full
+
+
+def _library() -> ctypes.CDLL:
+    library = mkl_library()
+    if library is None:
+        raise MemoryError("the MKL runtime is not installed: pip install mkl")
+    return library
+
+
+def _release(handle: NDArray[np.int64], iparm: NDArray[np.int32], kind: int, n: int) -> None:
+    """Give the memory of a factor back."""
+    nothing = np.zeros(1, dtype=np.int32)
+    _library().pardiso(
+        *(_at(handle), _by(1), _by(1), _by(kind), _by(_RELEASE), _by(n), None, _at(nothing), _at(nothing)),
+        *(_at(nothing), _by(1), _at(iparm), _by(0), None, None, ctypes.byref(ctypes.c_int(0))),
+    )
+
+
+def _at(array: NDArray[Any] | None) -> ctypes.c_void_p | None:
+    return None if array is None else array.ctypes.data_as(ctypes.c_void_p)
+
+
+def _by(value: int) -> Any:
+    return ctypes.byref(ctypes.c_int(value))

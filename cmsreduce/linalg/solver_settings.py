@@ -1,0 +1,101 @@
+"""Which sparse solver is used, how much memory it may take: set for a block of code, like numpy's error state."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from threadpoolctl import threadpool_limits
+
+from cmsreduce.model import Factorisation
+
+__all__ = ["BACKENDS", "Backend", "SolverSettings", "available_memory", "current_settings", "solver_settings"]
+
+Backend = Literal["auto", "pardiso", "cholmod", "superlu"]
+BACKENDS: tuple[Backend, ...] = ("pardiso", "cholmod", "superlu")
+"""Sparse solvers, the quickest first."""
+
+# Share of the memory that is free which a factor may take: the rest is for the basis.
+_SHARE = 0.9
+_KIB = 1024
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """How sparse matrices are factorised.
+
+    Parameters
+    ----------
+    backend : str
+        ``pardiso``, ``cholmod``, ``superlu``; ``auto`` takes the quickest that is installed.
+    memory : float, optional
+        Bytes that a factor may take; most of what is free if absent.
+    threads : int, optional
+        Threads of a product, a factorisation or a solve; all cores, or what OMP_NUM_THREADS allows, if absent.
+    work : list of Factorisation
+        Every factorisation that was done under these settings, in order.
+    """
+
+    backend: Backend = "auto"
+    memory: float | None = None
+    threads: int | None = None
+    work: list[Factorisation] = field(default_factory=list, compare=False)
+
+    @property
+    def memory_limit(self) -> float:
+        """Bytes that the next factor may take."""
+        return _SHARE * available_memory() if self.memory is None else self.memory
+
+    @property
+    def thread_count(self) -> int:
+        """Threads to use; what OMP_NUM_THREADS allows, unless these settings say it."""
+        if self.threads is not None:
+            return self.threads
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        allowed = os.environ.get("OMP_NUM_THREADS", "")
+        return min(cores, int(allowed)) if allowed.isdigit() and int(allowed) else cores
+
+
+_SETTINGS: ContextVar[SolverSettings | None] = ContextVar("solver_settings", default=None)
+
+
+def current_settings() -> SolverSettings:
+    """Settings in force here."""
+    return _SETTINGS.get() or SolverSettings()
+
+
+@contextmanager
+def solver_settings(settings: SolverSettings) -> Iterator[SolverSettings]:
+    """Put settings in force within a `with` block; threads of dense algebra are limited with those of sparse.
+
+    Parameters
+    ----------
+    settings : SolverSettings
+
+    Examples
+    --------
+    >>> with solver_settings(SolverSettings("superlu")):
+    ...     current_settings().backend
+    'superlu'
+    """
+    token = _SETTINGS.set(settings)
+    try:
+        with nullcontext() if settings.threads is None else threadpool_limits(settings.threads):
+            yield settings
+    finally:
+        _SETTINGS.reset(token)
+
+
+def available_memory() -> float:
+    """Bytes of memory that can be had without swapping; of the whole machine where the system does not tell."""
+    table = Path("/proc/meminfo")
+    if table.is_file():
+        for line in table.read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return float(line.split()[1]) * _KIB
+    return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
