@@ -75,6 +75,7 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
         why=("rigid body",) * r + ("all modes kept",) * w.size + (STATIC,) * s,
         basis_size=m,
         static_count=s,
+        certificate=modes.certificate,
     )
 
 

@@ -1,95 +1,59 @@
-"""All normal modes below a frequency, counted before they are computed."""
+"""All normal modes below a frequency: counted before they are computed, and bounded after."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
+from cmsreduce.linalg.factorise import BLOCK, factorise
+from cmsreduce.linalg.flexibility import ElasticFlexibility, Solve
 from cmsreduce.linalg.pencil import UndeterminedError, elastic_pairs
+from cmsreduce.linalg.products import symmetric_product
 from cmsreduce.linalg.repeated import REPEATED, repeated_groups
+from cmsreduce.linalg.shift_invert import CONVERGED
+from cmsreduce.linalg.spectrum_slicing import counted_modes
+from cmsreduce.linalg.sturm import sturm_count
 
-__all__ = ["ElasticFlexibility", "modes_below", "sturm_count"]
+__all__ = ["CertifiedModes", "certified_modes", "count_below", "modes_below"]
 
 # Up to this size all modes by dense algebra are quicker than a Lanczos run, and none can be missed.
 _DENSE_LIMIT = 600
 # A mode this close above the cutoff, relative to it, is at the cutoff and kept.
 _AT_CUTOFF = 1e-9
-# Modes asked for beyond those counted, more of them until all are found and the last repeated one is whole.
-_EXTRA = (4, 16, 64, 256)
-# A count steps over a mode that it hits by up to this share of its squared frequency.
-_STEP = 1e-7
-_STEPS = 6
 # A mode is accepted when |K x - lam M x| is below this share of |K||x|, well above round-off, far below any use; or
 # below what the rounding of the file leaves of K on rigid motion.
 _RESIDUAL = 1e-9
-
-Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-
-
-def sturm_count(K: sp.csc_array, M: sp.csc_array, omega: float) -> int:
-    """Count modes below a frequency, from the inertia of K - omega^2 M (Sylvester's law).
-
-    Parameters
-    ----------
-    K, M : (n, n) sparse array
-        Stiffness, mass.
-    omega : float
-        Frequency in rad/s.
-
-    Returns
-    -------
-    int
-        Eigenvalues below omega^2, rigid modes included.
-    """
-    sigma = omega**2
-    for attempt in range(_STEPS):
-        # An exact hit on an eigenvalue, or an off-diagonal pivot, is stepped over by a hair.
-        try:
-            factor = factorise(sp.csc_array(K - sigma * (1 + attempt * _STEP) * M), definite=False)
-        except NotPositiveDefiniteError:
-            continue
-        if factor.symmetric:
-            return factor.negative_pivots
-    raise MatrixError(
-        f"the modes below {omega / 2 / np.pi:.6g} Hz cannot be counted: K - sigma M needs pivoting off the diagonal. "
-        "Check the mass matrix for negative entries on its diagonal"
-    )
+# A Ritz value is an eigenvalue when its residual is below this share of it: a frequency is then right to half of that.
+_CONVERGED = 1e-10
+# Columns of a block: a solve reads the whole factor for each block, so that sixteen cost little more than eight.
+_BLOCK = 16
+# Columns of the basis: twice the modes that are sought and so many blocks; a third of it again after every restart.
+_BLOCKS = 10
+# Blocks after which a Lanczos run is given up, for each block of modes that are sought.
+_PATIENCE = 40
 
 
-class ElasticFlexibility:
-    """Elastic flexibility of a free body, P^T G P (theory section 2): a solve in which rigid motion is absent.
+class CertifiedModes(NamedTuple):
+    """Normal modes, and what is proven of them.
 
     Parameters
     ----------
-    K, M : (n, n) sparse array
-        Stiffness (singular on ``rigid``) and mass.
-    rigid : (n, r) float64
-        Rigid-body modes, orthonormal in M.
+    omega : (k,) float64
+        Natural frequencies in rad/s, ascending.
+    Phi : (n, k) float64
+        Modes, orthonormal in M; the largest entry of each is positive.
+    bound : (k,) float64
+        Relative error of each frequency at most, from the residual of its mode.
     """
 
-    def __init__(self, K: sp.csc_array, M: sp.csc_array, rigid: NDArray[np.float64]) -> None:
-        n, r = rigid.shape
-        self.rigid, self.momentum = rigid, M @ rigid
-        # r dofs that the rigid modes move independently hold the body in a statically determinate way.
-        _, _, order = la.qr(rigid.T, mode="economic", pivoting=True)
-        self.free = np.setdiff1d(np.arange(n), order[:r])
-        self.factor = factorise(
-            sp.csc_array(K[self.free][:, self.free]), what="the stiffness held at a statically determinate set"
-        )
-
-    def __call__(self, f: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Elastic displacement, M-orthogonal to the rigid modes, under a load; (n,) or (n, k)."""
-        load = f - self.momentum @ (self.rigid.T @ f)
-        u = np.zeros_like(load)
-        u[self.free] = self.factor(load[self.free])
-        return np.asarray(u - self.rigid @ (self.momentum.T @ u))
+    omega: NDArray[np.float64]
+    Phi: NDArray[np.float64]
+    bound: NDArray[np.float64]
 
 
 def modes_below(
@@ -101,6 +65,45 @@ def modes_below(
     solve: Solve | None = None,
     rounding: float = 2.0**-53,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Frequencies (k,) and modes (n, k) of `certified_modes`, which see."""
+    modes = certified_modes(K, M, omega, rigid=rigid, solve=solve, rounding=rounding)
+    return modes.omega, modes.Phi
+
+
+def count_below(K: sp.csc_array, M: sp.csc_array, omega: float, rigid: int = 0) -> int | None:
+    """Count the elastic modes that `certified_modes` has to find, by Sturm.
+
+    Parameters
+    ----------
+    K, M : (n, n) sparse array
+        Stiffness and mass.
+    omega : float
+        Highest frequency in rad/s.
+    rigid : int
+        Rigid-body modes, which are not counted.
+
+    Returns
+    -------
+    int or None
+        None for a body of few dofs, whose modes are all computed.
+    """
+    if K.shape[0] <= _DENSE_LIMIT or omega <= 0:
+        return None
+    return sturm_count(K, M, _reach(omega)) - rigid
+
+
+def certified_modes(
+    K: sp.csc_array,
+    M: sp.csc_array,
+    omega: float,
+    *,
+    rigid: NDArray[np.float64] | None = None,
+    solve: Solve | None = None,
+    count: int | None = None,
+    start: NDArray[np.float64] | None = None,
+    tolerance: float = CONVERGED,
+    rounding: float = 2.0**-53,
+) -> CertifiedModes:
     """All elastic normal modes up to a frequency: not a fixed number, and none missing.
 
     Parameters
@@ -113,15 +116,18 @@ def modes_below(
         Rigid-body modes of the pencil, orthonormal in M.
     solve : callable, optional
         Solves K x = b, where the factor is at hand (elastic flexibility for a free body).
+    count : int, optional
+        What `count_below` says, where that is known; it takes a factorisation of its own.
+    start : (n, s) float64, optional
+        Static shapes: responses to some loads, from which the search starts.
+    tolerance : float
+        Twice the relative error of a frequency at which the search ends.
     rounding : float
         Relative rounding of the entries of M, where they are printed with few digits.
 
     Returns
     -------
-    w : (k,) float64
-        Natural frequencies in rad/s, ascending.
-    Phi : (n, k) float64
-        Modes, orthonormal in M; the largest entry of each is positive.
+    CertifiedModes
 
     Raises
     ------
@@ -132,59 +138,63 @@ def modes_below(
     """
     n = K.shape[0]
     none = np.empty((n, 0)) if rigid is None else rigid
-    top = omega * (1 + _AT_CUTOFF)
     if n <= _DENSE_LIMIT:
-        try:
-            lam, X = elastic_pairs(K.toarray(), M.toarray(), none, rounding)
-        except UndeterminedError as error:
-            row = int(np.argmax(abs(error.shape)))
-            raise UndeterminedError(f"{error}; the first of them moves row {row + 1} above all", error.shape) from None
+        found = _all_modes(K, M, none, rounding)
+    elif omega <= 0:
+        return CertifiedModes(np.empty(0), np.empty((n, 0)), np.empty(0))
     else:
-        if omega <= 0:
-            return np.empty(0), np.empty((n, 0))
-        # What repeats a mode at the cutoff is counted with it.
-        reach = top * (1 + 2 * REPEATED)
-        wanted = sturm_count(K, M, reach) - none.shape[1]
+        wanted = count_below(K, M, omega, none.shape[1]) if count is None else count
+        if not wanted:
+            return CertifiedModes(np.empty(0), np.empty((n, 0)), np.empty(0))
         if solve is None:
             solve = factorise(K, what="the stiffness") if not none.size else ElasticFlexibility(K, M, none)
-        lam, X = _lanczos(K, M, solve, wanted, reach)
-    w = np.sqrt(np.maximum(lam, 0.0))
-    kept = int(np.count_nonzero(w <= top))
+        modes = counted_modes(K, M, _reach(omega), wanted, rigid=none, solve=solve, start=start, tolerance=tolerance)
+        found = CertifiedModes(np.sqrt(modes.lam), modes.X, modes.bound)
+    w, X, bound = found
+    kept = int(np.count_nonzero(w <= omega * (1 + _AT_CUTOFF)))
     if kept:
         group = repeated_groups(w)
         kept = int(np.count_nonzero(group <= group[kept - 1]))
-    lam, X = lam[:kept], X[:, :kept]
-    if lam.size:
-        residual = np.linalg.norm(K @ X - (M @ X) * lam, axis=0)
-        size = spla.norm(K, 1) * np.linalg.norm(X, axis=0)
-        if (residual > max(_RESIDUAL, rounding) * size).any():
-            worst = int(np.argmax(residual / size))
-            raise MatrixError(
-                f"mode {worst + 1} at {np.sqrt(lam[worst]) / 2 / np.pi:.6g} Hz did not converge: residual "
-                f"{residual[worst] / size[worst]:.1e} of |K|; the matrices are too ill conditioned for this cutoff"
-            )
-    peak = X[abs(X).argmax(axis=0), np.arange(X.shape[1])] if lam.size else np.empty(0)
-    return np.sqrt(lam), X * np.where(peak < 0, -1.0, 1.0)
+    w, X, bound = w[:kept], X[:, :kept], bound[:kept]
+    if kept:
+        _check_residuals(K, M, w, X, max(_RESIDUAL, rounding))
+    for mode in X.T:
+        # In place, one by one: hundreds of modes are not to be copied.
+        if mode[abs(mode).argmax()] < 0:
+            mode *= -1
+    return CertifiedModes(w, X, bound)
 
 
-def _lanczos(
-    K: sp.csc_array, M: sp.csc_array, solve: Solve, wanted: int, omega: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    n = K.shape[0]
-    inverse = spla.LinearOperator((n, n), matvec=lambda b: solve(np.ravel(b)), dtype=np.float64)
-    start = solve(M @ np.random.default_rng(7).standard_normal(n))
-    found = 0
-    for extra in _EXTRA:
-        k = min(wanted + extra, n - 2)
-        lam, X = spla.eigsh(K, k=k, M=M, sigma=0.0, OPinv=inverse, v0=start, ncv=min(n - 1, max(2 * k + 1, 40)))
-        order = np.argsort(lam)
-        lam, X = lam[order], X[:, order]
-        found = int(np.count_nonzero(lam <= omega**2 * (1 + _STEPS * _STEP)))
-        group = repeated_groups(np.sqrt(np.maximum(lam, 0.0)))
-        if found >= wanted and (not found or group[-1] > group[found - 1] or k == n - 2):
-            X = X / np.sqrt(np.einsum("ij,ij->j", X, M @ X))
-            return lam, X
-    raise MatrixError(
-        f"{wanted} modes lie below {omega / 2 / np.pi:.6g} Hz but {found} were found; lower the cutoff, or look for "
-        "a part of the body that is nearly unconnected"
-    )
+def _reach(omega: float) -> float:
+    """Frequency up to which modes are counted: what repeats a mode at the cutoff is counted with it."""
+    return omega * (1 + _AT_CUTOFF) * (1 + 2 * REPEATED)
+
+
+def _all_modes(K: sp.csc_array, M: sp.csc_array, rigid: NDArray[np.float64], rounding: float) -> CertifiedModes:
+    """Every mode of a body of few dofs."""
+    try:
+        lam, X = elastic_pairs(K.toarray(), M.toarray(), rigid, rounding)
+    except UndeterminedError as error:
+        row = int(np.argmax(abs(error.shape)))
+        raise UndeterminedError(f"{error}; the first of them moves row {row + 1} above all", error.shape) from None
+    w = np.sqrt(np.maximum(lam, 0.0))
+    # The modes are a basis of all that has mass: in it the residual of each is measured in full.
+    residual = np.linalg.norm(X.T @ (K @ X - (M @ X) * lam), axis=0)
+    return CertifiedModes(w, X, residual / np.where(lam > 0, 2 * lam, 1.0))
+
+
+def _check_residuals(
+    K: sp.csc_array, M: sp.csc_array, w: NDArray[np.float64], X: NDArray[np.float64], limit: float
+) -> None:
+    residual, size = np.empty(w.size), np.empty(w.size)
+    norm, stiffness, mass = spla.norm(K, 1), symmetric_product(K), symmetric_product(M)
+    for first in range(0, w.size, BLOCK):
+        part = slice(first, first + BLOCK)
+        residual[part] = np.linalg.norm(stiffness(X[:, part]) - mass(X[:, part]) * w[part] ** 2, axis=0)
+        size[part] = norm * np.linalg.norm(X[:, part], axis=0)
+    if (residual > limit * size).any():
+        worst = int(np.argmax(residual / size))
+        raise MatrixError(
+            f"mode {worst + 1} at {w[worst] / 2 / np.pi:.6g} Hz did not converge: residual "
+            f"{residual[worst] / size[worst]:.1e} of |K|; the matrices are too ill conditioned for this cutoff"
+        )

@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factorise import Factor, NotPositiveDefiniteError, factorise
 
-__all__ = ["HELD", "motions_held", "null_space", "rigid_body_modes", "row_basis", "stiffness_null_space"]
+__all__ = [
+    "HELD",
+    "motions_held",
+    "null_space",
+    "only_motions",
+    "rigid_body_modes",
+    "row_basis",
+    "stiffness_null_space",
+]
 
 _DOUBLE = 2.0**-53
 # A constraint is dependent when what it adds is below this share of the largest: joints are written with
@@ -32,6 +40,9 @@ _ITERATIONS = 4
 _SHIFT = 1e-14
 # Corrections of null vectors by their residual; each gains the digits that the solve has.
 _CORRECTIONS = 3
+# A stiffness held against its known motions has no others if every pivot keeps this share of its diagonal entry, and so
+# many roundings of the file: of a motion that nothing resists it would keep the rounding.
+_SOUND_PIVOT, _SOUND_ROUNDINGS = 1e-8, 1e3
 # A null vector's strain energy is pure cancellation: this many roundings of the energy's absolute parts. Rounding is
 # relative to the decade of a number, so ten of them are the most that a file leaves. Arithmetic leaves less than one;
 # a soft mode seven decades below the stiffest leaves twenty.
@@ -192,12 +203,43 @@ def _energy_share(K: sp.csc_array, X: NDArray[np.float64]) -> NDArray[np.float64
     return np.asarray(np.divide(energy, parts, out=np.zeros_like(energy), where=parts > 0), dtype=np.float64)
 
 
+def only_motions(K: sp.csc_array, R: NDArray[np.float64] | None, rounding: float) -> NDArray[np.float64] | None:
+    """Rigid motions that geometry gives, if one factorisation proves that K resists every other motion.
+
+    Parameters
+    ----------
+    K : (n, n) sparse array
+        Stiffness.
+    R : (n, 6) float64 or None
+        Rigid-body shapes from the geometry; None for a body of scalar dofs.
+    rounding : float
+        Relative rounding of the entries of K.
+
+    Returns
+    -------
+    (n, r) float64 or None
+        None if K may have a mechanism, or a motion so soft that only `stiffness_null_space` can tell.
+    """
+    shapes = _geometric_motions(K, R, rounding)
+    r = shapes.shape[1]
+    # As many dofs as there are motions, chosen so that each motion moves one of them far.
+    order = la.qr(shapes.T, mode="r", pivoting=True)[1] if r else np.empty(0, dtype=np.int64)
+    free = np.setdiff1d(np.arange(K.shape[0]), order[:r])
+    try:
+        factor = factorise(sp.csc_array(K[free][:, free]), what="the stiffness held against its rigid motions")
+    except NotPositiveDefiniteError:
+        return None
+    sound = factor.pivot_ratio.min(initial=1.0) > max(_SOUND_PIVOT, _SOUND_ROUNDINGS * rounding)
+    return shapes if sound else None
+
+
 def rigid_body_modes(
     K: sp.csc_array,
     M: sp.csc_array,
     R: NDArray[np.float64] | None,
     rounding: float,
     name: str,
+    proven: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """Rigid-body modes: counted by geometry and by the null space of K, never by a frequency.
 
@@ -211,6 +253,8 @@ def rigid_body_modes(
         Relative rounding of the matrices' entries.
     name : str
         Name of the body, for messages.
+    proven : (n, r) float64, optional
+        What `only_motions` says, where that is known.
 
     Returns
     -------
@@ -223,8 +267,10 @@ def rigid_body_modes(
     MatrixError
         If a rigid motion carries no mass.
     """
-    shapes = _geometric_motions(K, R, rounding)
-    N = stiffness_null_space(K, rounding, shapes)
+    if proven is None and K.shape[0] > _DENSE_LIMIT:
+        proven = only_motions(K, R, rounding)
+    shapes = _geometric_motions(K, R, rounding) if proven is None else proven
+    N = stiffness_null_space(K, rounding, shapes) if proven is None else proven
     if N.shape[1] > shapes.shape[1]:
         # Only what geometry does not span is a mechanism; the geometric shapes are the more accurate ones.
         Qg, _ = np.linalg.qr(shapes)

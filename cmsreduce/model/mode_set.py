@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.model.certificate import ModeCertificate
 
 __all__ = ["ModeBlock", "ModeKind", "ModeSet"]
 
@@ -54,6 +55,8 @@ class ModeSet:
         Frequency of the eigenproblem a normal mode came from, 0 for rigid modes, NaN for static shapes.
     label : tuple of str
         Dof or load a static shape belongs to; ordinal of a normal mode.
+    certificate : ModeCertificate, optional
+        What is proven of the normal modes.
     """
 
     method: str
@@ -61,6 +64,7 @@ class ModeSet:
     kind: tuple[ModeKind, ...]
     source_hz: NDArray[np.float64]
     label: tuple[str, ...]
+    certificate: ModeCertificate | None = None
 
     def __post_init__(self) -> None:
         m = self.Phi.shape[1]
@@ -71,7 +75,7 @@ class ModeSet:
             raise MatrixError(f"mode set '{self.method}': unknown kinds of modes {sorted(unknown)}")
 
     @classmethod
-    def of(cls, method: str, blocks: Sequence[ModeBlock]) -> ModeSet:
+    def of(cls, method: str, blocks: Sequence[ModeBlock], certificate: ModeCertificate | None = None) -> ModeSet:
         """Put blocks of shapes side by side."""
         source = [
             np.full(block.shapes.shape[1], 0.0 if block.kind == "rigid" else np.nan)
@@ -85,6 +89,7 @@ class ModeSet:
             tuple(block.kind for block in blocks for _ in block.label),
             np.concatenate(source),
             tuple(name for block in blocks for name in block.label),
+            certificate,
         )
 
     @property

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.model.body import FEModel
+from cmsreduce.model.certificate import ModeCertificate
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.mode_set import ModeKind, ModeSet
 
@@ -87,6 +88,8 @@ class ModalComponent:
         Columns of the mode set before truncation.
     static_count : int
         s: the last s columns are static modes.
+    certificate : ModeCertificate, optional
+        What is proven of the normal modes of the basis.
     """
 
     body: FEModel
@@ -103,6 +106,7 @@ class ModalComponent:
     why: tuple[str, ...]
     basis_size: int
     static_count: int = 0
+    certificate: ModeCertificate | None = None
 
     def __post_init__(self) -> None:
         m = self.Phi.shape[1]

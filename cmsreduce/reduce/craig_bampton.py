@@ -10,10 +10,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SingularInterfaceError
-from cmsreduce.linalg.eigenpairs import Solve, modes_below
+from cmsreduce.linalg.eigenpairs import certified_modes, count_below
 from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
+from cmsreduce.linalg.flexibility import Solve
 from cmsreduce.linalg.null_space import HELD, motions_held
-from cmsreduce.model import FEModel, ModeBlock, ModeSet
+from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet
 from cmsreduce.reduce.characteristic import Boundary, InterfaceReduction
 from cmsreduce.reduce.macneal_rubin import free_modes_and_residuals
 from cmsreduce.reduce.reduction import Reduction
@@ -74,12 +75,17 @@ class CraigBampton(Reduction):
         if interface.size == 0:
             names = [f"load {number + 1}" for number in range(forces.shape[1])]
             return free_modes_and_residuals(self.method, body, rigid, omega, forces, names)
-        constraint, solve, j = self._constraint_modes(body, interface, rigid)
-        boundary = self._boundary(body, interface, rigid, constraint)
+        j = np.setdiff1d(np.arange(body.n), interface)
         Kjj, Mjj = sp.csc_array(body.K[j][:, j]), sp.csc_array(body.M[j][:, j])
-        w, phi = np.empty(0), np.empty((j.size, 0))
+        self._check_held(body, interface, rigid)
+        # Counted first: one factor is in memory at a time.
+        count = count_below(Kjj, Mjj, omega)
+        constraint, solve = self._constraint_modes(body, interface, rigid, Kjj, j)
+        boundary = self._boundary(body, interface, rigid, constraint)
+        w, phi, certificate = np.empty(0), np.empty((j.size, 0)), None
         if omega > 0 and j.size:
-            w, phi = modes_below(Kjj, Mjj, omega, solve=solve, rounding=body.rounding)
+            w, phi, bound = certified_modes(Kjj, Mjj, omega, solve=solve, count=count, rounding=body.rounding)
+            certificate = ModeCertificate(self.cutoff_hz, count, w / (2 * np.pi), bound)
         static, new = np.empty((j.size, 0)), np.empty(0, dtype=np.int64)
         if j.size:
             static, new = residual_shapes(solve, Kjj, forces[j], phi, Mjj)
@@ -93,6 +99,7 @@ class CraigBampton(Reduction):
                 ModeBlock("fixed", _interior(phi, j, body.n), _ordinals(w.size), w / (2 * np.pi)),
                 ModeBlock("residual", _interior(static, j, body.n), [f"load {load + 1}" for load in new]),
             ],
+            certificate,
         )
 
     def characteristic_shapes(
@@ -105,21 +112,26 @@ class CraigBampton(Reduction):
         SingularInterfaceError
             As `basis` does.
         """
-        constraint, _, _ = self._constraint_modes(body, interface, rigid)
+        self._check_held(body, interface, rigid)
+        j = np.setdiff1d(np.arange(body.n), interface)
+        constraint, _ = self._constraint_modes(body, interface, rigid, sp.csc_array(body.K[j][:, j]), j)
         boundary = self._boundary(body, interface, rigid, constraint)
         reduction = self.interface_reduction
         return boundary.shapes[reduction.positions(interface) if reduction else slice(0)]
 
     def _constraint_modes(
-        self, body: FEModel, interface: NDArray[np.int64], rigid: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], Solve, NDArray[np.int64]]:
-        """Constraint modes (n, i), the flexibility of the interior with the interface held, and its rows."""
-        self._check_held(body, interface, rigid)
-        j = np.setdiff1d(np.arange(body.n), interface)
+        self,
+        body: FEModel,
+        interface: NDArray[np.int64],
+        rigid: NDArray[np.float64],
+        Kjj: sp.csc_array,
+        j: NDArray[np.int64],
+    ) -> tuple[NDArray[np.float64], Solve]:
+        """Constraint modes (n, i), and the flexibility of the interior, rows j, with the interface held."""
         constraint = np.zeros((body.n, interface.size))
         constraint[interface, np.arange(interface.size)] = 1.0
         try:
-            solve = factorise(sp.csc_array(body.K[j][:, j]), what=f"body '{body.name}': K with the interface held")
+            solve = factorise(Kjj, what=f"body '{body.name}': K with the interface held")
         except NotPositiveDefiniteError as error:
             raise SingularInterfaceError(
                 f"body '{body.name}': with its {interface.size} interface dofs held, dof "
@@ -131,7 +143,7 @@ class CraigBampton(Reduction):
             # They carry the rigid modes: what a solve loses of them over a long lever, or a coarse file, is known.
             missed = rigid - constraint @ rigid[interface]
             constraint[j] += missed[j] @ la.pinv(rigid[interface], rtol=HELD)
-        return constraint, solve, j
+        return constraint, solve
 
     def _boundary(
         self,

@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.eigenpairs import modes_below
-from cmsreduce.model import FEModel, ModeBlock, ModeSet
+from cmsreduce.linalg.eigenpairs import certified_modes, count_below
+from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet
 from cmsreduce.reduce.reduction import Reduction
 from cmsreduce.reduce.static_shapes import elastic_solve, residual_shapes, unit_loads
 
@@ -66,10 +66,15 @@ def free_modes_and_residuals(
     labels : list of str
         Name of each load.
     """
+    # Counted first: one factor is in memory at a time.
+    count = count_below(body.K, body.M, omega, rigid.shape[1])
     solve = elastic_solve(body, rigid)
-    w, phi = np.empty(0), np.empty((body.n, 0))
+    w, phi, certificate = np.empty(0), np.empty((body.n, 0)), None
     if omega > 0:
-        w, phi = modes_below(body.K, body.M, omega, rigid=rigid, solve=solve, rounding=body.rounding)
+        w, phi, bound = certified_modes(
+            body.K, body.M, omega, rigid=rigid, solve=solve, count=count, rounding=body.rounding
+        )
+        certificate = ModeCertificate(omega / (2 * np.pi), count, w / (2 * np.pi), bound)
     residual, number = residual_shapes(solve, body.K, loads, phi, body.M)
     for _ in range(2):
         residual = residual - rigid @ (rigid.T @ (body.M @ residual))
@@ -80,4 +85,5 @@ def free_modes_and_residuals(
             ModeBlock("free", phi, [str(number + 1) for number in range(w.size)], w / (2 * np.pi)),
             ModeBlock("residual", residual, [labels[load] for load in number]),
         ],
+        certificate,
     )

@@ -7,8 +7,8 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.eigenpairs import ElasticFlexibility, Solve
 from cmsreduce.linalg.factorise import factorise
+from cmsreduce.linalg.flexibility import ElasticFlexibility, Solve
 from cmsreduce.linalg.pencil import orthonormal
 from cmsreduce.model import FEModel
 

@@ -6,8 +6,11 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.eigenpairs import ElasticFlexibility, modes_below, sturm_count
+from cmsreduce.linalg.eigenpairs import certified_modes, count_below, modes_below
+from cmsreduce.linalg.flexibility import ElasticFlexibility
 from cmsreduce.linalg.null_space import rigid_body_modes
+from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from cmsreduce.linalg.sturm import shifted_factor, sturm_count
 from cmsreduce.model import rigid_body_shapes
 from tests.frames import BAR, frame, line
 
@@ -168,3 +171,74 @@ def test_a_mechanism_is_refused():
     assert lam[0] == pytest.approx(0.0)
     with pytest.raises(MatrixError, match="mechanism"):
         modes_below(sp.block_diag([K, sp.csc_array((1, 1))], format="csc"), sp.csc_array(sp.eye_array(26)), 1.0)
+
+
+def clustered(seed: int, n: int = 640) -> tuple[sp.csc_array, sp.csc_array, np.ndarray]:
+    """Random pencil whose modes are known: chains of equal blocks, in groups that differ by a random hair.
+
+    Returns stiffness, mass and squared frequencies, ascending.
+    """
+    rng = np.random.default_rng(seed)
+    blocks, masses = [], []
+    while 8 * len(blocks) < n:
+        C, D = rng.standard_normal((2, 8, 8))
+        stiffness, mass = C @ C.T + 0.3 * np.eye(8), D @ D.T + 4 * np.eye(8)
+        for _ in range(min(int(rng.integers(1, 30)), n // 8 - len(blocks))):
+            blocks.append(stiffness * (1 + rng.choice([0.0, 1e-12, 1e-8, 1e-4]) * rng.standard_normal()))
+            masses.append(mass)
+    lam = np.concatenate([la.eigvalsh(k, m) for k, m in zip(blocks, masses, strict=True)])
+    order = rng.permutation(n)
+    K, M = (sp.csc_array(sp.block_diag(parts, format="csc")[order][:, order]) for parts in (blocks, masses))
+    return K, M, np.sort(lam)
+
+
+@pytest.mark.parametrize("backend", ["superlu", "pardiso"])
+@pytest.mark.parametrize("seed", range(4))
+def test_as_many_clustered_modes_as_were_counted(seed, backend):
+    K, M, lam = clustered(seed)
+    w = np.sqrt(lam)
+    for at in (3, 40, 90):
+        at = next(k for k in range(at, w.size) if w[k] > w[k - 1] * (1 + 1e-5))
+        cutoff = (w[at - 1] + w[at]) / 2
+        with solver_settings(SolverSettings(backend)):
+            assert count_below(K, M, cutoff) == at
+            modes = certified_modes(K, M, cutoff, count=at)
+        assert modes.omega.size == at
+        assert_modes(K, M, modes.omega, modes.Phi)
+        assert (abs(modes.omega / w[:at] - 1) <= modes.bound + 1e-12).all()
+        assert modes.bound.max() < 1e-7
+
+
+@pytest.mark.parametrize("n", [300, 900], ids=["dense", "Lanczos"])
+@pytest.mark.parametrize("start", [False, True], ids=["", "from static shapes"])
+def test_a_bound_is_never_exceeded(n, start):
+    K, M = rod(n)
+    exact = rod_omega(n)
+    shapes = la.solve(K.toarray(), np.eye(n)[:, ::50]) if start else None
+    modes = certified_modes(K, M, (exact[39] + exact[40]) / 2, start=shapes)
+    assert modes.omega.size == 40
+    assert (abs(modes.omega / exact[:40] - 1) <= modes.bound + 1e-10).all()
+    assert (modes.bound >= 0).all()
+    assert modes.bound.max() < 2e-8
+
+
+def test_a_count_beyond_what_there_is_is_refused():
+    K, M = rod(700)
+    w = rod_omega(700)
+    with pytest.raises(MatrixError, match=r"21 modes lie below .* but 20 were found"):
+        certified_modes(K, M, (w[19] + w[20]) / 2, count=21)
+
+
+def test_two_runs_give_the_same_digits():
+    K, lam = grid(26, 2)
+    M = sp.csc_array(sp.eye_array(676))
+    first, second = (certified_modes(K, M, np.sqrt(lam[60])) for _ in range(2))
+    for a, b in zip(first, second, strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_a_shift_at_an_eigenvalue_is_stepped_over():
+    K, M = sp.diags_array([1.0, 4.0, 4.0, 9.0], format="csc"), sp.csc_array(sp.eye_array(4))
+    sigma, factor = shifted_factor(K, M, 4.0)
+    assert 4.0 < sigma < 4.0 * (1 + 1e-6)
+    assert factor.negative_pivots == 3

@@ -1,0 +1,55 @@
+"""Products of a sparse matrix with blocks of vectors, on several threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.solver_settings import current_settings
+
+__all__ = ["symmetric_product"]
+
+# Entries below which a second thread costs more than it saves.
+_ENTRIES = 200_000
+
+
+def symmetric_product(A: sp.csc_array) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """Product of a symmetric matrix with blocks of vectors; each thread has rows of its own, so sums never differ.
+
+    Parameters
+    ----------
+    A : (n, n) sparse array
+        Symmetric; its columns are read as rows, without a copy.
+
+    Returns
+    -------
+    callable
+        X -> A X, (n,) or (n, k).
+    """
+    columns = sp.csc_array(A)
+    n, threads = columns.shape[0], current_settings().thread_count
+    if threads == 1 or columns.nnz < _ENTRIES:
+        rows = sp.csr_array((columns.data, columns.indices, columns.indptr), shape=(n, n))
+        return lambda X: np.asarray(rows @ np.ascontiguousarray(X))
+    cuts = np.searchsorted(columns.indptr, np.linspace(0, columns.nnz, threads + 1)[1:-1])
+    ends = [0, *(int(cut) for cut in cuts), n]
+    parts = [_rows(columns, start, stop) for start, stop in pairwise(ends)]
+
+    def product(X: NDArray[np.float64]) -> NDArray[np.float64]:
+        X = np.ascontiguousarray(X)
+        with ThreadPoolExecutor(threads) as pool:
+            return np.concatenate(list(pool.map(lambda part: part @ X, parts)))
+
+    return product
+
+
+def _rows(A: sp.csc_array, start: int, stop: int) -> sp.csr_array:
+    """Some rows of a symmetric matrix, sharing its entries."""
+    own = slice(A.indptr[start], A.indptr[stop])
+    indptr = A.indptr[start : stop + 1] - A.indptr[start]
+    return sp.csr_array((A.data[own], A.indices[own], indptr), shape=(stop - start, A.shape[0]))

@@ -1,0 +1,263 @@
+"""Modes about a shift: block Lanczos on (K - sigma M)^-1 M, until as many as were counted have converged."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.block_lanczos import BlockLanczos, Operator
+from cmsreduce.linalg.factor import BLOCK
+from cmsreduce.linalg.pencil import refine
+
+__all__ = ["CONVERGED", "ShiftedModes", "Window", "combine_columns", "modes_about", "refined"]
+
+CONVERGED = 1e-9
+"""Residual of a Ritz value that is an eigenvalue, relative to it: a frequency is then right to half of that, and the
+subspace of all modes to about ten times as much, whatever the order of the rows."""
+# Columns of a block: a solve reads the whole factor for each block, so that sixteen cost little more than eight.
+_BLOCK = 16
+# Columns of the basis: twice the modes that are sought and so many blocks; a third of it again after every restart.
+_BLOCKS = 10
+# Blocks after which a Lanczos run is given up, for each block of modes that are sought.
+_PATIENCE = 40
+# A basis of more columns than these grows by such a share between two looks at its Ritz values, which cost its third
+# power.
+_LOOKED_AT, _LOOK = 400, 0.1
+# An eigenvalue this close to the shift, relative to it, takes so many digits of all others.
+_NEAR = 1e-5
+# Ritz vectors beyond those sought that outlive a restart where a run has found nothing; doubled until it does.
+_LEAST_SPARE, _MOST_SPARE = 64, 512
+# Rows that are combined at a time.
+_ROWS = 4096
+
+
+class Window(NamedTuple):
+    """What is sought about a shift, in squared frequencies.
+
+    Parameters
+    ----------
+    sigma : float
+        The shift.
+    low, high : float
+        Where the search ends, below and above the shift.
+    below : int
+        Modes between ``low`` and the shift: all of them are sought.
+    above : int
+        Modes between the shift and ``high``, which are sought as long as there are not enough.
+    enough : int
+        Modes, on both sides, after which the search may end.
+    """
+
+    sigma: float
+    low: float
+    high: float
+    below: int
+    above: int
+    enough: int
+
+
+class ShiftedModes(NamedTuple):
+    """Modes of a window, ascending.
+
+    Parameters
+    ----------
+    lam : (k,) float64
+        Squared frequencies.
+    X : (n, k) float64
+        Modes, orthonormal in M.
+    bound : (k,) float64
+        Relative error of each frequency (not squared) at most.
+    complete : bool
+        Whether they are all that were counted; if not, they have no shapes.
+    """
+
+    lam: NDArray[np.float64]
+    X: NDArray[np.float64]
+    bound: NDArray[np.float64]
+    complete: bool
+
+
+def modes_about(
+    window: Window,
+    solve: Operator,
+    mass: Operator,
+    deflated: NDArray[np.float64],
+    start: NDArray[np.float64] | None = None,
+    tolerance: float = CONVERGED,
+) -> ShiftedModes | None:
+    """Modes nearest to a shift: all counted below it, and those above it up to the first that did not converge.
+
+    Parameters
+    ----------
+    window : Window
+    solve : callable
+        Solves with K - sigma M.
+    mass : callable
+        Product with M.
+    deflated : (n, d) float64
+        Modes that are known, orthonormal in M: rigid ones, and those of a neighbouring window.
+    start : (n, s) float64, optional
+        Static shapes from which the search starts.
+    tolerance : float
+        A Ritz value is an eigenvalue when its residual is below this share of it.
+
+    Returns
+    -------
+    ShiftedModes or None
+        None if an eigenvalue is so near to the shift that it spoils the others.
+    """
+    found: list[NDArray[np.float64]] = []
+    theta, missing, complete, spare = np.empty(0), window, False, 0
+    while not complete:
+        run = _run(missing, spare, solve, mass, np.hstack([deflated, *found]), start, tolerance)
+        if run is None:
+            return None
+        # Copies of a repeated mode, beyond one for each column of a block, show once those found are deflated.
+        X, new, complete = run
+        found, theta, start = [*found, X], np.concatenate([theta, new]), None
+        if not new.size:
+            if complete or spare >= _MOST_SPARE:
+                break
+            # Many copies of a mode that is not sought may crowd the others out of a basis.
+            spare = max(2 * spare, _LEAST_SPARE)
+        low = int(np.count_nonzero(new < 0))
+        high = new.size - low
+        below, enough = missing.below - low, missing.enough - new.size
+        missing = missing._replace(below=below, above=missing.above - high, enough=max(enough, below))
+        complete = complete or missing.enough <= 0
+    del X, run
+    if not complete or not theta.size:
+        lam = np.sort(_squared_frequencies(theta, window.sigma))
+        return ShiftedModes(lam, np.empty((deflated.shape[0], 0)), np.full(lam.size, np.inf), complete)
+    return _polished(found.pop() if len(found) == 1 else np.hstack(found), theta, window.sigma, solve, mass, deflated)
+
+
+def _run(
+    window: Window,
+    spare: int,
+    solve: Operator,
+    mass: Operator,
+    deflated: NDArray[np.float64],
+    start: NDArray[np.float64] | None,
+    tolerance: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], bool] | None:
+    """Modes (n, k) of a window that one Lanczos run sees, their Ritz values (k,), and whether they are all."""
+    lanczos = BlockLanczos(
+        solve,
+        mass,
+        deflated.shape[0],
+        block=_BLOCK,
+        columns=2 * (window.enough + spare) + _BLOCKS * _BLOCK,
+        sought=window.enough + spare,
+        deflated=deflated,
+        start=start,
+    )
+    look = 0
+    for _ in range(_PATIENCE * (1 + window.enough // _BLOCK)):
+        if lanczos.exhausted:
+            break
+        before = lanczos.m
+        lanczos.step()
+        # A restart, which shrinks the basis, is looked at too.
+        if before < lanczos.m < look and not lanczos.exhausted:
+            continue
+        look = int(lanczos.m * (1 + _LOOK)) if lanczos.m > _LOOKED_AT else 0
+        ritz = lanczos.ritz()
+        if abs(ritz.theta[0]) * _NEAR * window.sigma > 1:
+            return None
+        lam, settled = _squared_frequencies(ritz.theta, window.sigma), ritz.residual <= tolerance * abs(ritz.theta)
+        chosen, complete = _chosen(window, lam, settled)
+        if complete or lanczos.exhausted or (chosen.size and _stuck(window, lam, settled)):
+            return lanczos.vectors(ritz, chosen), ritz.theta[chosen], complete
+    return np.empty((deflated.shape[0], 0)), np.empty(0), False
+
+
+def combine_columns(X: NDArray[np.float64], Z: NDArray[np.float64]) -> None:
+    """Replace X (n, k) by X Z (n, k) in place."""
+    for start in range(0, X.shape[0], _ROWS):
+        rows = slice(start, start + _ROWS)
+        X[rows] = X[rows] @ Z
+
+
+def refined(
+    K: NDArray[np.float64], M: NDArray[np.float64], lam: NDArray[np.float64], Z: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Eigenpairs of a small pencil after a step of `refine`, orthonormal to round-off whatever the step was.
+
+    Rounding turns modes of a cluster within it by more than rounding, and a step corrects to first order only.
+    """
+    lam, Z = refine(K, M, lam, Z)
+    return lam, Z - Z @ (Z.T @ M @ Z - np.eye(lam.size)) / 2
+
+
+def _squared_frequencies(theta: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+    """Eigenvalues sigma + 1 / theta; infinite where theta vanishes."""
+    far = theta == 0
+    return np.where(far, np.inf, sigma + 1 / np.where(far, 1.0, theta))
+
+
+def _chosen(window: Window, lam: NDArray[np.float64], settled: NDArray[np.bool_]) -> tuple[NDArray[np.int64], bool]:
+    """Which of the Ritz values, nearest to the shift first, are modes of the window; whether they suffice."""
+    below = (lam > window.low) & (lam < window.sigma)
+    above = (lam > window.sigma) & (lam <= window.high)
+    outwards = above & np.logical_and.accumulate(settled | ~above)
+    found = int(np.count_nonzero(below)), int(np.count_nonzero(outwards))
+    all_below = bool(settled[below].all()) and found[0] >= window.below
+    all_above = found[1] == int(np.count_nonzero(above)) and found[1] >= window.above
+    complete = all_below and (all_above or sum(found) >= window.enough)
+    return np.flatnonzero((below & settled) | outwards), complete
+
+
+def _stuck(window: Window, lam: NDArray[np.float64], settled: NDArray[np.bool_]) -> bool:
+    """Whether all that is in view, and one beyond, has converged while modes are missing."""
+    below = np.count_nonzero((lam > window.low) & (lam < window.sigma))
+    radius = window.sigma - window.low if below < window.below else window.high - window.sigma
+    in_view = np.count_nonzero(abs(lam - window.sigma) <= radius)
+    return bool(settled[: in_view + 1].all())
+
+
+def _polished(
+    X: NDArray[np.float64],
+    theta: NDArray[np.float64],
+    sigma: float,
+    solve: Operator,
+    mass: Operator,
+    deflated: NDArray[np.float64],
+) -> ShiftedModes:
+    """Modes after one inverse iteration, which smooths them, with the bound that this iteration proves.
+
+    A X - theta X is the residual of the operator A = (K - sigma M)^-1 M, which is self-adjoint in M: in that norm it
+    bounds the distance to an eigenvalue 1 / (lam - sigma) of A.
+    """
+    k = theta.size
+    stiffness, gram, away = np.zeros((k, k)), np.zeros((k, k)), np.empty(k)
+    for first in range(0, k, BLOCK):
+        part, known = slice(first, min(first + BLOCK, k)), slice(0, min(first + BLOCK, k))
+        B = mass(X[:, part])
+        Y = solve(B)
+        MY = mass(Y)
+        change, momentum = Y - X[:, part] * theta[part], MY - B * theta[part]
+        residual = np.sqrt(np.maximum(np.einsum("ij,ij->j", change, momentum), 0.0)) / abs(theta[part])
+        # Beyond one the residual says nothing; below, the eigenvalue is this far off at most.
+        away[part] = np.where(residual < 1, residual / np.maximum(1 - residual, residual), np.inf) / abs(theta[part])
+        scale = 1 / np.sqrt(np.einsum("ij,ij->j", Y, MY))
+        Y, MY, B = Y * scale, MY * scale, B * scale
+        X[:, part] = Y - deflated @ (deflated.T @ MY)
+        # (K - sigma M) Y = M X: no product with K is needed, in whose round-off a low mode would drown.
+        gram[known, part] = X[:, known].T @ MY
+        stiffness[known, part] = X[:, known].T @ B + sigma * gram[known, part]
+    stiffness, gram = _mirrored(stiffness), _mirrored(gram)
+    mu, Z = la.eigh(gram, stiffness)
+    lam, Z = refined(stiffness, gram, 1 / mu[::-1], (Z / np.sqrt(mu))[:, ::-1])
+    order = np.argsort(lam, kind="stable")
+    combine_columns(X, Z[:, order])
+    ascending = np.argsort(sigma + 1 / theta, kind="stable")
+    return ShiftedModes(lam[order], X, away[ascending] / (2 * lam[order]), True)
+
+
+def _mirrored(A: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Symmetric matrix of an upper triangle."""
+    return np.asarray(np.triu(A) + np.triu(A, 1).T)
