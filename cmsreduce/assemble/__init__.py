@@ -4,7 +4,6 @@ from cmsreduce.assemble.damped_modes import damped_modes
 from cmsreduce.assemble.frequency_response import (
     couple,
     frequency_response,
-    receptances,
     rigid_response,
 )
 from cmsreduce.assemble.neighbours import grounded_rows, joined_to, joint_rows, neighbour_loading
@@ -12,6 +11,7 @@ from cmsreduce.assemble.outboard import outboard_loading
 from cmsreduce.assemble.placement import place_bodies
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.ports import Ports, body_points, body_ports
+from cmsreduce.assemble.receptance import Receptance, receptance, receptances, tabulated
 from cmsreduce.assemble.state_space import state_space
 from cmsreduce.assemble.substructure import (
     interface_substructure,
@@ -28,6 +28,7 @@ __all__ = [
     "Ports",
     "body_points",
     "body_ports",
+    "Receptance",
     "Wiring",
     "assemble",
     "couple",
@@ -42,11 +43,13 @@ __all__ = [
     "outboard_loading",
     "physical_substructure",
     "place_bodies",
+    "receptance",
     "receptances",
     "reduced_substructure",
     "rigid_response",
     "rigid_substructure",
     "state_space",
     "system_modes",
+    "tabulated",
     "wire",
 ]

@@ -3,70 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.assemble.points import PointStack, dense
+from cmsreduce.assemble.receptance import Receptance, receptance
 from cmsreduce.assemble.system import Wiring, wire
-from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.flexibility_model import frequency_blocks
 from cmsreduce.linalg.null_space import row_basis
-from cmsreduce.model import Configuration, Matrix, Scene, Substructure, System
+from cmsreduce.model import Configuration, Scene, Substructure, System
 
-__all__ = ["couple", "frequency_response", "receptances", "rigid_response"]
+__all__ = ["couple", "frequency_response", "rigid_response"]
 
-# Points coupled at a time, to bound the memory of the modal sum (points x motions^2 x 16 bytes).
-_CHUNK = 512
-# Bodies with this many coordinates or more, and no modes, are solved sparse; smaller ones, dense, many points at once.
-_SPARSE = 200
-# Damping that leaves more than this share of itself on rigid motion brakes it; round-off of a projection leaves less.
-_BRAKED = 1e-9
-# Symmetric matrices factorise in their own order; a pivot ten times its diagonal entry still goes before it.
-_SYMMETRIC: dict[str, Any] = {
-    "permc_spec": "MMD_AT_PLUS_A",
-    "diag_pivot_thresh": 0.1,
-    "options": {"SymmetricMode": True},
-}
-# Coordinates for which a whole chunk of dense matrices is held in memory.
-_COORDINATES = 24
-
-
-def receptances(
-    sub: Substructure, omega: NDArray[np.float64], motions: NDArray[np.float64] | sp.csc_array
-) -> NDArray[np.complex128]:
-    """Dynamic flexibility of a body between the motions of its points.
-
-    Parameters
-    ----------
-    sub : Substructure
-        The body alone, free or held as it is.
-    omega : (f,) float64
-        Circular frequencies in rad/s, none of them zero for a free body.
-    motions : (p, m) Matrix
-        Rows of the point motions.
-
-    Returns
-    -------
-    Y : (f, p, p) complex128
-        L (K + i loss + i w D - w^2 M)^-1 L^T.
-
-    Raises
-    ------
-    MatrixError
-        If a frequency hits a resonance of a body without damping.
-    """
-    if _is_diagonal(sub):
-        return _modal_receptances(sub, omega, dense(motions))
-    if sub.m < _SPARSE:
-        return _dense_receptances(sub, omega, dense(motions))
-    return _sparse_receptances(sub, omega, dense(motions))
+# Memory of the receptances and joined flexibilities of the frequencies coupled at a time.
+_BLOCK_BYTES = 2**27
 
 
 def couple(
-    receptance: Mapping[str, NDArray[np.complex128]],
+    receptances: Mapping[str, Receptance],
     stack: PointStack,
     wiring: Wiring,
     omega: NDArray[np.float64],
@@ -75,7 +30,7 @@ def couple(
 
     Parameters
     ----------
-    receptance : mapping of body to (f, p, p) complex128
+    receptances : mapping of body to Receptance
         Dynamic flexibilities over each body's points; they do not depend on how the bodies are turned.
     stack : PointStack
         Points of all bodies.
@@ -91,7 +46,7 @@ def couple(
     Notes
     -----
     With lambda the joint forces, A Y (B u + A^T lambda) = 0. Rows of A that depend on others in the motions that the
-    bodies have are dropped.
+    bodies have are dropped. Frequencies are taken in blocks: the receptances of none but these are in memory.
     """
     # Joints that lock the same motion of a reduced body twice would leave lambda undetermined.
     basis = row_basis(dense(stack.spread(wiring.A)))
@@ -100,18 +55,28 @@ def couple(
     left = np.vstack([A, wiring.C1, wiring.C2])
     right = np.vstack([A, wiring.B])
     out = np.empty((omega.size, wiring.C1.shape[0], u), dtype=np.complex128)
-    for start in range(0, omega.size, _CHUNK):
-        part = slice(start, start + _CHUNK)
+    columns = {name: stack.body_columns(name) for name in receptances}
+    entries = sum((place.stop - place.start) ** 2 for place in columns.values()) + 3 * left.shape[0] * right.shape[0]
+    for part in frequency_blocks(omega.size, 16 * entries, _BLOCK_BYTES):
         G = np.zeros((omega[part].size, left.shape[0], right.shape[0]), dtype=np.complex128)
-        for name, Y in receptance.items():
-            columns = stack.body_columns(name)
-            G += left[:, columns] @ Y[part] @ right[:, columns].T
+        for name, receptance_of in receptances.items():
+            G += _between(left[:, columns[name]], receptance_of(omega[part]), right[:, columns[name]])
         AYA, AYB = G[:, :c, :c], G[:, :c, c:]
         CYA, CYB = G[:, c:, :c], G[:, c:, c:]
         both = CYB - CYA @ np.linalg.solve(AYA, AYB) if c else CYB
         y = wiring.C1.shape[0]
         out[part] = both[:, :y] + 1j * omega[part, None, None] * both[:, y:]
     return out
+
+
+def _between(
+    left: NDArray[np.float64], Y: NDArray[np.complex128], right: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Give left Y right^T at every frequency, most of the work in one product of real matrices for all of them."""
+    f, p = Y.shape[:2]
+    rows = Y.reshape(f * p, p)
+    columns = (rows.real @ right.T + 1j * (rows.imag @ right.T)).reshape(f, p, -1)
+    return np.asarray((left @ columns.view(np.float64)).view(np.complex128))
 
 
 def rigid_response(system: System, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -142,88 +107,5 @@ def frequency_response(
     H : (f, outputs, inputs) complex128
     """
     stack = PointStack(substructures)
-    Y = {name: receptances(sub, omega, stack.motions(name)) for name, sub in substructures.items()}
+    Y = {name: receptance(sub, omega, stack.motions(name)) for name, sub in substructures.items()}
     return couple(Y, stack, wire(stack, scene, configuration), omega)
-
-
-def _dense_receptances(sub: Substructure, omega: NDArray[np.float64], L: NDArray[np.float64]) -> NDArray[np.complex128]:
-    zero = np.zeros((sub.m, sub.m))
-    M, K = dense(sub.M), dense(sub.K)
-    load, rigid = _elastic_load(sub, L)
-    D, loss = (zero if part is None else dense(part) for part in (sub.D, sub.loss))
-    Y = np.empty((omega.size, L.shape[0], L.shape[0]), dtype=np.complex128)
-    chunk = max(1, _CHUNK * _COORDINATES**2 // max(sub.m, _COORDINATES) ** 2)
-    for start in range(0, omega.size, chunk):
-        w = omega[start : start + chunk, None, None]
-        try:
-            X = np.linalg.solve(K - w**2 * M + 1j * (loss + w * D), load[None].astype(np.complex128))
-        except np.linalg.LinAlgError:
-            raise MatrixError(_resonance(sub, float(w[0, 0, 0]))) from None
-        Y[start : start + chunk] = load.T @ X - rigid / w**2
-    return Y
-
-
-def _sparse_receptances(
-    sub: Substructure, omega: NDArray[np.float64], L: NDArray[np.float64]
-) -> NDArray[np.complex128]:
-    zero = sp.csc_array((sub.m, sub.m))
-    M, K = sp.csc_array(sub.M), sp.csc_array(sub.K)
-    load, rigid = _elastic_load(sub, L)
-    D, loss = (zero if part is None else sp.csc_array(part) for part in (sub.D, sub.loss))
-    Y = np.empty((omega.size, L.shape[0], L.shape[0]), dtype=np.complex128)
-    for k, w in enumerate(omega):
-        Z = sp.csc_array(K - w**2 * M + 1j * (loss + w * D))
-        try:
-            X = spla.splu(Z, **_SYMMETRIC).solve(np.asfortranarray(load, dtype=np.complex128))
-        except RuntimeError:
-            raise MatrixError(_resonance(sub, float(w))) from None
-        Y[k] = load.T @ X - rigid / w**2
-    return Y
-
-
-def _elastic_load(sub: Substructure, L: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Loads at the points without their share in rigid motion (m, p), and the flexibility of that share times -w^2.
-
-    K is zero on rigid motion only to round-off, which a solve at low frequency magnifies by K over w^2 M.
-    """
-    # A damping matrix of the user may brake rigid motion, which is then no motion of its own.
-    if sub.D is not None and not _vanishes(sub.D, sub.rigid):
-        return L.T, np.zeros((L.shape[0], L.shape[0]))
-    momentum, at_points = np.asarray(sub.M @ sub.rigid), L @ sub.rigid
-    motion = np.linalg.solve(sub.rigid.T @ momentum, at_points.T)
-    return L.T - momentum @ motion, at_points @ motion
-
-
-def _vanishes(A: Matrix, X: NDArray[np.float64]) -> bool:
-    size = spla.norm(sp.csc_array(A), 1) * abs(X).max(initial=0.0)
-    return bool(abs(A @ X).max(initial=0.0) <= _BRAKED * size)
-
-
-def _modal_receptances(sub: Substructure, omega: NDArray[np.float64], L: NDArray[np.float64]) -> NDArray[np.complex128]:
-    m, k = _diagonal(sub.M), _diagonal(sub.K)
-    d = _diagonal(sub.D) if sub.D is not None else np.zeros(sub.m)
-    g = _diagonal(sub.loss) if sub.loss is not None else np.zeros(sub.m)
-    Z = (k - omega[:, None] ** 2 * m) + 1j * (g + omega[:, None] * d)
-    if (Z == 0).any():
-        raise MatrixError(_resonance(sub, omega[(Z == 0).any(axis=1)][0]))
-    products = (L[:, None, :] * L[None, :, :]).reshape(-1, sub.m)
-    Y = np.asarray((1 / Z) @ products.T, dtype=np.complex128)
-    return Y.reshape(omega.size, L.shape[0], L.shape[0])
-
-
-def _is_diagonal(sub: Substructure) -> bool:
-    parts = [part for part in (sub.M, sub.K, sub.D, sub.loss) if part is not None]
-    if sub.omega is None:
-        return False
-    return all(sp.csc_array(part).nnz == np.count_nonzero(_diagonal(part)) for part in parts)
-
-
-def _diagonal(A: NDArray[np.float64] | sp.csc_array) -> NDArray[np.float64]:
-    return np.asarray(A.diagonal())
-
-
-def _resonance(sub: Substructure, w: float) -> str:
-    return (
-        f"body '{sub.name}' has no damping and resonates at {w / 2 / np.pi:.6g} Hz, where its response is infinite; "
-        "give it `damping:`, or move the frequency grid"
-    )

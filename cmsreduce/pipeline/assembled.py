@@ -11,16 +11,19 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble import (
     PointStack,
+    Receptance,
     Wiring,
     assemble,
     couple,
     damped_modes,
-    receptances,
+    receptance,
     rigid_response,
     system_modes,
+    tabulated,
     wire,
 )
 from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System
+from cmsreduce.verify import decibel_grid
 
 __all__ = ["AssembledModel", "DampedModes", "Resonances", "cross_orthogonality"]
 
@@ -31,6 +34,8 @@ _BEYOND_BAND = 1.25
 # A full mode whose reduced one lies in the band may lie a little above it. Nearer to the undamped modes' limit there
 # are too few of these to start from.
 _PARTNER_BEYOND_BAND = 1.1
+# Grids of one band end at the same frequency to rounding.
+_SAME_BAND = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +90,8 @@ class AssembledModel:
         self._undamped: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
         self._resonances: dict[str, Resonances] = {}
         self._damped: dict[str, DampedModes | None] = {}
+        self._receptances: dict[str, Receptance] = {}
+        self._prepared_to = 0.0
 
     def wiring(self, configuration: Configuration) -> Wiring:
         """Joints, inputs and outputs in a configuration."""
@@ -127,15 +134,31 @@ class AssembledModel:
             self._undamped[configuration.name] = system_modes(self.system(configuration), top)
         return self._undamped[configuration.name]
 
-    def receptances(self, omega: NDArray[np.float64]) -> dict[str, NDArray[np.complex128]]:
-        """Dynamic flexibilities of the single bodies; good for every configuration."""
-        return {name: receptances(sub, omega, self.stack.motions(name)) for name, sub in self.substructures.items()}
+    def receptances(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
+        """Dynamic flexibilities of the single bodies, good for every configuration and any grid within the band."""
+        top = float(omega.max(initial=0.0))
+        if not self._receptances or top > self._prepared_to * (1 + _SAME_BAND):
+            # Prepared for the band, not for the grid that happens to come first: a run resumed answers the same.
+            prepared = decibel_grid(self.scene.band)
+            prepared = prepared if top <= prepared[-1] * (1 + _SAME_BAND) else omega
+            self._receptances = {
+                name: receptance(sub, prepared, self.stack.motions(name)) for name, sub in self.substructures.items()
+            }
+            self._prepared_to = float(prepared.max())
+        return self._receptances
+
+    def tables(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
+        """Receptances at frequencies that are asked for in every configuration."""
+        return {
+            name: tabulated(source, omega, self.stack.motions(name).shape[0])
+            for name, source in self.receptances(omega).items()
+        }
 
     def response(
         self,
         configuration: Configuration,
         omega: NDArray[np.float64],
-        flexibility: Mapping[str, NDArray[np.complex128]] | None = None,
+        flexibility: Mapping[str, Receptance] | None = None,
     ) -> NDArray[np.complex128]:
         """Frequency response, rigid-body part included (f, outputs, inputs)."""
         Y = self.receptances(omega) if flexibility is None else flexibility

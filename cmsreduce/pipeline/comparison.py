@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.assemble import Receptance
 from cmsreduce.model import (
     Configuration,
     ConfigurationResult,
@@ -84,7 +85,7 @@ class Comparison:
     ) -> None:
         self.full, self.full_shapes, self.bodies, self.scene, self.points = full, full_shapes, bodies, scene, points
         self._decibel = decibel_grid(scene.band)
-        self._decibel_flexibility: dict[str, NDArray[np.complex128]] | None = None
+        self._decibel_flexibility: Mapping[str, Receptance] | None = None
         self._seen: dict[str, tuple[Real, Complex, Complex, Real, Real]] = {}
         self.full_seconds = 0.0
         self.reduced_seconds = 0.0
@@ -174,7 +175,7 @@ class Comparison:
 
     def _full_decibel(self, configuration: Configuration) -> NDArray[np.complex128]:
         if self._decibel_flexibility is None:
-            self._decibel_flexibility = self.full.receptances(self._decibel)
+            self._decibel_flexibility = self.full.tables(self._decibel)
         return self.full.response(configuration, self._decibel, self._decibel_flexibility)
 
     def _pairs(self, configuration: Configuration, model: ReducedModel) -> FrequencyPairs:

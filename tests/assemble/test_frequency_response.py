@@ -12,6 +12,7 @@ from cmsreduce.assemble import (
     couple,
     frequency_response,
     modal_substructure,
+    receptance,
     receptances,
     rigid_response,
     rigid_substructure,
@@ -150,7 +151,7 @@ def test_a_body_beyond_dense_algebra_is_solved_sparse():
 def test_receptances_hold_for_every_setting():
     subs = bodies(DAMPINGS["modal"], "modes")
     stack = PointStack(subs)
-    Y = {name: receptances(sub, OMEGA, stack.motions(name)) for name, sub in subs.items()}
+    Y = {name: receptance(sub, OMEGA, stack.motions(name)) for name, sub in subs.items()}
     scene = Scene(tuple(subs), (0.0, 600.0), JOINTS, (TURNED, Configuration("as built")), **CHANNELS)
     for configuration in scene.configurations:
         found = couple(Y, stack, wire(stack, scene, configuration), OMEGA)
