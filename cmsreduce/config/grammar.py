@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field, WithJsonSchema
 from cmsreduce.config.component import Component
 from cmsreduce.config.keys import DataPath, Keys, Name, NotAvailable, OneOrMore
 from cmsreduce.config.scene_keys import SceneKeys
+from cmsreduce.config.solver import SolverKeys
 from cmsreduce.config.stages import BalanceKeys, KeepKeys, ReduceKeys, VerifyKeys, WriteKeys
 from cmsreduce.model.units import Units
 
@@ -62,6 +63,11 @@ class Pipeline(Keys):
     )
     write: WriteKeys | None = Field(
         default=None, description="Write component files.", examples=[{"formats": ["hdf5"]}]
+    )
+    solver: SolverKeys = Field(
+        default=SolverKeys(),
+        description="Sparse solver, threads and memory. Results do not depend on them beyond round-off.",
+        examples=[{"threads": 2}],
     )
 
     @classmethod

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.model.body import Source
 from cmsreduce.model.check import Check
+from cmsreduce.model.factorisation import Factorisation
 from cmsreduce.model.reduced import ModalComponent
 from cmsreduce.model.scene import Configuration
 
@@ -178,6 +179,8 @@ class ComponentResult:
         What was checked on the body.
     sources : tuple of Source
         Files it was read from.
+    factorised : tuple of Factorisation
+        Sparse factorisations that its stages did.
     """
 
     name: str
@@ -188,6 +191,7 @@ class ComponentResult:
     peak_mib: float
     checks: tuple[Check, ...]
     sources: tuple[Source, ...]
+    factorised: tuple[Factorisation, ...] = ()
 
     @property
     def kept_modes(self) -> int:

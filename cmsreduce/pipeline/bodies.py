@@ -15,7 +15,7 @@ from cmsreduce.assemble import Ports, body_points, body_ports
 from cmsreduce.config import Component, InterfaceKeys, MatrixFile, Pipeline
 from cmsreduce.errors import SceneError
 from cmsreduce.linalg.connectivity import check_connected
-from cmsreduce.linalg.null_space import motions_held, rigid_body_modes
+from cmsreduce.linalg.null_space import motions_held, only_motions, rigid_body_modes
 from cmsreduce.model import (
     Check,
     Damping,
@@ -47,6 +47,9 @@ __all__ = ["FlexibleBody", "read_flexible", "read_rigid"]
 _ALL_MOTIONS = 6
 # A file's rounding adds up over a body's mass; a condensed body loses a few digits more, rows in disorder all of them.
 _MASS_ALIKE, _MASS_FACTOR = 1e-6, 100.0
+
+# Below this size looking for mechanisms costs less than proving that there are none.
+_LARGE = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,11 +123,15 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     part = pipeline.components[name]
     as_read, proof = _read(name, part, part.units_in(scene.units))
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
-    determined = hold_undetermined(in_units(as_read, scene.units), named)
+    whole = in_units(as_read, scene.units)
+    # One factorisation tells of large bodies that nothing moves without stiffness or mass but the body as a whole.
+    proven = only_motions(whole.K, _rigid_shapes(whole), whole.rounding) if whole.n > _LARGE else None
+    determined = hold_undetermined(whole, named, proven)
     body = determined.body
     check_connected(body)
-    R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
-    rigid = rigid_body_modes(body.K, body.M, R, body.rounding, name)
+    if body is not whole:
+        proven = None
+    rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), body.rounding, name, proven)
     checks, notes = [], []
     if proof.status == "proven":
         checks.append(Check("row order: K times rigid motions", proof.residual, proof.tolerance))
@@ -144,6 +151,10 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         # Nothing is joined to the body, and its actuators do not hold it: it has no constraint modes.
         ports = ports.as_loads()
     return FlexibleBody(body, ports, rigid, tuple(checks), tuple(notes))
+
+
+def _rigid_shapes(body: FEModel) -> NDArray[np.float64] | None:
+    return None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
 
 
 def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import resource
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError, StageError
+from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from cmsreduce.model import Factorisation
 from cmsreduce.pipeline.progress import Progress
 from cmsreduce.pipeline.stage_store import StageStore
 
@@ -35,9 +38,15 @@ class Ledger:
         Told what happens.
     only : str, optional
         The one stage that may be run; every other must be finished.
+    solver : SolverSettings, optional
+        How work factorises its matrices.
     """
 
-    def __init__(self, folder: Path, progress: Progress, only: str | None = None) -> None:
+    def __init__(
+        self, folder: Path, progress: Progress, only: str | None = None, solver: SolverSettings | None = None
+    ) -> None:
+        self.solver = SolverSettings() if solver is None else solver
+        self.factorised: dict[str, dict[str, list[Factorisation]]] = {}
         self.store, self.progress, self.only = StageStore(folder), progress, only
         self.seconds: dict[str, dict[str, float]] = {}
         self.peak_mib: dict[str, float] = {}
@@ -77,7 +86,7 @@ class Ledger:
         found = self.store.load(stage, what, key)
         if found is not None and self.only != stage:
             arrays, facts = found
-            self._add(stage, what, float(facts["seconds"]))
+            self._recall(stage, what, facts)
             self.progress.reused(stage, what)
             return unpack(arrays, facts)
         if self.only not in (None, stage):
@@ -90,7 +99,8 @@ class Ledger:
         packed, described = pack(self.timed(stage, what, work))
         # Laid out as what is read back, so that a run that goes on from here rounds as one that was never stopped.
         arrays = {name: np.asarray(array, order="C") for name, array in packed.items()}
-        facts = {**described, "seconds": self.seconds[what][stage]}
+        done = [asdict(each) for each in self.factorised[what][stage]]
+        facts = {**described, "seconds": self.seconds[what][stage], "factorised": done}
         self.written.append(self.store.save(stage, what, key, arrays, facts))
         return unpack(arrays, facts)
 
@@ -99,20 +109,22 @@ class Ledger:
         if stage not in self.seconds.get(what, {}):
             facts = self.store.facts(stage, what, key)
             if facts is not None:
-                self._add(stage, what, float(facts["seconds"]))
+                self._recall(stage, what, facts)
 
     def timed(self, stage: str, what: str, work: Callable[[], T]) -> T:
-        """Do a piece of work and note how long it took."""
+        """Do a piece of work and note how long it took, and what it factorised."""
         self.progress.stage(stage, what)
+        settings = replace(self.solver, work=[])
         started = time.perf_counter()
         try:
-            result = work()
+            with solver_settings(settings):
+                result = work()
         except MatrixError as error:
             # Linear algebra does not know whose matrices it is given.
             if f"'{what}'" in str(error):
                 raise
             raise MatrixError(f"{stage} of '{what}': {error}") from error
-        self._add(stage, what, time.perf_counter() - started)
+        self._add(stage, what, time.perf_counter() - started, settings.work)
         return result
 
     def note(self, text: str) -> None:
@@ -121,7 +133,12 @@ class Ledger:
             self.notes.append(text)
             self.progress.note(text)
 
-    def _add(self, stage: str, what: str, seconds: float) -> None:
+    def _recall(self, stage: str, what: str, facts: Mapping[str, Any]) -> None:
+        done = [Factorisation(**each) for each in facts.get("factorised", ())]
+        self._add(stage, what, float(facts["seconds"]), done)
+
+    def _add(self, stage: str, what: str, seconds: float, done: list[Factorisation]) -> None:
+        self.factorised.setdefault(what, {}).setdefault(stage, []).extend(done)
         spent = self.seconds.setdefault(what, {})
         spent[stage] = spent.get(stage, 0.0) + seconds
         # ru_maxrss is in KiB on Linux.

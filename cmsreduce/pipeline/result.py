@@ -57,6 +57,7 @@ def run_result(run: Run) -> RunResult:
             peak_mib=run.ledger.peak_mib.get(name, 0.0),
             checks=component_checks(run, name),
             sources=flexible.body.sources,
+            factorised=tuple(each for stage in run.ledger.factorised.get(name, {}).values() for each in stage),
         )
     limits = run.pipeline.verify.limits.model_dump(exclude_none=True) if run.pipeline.verify else {}
     configurations = verified.configurations if verified else ()

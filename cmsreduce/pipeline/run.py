@@ -12,6 +12,7 @@ from cmsreduce.assemble import modal_substructure, physical_substructure, rigid_
 from cmsreduce.balance import Selection, keep_all
 from cmsreduce.config import KeepKeys, ModeSetKeys, Pipeline, RankingKeys, VerifyKeys, build_scene
 from cmsreduce.errors import ConfigError
+from cmsreduce.linalg.solver_settings import SolverSettings
 from cmsreduce.model import ModalComponent, ReducedComponent, RigidBody, Scene, Substructure
 from cmsreduce.pipeline.assembled import AssembledModel
 from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible, read_rigid
@@ -50,7 +51,8 @@ class Run:
 
     def __init__(self, pipeline: Pipeline, folder: Path, progress: Progress, only: str | None = None) -> None:
         self.pipeline, self.folder = pipeline, folder
-        self.ledger = Ledger(folder, progress, only)
+        keys = pipeline.solver
+        self.ledger = Ledger(folder, progress, only, SolverSettings(keys.backend, keys.memory, keys.threads))
         self.scene: Scene = build_scene(pipeline)
 
     @cached_property

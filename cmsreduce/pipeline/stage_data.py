@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from cmsreduce.model import FEModel, ModalComponent, ModeSet, ReducedComponent
+from cmsreduce.model import FEModel, ModalComponent, ModeCertificate, ModeSet, ReducedComponent
 
 __all__ = ["modal_from", "modal_to", "reduced_from", "reduced_to"]
 
@@ -26,12 +26,19 @@ def reduced_to(component: ReducedComponent) -> tuple[Arrays, dict[str, Any]]:
     if component.D is not None:
         arrays["D"] = component.D
     facts = {"method": component.modes.method, "kind": component.modes.kind, "label": component.modes.label}
-    return arrays, facts
+    return _with_certificate(arrays, facts, component.modes.certificate)
 
 
 def reduced_from(body: FEModel, arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]) -> ReducedComponent:
     """Reduced body from its arrays."""
-    modes = ModeSet(facts["method"], arrays["Phi"], tuple(facts["kind"]), arrays["source_hz"], tuple(facts["label"]))
+    modes = ModeSet(
+        facts["method"],
+        arrays["Phi"],
+        tuple(facts["kind"]),
+        arrays["source_hz"],
+        tuple(facts["label"]),
+        _certificate(arrays, facts),
+    )
     return ReducedComponent(body, modes, arrays["M"], arrays["K"], arrays.get("D"), arrays["rigid"])
 
 
@@ -51,7 +58,7 @@ def modal_to(component: ModalComponent) -> tuple[Arrays, dict[str, Any]]:
         "why": component.why,
         "basis_size": component.basis_size,
     }
-    return arrays, facts
+    return _with_certificate(arrays, facts, component.certificate)
 
 
 def modal_from(body: FEModel, arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]) -> ModalComponent:
@@ -66,5 +73,23 @@ def modal_from(body: FEModel, arrays: Mapping[str, NDArray[Any]], facts: Mapping
         why=tuple(facts["why"]),
         basis_size=facts["basis_size"],
         D=arrays.get("D"),
+        certificate=_certificate(arrays, facts),
         **{name: arrays[name] for name in _MODAL},
     )
+
+
+def _with_certificate(
+    arrays: Arrays, facts: dict[str, Any], certificate: ModeCertificate | None
+) -> tuple[Arrays, dict[str, Any]]:
+    """The same with a certificate beside them."""
+    if certificate is None:
+        return arrays, facts
+    own = {"certified_hz": certificate.frequency_hz, "bound": certificate.bound}
+    return {**arrays, **own}, {**facts, "cutoff_hz": certificate.cutoff_hz, "counted": certificate.counted}
+
+
+def _certificate(arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]) -> ModeCertificate | None:
+    """The certificate beside the arrays; None in stages that were finished before there was one."""
+    if "bound" not in arrays:
+        return None
+    return ModeCertificate(facts["cutoff_hz"], facts["counted"], arrays["certified_hz"], arrays["bound"])

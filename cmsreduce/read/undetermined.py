@@ -83,7 +83,9 @@ class Determined:
             )
 
 
-def hold_undetermined(body: FEModel, named: Collection[str] = ()) -> Determined:
+def hold_undetermined(
+    body: FEModel, named: Collection[str] = (), proven: NDArray[np.float64] | None = None
+) -> Determined:
     """Hold one dof for each motion that has neither stiffness nor mass nor damping, as AUTOSPC does.
 
     Such are dofs with empty rows, and motions of several dofs: rotations about a skew axis, or of a chain of bars about
@@ -94,6 +96,8 @@ def hold_undetermined(body: FEModel, named: Collection[str] = ()) -> Determined:
     body : FEModel
     named : collection of str
         Interfaces whose dofs the user has named one by one.
+    proven : (n, r) float64, optional
+        All motions that K does not resist, where these are known: if they have mass, nothing is undetermined.
 
     Returns
     -------
@@ -114,6 +118,8 @@ def hold_undetermined(body: FEModel, named: Collection[str] = ()) -> Determined:
     """
     if not body.M.diagonal().any():
         raise MatrixError(f"body '{body.name}' has no mass: all entries of M are zero; name its mass matrix")
+    if proven is not None and np.linalg.matrix_rank(proven.T @ (body.M @ proven), hermitian=True) == proven.shape[1]:
+        return Determined(body, np.empty((body.n, 0)))
     empty, motions, scale = _undetermined_motions(body)
     if not empty.any() and not motions.shape[1]:
         return Determined(body, motions)

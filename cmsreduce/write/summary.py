@@ -5,12 +5,22 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cmsreduce.model import DOF_NAMES, ERRORS, ComponentResult, Configuration, ModelErrors, RunResult
+from cmsreduce.model import (
+    DOF_NAMES,
+    ERRORS,
+    ComponentResult,
+    Configuration,
+    Factorisation,
+    ModeCertificate,
+    ModelErrors,
+    RunResult,
+)
 from cmsreduce.write.atomic import atomic_path
 
 __all__ = ["angles", "summary", "write_summary"]
@@ -105,10 +115,35 @@ def _component(part: ComponentResult) -> dict[str, Any]:
         "frequencies_hz": (modes.omega[np.intersect1d(part.kept, elastic)] / (2 * np.pi)).tolist(),
         "seconds": dict(part.seconds),
         "peak_mib": part.peak_mib,
+        "certificate": _certificate(modes.certificate),
+        "solver": _solver(part.factorised),
         "checks": [
             {"name": check.name, "value": check.value, "limit": check.limit, "passed": check.passed}
             for check in part.checks
         ],
+    }
+
+
+def _certificate(certificate: ModeCertificate | None) -> dict[str, Any] | None:
+    """What is proven of the normal modes; None without any."""
+    if certificate is None:
+        return None
+    return {
+        "cutoff_hz": certificate.cutoff_hz,
+        "counted": certificate.counted,
+        "found": certificate.frequency_hz.size,
+        "frequency_bound": certificate.worst_bound,
+    }
+
+
+def _solver(done: Sequence[Factorisation]) -> dict[str, Any]:
+    """Sparse factorisations of a body: by which solvers, how many, how large the largest was."""
+    largest = max(done, key=lambda each: each.entries, default=None)
+    return {
+        "backends": sorted({each.backend for each in done}),
+        "factorisations": len(done),
+        "seconds": sum(each.seconds for each in done),
+        "largest": None if largest is None else asdict(largest),
     }
 
 

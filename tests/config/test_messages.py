@@ -136,6 +136,15 @@ MISTAKES = {
     "key without a value": (
         "write: {formats: [hdf5]}", "write:", 0, "key 'write' has no value: write {} to take the defaults, null to"),
     "tag": ("name: galileo", "name: !!python/object:os.system galileo", 0, "has the tag !!python/object:os.system"),
+    "memory without unit": (
+        "name: galileo", "name: galileo\nsolver: {memory: 8}", 1,
+        "key 'solver.memory': an amount of memory with its unit is expected, such as 8 GiB, found 8"),
+    "memory in no unit": (
+        "name: galileo", "name: galileo\nsolver: {memory: 8 pages}", 1, "'8 pages' is no amount of memory"),
+    "no threads": ("name: galileo", "name: galileo\nsolver: {threads: 0}", 1, "key 'solver.threads'"),
+    "unknown solver": (
+        "name: galileo", "name: galileo\nsolver: {backend: mumps}", 1,
+        "expected auto or pardiso or cholmod or superlu"),
     "alias of itself": ("cg: [0, 0, 0.2]", "cg: &a [*a]", 0, "contains itself through an alias"),
 }  # fmt: skip
 

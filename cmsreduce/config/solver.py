@@ -1,0 +1,56 @@
+"""Keys of the solver: which one factorises sparse matrices, with how many threads, in how much memory."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated
+
+from pydantic import BeforeValidator, Field, WithJsonSchema
+
+from cmsreduce.config.keys import Count, Keys
+from cmsreduce.linalg.solver_settings import Backend
+
+__all__ = ["SolverKeys"]
+
+_BYTES = {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12, "KiB": 2.0**10, "MiB": 2.0**20, "GiB": 2.0**30}
+_BYTES["TiB"] = 2.0**40
+_MEMORY = re.compile(r"([0-9]+(?:\.[0-9]*)?)\s*([kKMGT]?i?B)")
+
+
+def _memory(value: object) -> object:
+    """Bytes of an amount of memory as people write it."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        raise ValueError(f"an amount of memory with its unit is expected, such as 8 GiB, found {value!r}")
+    if not isinstance(value, str):
+        return value
+    found = _MEMORY.fullmatch(value.strip())
+    if found is None or found[2] not in _BYTES:
+        raise ValueError(f"{value!r} is no amount of memory; write a number and one of {', '.join(_BYTES)}")
+    return float(found[1]) * _BYTES[found[2]]
+
+
+Memory = Annotated[float, BeforeValidator(_memory), Field(gt=0), WithJsonSchema({"type": "string"})]
+"""An amount of memory, in bytes."""
+
+
+class SolverKeys(Keys):
+    """How sparse matrices are factorised, and with how much of the machine."""
+
+    backend: Backend = Field(
+        default="auto",
+        description="Sparse direct solver: pardiso (MKL), cholmod (scikit-sparse) or superlu (scipy); auto takes the "
+        "quickest that is installed, and superlu for small bodies. summary.json says which one ran.",
+        examples=["auto"],
+    )
+    threads: Count | None = Field(
+        default=None,
+        ge=1,
+        description="Threads of dense and sparse algebra; by default all cores, or what OMP_NUM_THREADS says.",
+        examples=[2],
+    )
+    memory: Memory | None = Field(
+        default=None,
+        description="Memory that a factor may take; one that needs more is refused before it is made. By default most "
+        "of what is free.",
+        examples=["8 GiB"],
+    )
