@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 PIPELINES := $(wildcard pipelines/*.yaml)
 RUNS := $(patsubst pipelines/%.yaml,build/%/summary.json,$(PIPELINES))
 
-.PHONY: help setup demo test lint bench pipelines models clean
+.PHONY: help setup demo test lint bench bench-full bench-peers pipelines models clean
 .DELETE_ON_ERROR:
 
 help: ## show the targets
@@ -33,8 +33,18 @@ lint: $(STAMP) ## ruff, mypy, import contract
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: $(STAMP) ## speed against error on this machine
+bench: $(STAMP) ## cmsreduce against scipy on small bodies, two minutes
+	$(BIN)/python benchmarks/linear_algebra.py
+
+bench-full: $(STAMP) bench-peers ## every peer on every body, and docs/performance.md; hours
 	$(BIN)/python benchmarks/reduction.py
+	$(BIN)/python benchmarks/error_speed.py
+	$(BIN)/python benchmarks/linear_algebra.py --full --write
+
+# Peers that would not share an environment with the project. Where one cannot be had, the tables say so.
+bench-peers:
+	-$(PYTHON) -m venv build/peers/exudyn && build/peers/exudyn/bin/pip install --quiet exudyn==1.13.6 scipy
+	-$(PYTHON) -m venv build/peers/sdynpy && build/peers/sdynpy/bin/pip install --quiet sdynpy
 
 pipelines: $(RUNS) ## run every pipeline whose inputs changed; try -j2
 

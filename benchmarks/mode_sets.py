@@ -18,7 +18,7 @@ import numpy as np
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from benchmarks.reduction import block  # noqa: E402
+from benchmarks.meshes import Cells, free_bar  # noqa: E402
 from cmsreduce.assemble import (  # noqa: E402
     assemble,
     body_points,
@@ -88,9 +88,14 @@ def cases() -> Iterator[Case]:
         {"payload": lump("payload", tip, 20.0)},
         scene(boom, 60.0, None, "tip", "root"),
     )
-    bracket = solid_bracket()
+    yield bracket_case((60, 16, 16))
+
+
+def bracket_case(cells: Cells) -> Case:
+    """The solid bracket between a hub and a payload."""
+    bracket = solid_bracket(cells)
     root, tip = (bracket.interfaces[name].position[0] for name in ("root", "tip"))
-    yield Case(
+    return Case(
         f"solid bracket, {bracket.n} dofs",
         bracket,
         {"hub": lump("hub", root, 300.0), "payload": lump("payload", tip, 40.0)},
@@ -115,9 +120,9 @@ def lattice_boom(bays: int = 10) -> FEModel:
     return frame("boom", xyz, bars, faces, damping=Damping(structural=LOSS))
 
 
-def solid_bracket() -> FEModel:
+def solid_bracket(cells: Cells) -> FEModel:
     """Steel bar of hexahedra, both ends tied rigidly to a point."""
-    body = replace(block((60, 16, 16)), damping=Damping(structural=LOSS))
+    body = replace(free_bar(cells), damping=Damping(structural=LOSS))
     for name, x in (("root", 0.0), ("tip", 1.0)):
         assert body.nodes is not None
         ids = body.nodes.id[np.isclose(body.nodes.xyz[:, 0], x)]
