@@ -131,7 +131,7 @@ class BlockLanczos:
             H += missed
             W = _less(W, self._basis, missed)
             W = _less(W, self._deflated, rigid)
-            left = max(float(np.sqrt(max((W.T @ MW).max(), 0.0))), _NEW * before)
+            left = max(float(np.sqrt(max((W.T @ MW).diagonal().max(), 0.0))), _NEW * before)
             if max(abs(missed).max(), abs(rigid).max(initial=0.0)) <= _SEMIORTHOGONAL * left:
                 break
         T = np.zeros((self.m, self.m))

@@ -16,6 +16,9 @@ __all__ = ["symmetric_product"]
 
 # Entries below which a second thread costs more than it saves.
 _ENTRIES = 200_000
+# A matrix that stores more zeros than this share of its entries, as an element's mass does between its directions, is
+# copied without them.
+_ZEROS = 0.1
 
 
 def symmetric_product(A: sp.csc_array) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
@@ -24,7 +27,7 @@ def symmetric_product(A: sp.csc_array) -> Callable[[NDArray[np.float64]], NDArra
     Parameters
     ----------
     A : (n, n) sparse array
-        Symmetric; its columns are read as rows, without a copy.
+        Symmetric; its columns are read as rows, without a copy unless many of its entries are zeros.
 
     Returns
     -------
@@ -32,6 +35,9 @@ def symmetric_product(A: sp.csc_array) -> Callable[[NDArray[np.float64]], NDArra
         X -> A X, (n,) or (n, k).
     """
     columns = sp.csc_array(A)
+    if np.count_nonzero(columns.data) < (1 - _ZEROS) * columns.nnz:
+        columns = columns.copy()
+        columns.eliminate_zeros()
     n, threads = columns.shape[0], current_settings().thread_count
     if threads == 1 or columns.nnz < _ENTRIES:
         rows = sp.csr_array((columns.data, columns.indices, columns.indptr), shape=(n, n))

@@ -239,12 +239,14 @@ def _polished(
         B = mass(X[:, part])
         Y = solve(B)
         MY = mass(Y)
-        change, momentum = Y - X[:, part] * theta[part], MY - B * theta[part]
-        residual = np.sqrt(np.maximum(np.einsum("ij,ij->j", change, momentum), 0.0)) / abs(theta[part])
+        # Of the residual itself: its square as a difference of squares would be nothing but round-off.
+        residual = np.sqrt(np.maximum(_product_of_differences(Y, X[:, part], MY, B, theta[part]), 0.0))
+        residual /= abs(theta[part])
         # Beyond one the residual says nothing; below, the eigenvalue is this far off at most.
         away[part] = np.where(residual < 1, residual / np.maximum(1 - residual, residual), np.inf) / abs(theta[part])
         scale = 1 / np.sqrt(np.einsum("ij,ij->j", Y, MY))
-        Y, MY, B = Y * scale, MY * scale, B * scale
+        for block in (Y, MY, B):
+            block *= scale
         X[:, part] = Y - deflated @ (deflated.T @ MY)
         # (K - sigma M) Y = M X: no product with K is needed, in whose round-off a low mode would drown.
         gram[known, part] = X[:, known].T @ MY
@@ -256,6 +258,21 @@ def _polished(
     combine_columns(X, Z[:, order])
     ascending = np.argsort(sigma + 1 / theta, kind="stable")
     return ShiftedModes(lam[order], X, away[ascending] / (2 * lam[order]), True)
+
+
+def _product_of_differences(
+    Y: NDArray[np.float64],
+    X: NDArray[np.float64],
+    MY: NDArray[np.float64],
+    MX: NDArray[np.float64],
+    theta: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Column by column (Y - X theta)^T (MY - MX theta), some rows at a time."""
+    total = np.zeros(theta.size)
+    for start in range(0, X.shape[0], _ROWS):
+        rows = slice(start, start + _ROWS)
+        total += np.einsum("ij,ij->j", Y[rows] - X[rows] * theta, MY[rows] - MX[rows] * theta)
+    return total
 
 
 def _mirrored(A: NDArray[np.float64]) -> NDArray[np.float64]:
