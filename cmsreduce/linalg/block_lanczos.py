@@ -121,8 +121,7 @@ class BlockLanczos:
         H = np.zeros((self.m, X.shape[1]))
         H[m - self._last.shape[1] : m] = self._last_mass.T @ W
         H[m:] = MX.T @ W
-        W -= self._last @ H[m - self._last.shape[1] : m]
-        W -= X @ H[m:]
+        W = _less(_less(W, self._last, H[m - self._last.shape[1] : m]), X, H[m:])
         self._last, self._last_mass = X, MX
         before = abs(H).max()
         for _ in range(_PASSES):

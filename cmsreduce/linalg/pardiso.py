@@ -75,13 +75,7 @@ class Pardiso(Factor):
 
     def __init__(self, A: sp.csc_array, definite: bool, admit: Admit) -> None:
         # The upper triangle by rows is the lower one by columns; PARDISO wants every diagonal entry, zeros too.
-        lower = sp.csc_array(sp.tril(A, format="csc"))
-        if lower.diagonal().all():
-            lower.sort_indices()
-        else:
-            lower = _with_diagonal(lower)
-        self._values = np.ascontiguousarray(lower.data, dtype=np.float64)
-        self._indptr, self._indices = lower.indptr.astype(np.int32), lower.indices.astype(np.int32)
+        self._values, self._indices, self._indptr = _lower_triangle(A if A.diagonal().all() else _with_diagonal(A))
         self._order = np.zeros(A.shape[0], dtype=np.int32)
         self._type = _DEFINITE if definite else _INDEFINITE
         self._handle = np.zeros(64, dtype=np.int64)
@@ -156,11 +150,22 @@ def _parameters(n: int) -> NDArray[np.int32]:
     return iparm
 
 
-def _with_diagonal(lower: sp.csc_array) -> sp.csc_array:
+def _lower_triangle(A: sp.csc_array) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]:
+    """Values, rows and starts of the columns of the lower triangle, rows ascending."""
+    if not A.has_sorted_indices:
+        A = A.sorted_indices()
+    # Entry by entry through a mask: a matrix of triples would take five times the memory.
+    kept = A.indices >= np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
+    starts = np.concatenate([[0], np.add.reduceat(kept, A.indptr[:-1], dtype=np.int64).cumsum()])
+    values = np.asarray(A.data[kept], dtype=np.float64)
+    return values, A.indices[kept].astype(np.int32, copy=False), starts.astype(np.int32)
+
+
+def _with_diagonal(A: sp.csc_array) -> sp.csc_array:
     """The same matrix with every diagonal entry stored."""
-    n = lower.shape[0]
+    n = A.shape[0]
     rows = np.arange(n)
-    entries = sp.coo_array(lower)
+    entries = sp.coo_array(A)
     row, column = entries.coords
     data = np.concatenate([entries.data, np.zeros(n)])
     # Adding entries of one place keeps explicit zeros.

@@ -36,8 +36,7 @@ def symmetric_product(A: sp.csc_array) -> Callable[[NDArray[np.float64]], NDArra
     """
     columns = sp.csc_array(A)
     if np.count_nonzero(columns.data) < (1 - _ZEROS) * columns.nnz:
-        columns = columns.copy()
-        columns.eliminate_zeros()
+        columns = _without_zeros(columns)
     n, threads = columns.shape[0], current_settings().thread_count
     if threads == 1 or columns.nnz < _ENTRIES:
         rows = sp.csr_array((columns.data, columns.indices, columns.indptr), shape=(n, n))
@@ -52,6 +51,12 @@ def symmetric_product(A: sp.csc_array) -> Callable[[NDArray[np.float64]], NDArra
             return np.concatenate(list(pool.map(lambda part: part @ X, parts)))
 
     return product
+
+
+def _without_zeros(A: sp.csc_array) -> sp.csc_array:
+    kept = A.data != 0
+    starts = np.concatenate([[0], np.cumsum(kept, dtype=A.indptr.dtype)])[A.indptr]
+    return sp.csc_array((A.data[kept], A.indices[kept], starts), shape=A.shape)
 
 
 def _rows(A: sp.csc_array, start: int, stop: int) -> sp.csr_array:
