@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import sys
 import sysconfig
 import weakref
@@ -35,6 +36,8 @@ _KIB = 1024.0
 @cache
 def mkl_library() -> ctypes.CDLL | None:
     """The MKL runtime of the `mkl` wheel, or of the system; None where there is none."""
+    # Its threads wait for more work by spinning, 200 ms long by default, on the cores that dense algebra needs next.
+    os.environ.setdefault("KMP_BLOCKTIME", "1")
     roots = [Path(sysconfig.get_path("data")) / "lib", Path(sys.prefix) / "lib", Path(sysconfig.get_path("purelib"))]
     names = [str(path) for root in roots for path in sorted(root.glob("libmkl_rt.so*"), reverse=True)]
     for name in [*names, "libmkl_rt.so.3", "libmkl_rt.so.2", "libmkl_rt.so"]:
