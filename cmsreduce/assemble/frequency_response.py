@@ -7,9 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.points import PointStack, dense
+from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.receptance import Receptance, receptance
 from cmsreduce.assemble.system import Wiring, wire
+from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.flexibility_model import frequency_blocks
 from cmsreduce.linalg.null_space import row_basis
 from cmsreduce.model import Configuration, Scene, Substructure, System

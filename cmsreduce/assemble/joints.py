@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.assemble.placement import interface_at, joint_arms, joint_axes, joint_gap
-from cmsreduce.assemble.points import PointStack, dense
+from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import ConstraintError, SceneError, UnitsError
+from cmsreduce.linalg.dense import dense
 from cmsreduce.model import DOF_NAMES, Interface, Joint, Placement, Point, Scene, Substructure, cross_matrix
 
 __all__ = ["Constraints", "check_redundant", "constrain"]

@@ -9,9 +9,10 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.points import PointStack, dense
+from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.system import wire
 from cmsreduce.errors import ConstraintError
+from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.null_space import null_space
 from cmsreduce.model import Configuration, FEModel, InterfaceLoading, Joint, Point, Scene, Substructure
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import SceneError
 from cmsreduce.model import Matrix, Point, Substructure
 
-__all__ = ["PointStack", "dense"]
+__all__ = ["PointStack"]
 
 
 class PointStack:
@@ -74,8 +74,3 @@ class PointStack:
             for name in self.substructures
         ]
         return sp.csr_array(sp.hstack(parts))
-
-
-def dense(A: Matrix | sp.csr_array) -> NDArray[np.float64]:
-    """Make a small matrix dense: rows of points, never those of a body."""
-    return np.asarray(A.toarray() if sp.issparse(A) else A)

@@ -11,9 +11,9 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.points import dense
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.adaptive_flexibility import RESPONSE_TOLERANCE, adaptive_flexibility
+from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.dynamic_stiffness import DynamicStiffness, ResonanceError
 from cmsreduce.linalg.factorise import InsufficientMemoryError
 from cmsreduce.linalg.flexibility_model import FlexibilityModel, frequency_blocks

@@ -8,9 +8,9 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.points import dense
 from cmsreduce.assemble.system_modes import undetermined
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.pencil import UndeterminedError, split_massless
 from cmsreduce.model import System
 

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from cmsreduce.assemble.channels import channel_rows
 from cmsreduce.assemble.joints import check_redundant, constrain
 from cmsreduce.assemble.placement import place_bodies
-from cmsreduce.assemble.points import PointStack, dense
+from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.null_space import null_space
 from cmsreduce.model import Configuration, Matrix, Placement, Scene, Substructure, System
 

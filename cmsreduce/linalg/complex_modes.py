@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.damped_pencil import Basis, DampedPencil, Roots, energy
+from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.factorise import factorise
 from cmsreduce.linalg.pencil import elastic_and_massless
 
@@ -129,7 +130,7 @@ def _braked(pencil: DampedPencil, rigid: Real) -> Real:
 
 def _all_shapes(pencil: DampedPencil, rigid: Real, rounding: float) -> tuple[Real, Real]:
     """Every elastic shape of a small system, those without mass last, and the roots of their masses."""
-    lam, X, N = elastic_and_massless(_dense(pencil.K), _dense(pencil.M), rigid, rounding)
+    lam, X, N = elastic_and_massless(dense(pencil.K), dense(pencil.M), rigid, rounding)
     return np.hstack([X / np.sqrt(lam), N]), np.append(1 / np.sqrt(lam), np.zeros(N.shape[1]))
 
 
@@ -185,7 +186,3 @@ def _solver(pencil: DampedPencil, omega: float) -> Callable[[Real], Real]:
         return factorise(sp.csc_array(Z), what="the system at a load that grows")
     factor = la.cho_factor(np.asarray(Z))
     return lambda b: np.asarray(la.cho_solve(factor, b))
-
-
-def _dense(A: object) -> Real:
-    return np.asarray(A.toarray() if sp.issparse(A) else A)  # type: ignore[attr-defined]

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.solver_settings import current_settings
 
@@ -68,6 +69,8 @@ class Pardiso(Factor):
         If a pivot is zero, or not positive in a definite matrix.
     MemoryError
         If PARDISO finds no memory.
+    MatrixError
+        If it stops for another reason.
 
     Notes
     -----
@@ -108,7 +111,7 @@ class Pardiso(Factor):
         library, error = _library(), ctypes.c_int(0)
         library.pardiso_getdiag(_at(self._handle), _at(eliminated), _at(entries), _by(1), ctypes.byref(error))
         if error.value:
-            raise MemoryError(f"MKL PARDISO gives no pivots (error {error.value})")
+            raise _failure("gives no pivots", error.value)
         pivots = np.empty(self.n)
         pivots[self._order] = eliminated
         return pivots
@@ -134,9 +137,10 @@ class Pardiso(Factor):
         )
         if error.value == _BAD_PIVOT:
             raise SingularFactorError
+        if error.value == _NO_MEMORY:
+            raise MemoryError(f"MKL PARDISO found no memory for the factor of {n} rows")
         if error.value:
-            size = f"{self._values.nbytes / 2**30:.2g} GiB of entries"
-            raise MemoryError(f"MKL PARDISO stopped in phase {phase} with error {error.value} on {n} rows, {size}")
+            raise _failure(f"stopped in phase {phase} on {n} rows", error.value)
 
 
 def _parameters(n: int) -> NDArray[np.int32]:
@@ -177,10 +181,16 @@ def _with_diagonal(A: sp.csc_array) -> sp.csc_array:
     return full
 
 
+def _failure(what: str, code: int) -> MatrixError:
+    return MatrixError(
+        f"MKL PARDISO {what} (its error {code}); set solver.backend to superlu or cholmod, which take the same matrices"
+    )
+
+
 def _library() -> ctypes.CDLL:
     library = mkl_library()
     if library is None:
-        raise MemoryError("the MKL runtime is not installed: pip install mkl")
+        raise MatrixError("the MKL runtime is not installed: pip install mkl, or set solver.backend to superlu")
     return library
 
 
