@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.balance.ranking import Ranking
+from cmsreduce.model import ModalChannels
 
 __all__ = ["ByFrequency"]
 
@@ -17,14 +18,6 @@ class ByFrequency(Ranking):
 
     name: ClassVar[str] = "frequency"
 
-    def coefficients(
-        self,
-        omega: NDArray[np.float64],
-        zeta: NDArray[np.float64],
-        B: NDArray[np.float64],
-        C1: NDArray[np.float64],
-        C2: NDArray[np.float64],
-        body: str,
-    ) -> NDArray[np.float64]:
+    def coefficients(self, channels: ModalChannels) -> NDArray[np.float64]:
         """Periods in seconds; see `Ranking.coefficients`."""
-        return np.asarray(2 * np.pi / omega)
+        return np.asarray(2 * np.pi / channels.omega)

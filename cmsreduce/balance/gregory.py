@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cmsreduce.balance.ranking import Ranking
 from cmsreduce.errors import DampingError
 from cmsreduce.linalg.repeated import repeated_groups
+from cmsreduce.model import ModalChannels
 
 __all__ = ["Gregory"]
 
@@ -29,15 +30,7 @@ class Gregory(Ranking):
 
     name: ClassVar[str] = "gregory"
 
-    def coefficients(
-        self,
-        omega: NDArray[np.float64],
-        zeta: NDArray[np.float64],
-        B: NDArray[np.float64],
-        C1: NDArray[np.float64],
-        C2: NDArray[np.float64],
-        body: str,
-    ) -> NDArray[np.float64]:
+    def coefficients(self, channels: ModalChannels) -> NDArray[np.float64]:
         """See `Ranking.coefficients`.
 
         Raises
@@ -45,9 +38,11 @@ class Gregory(Ranking):
         DampingError
             If a mode has no damping: its coefficient would be infinite.
         """
+        omega, zeta = channels.omega, channels.zeta
+        B, C1, C2 = channels.B, channels.C1, channels.C2
         if omega.size and zeta.min() <= 0:
             raise DampingError(
-                f"body '{body}': ranking by Gregory's coefficient needs positive damping, but mode "
+                f"body '{channels.body}': ranking by Gregory's coefficient needs positive damping, but mode "
                 f"{int(np.argmin(zeta)) + 1} has zeta = {zeta.min():g}. Give `damping: {{modal: 0.005}}`, or rank by "
                 "frequency"
             )

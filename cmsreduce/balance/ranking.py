@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import ModalComponent
+from cmsreduce.model import ModalChannels, ModalComponent
 
 __all__ = ["CLOSE", "Ranking", "mode_spacing"]
 
@@ -23,42 +23,18 @@ class Ranking(ABC):
     name: ClassVar[str]
 
     @abstractmethod
-    def coefficients(
-        self,
-        omega: NDArray[np.float64],
-        zeta: NDArray[np.float64],
-        B: NDArray[np.float64],
-        C1: NDArray[np.float64],
-        C2: NDArray[np.float64],
-        body: str,
-    ) -> NDArray[np.float64]:
-        """One coefficient per elastic mode, larger for more important.
+    def coefficients(self, channels: ModalChannels) -> NDArray[np.float64]:
+        """One coefficient per elastic mode (e,), larger for more important."""
 
-        Parameters
-        ----------
-        omega, zeta : (e,) float64
-            Elastic frequencies in rad/s and damping ratios.
-        B : (e, inputs) float64
-            Modal input matrix.
-        C1, C2 : (outputs, e) float64
-            Modal displacement and rate output matrices.
-        body : str
-            Name of the body, for messages.
-        """
-
-    def rank(
-        self, component: ModalComponent, B: NDArray[np.float64], C1: NDArray[np.float64], C2: NDArray[np.float64]
-    ) -> ModalComponent:
+    def rank(self, component: ModalComponent, channels: ModalChannels) -> ModalComponent:
         """Give every elastic mode of a body its coefficient and its spacing flag.
 
         Parameters
         ----------
         component : ModalComponent
             m modes: rigid, elastic, static.
-        B : (m, inputs) float64
-            Modal input matrix: interface forces and actuators.
-        C1, C2 : (outputs, m) float64
-            Modal displacement and rate outputs: sensors and interface motions.
+        channels : ModalChannels
+            Its elastic modes between the inputs and outputs.
 
         Returns
         -------
@@ -66,10 +42,9 @@ class Ranking(ABC):
             The same modes with ``sigma`` and ``spacing`` set; NaN for rigid and static modes, which are always kept.
         """
         e = component.elastic
-        omega, zeta = component.omega[e], component.zeta[e]
         sigma, spacing = np.full(component.omega.size, np.nan), np.full(component.omega.size, np.nan)
-        sigma[e] = self.coefficients(omega, zeta, B[e], C1[:, e], C2[:, e], component.name)
-        spacing[e] = mode_spacing(omega, zeta)
+        sigma[e] = self.coefficients(channels)
+        spacing[e] = mode_spacing(channels.omega, channels.zeta)
         return replace(component, sigma=sigma, spacing=spacing)
 
 

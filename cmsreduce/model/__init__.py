@@ -8,6 +8,7 @@ from cmsreduce.model.dofs import SCALAR, DofTable, components_from_digits
 from cmsreduce.model.factorisation import Factorisation
 from cmsreduce.model.interface import Interface
 from cmsreduce.model.loading import InterfaceLoading
+from cmsreduce.model.modal_channels import ModalChannels
 from cmsreduce.model.mode_set import ModeBlock, ModeKind, ModeSet
 from cmsreduce.model.nodes import Nodes, cross_matrix, rigid_body_shapes
 from cmsreduce.model.recovery import Recovery
@@ -64,6 +65,7 @@ __all__ = [
     "Joint",
     "JointTerm",
     "Matrix",
+    "ModalChannels",
     "ModalComponent",
     "ModeBlock",
     "ModeCertificate",

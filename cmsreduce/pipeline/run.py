@@ -9,7 +9,7 @@ from typing import Any
 
 from cmsreduce import __version__
 from cmsreduce.assemble import modal_substructure, physical_substructure, rigid_substructure
-from cmsreduce.balance import Selection, keep_all
+from cmsreduce.balance import RANKINGS, Selection, keep_all
 from cmsreduce.config import KeepKeys, ModeSetKeys, Pipeline, RankingKeys, VerifyKeys, build_scene
 from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.solver_settings import SolverSettings
@@ -21,7 +21,7 @@ from cmsreduce.pipeline.ledger import Ledger
 from cmsreduce.pipeline.mode_sets import ModeSets
 from cmsreduce.pipeline.progress import Progress, Silent
 from cmsreduce.pipeline.reference import Reference, reference
-from cmsreduce.pipeline.selection import rank_component, select, truncate
+from cmsreduce.pipeline.selection import modal_channels, select, truncate
 from cmsreduce.pipeline.stage_store import stage_key
 from cmsreduce.pipeline.verified import Verified, verified_from, verified_to
 
@@ -241,7 +241,9 @@ class Run:
 
     def _rank(self, name: str, keys: RankingKeys | None, other: ModeSetKeys | None = None) -> ModalComponent:
         component = self.mode_sets.modal(name, other)
-        return component if keys is None else rank_component(component, self.bodies[name].ports, keys.rank)
+        if keys is None:
+            return component
+        return RANKINGS[keys.rank].rank(component, modal_channels(component, self.bodies[name].ports))
 
     def _model(self, components: Mapping[str, ModalComponent]) -> ReducedModel:
         subs = {name: modal_substructure(c, self.bodies[name].points(self.scene)) for name, c in components.items()}

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from cmsreduce.assemble import Ports
-from cmsreduce.balance import RANKINGS, Selection, keep_all, keep_error, keep_fraction, keep_modes
+from cmsreduce.balance import Selection, keep_all, keep_error, keep_fraction, keep_modes
 from cmsreduce.config import KeepKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import ModalComponent
+from cmsreduce.model import ModalChannels, ModalComponent
 
-__all__ = ["rank_component", "select", "truncate"]
+__all__ = ["modal_channels", "select", "truncate"]
 
 # The search runs on frequencies that the first candidate set; a model that fails on its own is searched anew, to a
 # limit smaller by what it missed.
@@ -21,8 +21,8 @@ _ATTEMPTS = 6
 _MARGIN = 0.97
 
 
-def rank_component(component: ModalComponent, ports: Ports, rank: str) -> ModalComponent:
-    """Rank a body's modes by what they do between its inputs and outputs.
+def modal_channels(component: ModalComponent, ports: Ports) -> ModalChannels:
+    """A body's elastic modes between its inputs and outputs.
 
     Interface dofs count as inputs and as displacement and rate outputs (theory section 4).
 
@@ -32,15 +32,18 @@ def rank_component(component: ModalComponent, ports: Ports, rank: str) -> ModalC
         Orthonormal modes.
     ports : Ports
         i-set, struts, sensors.
-    rank : str
-        Name of the ranking.
     """
-    Phi = component.Phi
+    e = component.elastic
+    Phi = component.Phi[:, e]
     at_interface = Phi[ports.interface]
-    B = np.hstack([at_interface.T, Phi.T @ ports.loads])
-    C1 = np.vstack([at_interface, ports.displacements @ Phi])
-    C2 = np.vstack([at_interface, ports.rates @ Phi])
-    return RANKINGS[rank].rank(component, B, C1, C2)
+    return ModalChannels(
+        component.name,
+        component.omega[e],
+        component.zeta[e],
+        np.hstack([at_interface.T, Phi.T @ ports.loads]),
+        np.vstack([at_interface, ports.displacements @ Phi]),
+        np.vstack([at_interface, ports.rates @ Phi]),
+    )
 
 
 def select(

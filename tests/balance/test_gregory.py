@@ -8,7 +8,7 @@ import scipy.linalg as la
 
 from cmsreduce.balance import CLOSE, RANKINGS, ByFrequency, Gregory, mode_spacing
 from cmsreduce.errors import DampingError
-from cmsreduce.model import Damping, ModalComponent
+from cmsreduce.model import Damping, ModalChannels, ModalComponent
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
 from tests.frames import line
@@ -34,7 +34,7 @@ def test_two_modes_by_hand():
     B = np.array([[3.0, 4.0], [0.0, 1.0]])
     C1 = np.array([[1.0, 0.0], [2.0, 0.0], [0.0, 6.0]])
     C2 = np.array([[0.5, 0.8]])
-    sigma = Gregory().coefficients(omega, zeta, B, C1, C2, "body")
+    sigma = Gregory().coefficients(ModalChannels("body", omega, zeta, B, C1, C2))
     # |b| = 5, c1 c1 = 5, w^2 c2 c2 = 4 * 0.25; |b| = 1, c1 c1 = 36, w^2 c2 c2 = 100 * 0.64.
     np.testing.assert_allclose(sigma, [5 * np.sqrt(6.0) / 0.16, np.sqrt(100.0) / 8], rtol=1e-14)
 
@@ -44,7 +44,7 @@ def test_a_lone_mode_is_its_hankel_value(rate):
     omega, zeta = np.array([7.0]), np.array([1e-4])
     B, C = np.array([[2.0, 1.0]]), np.array([[1.0], [0.5]])
     C1, C2 = (np.zeros_like(C), C) if rate else (C, np.zeros_like(C))
-    sigma = Gregory().coefficients(omega, zeta, B, C1, C2, "body")
+    sigma = Gregory().coefficients(ModalChannels("body", omega, zeta, B, C1, C2))
     np.testing.assert_allclose(hankel(omega, zeta, B, C1, C2), np.repeat(sigma, 2), rtol=1e-3)
 
 
@@ -53,7 +53,7 @@ def test_displacement_outputs_give_the_static_gain():
     rng = np.random.default_rng(0)
     omega, zeta = np.array([3.0, 11.0, 60.0]), np.array([0.01, 0.02, 0.005])
     B, C1 = rng.standard_normal((3, 2)), rng.standard_normal((4, 3))
-    sigma = Gregory().coefficients(omega, zeta, B, C1, np.zeros((1, 3)), "body")
+    sigma = Gregory().coefficients(ModalChannels("body", omega, zeta, B, C1, np.zeros((1, 3))))
     gains = [np.linalg.norm(np.outer(C1[:, k], B[k]) / omega[k] ** 2) for k in range(3)]
     np.testing.assert_allclose(sigma, gains / (4 * zeta), rtol=1e-13)
 
@@ -75,7 +75,7 @@ def test_space_station(iss):
     omega = np.sqrt(-np.diag(A[n:, :n]))
     zeta = -np.diag(A[n:, n:]) / (2 * omega)
     assert np.count_nonzero(A[n:, :n]) == n and abs(zeta - 0.005).max() < 1e-6
-    sigma = Gregory().coefficients(omega, zeta, B[n:], C[:, :n], C[:, n:], "iss")
+    sigma = Gregory().coefficients(ModalChannels("iss", omega, zeta, B[n:], C[:, :n], C[:, n:]))
     order = np.argsort(-sigma)
     exact = hankel(omega, zeta, B[n:], C[:, :n], C[:, n:])
     np.testing.assert_allclose(exact[:6], [0.0579427, 0.0579401, 0.0168977, 0.0168961, 0.0060103, 0.0060102], atol=6e-8)
@@ -91,7 +91,7 @@ def test_cluster_golden_values_are_what_the_flag_warns_of():
     B, C2 = np.ones((2, 1)), np.array([[1.0, 0.9]])
     exact = hankel(omega, zeta, B, np.zeros((1, 2)), C2)
     np.testing.assert_allclose(exact, [94.254, 94.254, 0.2359, 0.2359], rtol=2e-4)
-    sigma = Gregory().coefficients(omega, zeta, B, np.zeros((1, 2)), C2, "body")
+    sigma = Gregory().coefficients(ModalChannels("body", omega, zeta, B, np.zeros((1, 2)), C2))
     np.testing.assert_allclose(sigma, [50.0, 0.9 * 50 / 1.001], rtol=1e-12)
     assert (mode_spacing(omega, zeta) > CLOSE).all()
 
@@ -122,7 +122,7 @@ def test_a_repeated_mode_has_one_coefficient_whatever_its_shapes(angle):
     B = turn @ np.array([[1.0, 0.5], [2.0, 0.0], [0.0, 0.7]])
     C1 = np.array([[1.0, 0.4, 0.0], [0.0, 0.3, 1.1]]) @ turn.T
     none = np.zeros((2, 3))
-    sigma = Gregory().coefficients(omega, zeta, B, C1, none, "body")
+    sigma = Gregory().coefficients(ModalChannels("body", omega, zeta, B, C1, none))
     assert sigma[1] == sigma[2]
     exact = hankel(omega[1:], zeta[1:], B[1:], C1[:, 1:], none[:, 1:])
     np.testing.assert_allclose(sigma[1], exact[0], rtol=1e-3)
@@ -134,11 +134,17 @@ def modal(damping: Damping) -> ModalComponent:
     return orthogonalise(CraigBampton(800.0).reduce(body, body.interface_rows("a")))
 
 
+def channels(component: ModalComponent, B: np.ndarray, C1: np.ndarray) -> ModalChannels:
+    e = component.elastic
+    none = np.zeros((0, component.elastic_count))
+    return ModalChannels(component.name, component.omega[e], component.zeta[e], B, C1, none)
+
+
 def test_ranking_leaves_rigid_modes_out():
     component = modal(Damping(modal=0.01))
     at = component.body.interface_rows("b")
-    B, C = component.Phi[at].T, component.Phi[at]
-    ranked = Gregory().rank(component, B, C, np.zeros((0, component.omega.size)))
+    C = component.Phi[at, component.elastic]
+    ranked = Gregory().rank(component, channels(component, C.T, C))
     assert np.isnan(ranked.sigma[:6]).all() and np.isnan(ranked.spacing[:6]).all()
     size = (component.Phi[at, 6:] ** 2).sum(axis=0)
     np.testing.assert_allclose(ranked.sigma[6:], size / (0.04 * component.omega[6:] ** 2), rtol=1e-12)
@@ -147,13 +153,16 @@ def test_ranking_leaves_rigid_modes_out():
 
 def test_undamped_modes_are_refused_by_name():
     component = modal(Damping())
-    n = component.omega.size
+    e = component.elastic_count
+    undamped = channels(component, np.ones((e, 1)), np.ones((1, e)))
     with pytest.raises(DampingError, match=r"'bar': .*needs positive damping, but mode 1 has zeta = 0"):
-        Gregory().rank(component, np.ones((n, 1)), np.ones((1, n)), np.zeros((0, n)))
-    assert np.argmax(ByFrequency().rank(component, np.ones((n, 1)), np.ones((1, n)), np.zeros((0, n))).sigma[6:]) == 0
+        Gregory().rank(component, undamped)
+    assert np.argmax(ByFrequency().rank(component, undamped).sigma[6:]) == 0
 
 
 def test_by_frequency_is_the_period():
-    found = ByFrequency().coefficients(np.array([2.0, 4.0]), np.zeros(2), *[np.zeros((2, 2))] * 3, "body")
+    found = ByFrequency().coefficients(
+        ModalChannels("body", np.array([2.0, 4.0]), np.zeros(2), *[np.zeros((2, 2))] * 3)
+    )
     np.testing.assert_allclose(found, [np.pi, np.pi / 2])
     assert set(RANKINGS) == {"gregory", "frequency"}

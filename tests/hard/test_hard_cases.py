@@ -7,7 +7,7 @@ import pytest
 
 from cmsreduce.balance import Gregory
 from cmsreduce.errors import CmsReduceError
-from cmsreduce.model import ModalComponent
+from cmsreduce.model import ModalChannels, ModalComponent
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton, MacNealRubin
 from tests.hard.case import COMPLETE, METHODS
@@ -97,13 +97,9 @@ def test_nothing_measured_is_of_no_importance():
     component = reduce(case, "craig-bampton")
     elastic = component.elastic
     e = component.elastic_count
+    inputs, none = component.Phi[:, elastic].T @ case.inputs, np.empty((0, e))
     sigma = Gregory().coefficients(
-        component.omega[elastic],
-        np.full(e, 0.01),
-        component.Phi[:, elastic].T @ case.inputs,
-        np.empty((0, e)),
-        np.empty((0, e)),
-        case.body.name,
+        ModalChannels(case.body.name, component.omega[elastic], np.full(e, 0.01), inputs, none, none)
     )
     assert sigma.shape == (e,) and (sigma == 0).all()
 
