@@ -19,9 +19,13 @@ _NEW = 1e-7
 # What is left of earlier vectors in a new one, relative to its length, beyond which it is orthogonalised once more. The
 # Ritz values lose their digits in its square.
 _SEMIORTHOGONAL = 1e-12
+# What is left is taken out to round-off by one pass if it is no larger than this; then nothing has to be looked for
+# again, and only the product with M is renewed.
+_CORRECTED = 1e-6
 _PASSES = 3
-# A block whose Gram matrix has eigenvalues no farther apart than this is triangularised in place.
-_INDEPENDENT = 1e-12
+# A block whose Gram matrix has eigenvalues no farther apart than this is triangularised in place; no farther apart
+# than the second, once is enough.
+_INDEPENDENT, _ALIKE = 1e-12, 1e-3
 # A direction this much shorter than the longest of its block is orthogonalised again by itself.
 _SHORT = 1e-3
 # Rows of the basis that are combined at a time at a restart.
@@ -131,7 +135,11 @@ class BlockLanczos:
             W = _less(W, self._basis, missed)
             W = _less(W, self._deflated, rigid)
             left = max(float(np.sqrt(max((W.T @ MW).diagonal().max(), 0.0))), _NEW * before)
-            if max(abs(missed).max(), abs(rigid).max(initial=0.0)) <= _SEMIORTHOGONAL * left:
+            worst = max(abs(missed).max(), abs(rigid).max(initial=0.0))
+            if worst <= _SEMIORTHOGONAL * left:
+                break
+            if worst <= _CORRECTED * left:
+                MW = self._mass(W)
                 break
         T = np.zeros((self.m, self.m))
         T[:m, :m] = self._T
@@ -156,7 +164,7 @@ class BlockLanczos:
         """
         S, theta = ritz.S[:, chosen], ritz.theta[chosen]
         tail = self._border @ S[self.m - self._border.shape[1] :]
-        return np.asarray(self._basis @ S + self._X @ (tail / theta))
+        return _less(la.blas.dgemm(1.0, self._basis, S), self._X, -tail / theta)
 
     @property
     def _basis(self) -> NDArray[np.float64]:
@@ -218,6 +226,8 @@ def _orthonormal(
         if kept.all() and kept.size:
             R = la.cholesky((G + G.T) / 2)
             W, MW, B = _over(W, R), _over(MW, R), R @ B
+            if squared[0] > _ALIKE * squared[-1]:
+                break
         else:
             kept = squared > least**2
             root = np.sqrt(squared[kept])

@@ -28,14 +28,6 @@ _AT_CUTOFF = 1e-9
 # A mode is accepted when |K x - lam M x| is below this share of |K||x|, well above round-off, far below any use; or
 # below what the rounding of the file leaves of K on rigid motion.
 _RESIDUAL = 1e-9
-# A Ritz value is an eigenvalue when its residual is below this share of it: a frequency is then right to half of that.
-_CONVERGED = 1e-10
-# Columns of a block: a solve reads the whole factor for each block, so that sixteen cost little more than eight.
-_BLOCK = 16
-# Columns of the basis: twice the modes that are sought and so many blocks; a third of it again after every restart.
-_BLOCKS = 10
-# Blocks after which a Lanczos run is given up, for each block of modes that are sought.
-_PATIENCE = 40
 
 
 class CertifiedModes(NamedTuple):
