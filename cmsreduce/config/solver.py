@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from cmsreduce.config.keys import Count, Keys
-from cmsreduce.linalg.solver_settings import Backend
+from cmsreduce.linalg.solver_settings import Backend, Precision
 
 __all__ = ["SolverKeys"]
 
@@ -53,4 +53,11 @@ class SolverKeys(Keys):
         description="Memory that a factor may take; one that needs more is refused before it is made. By default most "
         "of what is free.",
         examples=["8 GiB"],
+    )
+    precision: Precision = Field(
+        default="auto",
+        description="Precision of the factor, with pardiso: double, or single, which takes half the memory and is "
+        "refined to the same accuracy in several times the solves; auto takes single where double would not fit in "
+        "memory. Anything so ill conditioned that refinement does not converge is refused.",
+        examples=["auto"],
     )

@@ -14,6 +14,7 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.cholmod import cholmod_factor
 from cmsreduce.linalg.factor import BLOCK, Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.pardiso import Pardiso, mkl_library
+from cmsreduce.linalg.refined_factor import RefinedFactor, UnrefinableError
 from cmsreduce.linalg.solver_settings import BACKENDS, Backend, SolverSettings, current_settings
 from cmsreduce.linalg.superlu import SuperLU
 from cmsreduce.model import Factorisation
@@ -75,17 +76,18 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
     backend = _chosen(settings.backend, A.shape[0])
     started, admit = time.perf_counter(), _admission(settings, what, A.shape[0])
     try:
-        try:
-            factor = _TYPES[backend](A, definite, admit)
-        except SingularFactorError:
-            # Cholesky stops at a pivot that is not positive; L D L^T tells which is the worst.
-            factor = _TYPES[backend](A, False, admit)
+        factor, precision = _in_precision(A, definite, backend, admit, settings)
+    except UnrefinableError:
+        raise MatrixError(
+            f"{what} ({A.shape[0]} rows) is too ill conditioned for a factor in single precision; set "
+            "solver.precision to double"
+        ) from None
     except SingularFactorError:
         row = _singular_row(A)
         raise NotPositiveDefiniteError(f"{what} is singular: nothing holds row {row + 1}", row) from None
     seconds, cost = time.perf_counter() - started, factor.cost
     settings.work.append(
-        Factorisation(factor.backend, factor.n, cost.nnz, cost.flops / 1e9, cost.bytes / 2**20, seconds)
+        Factorisation(factor.backend, factor.n, cost.nnz, cost.flops / 1e9, cost.bytes / 2**20, seconds, precision)
     )
     if definite:
         limit = min(max(A.shape[0], _FEWEST_ROUNDINGS) * np.finfo(float).eps, _LARGEST_SINGULAR)
@@ -96,6 +98,38 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
                 f"{what} is not positive definite: pivot ratio {ratio.min():.1e} at row {row + 1}", row
             )
     return factor
+
+
+def _in_precision(
+    A: sp.csc_array, definite: bool, backend: Backend, admit: Admit, settings: SolverSettings
+) -> tuple[Factor, str]:
+    """The factor, in double precision unless it is to be single or does not fit, and its precision."""
+    if settings.precision == "single":
+        if backend == "pardiso":
+            return _definite_first(RefinedFactor, A, definite, admit), "single"
+        if settings.backend != "auto":
+            raise MatrixError(f"factors in single precision are pardiso's, not {backend}'s: set solver.backend to it")
+    try:
+        return _definite_first(_TYPES[backend], A, definite, admit), "double"
+    except InsufficientMemoryError as refused:
+        if settings.precision == "double" or backend != "pardiso":
+            raise
+        try:
+            return _definite_first(RefinedFactor, A, definite, admit), "single"
+        except UnrefinableError:
+            raise refused from None
+
+
+def _definite_first(
+    kind: Callable[[sp.csc_array, bool, Admit], Factor], A: sp.csc_array, definite: bool, admit: Admit
+) -> Factor:
+    try:
+        return kind(A, definite, admit)
+    except SingularFactorError:
+        if not definite:
+            raise
+        # Cholesky stops at a pivot that is not positive; L D L^T tells which is the worst.
+        return kind(A, False, admit)
 
 
 def _resists(A: sp.csc_array, factor: Factor, row: int) -> bool:

@@ -62,6 +62,8 @@ class Pardiso(Factor):
         Whether the matrix is taken to be positive definite.
     admit : callable
         Refuses a factor that is too large.
+    scale : (n,) float64, optional
+        S, for factors of S A S in float32 instead: half the memory and the time, seven digits.
 
     Raises
     ------
@@ -79,18 +81,21 @@ class Pardiso(Factor):
 
     backend: ClassVar[str] = "pardiso"
 
-    def __init__(self, A: sp.csc_array, definite: bool, admit: Admit) -> None:
+    def __init__(self, A: sp.csc_array, definite: bool, admit: Admit, scale: NDArray[np.float64] | None = None) -> None:
+        self._real = np.dtype(np.float64 if scale is None else np.float32)
         # The upper triangle by rows is the lower one by columns; PARDISO wants every diagonal entry, zeros too.
-        self._values, self._indices, self._indptr = _lower_triangle(A if A.diagonal().all() else _with_diagonal(A))
+        self._values, self._indices, self._indptr = _lower_triangle(
+            A if A.diagonal().all() else _with_diagonal(A), scale, self._real
+        )
         self._order = np.zeros(A.shape[0], dtype=np.int32)
         self._type = _DEFINITE if definite else _INDEFINITE
         self._handle = np.zeros(64, dtype=np.int64)
-        self._iparm = _parameters(A.shape[0])
+        self._iparm = _parameters(A.shape[0], scale is not None)
         size = A.shape[0]
         self._release = weakref.finalize(self, _release, self._handle, self._iparm.copy(), self._type, size)
         self._call(_ANALYSE, size)
         peak, factors, entries = float(self._iparm[15]), float(self._iparm[16]), int(self._iparm[17])
-        nnz = entries if entries > 0 else int(factors * _KIB / 8)
+        nnz = entries if entries > 0 else int(factors * _KIB / self._real.itemsize)
         # With two levels PARDISO does not count operations: those of a solid's or a frame's factor are near this.
         counted = float(self._iparm[18]) * 1e6
         flops = counted if counted > 0 else 2.0 * nnz**2 / max(size, 1)
@@ -99,15 +104,15 @@ class Pardiso(Factor):
         self._call(_FACTORISE, size)
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        b = np.asfortranarray(b)
+        b = np.asfortranarray(b, dtype=self._real)
         x = np.empty_like(b)
         self._call(_SOLVE, self.n, b, x)
-        return x
+        return np.asarray(x, dtype=np.float64)
 
     @cached_property
     def pivots(self) -> NDArray[np.float64]:
         """Pivots in the matrix's own row order (n,); of a block of two rows, its diagonal."""
-        eliminated, entries = np.empty(self.n), np.empty(self.n)
+        eliminated, entries = np.empty(self.n, self._real), np.empty(self.n, self._real)
         library, error = _library(), ctypes.c_int(0)
         library.pardiso_getdiag(_at(self._handle), _at(eliminated), _at(entries), _by(1), ctypes.byref(error))
         if error.value:
@@ -125,7 +130,7 @@ class Pardiso(Factor):
         return 0 if self._type == _DEFINITE else int(self._iparm[22])
 
     def _call(
-        self, phase: int, n: int, b: NDArray[np.float64] | None = None, x: NDArray[np.float64] | None = None
+        self, phase: int, n: int, b: NDArray[Any] | None = None, x: NDArray[Any] | None = None
     ) -> None:
         error = ctypes.c_int(0)
         _library().MKL_Set_Num_Threads_Local(ctypes.c_int(current_settings().thread_count))
@@ -143,7 +148,7 @@ class Pardiso(Factor):
             raise _failure(f"stopped in phase {phase} on {n} rows", error.value)
 
 
-def _parameters(n: int) -> NDArray[np.int32]:
+def _parameters(n: int, single: bool) -> NDArray[np.int32]:
     iparm = np.zeros(64, dtype=np.int32)
     iparm[0] = 1  # values of our own
     iparm[1] = 3 if n > _TWO_LEVELS else 2  # nested dissection; on all threads where it is long
@@ -152,20 +157,26 @@ def _parameters(n: int) -> NDArray[np.int32]:
     iparm[17] = iparm[18] = -1  # count entries and operations
     iparm[20] = 1  # pivots of one or two rows
     iparm[23] = 1 if n > _TWO_LEVELS else 0
+    iparm[27] = int(single)  # float32
     iparm[34] = 1  # rows count from 0
     iparm[55] = 1  # keep the pivots
     return iparm
 
 
-def _lower_triangle(A: sp.csc_array) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]:
+def _lower_triangle(
+    A: sp.csc_array, scale: NDArray[np.float64] | None, real: np.dtype[Any]
+) -> tuple[NDArray[Any], NDArray[np.int32], NDArray[np.int32]]:
     """Values, rows and starts of the columns of the lower triangle, rows ascending."""
     if not A.has_sorted_indices:
         A = A.sorted_indices()
     # Entry by entry through a mask: a matrix of triples would take five times the memory.
     kept = A.indices >= np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
     starts = np.concatenate([[0], np.add.reduceat(kept, A.indptr[:-1], dtype=np.int64).cumsum()])
-    values = np.asarray(A.data[kept], dtype=np.float64)
-    return values, A.indices[kept].astype(np.int32, copy=False), starts.astype(np.int32)
+    values, rows = A.data[kept], A.indices[kept].astype(np.int32, copy=False)
+    if scale is not None:
+        values *= scale[rows]
+        values *= np.repeat(scale, np.diff(starts))
+    return values.astype(real, copy=False), rows, starts.astype(np.int32)
 
 
 def _with_diagonal(A: sp.csc_array) -> sp.csc_array:

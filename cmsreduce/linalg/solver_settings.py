@@ -14,8 +14,9 @@ from threadpoolctl import threadpool_limits
 
 from cmsreduce.model import Factorisation
 
-__all__ = ["BACKENDS", "Backend", "SolverSettings", "available_memory", "current_settings", "solver_settings"]
+__all__ = ["BACKENDS", "Backend", "Precision", "SolverSettings", "available_memory", "current_settings", "solver_settings"]
 
+Precision = Literal["auto", "double", "single"]
 Backend = Literal["auto", "pardiso", "cholmod", "superlu"]
 BACKENDS: tuple[Backend, ...] = ("pardiso", "cholmod", "superlu")
 """Sparse solvers, the quickest first."""
@@ -37,6 +38,9 @@ class SolverSettings:
         Bytes that a factor may take; most of what is free if absent.
     threads : int, optional
         Threads of a product, a factorisation or a solve; all cores, or what OMP_NUM_THREADS allows, if absent.
+    precision : str
+        ``double``; ``single`` for factors in float32, whose solutions are refined to double precision; ``auto`` takes
+        single where a factor in double precision would not fit in memory.
     work : list of Factorisation
         Every factorisation that was done under these settings, in order.
     """
@@ -44,6 +48,7 @@ class SolverSettings:
     backend: Backend = "auto"
     memory: float | None = None
     threads: int | None = None
+    precision: Precision = "auto"
     work: list[Factorisation] = field(default_factory=list, compare=False)
 
     @property

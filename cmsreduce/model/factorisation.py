@@ -21,6 +21,8 @@ class Factorisation:
         Operations in 1e9 and memory in MiB, from the symbolic phase.
     seconds : float
         Wall time of both phases.
+    precision : str
+        ``double``, or ``single`` where the factor is in float32 and its solutions are refined.
     """
 
     backend: str
@@ -29,3 +31,4 @@ class Factorisation:
     gflop: float
     mib: float
     seconds: float
+    precision: str = "double"
