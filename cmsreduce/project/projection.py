@@ -9,13 +9,16 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.errors import MatrixError
+from cmsreduce.model import Matrix
 
 __all__ = ["INDEPENDENT", "Projection", "project_shapes"]
 
 INDEPENDENT = 1e-8
 """A direction of a body's projected shapes is one of its own when it holds more than this share of the amplitude of a
 mode of the system of unit modal mass: 1e-16 of its kinetic energy. System modes are known to 1e-9 of theirs."""
+
+# What Gram and Schmidt leave of a column that depends on those before it.
+_ROUNDING = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +55,7 @@ class Projection:
 def project_shapes(
     body: str,
     shapes: Sequence[NDArray[np.float64]],
-    M: NDArray[np.float64],
+    M: Matrix,
     tolerance: float = INDEPENDENT,
 ) -> Projection:
     """Collect a body's part of system modes from several configurations, freed of what is dependent.
@@ -64,8 +67,8 @@ def project_shapes(
     shapes : sequence of (m, n_R) float64
         Chosen system modes in the body's coordinates, one block for each configuration; each mode of unit modal mass
         in the whole system.
-    M : (m, m) float64 or (m,) float64
-        Mass of the body, positive definite, or its diagonal.
+    M : (m, m) float64 or sparse array
+        Mass of the body; coordinates without mass follow the others.
     tolerance : float
         Singular values up to this are dependent. A larger one compresses: the chosen modes then no longer return
         exactly.
@@ -74,33 +77,35 @@ def project_shapes(
     -------
     Projection
 
-    Raises
-    ------
-    MatrixError
-        If the mass is not positive definite.
-
     Notes
     -----
     The singular value decomposition U1 S1 V1^T of P_i Phi_R, U1 in the place of P_i Phi_R where that is deficient in
-    rank: Eke and Man, AIAA 87; Bernard. The norm of the mass makes the decision independent of units and of the size
-    of a system mode on the body: see theory section 6.
+    rank: Eke and Man; Bernard; theory section 6. The norm of the mass makes the decision independent of units and of
+    the size of a system mode on the body. It is taken of the triangular factor of Gram and Schmidt in that norm: of the
+    Gram matrix, values below 1e-8 would be round-off.
     """
     X = np.hstack([np.asarray(block, dtype=np.float64) for block in shapes])
-    if M.ndim == 1:
-        if not (M > 0).all():
-            raise MatrixError(f"body '{body}': a projection is weighed by the mass, but a coordinate has none")
-        root = np.sqrt(M)
-        U, singular, _ = la.svd(root[:, None] * X, full_matrices=False)
-        Q = U / root[:, None]
-    else:
-        try:
-            R = la.cholesky((M + M.T) / 2)
-        except la.LinAlgError:
-            raise MatrixError(
-                f"body '{body}': a projection is weighed by the mass, which is not positive definite; condense its "
-                "massless coordinates first"
-            ) from None
-        U, singular, _ = la.svd(R @ X, full_matrices=False)
-        Q = la.solve_triangular(R, U)
+    basis, R = _orthonormal(X, M)
+    U, singular, _ = la.svd(R, full_matrices=False)
     rank = int(np.count_nonzero(singular > tolerance))
-    return Projection(body, np.asarray(Q[:, :rank]), np.asarray(singular))
+    return Projection(body, np.asarray(basis @ U[:, :rank]), np.asarray(singular))
+
+
+def _orthonormal(X: NDArray[np.float64], M: Matrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Columns orthonormal in M (m, r) and R (r, k) with X their product, by Gram and Schmidt twice over."""
+    basis, of_mass, R = np.empty(X.shape), np.empty(X.shape), np.zeros((X.shape[1], X.shape[1]))
+    r = 0
+    for k in range(X.shape[1]):
+        x = X[:, k].copy()
+        for _ in range(2):
+            c = of_mass[:, :r].T @ x
+            x -= basis[:, :r] @ c
+            R[:r, k] += c
+        y = np.asarray(M @ x)
+        size, whole = float(x @ y), float(np.sum(R[:r, k] ** 2))
+        if size <= _ROUNDING**2 * whole or size <= 0:
+            continue
+        R[r, k] = np.sqrt(size)
+        basis[:, r], of_mass[:, r] = x / R[r, k], y / R[r, k]
+        r += 1
+    return basis[:, :r], R[:r]
