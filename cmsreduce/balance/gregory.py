@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.balance.modal_gain import modal_gains
 from cmsreduce.balance.ranking import Ranking
-from cmsreduce.errors import DampingError
-from cmsreduce.linalg.repeated import repeated_groups
+from cmsreduce.linalg.gramians import check_damped
 from cmsreduce.model import ModalChannels
 
 __all__ = ["Gregory"]
@@ -38,20 +38,5 @@ class Gregory(Ranking):
         DampingError
             If a mode has no damping: its coefficient would be infinite.
         """
-        omega, zeta = channels.omega, channels.zeta
-        B, C1, C2 = channels.B, channels.C1, channels.C2
-        if omega.size and zeta.min() <= 0:
-            raise DampingError(
-                f"body '{channels.body}': ranking by Gregory's coefficient needs positive damping, but mode "
-                f"{int(np.argmin(zeta)) + 1} has zeta = {zeta.min():g}. Give `damping: {{modal: 0.005}}`, or rank by "
-                "frequency"
-            )
-        b = np.einsum("ij,ij->i", B, B)
-        c = np.einsum("ij,ij->j", C1, C1) + omega**2 * np.einsum("ij,ij->j", C2, C2)
-        gain = np.sqrt(b * c)
-        group = repeated_groups(omega)
-        for number in np.flatnonzero(np.bincount(group) > 1):
-            members = np.flatnonzero(group == number)
-            C = np.vstack([C1[:, members], C2[:, members] * omega[members]])
-            gain[members] = np.linalg.norm(C @ B[members], 2)
-        return np.asarray(gain / (4 * zeta * omega**2))
+        check_damped(channels, "ranking by Gregory's coefficient")
+        return np.asarray(modal_gains(channels) / (4 * channels.zeta * channels.omega**2))

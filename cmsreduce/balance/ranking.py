@@ -9,9 +9,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.balance.weighting import Weighting
+from cmsreduce.linalg.gramians import Band
 from cmsreduce.model import ModalChannels, ModalComponent
 
-__all__ = ["CLOSE", "Ranking", "mode_spacing"]
+__all__ = ["CLOSE", "GramianRanking", "Ranking", "mode_spacing"]
 
 CLOSE = 0.1
 """Spacing ratio above which "much smaller than one" (Gregory's condition) no longer holds."""
@@ -26,7 +28,13 @@ class Ranking(ABC):
     def coefficients(self, channels: ModalChannels) -> NDArray[np.float64]:
         """One coefficient per elastic mode (e,), larger for more important."""
 
-    def rank(self, component: ModalComponent, channels: ModalChannels) -> ModalComponent:
+    def weighted(self, channels: ModalChannels, weighting: Weighting | None) -> NDArray[np.float64]:
+        """Coefficients (e,) with each mode's inputs times the gain of a filter at its frequency."""
+        return self.coefficients(channels if weighting is None else weighting.applied(channels))
+
+    def rank(
+        self, component: ModalComponent, channels: ModalChannels, weighting: Weighting | None = None
+    ) -> ModalComponent:
         """Give every elastic mode of a body its coefficient and its spacing flag.
 
         Parameters
@@ -35,6 +43,8 @@ class Ranking(ABC):
             m modes: rigid, elastic, static.
         channels : ModalChannels
             Its elastic modes between the inputs and outputs.
+        weighting : Weighting, optional
+            Filter at the inputs.
 
         Returns
         -------
@@ -43,9 +53,33 @@ class Ranking(ABC):
         """
         e = component.elastic
         sigma, spacing = np.full(component.omega.size, np.nan), np.full(component.omega.size, np.nan)
-        sigma[e] = self.coefficients(channels)
+        sigma[e] = self.weighted(channels, weighting)
         spacing[e] = mode_spacing(channels.omega, channels.zeta)
         return replace(component, sigma=sigma, spacing=spacing)
+
+
+class GramianRanking(Ranking):
+    """A ranking that rests on Gramians, and limits them where the weighting is a band."""
+
+    @abstractmethod
+    def band_coefficients(self, channels: ModalChannels, band: Band | None) -> NDArray[np.float64]:
+        """One coefficient per elastic mode (e,), of what happens at the frequencies of a band in rad/s."""
+
+    def coefficients(self, channels: ModalChannels) -> NDArray[np.float64]:
+        """See `Ranking.coefficients`.
+
+        Raises
+        ------
+        DampingError
+            If a mode has no damping: its coefficient would be infinite.
+        """
+        return self.band_coefficients(channels, None)
+
+    def weighted(self, channels: ModalChannels, weighting: Weighting | None) -> NDArray[np.float64]:
+        """Coefficients from Gramians limited to the weighting's band, or else by its gain; see `Ranking.weighted`."""
+        if weighting is None or weighting.band is None:
+            return super().weighted(channels, weighting)
+        return self.band_coefficients(channels, weighting.band)
 
 
 def mode_spacing(omega: NDArray[np.float64], zeta: NDArray[np.float64]) -> NDArray[np.float64]:

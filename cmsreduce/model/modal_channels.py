@@ -30,7 +30,7 @@ class ModalChannels:
     Raises
     ------
     MatrixError
-        If the shapes do not agree.
+        If the shapes do not agree, or a frequency is zero or infinite: rigid and static modes are none of these.
     """
 
     body: str
@@ -46,6 +46,11 @@ class ModalChannels:
             raise MatrixError(
                 f"body '{self.body}': {e} modes need as many damping ratios, rows of B {self.B.shape} and columns of "
                 f"C1 {self.C1.shape} and C2 {self.C2.shape}"
+            )
+        if not (np.isfinite(self.omega) & (self.omega > 0)).all():
+            raise MatrixError(
+                f"body '{self.body}': a rigid or static mode, with frequency zero or infinite, cannot be ranked; it is "
+                "always kept"
             )
 
     @property

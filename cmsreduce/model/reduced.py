@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -90,6 +90,9 @@ class ModalComponent:
         s: the last s columns are static modes.
     certificate : ModeCertificate, optional
         What is proven of the normal modes of the basis.
+    rankings : mapping of name to (m,) float64
+        Coefficient of each mode in every ranking that was taken, NaN for rigid and static modes; ``sigma`` is the one
+        that modes are kept by.
     """
 
     body: FEModel
@@ -107,12 +110,13 @@ class ModalComponent:
     basis_size: int
     static_count: int = 0
     certificate: ModeCertificate | None = None
+    rankings: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         m = self.Phi.shape[1]
         lengths = {
             len(x) for x in (self.omega, self.zeta, self.kind, self.source_hz, self.sigma, self.spacing, self.why)
-        }
+        } | {values.size for values in self.rankings.values()}
         if lengths != {m}:
             raise MatrixError(f"body '{self.name}': {m} modes need {m} values of everything, got {sorted(lengths)}")
         if self.elastic_count < 0:
@@ -201,4 +205,5 @@ class ModalComponent:
             sigma=self.sigma[columns],
             spacing=self.spacing[columns],
             why=tuple(reasons[c] for c in columns),
+            rankings={name: values[columns] for name, values in self.rankings.items()},
         )

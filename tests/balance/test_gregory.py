@@ -1,7 +1,5 @@
 """Gregory's coefficient by hand, and against exact Hankel values; the spacing flag."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -12,21 +10,7 @@ from cmsreduce.model import Damping, ModalChannels, ModalComponent
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
 from tests.frames import line
-
-
-def hankel(omega, zeta, B, C1, C2) -> np.ndarray:
-    """Hankel singular values from two Lyapunov equations and square-root factors."""
-    # States w q and q' balance the pencil.
-    n = omega.size
-    A = np.block([[np.zeros((n, n)), np.diag(omega)], [-np.diag(omega), -np.diag(2 * zeta * omega)]])
-    b = np.vstack([np.zeros_like(B), B])
-    c = np.hstack([C1 / omega, C2])
-    W = la.solve_continuous_lyapunov(A, -b @ b.T)
-    V = la.solve_continuous_lyapunov(A.T, -c.T @ c)
-    lw, uw = la.eigh((W + W.T) / 2)
-    lv, uv = la.eigh((V + V.T) / 2)
-    roots = [u * np.sqrt(np.maximum(lam, 0)) for lam, u in ((lw, uw), (lv, uv))]
-    return la.svdvals(roots[0].T @ roots[1])
+from tests.lyapunov import hankel, two_close_modes
 
 
 def test_two_modes_by_hand():
@@ -44,8 +28,8 @@ def test_a_lone_mode_is_its_hankel_value(rate):
     omega, zeta = np.array([7.0]), np.array([1e-4])
     B, C = np.array([[2.0, 1.0]]), np.array([[1.0], [0.5]])
     C1, C2 = (np.zeros_like(C), C) if rate else (C, np.zeros_like(C))
-    sigma = Gregory().coefficients(ModalChannels("body", omega, zeta, B, C1, C2))
-    np.testing.assert_allclose(hankel(omega, zeta, B, C1, C2), np.repeat(sigma, 2), rtol=1e-3)
+    lone = ModalChannels("body", omega, zeta, B, C1, C2)
+    np.testing.assert_allclose(hankel(lone), np.repeat(Gregory().coefficients(lone), 2), rtol=1e-3)
 
 
 def test_displacement_outputs_give_the_static_gain():
@@ -58,26 +42,11 @@ def test_displacement_outputs_give_the_static_gain():
     np.testing.assert_allclose(sigma, gains / (4 * zeta), rtol=1e-13)
 
 
-@pytest.fixture(scope="module")
-def iss(shared_data: Path):
-    """ISS-1R in modal form: q' = v, v' = -w^2 q - 2 zeta w v + b u, y = c v."""
-    from scipy.io import loadmat
-
-    file = loadmat(shared_data / "slicot" / "iss.mat")
-    A, B, C = (np.asarray(file[k].todense() if hasattr(file[k], "todense") else file[k], dtype=float) for k in "ABC")
-    return A, B, C
-
-
 @pytest.mark.shared
-def test_space_station(iss):
-    A, B, C = iss
-    n = A.shape[0] // 2
-    omega = np.sqrt(-np.diag(A[n:, :n]))
-    zeta = -np.diag(A[n:, n:]) / (2 * omega)
-    assert np.count_nonzero(A[n:, :n]) == n and abs(zeta - 0.005).max() < 1e-6
-    sigma = Gregory().coefficients(ModalChannels("iss", omega, zeta, B[n:], C[:, :n], C[:, n:]))
+def test_space_station(space_station):
+    sigma = Gregory().coefficients(space_station)
     order = np.argsort(-sigma)
-    exact = hankel(omega, zeta, B[n:], C[:, :n], C[:, n:])
+    exact = hankel(space_station)
     np.testing.assert_allclose(exact[:6], [0.0579427, 0.0579401, 0.0168977, 0.0168961, 0.0060103, 0.0060102], atol=6e-8)
     # The closed form stands for both states of a mode; the smallest exact values are round-off.
     off = np.repeat(sigma[order], 2)[:40] / exact[:40] - 1
@@ -87,13 +56,10 @@ def test_space_station(iss):
 
 def test_cluster_golden_values_are_what_the_flag_warns_of():
     """Two modes a thousandth apart: Gregory's is 100, the exact values 94 and 0.24 (theory section 4)."""
-    omega, zeta = np.array([1.0, 1.001]), np.full(2, 0.005)
-    B, C2 = np.ones((2, 1)), np.array([[1.0, 0.9]])
-    exact = hankel(omega, zeta, B, np.zeros((1, 2)), C2)
-    np.testing.assert_allclose(exact, [94.254, 94.254, 0.2359, 0.2359], rtol=2e-4)
-    sigma = Gregory().coefficients(ModalChannels("body", omega, zeta, B, np.zeros((1, 2)), C2))
-    np.testing.assert_allclose(sigma, [50.0, 0.9 * 50 / 1.001], rtol=1e-12)
-    assert (mode_spacing(omega, zeta) > CLOSE).all()
+    pair = two_close_modes(0.001, (1, 0.9))
+    np.testing.assert_allclose(hankel(pair), [94.254, 94.254, 0.2359, 0.2359], rtol=2e-4)
+    np.testing.assert_allclose(Gregory().coefficients(pair), [50.0, 0.9 * 50 / 1.001], rtol=1e-12)
+    assert (mode_spacing(pair.omega, pair.zeta) > CLOSE).all()
 
 
 @pytest.mark.parametrize(
@@ -124,7 +90,7 @@ def test_a_repeated_mode_has_one_coefficient_whatever_its_shapes(angle):
     none = np.zeros((2, 3))
     sigma = Gregory().coefficients(ModalChannels("body", omega, zeta, B, C1, none))
     assert sigma[1] == sigma[2]
-    exact = hankel(omega[1:], zeta[1:], B[1:], C1[:, 1:], none[:, 1:])
+    exact = hankel(ModalChannels("pair", omega[1:], zeta[1:], B[1:], C1[:, 1:], none[:, 1:]))
     np.testing.assert_allclose(sigma[1], exact[0], rtol=1e-3)
     np.testing.assert_allclose(sigma[1], np.linalg.norm([[0.8, 0], [0.6, 0.77]], 2) / (4e-4 * 9), rtol=1e-12)
 
@@ -165,4 +131,4 @@ def test_by_frequency_is_the_period():
         ModalChannels("body", np.array([2.0, 4.0]), np.zeros(2), *[np.zeros((2, 2))] * 3)
     )
     np.testing.assert_allclose(found, [np.pi, np.pi / 2])
-    assert set(RANKINGS) == {"gregory", "frequency"}
+    assert set(RANKINGS) == {"gregory", "hankel", "component-cost", "modal-gain", "peak-amplitude", "frequency"}

@@ -1,0 +1,75 @@
+"""Gains of single modes: INCA's modal gain and peak amplitude, and Gregory's coefficient."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.balance.ranking import Ranking
+from cmsreduce.linalg.gramians import check_damped
+from cmsreduce.linalg.repeated import repeated_groups
+from cmsreduce.model import ModalChannels
+
+__all__ = ["ModalGain", "PeakAmplitude", "modal_gains"]
+
+
+def modal_gains(channels: ModalChannels) -> NDArray[np.float64]:
+    """Gain of each mode from all inputs to all outputs, |c_i| |b_i|.
+
+    Returns
+    -------
+    (e,) float64
+        sqrt(b_i b_i^T (c1_i^T c1_i + w_i^2 c2_i^T c2_i)), a rate output counted at the mode's own frequency. Modes of
+        one repeated frequency share ||C B||_2 of their rows B and their columns C = [C1; w C2], the same for whatever
+        shapes were taken of their subspace.
+    """
+    omega, B, C1, C2 = channels.omega, channels.B, channels.C1, channels.C2
+    b = np.einsum("ij,ij->i", B, B)
+    c = np.einsum("ij,ij->j", C1, C1) + omega**2 * np.einsum("ij,ij->j", C2, C2)
+    gain = np.sqrt(b * c)
+    group = repeated_groups(omega)
+    for number in np.flatnonzero(np.bincount(group) > 1):
+        members = np.flatnonzero(group == number)
+        C = np.vstack([C1[:, members], C2[:, members] * omega[members]])
+        gain[members] = np.linalg.norm(C @ B[members], 2) if C.size and B.size else 0.0
+    return np.asarray(gain)
+
+
+class ModalGain(Ranking):
+    """INCA's modal gain |c_i b_i|: the mode's acceleration at once after an impulse; damping plays no part.
+
+    Notes
+    -----
+    With several inputs and outputs the product of the norms of row and column, which is the Frobenius norm of
+    c_i b_i.
+    """
+
+    name: ClassVar[str] = "modal-gain"
+
+    def coefficients(self, channels: ModalChannels) -> NDArray[np.float64]:
+        """See `Ranking.coefficients`."""
+        return modal_gains(channels)
+
+
+class PeakAmplitude(Ranking):
+    """INCA's peak amplitude |c_i b_i| / (2 zeta w^2): the response of a mode alone at its resonance.
+
+    Notes
+    -----
+    It is twice Gregory's coefficient, and orders the modes alike.
+    """
+
+    name: ClassVar[str] = "peak-amplitude"
+
+    def coefficients(self, channels: ModalChannels) -> NDArray[np.float64]:
+        """See `Ranking.coefficients`.
+
+        Raises
+        ------
+        DampingError
+            If a mode has no damping: its peak would be infinite.
+        """
+        check_damped(channels, "ranking by peak amplitude")
+        return np.asarray(modal_gains(channels) / (2 * channels.zeta * channels.omega**2))

@@ -1,0 +1,121 @@
+"""Scaling of rotations against translations, so that the unit of length does not decide a ranking."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.model import FEModel, ModalChannels, rigid_body_shapes
+
+__all__ = ["Turning", "characteristic_length", "scaled", "turning_rows"]
+
+# A row of direction cosines that cancel leaves this share of its parts.
+_NO_MOTION = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Turning:
+    """Which channels of a body are rotations and moments.
+
+    Parameters
+    ----------
+    inputs, displacements, rates : (inputs,), (outputs,), (outputs,) bool
+        Columns of B that are moments, rows of C1 and C2 that measure angles.
+    """
+
+    inputs: NDArray[np.bool_]
+    displacements: NDArray[np.bool_]
+    rates: NDArray[np.bool_]
+
+
+def characteristic_length(body: FEModel) -> float:
+    """Radius of gyration of a body about its centre of mass, over all directions.
+
+    Parameters
+    ----------
+    body : FEModel
+        With nodes; scalar dofs do not count.
+
+    Returns
+    -------
+    float
+        sqrt(int r^2 dm / m) from the mass matrix, in the body's unit of length. For a body whose mass has no extent,
+        the root mean square distance of the nodes from their centroid; 1 for a body that has no extent, or no nodes.
+    """
+    if body.nodes is None:
+        return 1.0
+    used = body.nodes.xyz[body.nodes.index(np.unique(body.dofs.node[body.dofs.component > 0]))]
+    if not used.size:
+        return 1.0
+    R = rigid_body_shapes(body.dofs, body.nodes, used.mean(axis=0))
+    G = R.T @ (body.M @ R)
+    m = np.trace(G[:3, :3]) / 3
+    spread = np.mean(np.sum((used - used.mean(axis=0)) ** 2, axis=1))
+    if m > 0:
+        first = np.array([G[5, 1] - G[4, 2], G[3, 2] - G[5, 0], G[4, 0] - G[3, 1]]) / 2
+        squared = np.trace(G[3:, 3:]) / (2 * m) - first @ first / m**2
+        if squared > _NO_MOTION * spread:
+            return float(np.sqrt(squared))
+    return float(np.sqrt(spread)) if spread > 0 else 1.0
+
+
+def turning_rows(rows: NDArray[np.float64] | sp.sparray, body: FEModel) -> NDArray[np.bool_]:
+    """Which rows over the dofs of a body measure an angle, or are the load of a moment.
+
+    Parameters
+    ----------
+    rows : (k, n) array or sparse array
+        Measured motions, or loads, transposed.
+    body : FEModel
+        Whose dofs they are over.
+
+    Returns
+    -------
+    (k,) bool
+        True where a row has entries at rotations only, or where rigid translations leave it at rest and rotations do
+        not, as an angle taken from the translations of several nodes. A strut, which no rigid motion moves, is a
+        translation; so is a sum of translations and rotations, whose weights carry the length.
+    """
+    rows = sp.csr_array(rows)  # type: ignore[arg-type]
+    size = abs(rows)
+    angles = (body.dofs.component > 3).astype(np.float64)
+    total, turning = size @ np.ones(rows.shape[1]), size @ angles
+    found = (total > 0) & (turning == total)
+    if body.nodes is None or not rows.shape[0]:
+        return np.asarray(found)
+    R = rigid_body_shapes(body.dofs, body.nodes)
+    moved = abs(rows @ R) > _NO_MOTION * (size @ abs(R))
+    return np.asarray(found | (~moved[:, :3].any(axis=1) & moved[:, 3:].any(axis=1)))
+
+
+def scaled(channels: ModalChannels, turning: Turning, length: float) -> ModalChannels:
+    """Count angles as arcs at an arm, and moments as forces at it.
+
+    Parameters
+    ----------
+    channels : ModalChannels
+        A body's modes between its inputs and outputs.
+    turning : Turning
+        Which of these are rotations.
+    length : float
+        The arm, in the unit of length of the channels.
+
+    Returns
+    -------
+    ModalChannels
+        Columns of moments and rows of angles times the arm: stated in another unit of length, all rows change by one
+        factor, and the order of the modes stays.
+    """
+
+    def factor(turns: NDArray[np.bool_]) -> NDArray[np.float64]:
+        return np.where(turns, length, 1.0)
+
+    return replace(
+        channels,
+        B=channels.B * factor(turning.inputs),
+        C1=channels.C1 * factor(turning.displacements)[:, None],
+        C2=channels.C2 * factor(turning.rates)[:, None],
+    )

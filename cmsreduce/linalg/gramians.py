@@ -1,0 +1,195 @@
+"""Gramians of a modal model in closed form, pair of modes by pair of modes: no Lyapunov solver.
+
+The states of mode i are w_i q_i and q_i', in which a lone, lightly damped mode is balanced but for a factor; of all
+modes the displacements come first: x = [w_1 q_1 .. w_e q_e, q_1' .. q_e'].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import DampingError
+from cmsreduce.model import ModalChannels
+
+__all__ = ["Band", "check_damped", "controllability", "observability", "state_space"]
+
+Array = NDArray[np.float64]
+Band = tuple[float, float]
+"""Lower and upper end in rad/s; the upper one may be infinite."""
+
+
+def check_damped(channels: ModalChannels, what: str) -> None:
+    """Refuse modes without damping, whose Gramians are infinite.
+
+    Parameters
+    ----------
+    channels : ModalChannels
+        The modes.
+    what : str
+        What needs damping, as the subject of a sentence.
+
+    Raises
+    ------
+    DampingError
+        If a mode has none.
+    """
+    if channels.count and channels.zeta.min() <= 0:
+        raise DampingError(
+            f"body '{channels.body}': {what} needs positive damping, but mode {int(np.argmin(channels.zeta)) + 1} has "
+            f"zeta = {channels.zeta.min():g}. Give `damping: {{modal: 0.005}}`, or rank by modal-gain or frequency"
+        )
+
+
+def state_space(channels: ModalChannels, *, summed: bool = False) -> tuple[Array, Array, Array]:
+    """State-space matrices of a modal model in the states of this module.
+
+    Parameters
+    ----------
+    channels : ModalChannels
+        e modes.
+    summed : bool
+        Whether row k of C1 and row k of C2 are one output, their sum; otherwise each row is an output by itself.
+
+    Returns
+    -------
+    A : (2e, 2e) float64
+    B : (2e, inputs) float64
+    C : (outputs, 2e) float64
+        Displacement outputs first, then rate outputs, unless they are summed.
+    """
+    w, d = channels.omega, 2 * channels.zeta * channels.omega
+    A = np.block([[np.zeros((w.size, w.size)), np.diag(w)], [-np.diag(w), -np.diag(d)]])
+    C1, C2 = channels.C1 / w, channels.C2
+    C = np.hstack([C1, C2]) if summed else np.block([[C1, np.zeros_like(C1)], [np.zeros_like(C2), C2]])
+    return A, np.vstack([np.zeros_like(channels.B), channels.B]), C
+
+
+def controllability(channels: ModalChannels, band: Band | None = None) -> Array:
+    """Controllability Gramian: A W + W A^T + B B^T = 0.
+
+    Parameters
+    ----------
+    channels : ModalChannels
+        e damped modes.
+    band : (float, float), optional
+        Frequencies in rad/s to which the inputs are limited; all by default.
+
+    Returns
+    -------
+    (2e, 2e) float64
+        Every entry to a few roundings of itself; with a band, of its unlimited value.
+
+    Raises
+    ------
+    DampingError
+        If a mode has no damping.
+
+    Notes
+    -----
+    With d = 2 zeta w, D = w_i^2 - w_j^2, s = d_i + d_j and Delta = D^2 + s (d_j w_i^2 + d_i w_j^2), the four entries of
+    modes i and j are b_i b_j^T / Delta times w_i w_j s, w_i D, -w_j D and d_j w_i^2 + d_i w_j^2.
+    Source: the Lyapunov equation solved by hand for each pair; for the limited one Gawronski and Juang (1990).
+    """
+    check_damped(channels, "a Gramian")
+    pair = _Pairs.of(channels)
+    beta = (channels.B @ channels.B.T) / pair.delta
+    upper = beta * pair.wi * pair.D
+    W = np.block([[beta * pair.wi * pair.wj * pair.s, upper], [upper.T, beta * pair.E]])
+    return W if band is None else _limited(W, _limits(channels, band))
+
+
+def observability(channels: ModalChannels, band: Band | None = None, *, summed: bool = False) -> Array:
+    """Observability Gramian: A^T V + V A + C^T C = 0.
+
+    Parameters
+    ----------
+    channels, band
+        As in `controllability`.
+    summed : bool
+        As in `state_space`; an output that is a sum has cross terms of displacement and rate.
+
+    Returns
+    -------
+    (2e, 2e) float64
+
+    Raises
+    ------
+    DampingError
+        If a mode has no damping.
+    """
+    check_damped(channels, "a Gramian")
+    pair = _Pairs.of(channels)
+    wi, wj, di, dj, s, D = pair.wi, pair.wj, pair.di, pair.dj, pair.s, pair.D
+    C = channels.C1 / channels.omega
+    g11, g22 = (C.T @ C) / pair.delta, (channels.C2.T @ channels.C2) / pair.delta
+    upper = wj * (di * s - D) * g11 - wi * D * g22
+    first = (di * dj * s + di * wi**2 + dj * wj**2) * g11 + wi * wj * s * g22
+    last = wi * wj * s * g11 + pair.E * g22
+    if summed:
+        g12 = (C.T @ channels.C2) / pair.delta
+        cross = wj * (di * s - D) * g12
+        first -= cross + cross.T
+        upper += wi * s * (wi * g12 - wj * g12.T)
+        last += wi * D * g12 + (wi * D * g12).T
+    V = np.block([[first, upper], [upper.T, last]])
+    if band is None:
+        return V
+    s11, s12, s21, s22 = _limits(channels, band)
+    return _limited(V, (s11, s21, s12, s22))
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """What all entries of a pair of modes are made of; columns for i, rows for j."""
+
+    wi: Array
+    wj: Array
+    di: Array
+    dj: Array
+    s: Array
+    D: Array
+    E: Array
+    delta: Array
+
+    @classmethod
+    def of(cls, channels: ModalChannels) -> _Pairs:
+        w, d = channels.omega, 2 * channels.zeta * channels.omega
+        wi, wj, di, dj = w[:, None], w[None, :], d[:, None], d[None, :]
+        # Factored, so that close frequencies lose no digits.
+        D = (wi - wj) * (wi + wj)
+        s, E = di + dj, dj * wi**2 + di * wj**2
+        return cls(wi, wj, di, dj, s, D, E, D**2 + s * E)
+
+
+def _limits(channels: ModalChannels, band: Band) -> tuple[Array, Array, Array, Array]:
+    """Diagonals of the blocks of S = (1 / 2 pi) int (j v - A)^-1 dv over the band and its negative (e,) each."""
+    low, high = (_integral(channels, end) for end in band)
+    return tuple(b - a for a, b in zip(low, high, strict=True))  # type: ignore[return-value]
+
+
+def _integral(channels: ModalChannels, end: float) -> tuple[Array, Array, Array, Array]:
+    """The same from -end to end: a I + b A_i for each mode, of its two eigenvalues' arctan(end / -lambda) / pi."""
+    w, zeta = channels.omega, channels.zeta
+    if np.isinf(end):
+        return np.full(w.size, 0.5), np.zeros(w.size), np.zeros(w.size), np.full(w.size, 0.5)
+    # Half the distance of the eigenvalues: along the imaginary axis below critical damping, the real one above.
+    apart = w * np.sqrt(abs(1 - zeta**2))
+    under = zeta < 1
+    near = (end - np.where(under, apart, 0.0)) ** 2 + (zeta * w) ** 2
+    safe = np.where(apart > 0, apart, 1.0)
+    below = np.log1p(4 * end * apart / near) / (4 * safe)
+    above = np.arctan(2 * end * apart / (w**2 + end**2)) / (2 * safe)
+    b = np.where(apart > 0, np.where(under, below, above), end / (w**2 + end**2)) / np.pi
+    a = np.arctan2(2 * zeta * w * end, (w - end) * (w + end)) / (2 * np.pi) + zeta * w * b
+    return a, b * w, -b * w, a - 2 * zeta * w * b
+
+
+def _limited(W: Array, S: tuple[Array, Array, Array, Array]) -> Array:
+    """S W + W S^T of a symmetric W, for an S of diagonal blocks."""
+    e = W.shape[0] // 2
+    s11, s12, s21, s22 = (diagonal[:, None] for diagonal in S)
+    half = np.vstack([s11 * W[:e] + s12 * W[e:], s21 * W[:e] + s22 * W[e:]])
+    return np.asarray(half + half.T)
