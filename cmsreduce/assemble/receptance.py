@@ -19,7 +19,7 @@ from cmsreduce.linalg.factorise import InsufficientMemoryError
 from cmsreduce.linalg.flexibility_model import FlexibilityModel, frequency_blocks
 from cmsreduce.model import Matrix, Substructure
 
-__all__ = ["Receptance", "receptance", "receptances", "tabulated"]
+__all__ = ["BRAKED", "Receptance", "is_diagonal", "modal_weights", "receptance", "receptances", "resonant", "tabulated"]
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -30,8 +30,8 @@ Receptance = Callable[[Real], Complex]
 _SPARSE = 200
 # Fewer points than this are solved one by one: a model over shapes takes the time of about as many.
 _FEWEST = 20
-# Damping that leaves more than this share of itself on rigid motion brakes it; round-off of a projection leaves less.
-_BRAKED = 1e-9
+BRAKED = 1e-9
+"""Damping that leaves more than this share of itself on rigid motion brakes it; projection leaves less by rounding."""
 # Memory of a table of receptances that are wanted again.
 _TABLE_BYTES = 2**28
 
@@ -58,7 +58,7 @@ def receptance(sub: Substructure, omega: Real, motions: Matrix) -> Receptance:
         Raises MatrixError at the resonance of a body without damping.
     """
     L = dense(motions)
-    if _is_diagonal(sub):
+    if is_diagonal(sub):
         return _named(sub, partial(_by_modes, sub, L))
     load, rigid = _elastic_load(sub, L)
     if sub.rigid.shape[1] == sub.m and not _is_braked(sub):
@@ -117,25 +117,41 @@ def _named(sub: Substructure, at: Receptance) -> Receptance:
         try:
             return at(omega)
         except ResonanceError as error:
-            raise MatrixError(
-                f"body '{sub.name}' has no damping and resonates at {error.omega / 2 / np.pi:.6g} Hz, where its "
-                "response is infinite; give it `damping:`, or move the frequency grid"
-            ) from None
+            raise resonant(sub, error) from None
 
     return named
 
 
-def _by_modes(sub: Substructure, L: Real, omega: Real) -> Complex:
+def resonant(sub: Substructure, error: ResonanceError) -> MatrixError:
+    """What to tell of a body without damping that is driven at its resonance."""
+    return MatrixError(
+        f"body '{sub.name}' has no damping and resonates at {error.omega / 2 / np.pi:.6g} Hz, where its "
+        "response is infinite; give it `damping:`, or move the frequency grid"
+    )
+
+
+def modal_weights(sub: Substructure, omega: Real) -> Complex:
+    """Amplitudes of the modes of a body under unit modal forces (f, m).
+
+    Raises
+    ------
+    ResonanceError
+        If a frequency hits a mode without damping.
+    """
     m, k = _diagonal(sub.M), _diagonal(sub.K)
     d = _diagonal(sub.D) if sub.D is not None else np.zeros(sub.m)
     g = _diagonal(sub.loss) if sub.loss is not None else np.zeros(sub.m)
+    w = omega[:, None]
+    Z = (k - w**2 * m) + 1j * (g + w * d)
+    if (Z == 0).any():
+        raise ResonanceError(float(omega[(Z == 0).any(axis=1)][0]))
+    return np.asarray(1 / Z)
+
+
+def _by_modes(sub: Substructure, L: Real, omega: Real) -> Complex:
     Y = np.empty((omega.size, L.shape[0], L.shape[0]), dtype=np.complex128)
     for part in frequency_blocks(omega.size, 16 * 3 * sub.m):
-        w = omega[part, None]
-        Z = (k - w**2 * m) + 1j * (g + w * d)
-        if (Z == 0).any():
-            raise ResonanceError(float(omega[part][(Z == 0).any(axis=1)][0]))
-        weight = 1 / Z
+        weight = modal_weights(sub, omega[part])
         parts = np.vstack([weight.real, weight.imag])
         for a in range(L.shape[0]):
             real, imaginary = np.split(parts @ (L[a] * L[a:]).T, 2)
@@ -203,10 +219,11 @@ def _is_braked(sub: Substructure) -> bool:
     if sub.D is None:
         return False
     size = spla.norm(sp.csc_array(sub.D), 1) * abs(sub.rigid).max(initial=0.0)
-    return bool(abs(sub.D @ sub.rigid).max(initial=0.0) > _BRAKED * size)
+    return bool(abs(sub.D @ sub.rigid).max(initial=0.0) > BRAKED * size)
 
 
-def _is_diagonal(sub: Substructure) -> bool:
+def is_diagonal(sub: Substructure) -> bool:
+    """Whether a body is given in modes that nothing couples."""
     parts = [part for part in (sub.M, sub.K, sub.D, sub.loss) if part is not None]
     if sub.omega is None:
         return False

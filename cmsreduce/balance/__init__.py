@@ -1,23 +1,68 @@
 """Rank modes by what they do between the inputs and outputs of a scene, and truncate."""
 
+from cmsreduce.balance.bounds import balanced_bound, elastic_norm, keep_bound, mode_bounds
+from cmsreduce.balance.clusters import CORRELATED, cluster_groups, correlated_groups, correlation
+from cmsreduce.balance.comparison import with_rankings
+from cmsreduce.balance.component_cost import ComponentCost, component_costs
+from cmsreduce.balance.directions import Directions, cluster_directions, keep_directions
 from cmsreduce.balance.frequency import ByFrequency
 from cmsreduce.balance.gregory import Gregory
-from cmsreduce.balance.ranking import CLOSE, Ranking, mode_spacing
-from cmsreduce.balance.truncation import Selection, keep_all, keep_error, keep_fraction, keep_modes
+from cmsreduce.balance.hankel import Hankel, balanced, hankel_values
+from cmsreduce.balance.judge import Effects, Judge
+from cmsreduce.balance.modal_gain import ModalGain, PeakAmplitude, modal_gains
+from cmsreduce.balance.ranking import CLOSE, GramianRanking, Ranking, mode_spacing
+from cmsreduce.balance.scaling import Turning, characteristic_length, scaled, turning_rows
+from cmsreduce.balance.search import Found, keep_error
+from cmsreduce.balance.truncation import Selection, keep_all, keep_fraction, keep_modes
+from cmsreduce.balance.weighting import BandPass, LowPass, TransferFunction, Weighting
 
 __all__ = [
     "CLOSE",
+    "CORRELATED",
     "RANKINGS",
+    "BandPass",
     "ByFrequency",
+    "ComponentCost",
+    "Directions",
+    "GramianRanking",
+    "Effects",
+    "Found",
     "Gregory",
+    "Hankel",
+    "Judge",
+    "LowPass",
+    "ModalGain",
+    "PeakAmplitude",
     "Ranking",
     "Selection",
+    "TransferFunction",
+    "Turning",
+    "Weighting",
+    "balanced",
+    "balanced_bound",
+    "characteristic_length",
+    "cluster_directions",
+    "cluster_groups",
+    "component_costs",
+    "correlated_groups",
+    "correlation",
+    "elastic_norm",
+    "hankel_values",
     "keep_all",
+    "keep_bound",
+    "keep_directions",
     "keep_error",
     "keep_fraction",
     "keep_modes",
+    "modal_gains",
+    "mode_bounds",
     "mode_spacing",
+    "scaled",
+    "turning_rows",
+    "with_rankings",
 ]
 
-RANKINGS: dict[str, Ranking] = {kind.name: kind() for kind in (Gregory, ByFrequency)}
+RANKINGS: dict[str, Ranking] = {
+    kind.name: kind() for kind in (Gregory, Hankel, ComponentCost, ModalGain, PeakAmplitude, ByFrequency)
+}
 """Rankings by name."""

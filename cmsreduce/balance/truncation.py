@@ -1,4 +1,4 @@
-"""How many of the ranked modes to keep: a number, a fraction, or as few as an error allows.
+"""How many of the ranked modes to keep: a number, or a fraction.
 
 Modes of one repeated frequency are kept or left out together: any other shapes of their subspace would do as well, and
 a part of it would be whatever part the solver happened to find.
@@ -6,7 +6,7 @@ a part of it would be whatever part the solver happened to find.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +15,17 @@ from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.repeated import repeated_groups
 from cmsreduce.model import ModalComponent
 
-__all__ = ["Selection", "keep_all", "keep_error", "keep_fraction", "keep_modes"]
+__all__ = ["Columns", "Selection", "keep_all", "keep_fraction", "keep_modes", "whole_groups"]
 
 Columns = NDArray[np.int64]
 Selection = dict[str, Columns]
 """Elastic columns kept of each body; rigid and static ones are always kept."""
 
-# Up to this many candidates every prefix of the ranked list is tried; beyond, the first passing one is bracketed.
-_EXHAUSTIVE = 400
+
+def whole_groups(component: ModalComponent) -> list[Columns]:
+    """Elastic columns, those of a repeated frequency together, by frequency."""
+    group = repeated_groups(component.omega[component.elastic])
+    return [component.rigid_count + np.flatnonzero(group == number) for number in np.unique(group)]
 
 
 def keep_all(components: Mapping[str, ModalComponent]) -> Selection:
@@ -69,67 +72,9 @@ def keep_fraction(components: Mapping[str, ModalComponent], fraction: float) -> 
     return kept
 
 
-def keep_error(
-    components: Mapping[str, ModalComponent], error_of: Callable[[Selection], float], limit: float
-) -> Selection:
-    """Keep the fewest modes with which the assembled system meets an error.
-
-    Modes of all bodies are taken in the order of their coefficients until the error is met; then each of those
-    taken is left out, the least important first, if the error allows it. A repeated mode is taken and left out whole.
-
-    Parameters
-    ----------
-    components : mapping of name to ModalComponent
-        Ranked components.
-    error_of : callable
-        Worst error over all configurations of the system with the modes selected.
-    limit : float
-        Error to meet.
-
-    Raises
-    ------
-    ConfigError
-        If all modes together do not meet the limit.
-    """
-    pool = [(c.sigma[group].max(), name, group) for name, c in components.items() for group in _ranked(c)]
-    pool.sort(key=lambda entry: -entry[0])
-
-    def selection(entries: list[tuple[float, str, Columns]]) -> Selection:
-        return {name: _columns([group for _, owner, group in entries if owner == name]) for name in components}
-
-    full = error_of(selection(pool))
-    if full > limit:
-        modes = sum(c.elastic_count for c in components.values())
-        raise ConfigError(
-            f"keep: frf_error {limit:g} cannot be met: all {modes} modes below the cutoff leave {full:.3g}. "
-            "Raise reduce.cutoff, or allow a larger error"
-        )
-    first = _first_passing(len(pool), lambda count: error_of(selection(pool[:count])) <= limit)
-    kept = pool[:first]
-    for entry in reversed(pool[:first]):
-        without = [other for other in kept if other is not entry]
-        if error_of(selection(without)) <= limit:
-            kept = without
-    return selection(kept)
-
-
-def _first_passing(size: int, passes: Callable[[int], bool]) -> int:
-    if size <= _EXHAUSTIVE:
-        return next(count for count in range(size + 1) if count == size or passes(count))
-    low, high = 0, 1
-    while high < size and not passes(high):
-        low, high = high, min(2 * high, size)
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if passes(middle) else (middle, high)
-    return high
-
-
 def _ranked(component: ModalComponent) -> list[Columns]:
     """Elastic columns, those of a repeated frequency together, most important first."""
-    group = repeated_groups(component.omega[component.elastic])
-    groups = [component.rigid_count + np.flatnonzero(group == number) for number in np.unique(group)]
-    return sorted(groups, key=lambda columns: -component.sigma[columns].max())
+    return sorted(whole_groups(component), key=lambda columns: -component.sigma[columns].max())
 
 
 def _first(groups: list[Columns], count: int) -> Columns:

@@ -41,7 +41,7 @@ from cmsreduce.read import (
 )
 from cmsreduce.verify import mass_disorder
 
-__all__ = ["FlexibleBody", "read_flexible", "read_rigid"]
+__all__ = ["FlexibleBody", "read_flexible", "read_rigid", "probing_loads"]
 
 # Only a body that is free in all directions must show one mass in each of them.
 _ALL_MOTIONS = 6
@@ -151,6 +151,43 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         # Nothing is joined to the body, and its actuators do not hold it: it has no constraint modes.
         ports = ports.as_loads()
     return FlexibleBody(body, ports, rigid, tuple(checks), tuple(notes))
+
+
+def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tuple[tuple[str, ...], NDArray[np.float64]]:
+    """Loads whose static shapes a basis may lack, by name.
+
+    Parameters
+    ----------
+    flexible : FlexibleBody
+        Where they act.
+    scene : Scene
+        Sensors, actuators.
+    joints : bool
+        Whether to name those on the i-set too, which most mode sets hold: interfaces and actuators.
+
+    Returns
+    -------
+    names : tuple of str
+        Such as ``sensor 'gyro'``; a sensor or an interface of several motions has as many loads.
+    loads : (n, s) float64
+        Loads along the motions.
+    """
+    body, found = flexible.body, []
+    bare = replace(scene, actuators=(), sensors=())
+    for sensor in scene.sensors:
+        ports = body_ports(body, replace(bare, sensors=(sensor,)))
+        rows = sp.csr_array(sp.vstack([ports.displacements, ports.rates])).toarray()
+        found += [(f"sensor '{sensor.name}'", row) for row in rows]
+    if joints:
+        for actuator in scene.actuators:
+            ports = body_ports(body, replace(bare, actuators=(actuator,)), ("actuators",))
+            found += [(f"actuator '{actuator.name}'", load) for load in ports.loads.T]
+        units = {
+            face: sp.eye_array(body.n, format="csr")[body.interface_rows(face)].toarray() for face in body.interfaces
+        }
+        found += [(f"interface '{face}'", row) for face, rows in units.items() for row in rows]
+    names = tuple(name for name, _ in found)
+    return names, np.column_stack([load for _, load in found]) if found else np.empty((body.n, 0))
 
 
 def _rigid_shapes(body: FEModel) -> NDArray[np.float64] | None:

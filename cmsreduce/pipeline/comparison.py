@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,7 @@ from cmsreduce.verify import (
     pair_frequencies,
 )
 
-__all__ = ["Comparison", "ReducedModel"]
+__all__ = ["Comparison", "ReducedModel", "Target"]
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -56,6 +57,29 @@ class ReducedModel:
 
     def __init__(self, assembled: AssembledModel, shapes: Mapping[str, ModalComponent | None]) -> None:
         self.assembled, self.shapes = assembled, shapes
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """The full model's response in one configuration.
+
+    Parameters
+    ----------
+    configuration : Configuration
+    omega : (f,) float64
+        Circular frequencies in rad/s.
+    elastic, rigid : (f, outputs, inputs) complex128
+        Response without its rigid-body part, and that.
+    row, column : float64
+        Scales of the channels.
+    """
+
+    configuration: Configuration
+    omega: Real
+    elastic: Complex
+    rigid: Complex
+    row: Real
+    column: Real
 
 
 class Comparison:
@@ -86,7 +110,6 @@ class Comparison:
         self.full, self.full_shapes, self.bodies, self.scene, self.points = full, full_shapes, bodies, scene, points
         self._decibel = decibel_grid(scene.band)
         self._decibel_flexibility: Mapping[str, Receptance] | None = None
-        self._seen: dict[str, tuple[Real, Complex, Complex, Real, Real]] = {}
         self.full_seconds = 0.0
         self.reduced_seconds = 0.0
 
@@ -114,21 +137,24 @@ class Comparison:
             progress.advance(number + 1, len(self.scene.configurations))
         return tuple(results)
 
+    def target(self, configuration: Configuration, model: ReducedModel) -> Target:
+        """What reduced models aim at, on a grid refined at the resonances of the full model and of one reduced."""
+        omega = self.grid(configuration, [model])
+        H = self.full.response(configuration, omega)
+        rigid = self.full.rigid_response(configuration, omega)
+        row, column = channel_scales(self.scene.actuators, self.scene.sensors, H - rigid, H)
+        return Target(configuration, omega, H - rigid, rigid, row, column)
+
     def candidate_error(self, model: ReducedModel) -> float:
-        """Worst response error of a candidate over all configurations, on grids that the first candidate set."""
-        worst = 0.0
-        for configuration in self.scene.configurations:
-            if configuration.name not in self._seen:
-                omega = self.grid(configuration, [model])
-                H = self.full.response(configuration, omega)
-                rigid = self.full.rigid_response(configuration, omega)
-                row, column = channel_scales(self.scene.actuators, self.scene.sensors, H - rigid, H)
-                self._seen[configuration.name] = (omega, H - rigid, rigid, row, column)
-            omega, elastic, rigid, row, column = self._seen[configuration.name]
-            # Every candidate keeps the rigid modes, so its rigid part is the full one's and need not be assembled.
-            H_r = model.assembled.response(configuration, omega) - rigid
-            worst = max(worst, frf_error(omega, elastic, H_r, row, column))
-        return worst
+        """Worst response error of a reduced model over all configurations, on grids of its own."""
+        return max(self.error_at(configuration, model) for configuration in self.scene.configurations)
+
+    def error_at(self, configuration: Configuration, model: ReducedModel) -> float:
+        """Response error of a reduced model in one configuration, of the scene or not, on a grid of its own."""
+        aim = self.target(configuration, model)
+        # Every reduced model keeps the rigid modes, so its rigid part is the full one's.
+        H_r = model.assembled.response(configuration, aim.omega) - aim.rigid
+        return frf_error(aim.omega, aim.elastic, H_r, aim.row, aim.column)
 
     def speed(self, reduce_s: float) -> Speed:
         """Wall times of the responses so far, full and of the run's own reduced model over the same grids."""

@@ -3,21 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cmsreduce import __version__
 from cmsreduce.assemble import rigid_substructure
 from cmsreduce.config import ModeSetKeys, Pipeline, ReduceKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import InterfaceLoading, ModalComponent, ReducedComponent, RigidBody, Scene
+from cmsreduce.model import (
+    InterfaceLoading,
+    ModalComponent,
+    ReducedComponent,
+    RigidBody,
+    Scene,
+)
 from cmsreduce.orthogonalise import orthogonalise
-from cmsreduce.pipeline.bodies import FlexibleBody
+from cmsreduce.pipeline.bodies import FlexibleBody, probing_loads
+from cmsreduce.pipeline.cutoff import (
+    START,
+    CutoffChoice,
+    asked_error,
+    check_measurable,
+    choose_cutoffs,
+    cutoff_key,
+    neglected_errors,
+)
 from cmsreduce.pipeline.ledger import Ledger
+from cmsreduce.pipeline.paths import off_every_path
+from cmsreduce.pipeline.reference import reference
 from cmsreduce.pipeline.stage_data import modal_from, modal_to, reduced_from, reduced_to
 from cmsreduce.pipeline.stage_store import stage_key
 from cmsreduce.pipeline.surroundings import loading_by_neighbours, loading_by_outboard, shared_interfaces
-from cmsreduce.reduce import METHODS, BenfieldHruda, CraigBampton, InterfaceReduction, Reduction, reduction
+from cmsreduce.reduce import (
+    METHODS,
+    BenfieldHruda,
+    CraigBampton,
+    Examined,
+    InterfaceReduction,
+    Reduction,
+    kept_rigid,
+    reduction,
+)
 
 __all__ = ["ModeSets"]
+
+# What the search for the cutoffs is called in the store; no component's name holds a dot.
+_CUTOFFS = "auto.cutoff"
+# A basis that lacks less than this share of the static flexibility under a load is complete to any eye.
+_WORTH_SAYING = 0.01
 
 
 class ModeSets:
@@ -49,6 +86,52 @@ class ModeSets:
         self.pipeline, self.scene, self.ledger = pipeline, scene, ledger
         self._reduced: dict[str, ReducedComponent] = {}
         self._modal: dict[str, ModalComponent] = {}
+        # Of each body whose cutoff is being looked for: the last one tried, and what came of it.
+        self._last_tried: dict[str, tuple[float, Examined]] = {}
+
+    @cached_property
+    def unneeded(self) -> dict[str, str]:
+        """Bodies on whose elasticity no response depends, which stay rigid, and why.
+
+        A body of which a number of modes is asked for is given them, and one that its own supports hold, so that it
+        has no rigid motion, is reduced as ever.
+        """
+        off = off_every_path(self.scene)
+        return {
+            name: off[name]
+            for name in self._reduced_names
+            if name in off and self.bodies[name].rigid.shape[1] and self.pipeline.keep_of(name).rule != "modes"
+        }
+
+    @cached_property
+    def cutoffs(self) -> dict[str, CutoffChoice]:
+        """Cutoffs found for the bodies whose cutoff is ``auto``.
+
+        Raises
+        ------
+        ConfigError
+            If the scene has no response to measure, or nothing in it is damped.
+        """
+        names = [name for name in self._reduced_names if self._is_auto(name)]
+        if not names:
+            return {}
+        check_measurable(self.bodies, self.scene)
+        found: dict[str, CutoffChoice] = {}
+        chosen = self.ledger.once(
+            "reduce",
+            _CUTOFFS,
+            cutoff_key(self.pipeline, self.bodies, self._stated, self.unneeded),
+            lambda: found,
+            lambda choices: ({}, {"choices": [asdict(choice) for choice in choices.values()]}),
+            lambda arrays, facts: {
+                each["body"]: CutoffChoice(**{**each, "tried": tuple(map(tuple, each["tried"]))})
+                for each in facts["choices"]
+            },
+            prepare=lambda: found.update(choose_cutoffs(names, asked_error(self.pipeline), self._errors_at)),
+        )
+        for choice in chosen.values():
+            self.ledger.note(choice.note)
+        return chosen
 
     def reduced(self, name: str, other: ModeSetKeys | None = None) -> ReducedComponent:
         """Reduce one body to its mode set, or to another one.
@@ -60,17 +143,16 @@ class ModeSets:
         """
         what = self._what(name, other)
         if what not in self._reduced:
-            flexible = self.bodies[name]
-            self._reduced[what] = self.ledger.once(
+            body = self.bodies[name].body
+            component, _ = self.ledger.once(
                 "reduce",
                 what,
                 self.reduce_key(name, other),
-                lambda: self._method(name, other).reduce(
-                    flexible.body, flexible.ports.interface, flexible.ports.static_loads, flexible.rigid
-                ),
-                reduced_to,
-                lambda arrays, facts: reduced_from(flexible.body, arrays, facts),
+                lambda: self._work(name, other),
+                lambda found: _packed(*found),
+                lambda arrays, facts: (reduced_from(body, arrays, facts), facts.get("missed", {})),
             )
+            self._reduced[what] = component
         return self._reduced[what]
 
     def modal(self, name: str, other: ModeSetKeys | None = None) -> ModalComponent:
@@ -87,12 +169,26 @@ class ModeSets:
                 lambda arrays, facts: modal_from(body, arrays, facts),
                 prepare=lambda: self.reduced(name, other),
             )
-            self.ledger.recall("reduce", what, self.reduce_key(name, other))
-            self._warn(name, self.keys(name, other))
+            key = self.reduce_key(name, other)
+            self.ledger.recall("reduce", what, key)
+            self._warn(name, self.keys(name, other), self.ledger.store.facts("reduce", what, key) or {})
         return self._modal[what]
 
     def keys(self, name: str, other: ModeSetKeys | None = None) -> ReduceKeys:
-        """Keys of the stage for one body, with those of another mode set over them."""
+        """Keys of the stage for one body, with those of another mode set over them; ``auto`` is a number by now."""
+        keys = self._stated(name, other)
+        if keys.cutoff != "auto":
+            return keys
+        if other is not None and other.cutoff == "auto" and "cutoff" in other.model_fields_set:
+            raise ConfigError("verify.compare: `cutoff: auto` is for the run's own model; state a multiple of the band")
+        found = self.cutoffs.get(name)
+        return keys.model_copy(update={"cutoff": START if found is None else found.cutoff})
+
+    def multiple(self, name: str) -> float:
+        """Cutoff of a body as a multiple of the band; the usual one of a body that is not reduced."""
+        return _multiple(self.keys(name) if self.pipeline.reduce_of(name) is not None else ReduceKeys())
+
+    def _stated(self, name: str, other: ModeSetKeys | None = None) -> ReduceKeys:
         own = self.pipeline.reduce_of(name)
         if own is None:
             raise ConfigError(f"component '{name}' has no `reduce:`, so no stage after read can be run on it")
@@ -104,6 +200,8 @@ class ModeSets:
         """Hash of everything the reduction of a body depends on."""
         if self.pipeline.reduce_of(name) is None:
             return stage_key("read", __version__, self.bodies[name].fingerprint)
+        if name in self.unneeded:
+            return stage_key("reduce", __version__, self.bodies[name].fingerprint, "rigid")
         keys = self.keys(name, other)
         surroundings = None
         if keys.interface_cutoff is not None or issubclass(METHODS[keys.method], BenfieldHruda):
@@ -114,7 +212,7 @@ class ModeSets:
             }
             prints = {part: flexible.fingerprint for part, flexible in self.bodies.items()}
             surroundings = [scene, placed, prints, self._interface_cutoffs(other)]
-        asked = (keys.method, keys.cutoff * self.scene.band[1], keys.interface_cutoff, surroundings)
+        asked = (keys.method, _multiple(keys) * self.scene.band[1], keys.interface_cutoff, surroundings)
         return stage_key("reduce", __version__, self.bodies[name].fingerprint, asked)
 
     def modal_key(self, name: str, other: ModeSetKeys | None = None) -> str:
@@ -124,13 +222,60 @@ class ModeSets:
     def _what(self, name: str, other: ModeSetKeys | None) -> str:
         """Name of a reduced body in the store; a component's name holds no dot."""
         keys = self.keys(name, other)
-        if keys == self.keys(name):
+        if name in self.unneeded or keys == self.keys(name):
             return name
         inside = "" if keys.interface_cutoff is None else f".{keys.interface_cutoff:g}"
         return f"{name}.{keys.method}.{keys.cutoff:g}{inside}"
 
-    def _method(self, name: str, other: ModeSetKeys | None) -> Reduction:
+    def _examine(self, name: str, keys: ReduceKeys, other: ModeSetKeys | None, *, enrich: bool = False) -> Examined:
+        flexible = self.bodies[name]
+        if name in self.unneeded:
+            return Examined(kept_rigid(flexible.body, flexible.rigid))
+        ports, (_, tested) = flexible.ports, self._tested(name, keys)
+        method = self._method(name, keys, other)
+        return method.examine(flexible.body, ports.interface, ports.static_loads, flexible.rigid, tested, enrich=enrich)
+
+    def _work(self, name: str, other: ModeSetKeys | None) -> tuple[ReducedComponent, dict[str, float]]:
+        """A body reduced, and the share of the static flexibility that its basis misses under loads of the scene."""
         keys = self.keys(name, other)
+        cutoff, found = self._last_tried.get(name, (None, None))
+        if other is not None or found is None or cutoff != keys.cutoff:
+            found = self._examine(name, keys, other)
+        shares = found.worst(self._tested(name, keys)[0])
+        return found.component, {load: share for load, share in shares.items() if share > _WORTH_SAYING}
+
+    def _tested(self, name: str, keys: ReduceKeys) -> tuple[tuple[str, ...], NDArray[np.float64]]:
+        return probing_loads(self.bodies[name], self.scene, joints=issubclass(METHODS[keys.method], BenfieldHruda))
+
+    def _is_auto(self, name: str) -> bool:
+        keys = self._stated(name)
+        # Guyan has no normal modes to look for.
+        return keys.cutoff == "auto" and keys.method != "guyan" and name not in self.unneeded
+
+    @property
+    def _reduced_names(self) -> list[str]:
+        return [name for name in self.bodies if self.pipeline.reduce_of(name) is not None]
+
+    def _errors_at(self, cutoffs: Mapping[str, float]) -> dict[str, float]:
+        """What the modes left out of each body cost at some cutoffs, as multiples of the band."""
+        for name, cutoff in cutoffs.items():
+            if self._last_tried.get(name, (None, None))[0] != cutoff:
+                keys = self._stated(name).model_copy(update={"cutoff": cutoff})
+                work = partial(self._examine, name, keys, None, enrich=True)
+                self._last_tried[name] = (cutoff, self.ledger.timed("reduce", name, work))
+        richer = {
+            name: orthogonalise(found.enriched) for name, (_, found) in self._last_tried.items() if found.enriched
+        }
+        known = {name: orthogonalise(self._last_tried[name][1].component) for name in cutoffs}
+        known |= {name: self.modal(name) for name in self._reduced_names if name not in cutoffs}
+        others = {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
+        top = START * self.scene.band[1]
+        for name, whole in self.bodies.items():
+            if name not in known:
+                others[name] = reference(whole.body, self.scene, whole.ports, whole.rigid, top).substructure
+        return neglected_errors(known, richer, self.bodies, others, self.scene)
+
+    def _method(self, name: str, keys: ReduceKeys, other: ModeSetKeys | None) -> Reduction:
         kind, top = METHODS[keys.method], self.scene.band[1]
         inside: InterfaceReduction | None = None
         loading: InterfaceLoading | None = None
@@ -138,7 +283,7 @@ class ModeSets:
             inside = shared_interfaces(name, self.bodies, self._interface_cutoffs(other), self.scene)
         if issubclass(kind, BenfieldHruda):
             loading = self._loading(name, kind)
-        return reduction(keys.method, keys.cutoff * top, inside, loading)
+        return reduction(keys.method, _multiple(keys) * top, inside, loading)
 
     def _loading(self, name: str, kind: type[BenfieldHruda]) -> InterfaceLoading:
         if not kind.stiffness_loading:
@@ -148,17 +293,38 @@ class ModeSets:
 
     def _interface_cutoffs(self, other: ModeSetKeys | None) -> dict[str, float]:
         """Interface cutoff in Hz of every body whose interfaces of several nodes are reduced."""
-        reduced = [name for name in self.bodies if self.pipeline.reduce_of(name) is not None]
-        asked = {name: self.keys(name, other) for name in reduced}
+        asked = {name: self._stated(name, other) for name in self._reduced_names}
         return {
             name: keys.interface_cutoff * self.scene.band[1]
             for name, keys in asked.items()
             if keys.interface_cutoff is not None and issubclass(METHODS[keys.method], CraigBampton)
         }
 
-    def _warn(self, name: str, keys: ReduceKeys) -> None:
-        """Say what a mode set depends on that a reader may not expect."""
+    def _warn(self, name: str, keys: ReduceKeys, facts: Mapping[str, Any]) -> None:
+        """Say what a mode set depends on, and lacks, that a reader may not expect."""
+        if name in self.unneeded:
+            self.ledger.note(
+                f"{name}: {self.unneeded[name]}; it is kept rigid, which costs no response anything (error 0)"
+            )
+            return
+        for load, share in facts.get("missed", {}).items():
+            self.ledger.note(
+                f"{name}: its basis has no static shape for {load} and lacks {share:.0%} of the static flexibility "
+                "there; name it in `residuals` to add it"
+            )
         if issubclass(METHODS[keys.method], BenfieldHruda):
             turned = any(any(setting.angles.values()) for setting in self.scene.configurations)
             elsewhere = "; at the other configurations the loading differs" if turned else ""
             self.ledger.note(f"{name}: {keys.method} loads it by its neighbours as they stand 'as built'{elsewhere}")
+
+
+def _multiple(keys: ReduceKeys) -> float:
+    """Cutoff of keys in which ``auto`` has been replaced."""
+    return START if keys.cutoff == "auto" else float(keys.cutoff)
+
+
+def _packed(
+    component: ReducedComponent, missed: Mapping[str, float]
+) -> tuple[Mapping[str, NDArray[Any]], Mapping[str, Any]]:
+    arrays, facts = reduced_to(component)
+    return arrays, {**facts, "missed": missed}

@@ -6,18 +6,22 @@ from cmsreduce.reduce.benfield_hruda import AugmentedBody, BenfieldHruda
 from cmsreduce.reduce.characteristic import InterfaceReduction
 from cmsreduce.reduce.craig_bampton import CraigBampton, Guyan
 from cmsreduce.reduce.macneal_rubin import MacNealRubin
+from cmsreduce.reduce.neglected import Examined
 from cmsreduce.reduce.reduction import Reduction, project, recover
+from cmsreduce.reduce.rigid import kept_rigid
 
 __all__ = [
     "METHODS",
     "AugmentedBody",
     "BenfieldHruda",
     "CraigBampton",
+    "Examined",
     "Guyan",
     "InterfaceLoading",
     "InterfaceReduction",
     "MacNealRubin",
     "Reduction",
+    "kept_rigid",
     "project",
     "recover",
     "reduction",

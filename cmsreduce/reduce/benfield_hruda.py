@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -14,8 +15,9 @@ from cmsreduce.linalg.eigenpairs import modes_below
 from cmsreduce.linalg.null_space import HELD
 from cmsreduce.linalg.pencil import orthonormal
 from cmsreduce.model import FEModel, InterfaceLoading, ModeBlock, ModeSet
+from cmsreduce.reduce.neglected import Basis, LeftOut
 from cmsreduce.reduce.reduction import Reduction
-from cmsreduce.reduce.static_shapes import elastic_solve, independent_columns, residual_shapes
+from cmsreduce.reduce.static_shapes import elastic_solve, independent_columns, residual_shapes, unit_loads
 
 __all__ = ["AugmentedBody", "BenfieldHruda"]
 
@@ -61,7 +63,7 @@ class BenfieldHruda(Reduction):
         interface: NDArray[np.int64],
         rigid: NDArray[np.float64],
         loads: NDArray[np.float64] | None = None,
-    ) -> ModeSet:
+    ) -> Basis:
         """Shapes of the mode set, rigid modes first; see `Reduction.basis`.
 
         Raises
@@ -76,10 +78,12 @@ class BenfieldHruda(Reduction):
         shapes = shapes - rigid @ (rigid.T @ (body.M @ shapes))
         own = _own_motions(body, w, shapes)
         w, shapes = w[own], shapes[:, own]
+        # The body's own factor, where one of these asks for it.
+        flexibility = cache(lambda: elastic_solve(body, rigid))
         residual, number = np.empty((body.n, 0)), np.empty(0, dtype=np.int64)
         if loads is not None and loads.shape[1]:
-            residual, number = residual_shapes(elastic_solve(body, rigid), body.K, loads, shapes)
-        return ModeSet.of(
+            residual, number = residual_shapes(flexibility(), body.K, loads, shapes)
+        modes = ModeSet.of(
             self.method,
             [
                 ModeBlock("rigid", rigid, [f"rigid {motion + 1}" for motion in range(rigid.shape[1])]),
@@ -87,6 +91,16 @@ class BenfieldHruda(Reduction):
                 ModeBlock("residual", residual, [f"load {load + 1}" for load in number]),
             ],
         )
+
+        def answer(f: NDArray[np.float64]) -> NDArray[np.float64]:
+            return flexibility()(f)
+
+        # Without static modes the loads themselves are missed, and the inertia of the residual shapes.
+        def forces() -> NDArray[np.float64]:
+            return np.hstack([unit_loads(body.n, interface), body.M @ residual])
+
+        left_out = LeftOut(answer, body.K, (shapes, residual), forces, np.arange(body.n), body.n)
+        return Basis(modes, left_out)
 
     def _held_modes(
         self,

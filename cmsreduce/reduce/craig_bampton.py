@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import SingularInterfaceError
 from cmsreduce.linalg.eigenpairs import certified_modes, count_below
-from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
+from cmsreduce.linalg.factorise import BLOCK, NotPositiveDefiniteError, factorise
 from cmsreduce.linalg.flexibility import Solve
 from cmsreduce.linalg.null_space import HELD, motions_held
 from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet
 from cmsreduce.reduce.characteristic import Boundary, InterfaceReduction
 from cmsreduce.reduce.macneal_rubin import free_modes_and_residuals
+from cmsreduce.reduce.neglected import Basis, LeftOut
 from cmsreduce.reduce.reduction import Reduction
 from cmsreduce.reduce.static_shapes import residual_shapes
 
@@ -62,7 +63,7 @@ class CraigBampton(Reduction):
         interface: NDArray[np.int64],
         rigid: NDArray[np.float64],
         loads: NDArray[np.float64] | None = None,
-    ) -> ModeSet:
+    ) -> Basis:
         """Shapes of the mode set, constraint modes first; see `Reduction.basis`.
 
         Raises
@@ -91,7 +92,7 @@ class CraigBampton(Reduction):
             static, new = residual_shapes(solve, Kjj, forces[j], phi, Mjj)
         single = constraint @ boundary.shapes[:, : boundary.single.size]
         many = constraint @ boundary.shapes[:, boundary.single.size :]
-        return ModeSet.of(
+        modes = ModeSet.of(
             self.method,
             [
                 ModeBlock("constraint", single, [body.dofs.labels[row] for row in interface[boundary.single]]),
@@ -101,6 +102,12 @@ class CraigBampton(Reduction):
             ],
             certificate,
         )
+
+        # What the modes left out answer first is the inertia of the moving interface: M_jj Psi + M_ji.
+        def inertia() -> NDArray[np.float64]:
+            return np.asarray(body.M @ np.hstack([single, many, _interior(static, j, body.n)]))
+
+        return Basis(modes, LeftOut(solve, Kjj, (phi, static), inertia, j, body.n))
 
     def characteristic_shapes(
         self, body: FEModel, interface: NDArray[np.int64], rigid: NDArray[np.float64]
@@ -139,7 +146,11 @@ class CraigBampton(Reduction):
                 "remove the mechanism"
             ) from None
         if j.size:
-            constraint[j] = -solve(body.K[j][:, interface].toarray())
+            coupling = sp.csc_array(body.K[:, interface])[j]
+            # Block by block: the loads of a wide interface would fill as much memory as its shapes.
+            for first in range(0, interface.size, BLOCK):
+                part = slice(first, first + BLOCK)
+                constraint[j, part] = -solve(coupling[:, part].toarray())
             # They carry the rigid modes: what a solve loses of them over a long lever, or a coarse file, is known.
             missed = rigid - constraint @ rigid[interface]
             constraint[j] += missed[j] @ la.pinv(rigid[interface], rtol=HELD)

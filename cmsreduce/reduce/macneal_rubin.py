@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.eigenpairs import certified_modes, count_below
 from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet
+from cmsreduce.reduce.neglected import Basis, LeftOut
 from cmsreduce.reduce.reduction import Reduction
 from cmsreduce.reduce.static_shapes import elastic_solve, residual_shapes, unit_loads
 
@@ -33,7 +34,7 @@ class MacNealRubin(Reduction):
         interface: NDArray[np.int64],
         rigid: NDArray[np.float64],
         loads: NDArray[np.float64] | None = None,
-    ) -> ModeSet:
+    ) -> Basis:
         """Shapes of the mode set, rigid modes first; see `Reduction.basis`."""
         labels = [body.dofs.labels[row] for row in interface]
         labels += [f"load {number + 1}" for number in range(0 if loads is None else loads.shape[1])]
@@ -48,7 +49,7 @@ def free_modes_and_residuals(
     omega: float,
     loads: NDArray[np.float64],
     labels: list[str],
-) -> ModeSet:
+) -> Basis:
     """Free modes up to a frequency and the residual flexibility under some loads.
 
     Parameters
@@ -78,7 +79,7 @@ def free_modes_and_residuals(
     residual, number = residual_shapes(solve, body.K, loads, phi, body.M)
     for _ in range(2):
         residual = residual - rigid @ (rigid.T @ (body.M @ residual))
-    return ModeSet.of(
+    modes = ModeSet.of(
         method,
         [
             ModeBlock("rigid", rigid, [f"rigid {number + 1}" for number in range(rigid.shape[1])]),
@@ -87,3 +88,5 @@ def free_modes_and_residuals(
         ],
         certificate,
     )
+    # Statics are whole: what is missed first is the answer to the inertia of the residual modes.
+    return Basis(modes, LeftOut(solve, body.K, (phi, residual), lambda: body.M @ residual, np.arange(body.n), body.n))

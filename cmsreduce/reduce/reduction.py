@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.null_space import rigid_body_modes
 from cmsreduce.model import FEModel, ModeSet, ReducedComponent, rigid_body_shapes
+from cmsreduce.reduce.neglected import Basis, Examined
 
 __all__ = ["Reduction", "project", "recover"]
 
@@ -43,8 +44,8 @@ class Reduction(ABC):
         interface: NDArray[np.int64],
         rigid: NDArray[np.float64],
         loads: NDArray[np.float64] | None = None,
-    ) -> ModeSet:
-        """Shapes of the mode set.
+    ) -> Basis:
+        """Shapes of the mode set, and what they leave out.
 
         Parameters
         ----------
@@ -87,17 +88,49 @@ class Reduction(ABC):
         MatrixError
             If a rigid-body mode lies outside the span of the mode set, or the set holds no shape at all.
         """
+        return self.examine(body, interface, loads, rigid).component
+
+    def examine(
+        self,
+        body: FEModel,
+        interface: ArrayLike = (),
+        loads: NDArray[np.float64] | None = None,
+        rigid: NDArray[np.float64] | None = None,
+        tested: NDArray[np.float64] | None = None,
+        *,
+        enrich: bool = False,
+    ) -> Examined:
+        """Reduce a body, and look at what the reduction leaves out while its factor is at hand.
+
+        Parameters
+        ----------
+        body, interface, loads, rigid
+            As `reduce` takes them.
+        tested : (n, s) float64, optional
+            Loads to tell the share of the static flexibility of that the basis misses.
+        enrich : bool
+            Whether to reduce the body to the basis with the shapes it misses first, too; a solve for each static
+            shape of the basis.
+
+        Raises
+        ------
+        MatrixError
+            As `reduce` does.
+        """
         if rigid is None:
             R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
             rigid = rigid_body_modes(body.K, body.M, R, body.rounding, body.name)
         rows = np.asarray(interface, dtype=np.int64)
-        modes = self.basis(body, rows, rigid, loads)
+        modes, left_out = self.basis(body, rows, rigid, loads)
         if modes.m == 0:
             raise MatrixError(
                 f"body '{body.name}': its {self.method} basis is empty, for the body is held, and has no mode below "
                 f"the cutoff of {self.cutoff_hz:g} Hz; raise the cutoff, or take a set with static shapes"
             )
-        return project(body, modes, rigid)
+        missed = np.empty(0) if tested is None else left_out.missed(tested)
+        beyond = left_out.enriched(modes) if enrich else None
+        del left_out
+        return Examined(project(body, modes, rigid), missed, None if beyond is None else project(body, beyond, rigid))
 
 
 def project(body: FEModel, modes: ModeSet, rigid: NDArray[np.float64]) -> ReducedComponent:

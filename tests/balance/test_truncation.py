@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from cmsreduce.balance import keep_all, keep_error, keep_fraction, keep_modes
+from cmsreduce.balance import keep_all, keep_fraction, keep_modes
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import DofTable, FEModel, ModalComponent
 
@@ -92,66 +92,6 @@ def test_all_means_all_elastic():
     assert as_lists(keep_all(BODIES)) == {"rotor": [2, 3, 4, 5], "stator": [0, 1]}
 
 
-def weights(**lost: dict[int, float]):
-    """Error as the root sum of squares of what each mode left out costs."""
-    calls = []
-
-    def error_of(selection):
-        calls.append(as_lists(selection))
-        total = sum(
-            cost**2 for name, costs in lost.items() for k, cost in costs.items() if k not in selection[name].tolist()
-        )
-        return float(np.sqrt(total))
-
-    return error_of, calls
-
-
-COSTS = {"rotor": {2: 0.5, 3: 3.0, 4: 0.1, 5: 2.0}, "stator": {0: 1.0, 1: 0.01}}
-
-
-@pytest.mark.parametrize(
-    ("limit", "expected"),
-    [
-        (10.0, {"rotor": [], "stator": []}),
-        (3.0, {"rotor": [3], "stator": []}),
-        (1.2, {"rotor": [3, 5], "stator": []}),
-        (0.6, {"rotor": [3, 5], "stator": [0]}),
-        (0.2, {"rotor": [2, 3, 5], "stator": [0]}),
-        (0.05, {"rotor": [2, 3, 4, 5], "stator": [0]}),
-        (0.0, {"rotor": [2, 3, 4, 5], "stator": [0, 1]}),
-    ],
-)
-def test_the_fewest_that_meet_an_error(limit, expected):
-    error_of, _ = weights(**COSTS)
-    assert as_lists(keep_error(BODIES, error_of, limit)) == expected
-
-
-def test_modes_ranked_high_but_idle_are_left_out():
-    error_of, _ = weights(rotor={2: 0.5, 3: 0.0, 4: 2.0, 5: 0.0}, stator={0: 0.0, 1: 0.0})
-    assert as_lists(keep_error(BODIES, error_of, 0.1)) == {"rotor": [2, 4], "stator": []}
-
-
-def test_an_error_below_what_all_modes_reach_is_refused():
-    with pytest.raises(ConfigError, match=r"frf_error 0\.01 cannot be met: all 6 modes .* leave 0\.3"):
-        keep_error(BODIES, lambda _: 0.3, 0.01)
-
-
-def test_a_long_list_is_bracketed_rather_than_tried():
-    sigma = np.geomspace(1.0, 1e-3, 600)
-    body = {"long": component("long", 0, sigma.tolist())}
-    calls = 0
-
-    def error_of(selection):
-        nonlocal calls
-        calls += 1
-        kept = selection["long"].size
-        return 1.0 if kept < 37 else 0.0
-
-    assert keep_error(body, error_of, 0.5)["long"].size == 37
-    # Full, bracket, then one trial for each mode taken.
-    assert calls < 60
-
-
 # A pair at 2 and a triple at 5, of one rigid and two static modes; the halves of the pair rank unlike.
 GROUPED = {
     "frame": component(
@@ -171,14 +111,6 @@ def test_a_number_never_splits_a_repeated_mode(count, expected):
 def test_a_fraction_never_splits_a_repeated_mode():
     assert as_lists(keep_fraction(GROUPED, 0.9)) == {"frame": [2, 3]}
     assert as_lists(keep_fraction(GROUPED, 0.15)) == {"frame": [1, 2, 3, 5, 6, 7]}
-
-
-def test_an_error_never_splits_a_repeated_mode():
-    """The mode at column 6 alone would do; its group comes, and the pair, ranked higher but idle, goes whole."""
-    error_of, calls = weights(frame={6: 2.0})
-    assert as_lists(keep_error(GROUPED, error_of, 0.1)) == {"frame": [5, 6, 7]}
-    for call in calls:
-        assert len({2, 3} & set(call["frame"])) in (0, 2) and len({5, 6, 7} & set(call["frame"])) in (0, 3)
 
 
 def test_all_means_all_elastic_and_no_static():

@@ -10,6 +10,7 @@ import pytest
 
 from cmsreduce.config import load_pipeline
 from cmsreduce.pipeline import MODEL, Run, Silent, execute
+from cmsreduce.pipeline.candidates import Candidates
 
 ROOT = Path(__file__).parents[2]
 PIPELINE = ROOT / "pipelines" / "galileo.yaml"
@@ -81,6 +82,23 @@ def test_local_modes_crowd_and_stay_out(result):
     assert crowd.size > 30
     assert np.isin(crowd, rotor.kept).mean() < 0.25
     assert (rotor.modes.spacing[crowd] > 0.1).any()
+
+
+def test_a_search_needs_no_more_modes_than_any_ranking(result, tmp_path):
+    """At the error of the first 19 and 15 by Gregory: 34 modes, or fewer; and no ranking cut off before is as good."""
+    error = result.worst()["frf_error"]
+    run = Run(load_pipeline(PIPELINE, [f"balance.keep={{frf_error: {error!r}}}"]), tmp_path, Silent())
+    kept = sum(columns.size for columns in run.selection.values())
+    assert kept <= 34 and run.choice.search.frf_error <= error
+    pool = run._model(run.ranked)
+    targets = [run.comparison.target(configuration, pool) for configuration in run.scene.configurations]
+    judge = Candidates(pool.assembled, targets)
+    for ranking in ("gregory", "hankel", "component-cost"):
+        value = [(c.rankings[ranking][k], name, k) for name, c in run.ranked.items() for k in range(6, c.omega.size)]
+        order = sorted(value, key=lambda entry: -entry[0])
+        for count in range(kept):
+            first = {name: np.array([k for _, n, k in order[:count] if n == name], dtype=int) for name in run.ranked}
+            assert judge.error(first, error) > error
 
 
 def test_summary_keeps_its_contract(result, folder):

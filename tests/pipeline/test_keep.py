@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -9,10 +10,12 @@ import numpy as np
 import pytest
 
 from cmsreduce.assemble import modal_substructure, rigid_substructure
+from cmsreduce.balance import elastic_norm, keep_bound, mode_bounds
 from cmsreduce.errors import ConfigError
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.assembled import AssembledModel
 from cmsreduce.pipeline.comparison import ReducedModel
+from cmsreduce.pipeline.ranked import ranking_channels
 from cmsreduce.pipeline.selection import truncate
 from tests.pipeline.study import CANTILEVER
 
@@ -81,6 +84,54 @@ def test_the_chosen_model_meets_the_error_on_a_finer_grid(opened: Callable[..., 
     fine = opened("verify.frf.points=5000", text=CANTILEVER)
     results = fine.comparison.errors({"reduced": model(fine, selection)}, fine.ledger.progress)
     assert max(result.errors["reduced"].frf_error for result in results) <= 0.01 * 1.05
+
+
+def test_a_search_says_what_it_did(opened: Callable[..., Run], study: Path) -> None:
+    run = opened(text=CANTILEVER)
+    result = execute(run, study)
+    found = result.search
+    assert found is not None and found.asked == 0.01 and 0 < found.frf_error <= 0.01
+    assert found.modes == run.selection["arm"].size and found.of == run.ranked["arm"].elastic_count
+    assert found.candidates > found.modes and found.seconds > 0
+    # No ranking cut off by itself needs fewer.
+    assert all(found.modes <= count for count in found.truncated.values()) and "gregory" in found.truncated
+    (note,) = (note for note in result.notes if note.startswith("search"))
+    assert f"{found.modes} of {found.of} elastic modes" in note and f"{found.candidates} candidates in" in note
+    summary = json.loads((run.folder / "summary.json").read_text())
+    assert summary["search"]["modes"] == found.modes and summary["search"]["seconds"] == found.seconds
+    # A run that goes on from a finished search says the same.
+    again = opened(text=CANTILEVER)
+    assert again.choice.search == found and "balance system" in again.ledger.progress.reused_
+    assert note in again.ledger.notes
+
+
+def test_modes_by_the_bound_of_their_body(opened: Callable[..., Run], study: Path) -> None:
+    run = opened("balance.keep={bound: 0.2}", "components.panel.balance={keep: {bound: 0.01}}")
+    result = execute(run, study)
+    for name, asked in (("arm", 0.2), ("panel", 0.01)):
+        body, keys = run.ranked[name], run.pipeline.balance_of(name)
+        channels = ranking_channels(body, run.bodies[name].ports, keys, run.scene)
+        np.testing.assert_array_equal(run.selection[name], 6 + keep_bound(channels, asked))
+        assert 0 < run.selection[name].size < body.elastic_count
+        found = result.components[name].bound
+        assert found.asked == asked and 0 < found.error <= found.bound * (1 + 1e-12) <= asked
+        left_out = channels.only(np.setdiff1d(np.arange(body.elastic_count), run.selection[name] - 6))
+        assert found.tightness == pytest.approx(elastic_norm(left_out) / sum(mode_bounds(left_out)[1]), rel=1e-12)
+        (note,) = (note for note in result.notes if note.startswith(f"{name}: by itself"))
+        assert "the assembled system inherits no such bound" in note
+    assert set(run.kept["arm"].why[6:]) == {"needed for a bound of 0.2"}
+    summary = json.loads((run.folder / "summary.json").read_text())
+    assert summary["components"]["arm"]["bound"]["asked"] == 0.2 and summary["search"] is None
+    # What the bound does not cover is measured.
+    assert result.worst()["frf_error"] > 0
+
+
+def test_a_bound_is_relative_to_no_unit(opened: Callable[..., Run]) -> None:
+    """Rotations against translations are scaled as in the ranking."""
+    same = [opened("balance.keep={bound: 0.1}", f"balance.scaling={how}").selection for how in ("auto", "auto")]
+    other = opened("balance.keep={bound: 0.1}", "balance.scaling=none").selection
+    assert all(np.array_equal(same[0][name], same[1][name]) for name in same[0])
+    assert any(not np.array_equal(same[0][name], other[name]) for name in other)
 
 
 def test_a_sensor_less_makes_the_model_smaller(opened: Callable[..., Run]) -> None:

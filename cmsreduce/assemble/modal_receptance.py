@@ -1,0 +1,246 @@
+"""Responses of joined bodies that keep some of their modes: every mode is one term of its body's receptance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.assemble.modal_terms import Change, Columns, Kept, ModalTable, ModalTerms, term_sum
+from cmsreduce.assemble.points import PointStack
+from cmsreduce.assemble.receptance import Receptance, is_diagonal, modal_weights, receptance, resonant
+from cmsreduce.assemble.system import Wiring
+from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.dynamic_stiffness import ResonanceError
+from cmsreduce.linalg.flexibility_model import frequency_blocks
+from cmsreduce.linalg.null_space import row_basis
+from cmsreduce.model import Matrix, Substructure
+
+__all__ = ["ModalReceptance"]
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Memory of the flexibilities of the frequencies taken at a time.
+_BLOCK_BYTES = 2**27
+
+
+class ModalReceptance:
+    """Response in one configuration at fixed frequencies, for any choice of the bodies' modes.
+
+    What a mode adds to its body's receptance does not depend on the other modes kept. It is tabulated once, and a
+    choice of modes costs a sum and a solve with as many unknowns as there are joint forces. Bodies whose damping
+    couples their modes have no such terms: their receptance is solved anew for every choice.
+
+    Parameters
+    ----------
+    substructures : mapping of name to Substructure
+        Bodies with all modes that may be kept.
+    wiring : Wiring
+        Joints, inputs and outputs in the configuration.
+    omega : (f,) float64
+        Circular frequencies in rad/s, none of them zero if a body floats.
+    whole : mapping of name to Receptance
+        Receptances of the bodies; those of bodies that are not in modes are asked for once.
+
+    Raises
+    ------
+    MatrixError
+        If a frequency hits a mode without damping.
+    """
+
+    def __init__(
+        self,
+        substructures: Mapping[str, Substructure],
+        wiring: Wiring,
+        omega: Real,
+        whole: Mapping[str, Receptance],
+    ) -> None:
+        self.omega, self._substructures = omega, substructures
+        stack = PointStack(substructures)
+        self._displacement, self._rate = (np.flatnonzero(rows.any(axis=1)) for rows in (wiring.C1, wiring.C2))
+        self._outputs = wiring.C1.shape[0]
+        self._left = np.vstack([wiring.A, wiring.C1[self._displacement], wiring.C2[self._rate]])
+        self._right = np.vstack([wiring.A, wiring.B])
+        self._c = wiring.A.shape[0]
+        self._tables: dict[str, ModalTable] = {}
+        self._coupled: dict[str, tuple[Real, Real, Real]] = {}
+        self._motions = {name: dense(stack.motions(name)) for name in substructures}
+        self._columns = {name: stack.body_columns(name) for name in substructures}
+        self._always = {name: _always(sub) for name, sub in substructures.items()}
+        self._base = np.zeros((omega.size, self._left.shape[0], self._right.shape[0]), dtype=np.complex128)
+        for name, sub in substructures.items():
+            here, L = self._columns[name], self._motions[name]
+            left, right = self._left[:, here], self._right[:, here]
+            if sub.omega is None:
+                self._base += left @ whole[name](omega) @ right.T
+            elif is_diagonal(sub):
+                try:
+                    weights = modal_weights(sub, omega)
+                except ResonanceError as error:
+                    raise resonant(sub, error) from None
+                table = ModalTable(left @ L, right @ L, np.stack([weights.real, weights.imag]))
+                self._tables[name] = table
+                self._base += term_sum(table, np.flatnonzero(self._always[name]), slice(None))
+            else:
+                self._coupled[name] = left, right, L
+        self._basis = self._row_basis({name: np.arange(sub.m) for name, sub in substructures.items()})
+        # Joints that the motions present in every choice already tell apart need no look at each choice.
+        alone = self._row_basis({name: np.empty(0, dtype=np.int64) for name in substructures})
+        self._same_joints = alone.shape[0] == self._basis.shape[0]
+
+    def is_coupled(self, body: str) -> bool:
+        """Whether damping couples a body's modes."""
+        return body in self._coupled
+
+    def response(self, kept: Kept, at: NDArray[np.int64] | None = None) -> Complex:
+        """Response with some of the modes, rigid-body part included.
+
+        Parameters
+        ----------
+        kept : mapping of body to (k,) int64
+        at : (g,) int64, optional
+            Which of the frequencies, all of them if left out.
+
+        Returns
+        -------
+        H : (g, outputs, inputs) complex128
+        """
+        points = np.arange(self.omega.size) if at is None else at
+        U = self._joints(kept)
+        H = np.empty((points.size, self._outputs, self._right.shape[0] - self._c), dtype=np.complex128)
+        for part, part_points in self._blocks(points):
+            AYA, AYB, CYA, CYB = self._joined(kept, U, part_points)
+            H[part] = CYB - CYA @ np.linalg.solve(AYA, AYB) if U.shape[0] else CYB
+        return H
+
+    def effects(
+        self, kept: Kept, changes: Sequence[Change], at: NDArray[np.int64]
+    ) -> tuple[Complex, Complex, NDArray[np.bool_]]:
+        """Response with some of the modes, and what each of many changes alone would add to it.
+
+        Parameters
+        ----------
+        kept : mapping of body to (k,) int64
+        changes : sequence of Change
+        at : (g,) int64
+            Which of the frequencies.
+
+        Returns
+        -------
+        H : (g, outputs, inputs) complex128
+        dH : (g, outputs, inputs, n) complex128
+            NaN where it is not known.
+        known : (n,) bool
+            False for changes of a body whose damping couples its modes, and for those that take away what a joint
+            rests on: ``response`` has to be asked.
+
+        Notes
+        -----
+        Modes with weights 1/Z and motions v are put in (s = 1) or left out (s = -1) by an update of low rank of the
+        joined flexibility, dH = (C Y v) (s Z + v^T Y v)^-1 (B Y v)^T, where Y is that of the joined bodies: Sherman,
+        Morrison and Woodbury.
+        """
+        U = self._joints(kept)
+        inputs = self._right.shape[0] - self._c
+        H = np.empty((at.size, self._outputs, inputs), dtype=np.complex128)
+        dH = np.full((at.size, self._outputs, inputs, len(changes)), np.nan + 0j)
+        # A change may join what the modes kept leave apart.
+        known = np.full(len(changes), U.shape[0] == self._basis.shape[0])
+        known &= [body in self._tables for body, _ in changes]
+        terms = ModalTerms.of(self._tables, changes, np.flatnonzero(known), kept)
+        alpha, gamma, beta = U @ terms.left[: self._c], terms.left[self._c :], terms.right[self._c :]
+        for part, points in self._blocks(at, (3 + inputs) * alpha.shape[1] * (self._c + self._outputs)):
+            AYA, AYB, CYA, CYB = self._joined(kept, U, points)
+            S = np.linalg.inv(AYA)
+            H[part] = CYB - CYA @ (S @ AYB)
+            Sv = _times(S, alpha)
+            P = self._output_rows(np.broadcast_to(gamma, (points.size, *gamma.shape)), points) - CYA @ Sv
+            Q = beta - AYB.transpose(0, 2, 1) @ Sv
+            terms.update(dH, known, part, 1 / terms.weights(points), alpha, Sv, P, Q)
+        dH[..., ~known] = np.nan
+        return H, dH, known
+
+    def _blocks(self, points: NDArray[np.int64], more: int = 0) -> Iterator[tuple[slice, NDArray[np.int64]]]:
+        entries = 3 * self._left.shape[0] * self._right.shape[0] + more
+        entries += sum(left.shape[1] ** 2 for left, _, _ in self._coupled.values())
+        for part in frequency_blocks(points.size, 16 * entries, _BLOCK_BYTES):
+            yield part, points[part]
+
+    def _joints(self, kept: Kept) -> Real:
+        return self._basis if self._same_joints else self._row_basis(kept)
+
+    def _row_basis(self, kept: Kept) -> Real:
+        # As in the coupling of whole bodies: joints that lock one motion of the bodies twice count once.
+        A = self._left[: self._c]
+        rows = [
+            A[:, self._columns[name]] @ L[:, self._present(name, kept)] for name, L in self._motions.items() if L.size
+        ]
+        return row_basis(np.hstack([np.zeros((self._c, 0)), *rows]))
+
+    def _present(self, name: str, kept: Kept) -> NDArray[np.bool_]:
+        present = self._always[name].copy()
+        present[kept[name] if name in kept else slice(None)] = True
+        return present
+
+    def _joined(self, kept: Kept, U: Real, points: NDArray[np.int64]) -> tuple[Complex, Complex, Complex, Complex]:
+        """Flexibilities between joint forces and inputs, and joint motions and outputs, at some frequencies."""
+        G = self._base[points]
+        for name, table in self._tables.items():
+            columns = kept[name] if name in kept else np.flatnonzero(~self._always[name])
+            G += term_sum(table, columns, points)
+        for name, (left, right, L) in self._coupled.items():
+            part = _restricted(self._substructures[name], np.flatnonzero(self._present(name, kept)))
+            Y = receptance(part, self.omega[points], L[:, self._present(name, kept)])(self.omega[points])
+            G += left @ Y @ right.T
+        c = self._c
+        C = self._output_rows(G[:, c:], points)
+        AYA, AYB = U @ G[:, :c, :c] @ U.T, U @ G[:, :c, c:]
+        return np.asarray(AYA), np.asarray(AYB), np.asarray(C[:, :, :c] @ U.T), C[:, :, c:]
+
+    def _output_rows(self, rows: NDArray[np.float64] | Complex, points: NDArray[np.int64]) -> Complex:
+        """Outputs from the rows that measure displacements and those that measure rates."""
+        out = np.zeros((points.size, self._outputs, rows.shape[2]), dtype=np.complex128)
+        d = self._displacement.size
+        out[:, self._displacement] = rows[:, :d]
+        out[:, self._rate] += 1j * self.omega[points, None, None] * rows[:, d:]
+        return out
+
+
+def _always(sub: Substructure) -> NDArray[np.bool_]:
+    """Coordinates that every choice keeps: rigid and static modes, and all of a body that has no modes."""
+    if sub.omega is None:
+        return np.ones(sub.m, dtype=bool)
+    return np.asarray((sub.omega == 0) | np.isinf(sub.omega))
+
+
+def _times(S: NDArray[Any], alpha: Real) -> Complex:
+    """Complex matrices at every frequency times one real matrix."""
+    f, c = S.shape[:2]
+    rows = S.reshape(f * c, c)
+    return np.asarray((rows.real @ alpha + 1j * (rows.imag @ alpha)).reshape(f, c, -1))
+
+
+def _restricted(sub: Substructure, columns: Columns) -> Substructure:
+    """A body in modes with some of them."""
+
+    def square(A: Matrix | None) -> Matrix | None:
+        return None if A is None else sp.csc_array(sp.csc_array(A)[:, columns][columns])
+
+    M, K = square(sub.M), square(sub.K)
+    assert M is not None and K is not None and sub.omega is not None
+    rigid = sub.rigid[columns]
+    return replace(
+        sub,
+        M=M,
+        K=K,
+        D=square(sub.D),
+        loss=square(sub.loss),
+        rigid=rigid,
+        motion={label: dense(rows)[:, columns] for label, rows in sub.motion.items()},
+        omega=sub.omega[columns],
+    )

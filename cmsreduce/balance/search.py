@@ -1,0 +1,254 @@
+"""Search for the fewest modes that meet an error: ranked lists first, then what can be spared or exchanged.
+
+Leaving modes out is no sum of what each of them is worth: two modes may stand in for one another. To try every set is
+out of reach, so the search looks at sets one step away from the best one it has, predicts their errors from the effect
+of every single mode on the response, and tries those that promise to pass. Only sets whose true error was found to meet
+the limit are ever taken. The search has no random part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.balance.judge import Effects, Judge
+from cmsreduce.balance.truncation import Selection, whole_groups
+from cmsreduce.errors import ConfigError
+from cmsreduce.model import ModalComponent
+
+__all__ = ["Found", "keep_error"]
+
+Order = list[int]
+
+# Up to this many groups every prefix of a ranked list is tried; beyond, the first passing one is bracketed.
+_EXHAUSTIVE = 400
+# What is predicted to miss the limit by less than this is tried: single effects on a coarser grid are this good.
+_SLACK = 1.2
+# Exchanges tried at a time, and groups of either side among which they are sought: the best by their own effect.
+_TRIALS = 24
+_PARTNERS = 48
+# How often what is predicted to go together is halved before groups are tried one by one.
+_HALVES = 4
+# An exchange of equally many modes is worth taking if it lowers the error by this share, and so often at most.
+_GAIN = 0.01
+_EXCHANGES = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The set of modes that a search ended with.
+
+    Parameters
+    ----------
+    selection : Selection
+    error : float
+        Its worst error.
+    modes : int
+        Elastic modes kept.
+    tried : int
+        Sets whose error was asked for.
+    truncated : mapping of ranking to int
+        Elastic modes that each ranking, cut off where it first meets the limit, would have kept; rankings that need
+        more than another found before them are not followed to their end and are missing here.
+    """
+
+    selection: Selection
+    error: float
+    modes: int
+    tried: int
+    truncated: Mapping[str, int]
+
+
+def keep_error(
+    components: Mapping[str, ModalComponent],
+    rankings: Mapping[str, Mapping[str, NDArray[np.float64]]],
+    judge: Judge,
+    limit: float,
+) -> Found:
+    """Keep the fewest modes with which the assembled system meets an error, or as few as the search gets to.
+
+    Modes of a repeated frequency are taken and left out together.
+
+    Parameters
+    ----------
+    components : mapping of name to ModalComponent
+        Bodies to choose modes of.
+    rankings : mapping of ranking to mapping of body to (m,) float64
+        Coefficients of the modes, by every ranking there is; the first is followed to its end.
+    judge : Judge
+        Measures selections.
+    limit : float
+        Error to meet.
+
+    Raises
+    ------
+    ConfigError
+        If all modes together do not meet the limit.
+    """
+    return _Search(components, judge, limit).run(rankings)
+
+
+class _Search:
+    """Sets of groups of modes, by their numbers."""
+
+    def __init__(self, components: Mapping[str, ModalComponent], judge: Judge, limit: float) -> None:
+        self.names, self.judge, self.limit = list(components), judge, limit
+        self.groups = [(name, columns) for name, c in components.items() for columns in whole_groups(c)]
+        self.sizes = np.array([columns.size for _, columns in self.groups], dtype=np.int64)
+        self.errors: dict[frozenset[int], float] = {}
+        self.asked: dict[frozenset[int], float] = {}
+
+    def run(self, rankings: Mapping[str, Mapping[str, NDArray[np.float64]]]) -> Found:
+        everything = frozenset(range(len(self.groups)))
+        full = self._error(everything, np.inf)
+        if full > self.limit:
+            raise ConfigError(
+                f"keep: frf_error {self.limit:g} cannot be met: all {self.sizes.sum()} modes below the cutoff leave "
+                f"{full:.3g}. Raise reduce.cutoff, or allow a larger error"
+            )
+        best = everything
+        truncated: dict[str, int] = {}
+        for name, coefficients in rankings.items():
+            for order in self._orders(coefficients):
+                first = self._first_passing(order, everything if not truncated else best)
+                if first is not None:
+                    truncated[name] = min(self.modes(first), truncated.get(name, self.modes(first)))
+                    best = min(best, first, key=self.modes)
+        # The best ranked set and what is left of all modes often end in one; where they do not, the smaller is taken.
+        kept = min((self._settled(start) for start in dict.fromkeys((best, everything))), key=self.modes)
+        return Found(self.selection(kept), self.errors[kept], self.modes(kept), len(self.errors), truncated)
+
+    def selection(self, kept: frozenset[int]) -> Selection:
+        """Columns of each body."""
+        none = np.empty(0, dtype=np.int64)
+        return {
+            name: np.sort(np.concatenate([none, *(self.groups[k][1] for k in kept if self.groups[k][0] == name)]))
+            for name in self.names
+        }
+
+    def modes(self, kept: frozenset[int]) -> int:
+        """Elastic modes of a set."""
+        return int(self.sizes[list(kept)].sum())
+
+    def _error(self, kept: frozenset[int], limit: float) -> float:
+        # A figure above the limit it was asked for is a lower bound, which refuses at lower limits only.
+        known = kept in self.errors and not limit >= self.errors[kept] > self.asked[kept]
+        if not known:
+            self.errors[kept], self.asked[kept] = self.judge.error(self.selection(kept), limit), limit
+        return self.errors[kept]
+
+    def _passes(self, kept: frozenset[int]) -> bool:
+        return self._error(kept, self.limit) <= self.limit
+
+    def _orders(self, coefficients: Mapping[str, NDArray[np.float64]]) -> Iterator[Order]:
+        """All bodies in one list, by what a coefficient is and by its share of the body's largest."""
+        value = np.array([coefficients[name][columns].max() for name, columns in self.groups])
+        largest = {
+            name: max((v for v, (owner, _) in zip(value, self.groups, strict=True) if owner == name), default=0.0)
+            for name in self.names
+        }
+        share = value / [largest[name] or 1.0 for name, _ in self.groups]
+        yield np.argsort(-value, kind="stable").tolist()
+        if len(self.names) > 1:
+            yield np.argsort(-share, kind="stable").tolist()
+
+    def _first_passing(self, order: Order, below: frozenset[int]) -> frozenset[int] | None:
+        """The first groups of a list that meet the limit; None if they are not fewer modes than another set."""
+        sizes = np.concatenate([[0], np.cumsum(self.sizes[order])])
+        most = int(np.count_nonzero(sizes < self.modes(below)))
+        count = _first(most, lambda k: self._passes(frozenset(order[:k])))
+        if count < most:
+            return frozenset(order[:count])
+        return below if len(below) == len(order) else None
+
+    def _settled(self, kept: frozenset[int]) -> frozenset[int]:
+        """Spare and exchange until nothing is gained."""
+        kept = self._pruned(kept)
+        for _ in range(_EXCHANGES):
+            fewer = self._exchanged(kept)
+            if fewer is None:
+                break
+            kept = self._pruned(fewer)
+        return kept
+
+    def _pruned(self, kept: frozenset[int]) -> frozenset[int]:
+        """Leave out what can be spared, several at once where their effects add up to no more than the limit."""
+        while kept:
+            members = sorted(kept)
+            effects = self.judge.effects(self.selection(kept), [self.groups[k] for k in members])
+            one = effects.predicted(np.arange(len(members))[:, None])
+            order = np.argsort(one, kind="stable")
+            together = self._spared(effects, order)
+            # Halves of what is predicted to go together, then each group that might.
+            trials = [kept - {members[k] for k in together[: len(together) >> half]} for half in range(_HALVES)]
+            trials = [fewer for fewer in trials if len(fewer) < len(kept) - 1]
+            trials += [kept - {members[k]} for k in order if not one[k] > _SLACK * self.limit]
+            found = next((fewer for fewer in trials if self._passes(fewer)), None)
+            if found is None:
+                break
+            kept = found
+        return kept
+
+    def _spared(self, effects: Effects, order: NDArray[np.int64]) -> list[int]:
+        """Changes that together are predicted to stay within the limit, taken one after another."""
+        gram = effects.gram
+        square, cross, taken = gram[:, 0, 0].copy(), gram[:, 0, 1:].copy(), list[int]()
+        own = np.diagonal(gram, axis1=1, axis2=2)[:, 1:]
+        left = [int(k) for k in order if np.isfinite(own[:, k]).all()]
+        while left:
+            after = (square[:, None] + 2 * cross[:, left] + own[:, left]).max(axis=0)
+            k = int(np.argmin(after))
+            if after[k] > self.limit**2:
+                break
+            number = left.pop(k)
+            square = square + 2 * cross[:, number] + own[:, number]
+            cross = cross + gram[:, 1 + number, 1:]
+            taken.append(number)
+        return taken
+
+    def _exchanged(self, kept: frozenset[int]) -> frozenset[int] | None:
+        """A set one exchange away with fewer modes, or with as many and a smaller error; None if none is found."""
+        effects = self.judge.effects(self.selection(kept), self.groups)
+        one = effects.predicted(np.arange(len(self.groups))[:, None])
+        usable = np.flatnonzero(np.isfinite(one))
+        inside = np.isin(usable, list(kept))
+        out = usable[inside][np.argsort(one[usable[inside]], kind="stable")][:_PARTNERS]
+        into = usable[~inside][np.argsort(one[usable[~inside]], kind="stable")][:_PARTNERS]
+        size = self.modes(kept)
+        pairs = np.array(list(combinations(out, 2)), dtype=np.int64).reshape(-1, 2)
+        for sets, limit, most in (
+            (pairs, self.limit, size - 1),
+            (_each_with(into, pairs), self.limit, size - 1),
+            (_each_with(into, out[:, None]), (1 - _GAIN) * self.errors[kept], size),
+        ):
+            change = np.where(np.isin(sets, into), self.sizes[sets], -self.sizes[sets]).sum(axis=1)
+            sets = sets[size + change <= most]
+            error = effects.predicted(sets)
+            order = np.argsort(error, kind="stable")[:_TRIALS]
+            for k in order[error[order] <= _SLACK * limit]:
+                other = kept ^ set(sets[k].tolist())
+                if self._error(other, limit) <= limit:
+                    return other
+        return None
+
+
+def _each_with(one: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Every number of a list beside every row of a table."""
+    return np.hstack([np.repeat(one, len(others))[:, None], np.tile(others, (one.size, 1))])
+
+
+def _first(size: int, passes: Callable[[int], bool]) -> int:
+    """The first number below ``size`` that passes, or ``size``."""
+    if size <= _EXHAUSTIVE:
+        return next((count for count in range(size) if passes(count)), size)
+    low, high = 0, 1
+    while high < size and not passes(high):
+        low, high = high, min(2 * high, size)
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if passes(middle) else (middle, high)
+    return high

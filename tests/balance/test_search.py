@@ -1,0 +1,149 @@
+"""The fewest modes that meet an error, found by search."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import chain, combinations
+
+import numpy as np
+import pytest
+
+from cmsreduce.balance import Effects, keep_error
+from cmsreduce.errors import ConfigError
+from tests.balance.test_truncation import BODIES, GROUPED, as_lists, component
+
+
+class Vectors:
+    """A judge for which every mode is a vector of a response, and the error what is missing of their sum."""
+
+    def __init__(self, terms: Mapping[tuple[str, int], Sequence[float]]) -> None:
+        self.terms = {key: np.asarray(value, dtype=float) for key, value in terms.items()}
+        self.calls: list[dict[str, list[int]]] = []
+
+    def missed(self, selection: Mapping[str, np.ndarray]) -> np.ndarray:
+        return sum(v for (name, k), v in self.terms.items() if k not in selection[name])  # type: ignore[return-value]
+
+    def error(self, selection: Mapping[str, np.ndarray], limit: float = np.inf) -> float:
+        self.calls.append(as_lists(selection))
+        exact = float(np.linalg.norm(self.missed(selection)))
+        # Beyond the limit as little as may be said.
+        return exact if exact <= limit else float(np.nextafter(limit, np.inf))
+
+    def effects(self, selection: Mapping[str, np.ndarray], changes: Sequence[tuple[str, np.ndarray]]) -> Effects:
+        columns = [np.zeros_like(next(iter(self.terms.values()))) + self.missed(selection)]
+        for name, group in changes:
+            sign = 1.0 if np.isin(group, selection[name]).all() else -1.0
+            columns.append(sign * sum(self.terms.get((name, int(k)), 0.0) for k in group) + 0 * columns[0])
+        X = np.array(columns)
+        return Effects((X @ X.T)[None])
+
+
+def apart(costs: Mapping[str, Mapping[int, float]]) -> Vectors:
+    """Modes whose costs add up as squares."""
+    keys = [(name, k) for name, row in costs.items() for k in row]
+    return Vectors({key: costs[key[0]][key[1]] * np.eye(len(keys))[number] for number, key in enumerate(keys)})
+
+
+def ranked(components) -> dict[str, dict[str, np.ndarray]]:
+    return {"own": {name: c.sigma for name, c in components.items()}}
+
+
+COSTS = {"rotor": {2: 0.5, 3: 3.0, 4: 0.1, 5: 2.0}, "stator": {0: 1.0, 1: 0.01}}
+
+
+@pytest.mark.parametrize(
+    ("limit", "expected"),
+    [
+        (10.0, {"rotor": [], "stator": []}),
+        (3.0, {"rotor": [3], "stator": []}),
+        (1.2, {"rotor": [3, 5], "stator": []}),
+        (0.6, {"rotor": [3, 5], "stator": [0]}),
+        (0.2, {"rotor": [2, 3, 5], "stator": [0]}),
+        (0.05, {"rotor": [2, 3, 4, 5], "stator": [0]}),
+        (0.0, {"rotor": [2, 3, 4, 5], "stator": [0, 1]}),
+    ],
+)
+def test_the_fewest_that_meet_an_error(limit, expected):
+    found = keep_error(BODIES, ranked(BODIES), apart(COSTS), limit)
+    assert as_lists(found.selection) == expected
+    assert found.modes == sum(map(len, expected.values())) and found.error <= limit
+
+
+def test_modes_ranked_high_but_idle_are_left_out():
+    judge = apart({"rotor": {2: 0.5, 3: 0.0, 4: 2.0, 5: 0.0}, "stator": {0: 0.0, 1: 0.0}})
+    assert as_lists(keep_error(BODIES, ranked(BODIES), judge, 0.1).selection) == {"rotor": [2, 4], "stator": []}
+
+
+def test_two_modes_are_exchanged_for_one_that_stands_for_both():
+    """Mode 0 answers what 1 and 2 do not, and is worth more than both; each of these is worth more than nothing."""
+    body = {"bar": component("bar", 0, [1.0, 3.0, 2.0])}
+    # Without 0 the rest misses 0.99; without 1 and 2 it misses nothing, without either alone it misses much.
+    judge = Vectors({("bar", 0): [0.99, 0.0], ("bar", 1): [0.0, 2.0], ("bar", 2): [0.0, -2.0]})
+    assert as_lists(keep_error(body, ranked(body), judge, 0.5).selection) == {"bar": [0]}
+    assert as_lists(keep_error(body, ranked(body), judge, 0.995).selection) == {"bar": []}
+
+
+def test_never_more_than_any_ranking_cut_off_and_as_few_as_there_can_be():
+    """Against every set there is, for random responses; and two runs go the same way."""
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        n = 9
+        body = {"bar": component("bar", 0, rng.random(n).tolist())}
+        terms = {("bar", k): rng.standard_normal(12) * rng.choice([0.06, 0.6]) for k in range(n)}
+        rankings = {name: {"bar": rng.random(n)} for name in ("a", "b", "c")}
+        judge = Vectors(terms)
+        limit = 0.6
+        found, again = (keep_error(body, rankings, Vectors(terms), limit) for _ in range(2))
+        assert as_lists(found.selection) == as_lists(again.selection) and found.tried == again.tried
+        assert judge.error(found.selection) == found.error <= limit
+        for coefficients in rankings.values():
+            order = np.argsort(-coefficients["bar"])
+            cut = next(k for k in range(n + 1) if judge.error({"bar": order[:k]}) <= limit)
+            assert found.modes <= cut
+        every = chain.from_iterable(combinations(range(n), k) for k in range(n + 1))
+        fewest = next(len(s) for s in every if judge.error({"bar": np.array(s, dtype=int)}) <= limit)
+        assert found.modes == fewest
+
+
+def test_how_far_rankings_get_by_themselves_is_told():
+    judge = apart(COSTS)
+    costs = {name: np.full(c.omega.size, np.nan) for name, c in BODIES.items()}
+    for name, row in COSTS.items():
+        for k, cost in row.items():
+            costs[name][k] = cost
+    found = keep_error(BODIES, {**ranked(BODIES), "cost": costs}, judge, 0.2)
+    # In the order 3, 5, stator 0, 2: the first by either; the second is followed only below the first.
+    assert found.truncated == {"own": 4}
+    worse = {name: 1 / sigma for name, sigma in ranked(BODIES)["own"].items()}
+    found = keep_error(BODIES, {"worse": worse, "cost": costs}, judge, 0.2)
+    assert found.truncated == {"worse": 6, "cost": 4}
+
+
+def test_an_error_below_what_all_modes_reach_is_refused():
+    judge = apart(COSTS)
+    judge.missed = lambda _: np.array([0.3])  # type: ignore[method-assign]
+    with pytest.raises(ConfigError, match=r"frf_error 0\.01 cannot be met: all 6 modes .* leave 0\.3"):
+        keep_error(BODIES, ranked(BODIES), judge, 0.01)
+
+
+def test_a_long_list_is_bracketed_rather_than_tried():
+    sigma = np.geomspace(1.0, 1e-3, 600)
+    body = {"long": component("long", 0, sigma.tolist())}
+    judge = apart({"long": {k: 1.0 if k < 37 else 0.0 for k in range(600)}})
+    assert keep_error(body, ranked(body), judge, 0.5).selection["long"].tolist() == list(range(37))
+    assert len(judge.calls) < 60
+
+
+def test_an_error_never_splits_a_repeated_mode():
+    """The mode at column 6 alone would do; its group comes, and the pair, ranked higher but idle, goes whole."""
+    judge = apart({"frame": {6: 2.0}})
+    assert as_lists(keep_error(GROUPED, ranked(GROUPED), judge, 0.1).selection) == {"frame": [5, 6, 7]}
+    for call in judge.calls:
+        assert len({2, 3} & set(call["frame"])) in (0, 2) and len({5, 6, 7} & set(call["frame"])) in (0, 3)
+
+
+def test_effects_of_changes_together_are_summed():
+    X = np.array([[1.0, 0.0], [0.0, 2.0], [-1.0, 0.5]])
+    effects = Effects((X @ X.T)[None])
+    np.testing.assert_allclose(effects.predicted(np.array([[0], [1]])), [np.sqrt(5.0), 0.5])
+    np.testing.assert_allclose(effects.predicted(np.array([[0, 1]])), [2.5])
