@@ -173,6 +173,10 @@ def _run(
         result: RunResult | None = execute(work, path, overrides, until)
     if result is None:
         if not quiet:
+            if "balance" in (only, until):
+                from cmsreduce.report.rankings import print_rankings
+
+                print_rankings(work.ranked, work.selection)
             for file in work.ledger.written:
                 click.echo(f"wrote {file}")
         return

@@ -1,11 +1,16 @@
 """Join bodies: joints, articulation, constraint null space, frequency response, state space."""
 
+from cmsreduce.assemble.closed_loop import closed_loop_modes
 from cmsreduce.assemble.damped_modes import damped_modes
+from cmsreduce.assemble.elastic_states import ElasticStates, elastic_states
 from cmsreduce.assemble.frequency_response import (
     couple,
     frequency_response,
     rigid_response,
 )
+from cmsreduce.assemble.joint_elements import with_joint_bodies
+from cmsreduce.assemble.modal_receptance import ModalReceptance
+from cmsreduce.assemble.modal_terms import Change
 from cmsreduce.assemble.neighbours import grounded_rows, joined_to, joint_rows, neighbour_loading
 from cmsreduce.assemble.outboard import outboard_loading
 from cmsreduce.assemble.placement import place_bodies
@@ -24,6 +29,9 @@ from cmsreduce.assemble.system import Wiring, assemble, wire
 from cmsreduce.assemble.system_modes import system_modes
 
 __all__ = [
+    "Change",
+    "ElasticStates",
+    "ModalReceptance",
     "PointStack",
     "Ports",
     "body_points",
@@ -31,8 +39,10 @@ __all__ = [
     "Receptance",
     "Wiring",
     "assemble",
+    "closed_loop_modes",
     "couple",
     "damped_modes",
+    "elastic_states",
     "frequency_response",
     "grounded_rows",
     "interface_substructure",
@@ -52,4 +62,5 @@ __all__ = [
     "system_modes",
     "tabulated",
     "wire",
+    "with_joint_bodies",
 ]

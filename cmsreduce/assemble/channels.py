@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.placement import joint_arms, joint_axes
+from cmsreduce.assemble.joint_motion import relative_motion
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import SceneError
-from cmsreduce.model import Channel, Joint, JointTerm, Placement, PointTerm, Scene, StrutTerm, cross_matrix
+from cmsreduce.model import Channel, Placement, PointTerm, Scene, StrutTerm
 
 __all__ = ["channel_rows"]
 
@@ -53,7 +53,7 @@ def channel_rows(
             elif isinstance(term, StrutTerm):
                 _add_strut(stack, row, placed, channel, term)
             else:
-                _add_joint(stack, row, placed, joints[term.joint], term)
+                row += relative_motion(stack, placed, joints[term.joint], term.dof)
     return rows
 
 
@@ -90,17 +90,3 @@ def _add_strut(
         place = placed[point.body]
         direction = np.concatenate([sign * (line / length) @ place.rotation, np.zeros(3)])
         _add(stack, row, channel, PointTerm(point, direction))
-
-
-def _add_joint(
-    stack: PointStack, row: NDArray[np.float64], placed: Mapping[str, Placement], joint: Joint, term: JointTerm
-) -> None:
-    axes = joint_axes(stack.substructures, placed, joint)
-    direction = np.zeros(6)
-    direction[term.dof // 3 * 3 : term.dof // 3 * 3 + 3] = axes[term.dof % 3]
-    carry = np.eye(6)
-    carry[:3, 3:] = -cross_matrix(joint_arms(stack.substructures, placed, joint)[0])
-    for point, sign in ((joint.first, -1.0), (joint.second, 1.0)):
-        place = placed[point.body]
-        along = np.concatenate([direction[:3] @ place.rotation, direction[3:] @ place.rotation])
-        row[stack.columns(point.body, stack.label(point))] += sign * (along @ carry if sign < 0 else along)

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.assemble.joint_elements import with_joint_bodies
 from cmsreduce.assemble.points import PointStack
-from cmsreduce.assemble.receptance import Receptance, receptance
+from cmsreduce.assemble.receptance import BRAKED, Receptance, receptance
 from cmsreduce.assemble.system import Wiring, wire
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.flexibility_model import frequency_blocks
@@ -81,10 +82,29 @@ def _between(
 
 
 def rigid_response(system: System, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Rigid-body part of a system's response: (f, outputs, inputs) complex128."""
+    """Rigid-body part of a system's response: (f, outputs, inputs) complex128.
+
+    Free motions that dampers of the joints, or of the ground, resist answer with their drag.
+    """
     Pr = system.rigid
     gain = (system.C1 @ Pr)[None] + 1j * omega[:, None, None] * (system.C2 @ Pr)[None]
-    return np.asarray(gain @ (Pr.T @ system.B) / -(omega**2)[:, None, None])
+    load = Pr.T @ system.B
+    drag = _drag(system)
+    if not drag.any():
+        return np.asarray(gain @ load / -(omega**2)[:, None, None])
+    w = omega[:, None, None]
+    return np.asarray(gain @ np.linalg.solve(1j * w * drag - w**2 * np.eye(drag.shape[0]), load[None] + 0j))
+
+
+def _drag(system: System) -> NDArray[np.float64]:
+    """Damping of the rigid motions, without its round-off (R, R)."""
+    Pr = system.rigid
+    if system.D is None or not Pr.shape[1]:
+        return np.zeros((0, 0))
+    forces = np.asarray(system.D @ Pr)
+    size = float(abs(dense(system.D)).max()) * abs(Pr).max(axis=0)
+    braked = abs(forces).max(axis=0) > BRAKED * size
+    return np.where(np.outer(braked, braked), Pr.T @ forces, 0.0)
 
 
 def frequency_response(
@@ -107,6 +127,7 @@ def frequency_response(
     -------
     H : (f, outputs, inputs) complex128
     """
-    stack = PointStack(substructures)
-    Y = {name: receptance(sub, omega, stack.motions(name)) for name, sub in substructures.items()}
+    bodies = with_joint_bodies(substructures, scene)
+    stack = PointStack(bodies)
+    Y = {name: receptance(sub, omega, stack.motions(name)) for name, sub in bodies.items()}
     return couple(Y, stack, wire(stack, scene, configuration), omega)

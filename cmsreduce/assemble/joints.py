@@ -8,20 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.assemble.joint_motion import available, digits, in_body, joint_direction
 from cmsreduce.assemble.placement import interface_at, joint_arms, joint_axes, joint_gap
 from cmsreduce.assemble.points import PointStack
-from cmsreduce.errors import ConstraintError, SceneError, UnitsError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.errors import SceneError, UnitsError
 from cmsreduce.model import DOF_NAMES, Interface, Joint, Placement, Point, Scene, Substructure, cross_matrix
 
-__all__ = ["Constraints", "check_redundant", "constrain"]
+__all__ = ["Constraints", "constrain"]
 
 # Interfaces of one joint coincide to this share of the size of the system: decks print eight digits or fewer.
 _COINCIDENT = 1e-5
-# Direction cosines below this are zero: frames are known to eight digits.
-_ALIGNED = 1e-6
-# Rows are dependent when what one adds to the others is below this share of it.
-_DEPENDENT = 1e-7
 _UNIT_RATIOS = {1000.0: "m and mm", 100.0: "m and cm", 39.3700787: "m and in", 25.4: "mm and in", 3.2808399: "m and ft"}
 
 
@@ -86,48 +82,6 @@ def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], 
     return Constraints(A, tuple(owner), gap)
 
 
-def check_redundant(stack: PointStack, constraints: Constraints) -> None:
-    """Refuse joints that lock the same motion twice.
-
-    Every point of a flexible body may move on its own; the points of a rigid body move together. Rows that depend
-    on earlier ones over these motions leave the joint forces undetermined.
-
-    Raises
-    ------
-    ConstraintError
-        Naming the joints and motions that are locked already.
-    """
-    parts = []
-    for name, sub in stack.substructures.items():
-        columns = stack.body_columns(name)
-        A = constraints.A[:, columns]
-        # A flexible body of which only the rigid modes are kept has as many coordinates, but its joints are no error.
-        rigid = sub.omega is None and sub.rigid.shape[1] == sub.m
-        parts.append(A @ dense(stack.motions(name)) if rigid else A)
-    A = np.hstack(parts) if parts else constraints.A
-    # Rotations are measured against the arms that turn them into displacements.
-    norms = np.linalg.norm(A, axis=1)
-    basis: list[NDArray[np.float64]] = []
-    surplus = []
-    for row, size, name in zip(A, norms, constraints.owner, strict=True):
-        left = row.copy()
-        for _ in range(2):
-            for q in basis:
-                left -= (q @ left) * q
-        rest = np.linalg.norm(left)
-        if rest <= _DEPENDENT * size:
-            surplus.append(name)
-        else:
-            basis.append(left / rest)
-    if surplus:
-        named = ", ".join(surplus[:8]) + (" ..." if len(surplus) > 8 else "")
-        raise ConstraintError(
-            f"the joints over-constrain the bodies: {len(surplus)} of {len(norms)} locked motions are locked already "
-            f"by the joints before them: {named}. Free these motions "
-            "(`free: [...]`), or remove the joint that closes the loop"
-        )
-
-
 def _joint_rows(
     stack: PointStack, placed: Mapping[str, Placement], joint: Joint, axes: NDArray[np.float64]
 ) -> list[tuple[NDArray[np.float64], str]]:
@@ -148,8 +102,8 @@ def _joint_rows(
     locked = [dof for dof in range(6) if dof not in joint.free]
     found = []
     for k, (near, far) in enumerate(zip(*labels, strict=True)):
-        here = _available(first, k, axes @ a.rotation)
-        there = _available(second, k, axes @ b.rotation)
+        here = available(first, k, axes @ a.rotation)
+        there = available(second, k, axes @ b.rotation)
         # Motion of the first interface carried along the rigid arm to where the second one is.
         carry = np.eye(6)
         carry[:3, 3:] = -cross_matrix(arms[k])
@@ -157,7 +111,7 @@ def _joint_rows(
         if differ:
             raise SceneError(
                 f"joint '{joint.name}' locks {', '.join(differ)}, but only one of '{joint.first}' (dofs "
-                f"{_digits(first, k)}) and '{joint.second}' (dofs {_digits(second, k)}) can move so: interfaces of a "
+                f"{digits(first, k)}) and '{joint.second}' (dofs {digits(second, k)}) can move so: interfaces of a "
                 "joint need the same dofs. Give both the same `dofs:`, or free these motions"
             )
         for dof in locked:
@@ -166,16 +120,15 @@ def _joint_rows(
             if dof < 3:
                 _check_carried(first, k, np.cross(arms[k], axes[dof] @ a.rotation), joint, size)
             row = np.zeros(stack.size)
-            direction = np.zeros(6)
-            direction[dof // 3 * 3 : dof // 3 * 3 + 3] = axes[dof % 3]
-            row[stack.columns(joint.second.body, far)] += _in_body(direction, b)
-            row[stack.columns(joint.first.body, near)] -= _in_body(direction, a) @ carry
+            direction = joint_direction(axes, dof)
+            row[stack.columns(joint.second.body, far)] += in_body(direction, b)
+            row[stack.columns(joint.first.body, near)] -= in_body(direction, a) @ carry
             where = f" node {first.node[k]}" if first.node.size > 1 else ""
             found.append((row, f"{joint.name}{where} {DOF_NAMES[dof]}"))
     if locked and not found:
         raise SceneError(
-            f"joint '{joint.name}' locks nothing: neither '{joint.first}' (dofs {_digits(first, 0)}) nor "
-            f"'{joint.second}' (dofs {_digits(second, 0)}) can move along its axes "
+            f"joint '{joint.name}' locks nothing: neither '{joint.first}' (dofs {digits(first, 0)}) nor "
+            f"'{joint.second}' (dofs {digits(second, 0)}) can move along its axes "
             f"{', '.join(DOF_NAMES[dof] for dof in locked)}. Check `free:` and the `frame:` of the first interface"
         )
     return found
@@ -187,7 +140,7 @@ def _check_carried(face: Interface, k: int, turn: NDArray[np.float64], joint: Jo
     if any(abs(turn @ axis) > _COINCIDENT * size for axis in missing):
         raise SceneError(
             f"joint '{joint.name}': its interfaces lie apart, by an offset or a slide, but '{joint.first}' (dofs "
-            f"{_digits(face, k)}) has no rotations to swing the arm between them. Give it a node with all six dofs"
+            f"{digits(face, k)}) has no rotations to swing the arm between them. Give it a node with all six dofs"
         )
 
 
@@ -201,30 +154,9 @@ def _ground_rows(
         for component in face.components[k]:
             dof = max(component - 1, 0)
             row = np.zeros(stack.size)
-            direction = np.zeros(6)
-            direction[dof // 3 * 3 : dof // 3 * 3 + 3] = sub.axes[label][dof % 3]
-            row[stack.columns(point.body, label)] = direction
+            row[stack.columns(point.body, label)] = joint_direction(sub.axes[label], dof)
             found.append((row, f"ground {point} {DOF_NAMES[dof]}"))
     return found
-
-
-def _in_body(direction: NDArray[np.float64], place: Placement) -> NDArray[np.float64]:
-    return np.concatenate([direction[:3] @ place.rotation, direction[3:] @ place.rotation])
-
-
-def _available(face: Interface, k: int, axes: NDArray[np.float64]) -> list[bool]:
-    """Which motions along ``axes`` (rows, in the body's basic frame) a node of the interface has."""
-    frame = face.node_frame(k)
-    components = {max(c, 1) for c in face.components[k]}
-    answer = []
-    for dof in range(6):
-        missing = [frame[c % 3] for c in range(dof // 3 * 3, dof // 3 * 3 + 3) if c + 1 not in components]
-        answer.append(all(abs(axes[dof % 3] @ axis) < _ALIGNED for axis in missing))
-    return answer
-
-
-def _digits(face: Interface, k: int) -> str:
-    return "".join(str(c) for c in face.components[k])
 
 
 def _coincidence(

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from cmsreduce.assemble.joint_motion import first_motion, relative_motion
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.system import wire
 from cmsreduce.errors import ConstraintError
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.null_space import null_space
-from cmsreduce.model import Configuration, FEModel, InterfaceLoading, Joint, Point, Scene, Substructure
+from cmsreduce.model import Configuration, FEModel, InterfaceLoading, Joint, Placement, Point, Scene, Substructure
 
 __all__ = ["AS_BUILT", "grounded_rows", "joined_to", "joint_rows", "neighbour_loading"]
 
@@ -50,7 +51,7 @@ def grounded_rows(body: FEModel, rows: NDArray[np.int64], scene: Scene) -> NDArr
 def joint_rows(
     here: Substructure, there: Substructure, joints: Iterable[Joint], ground: Iterable[Point], scene: Scene
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Constraints of joints between two bodies as built, and of the ground.
+    """Constraints of joints between two bodies as built, and of the ground, without the joints' springs.
 
     Parameters
     ----------
@@ -72,12 +73,13 @@ def joint_rows(
     pair = replace(
         scene,
         bodies=(here.name, there.name),
-        joints=tuple(joints),
+        joints=tuple(replace(joint, elements=()) for joint in joints),
         configurations=(AS_BUILT,),
         actuators=(),
         sensors=(),
         base=here.name,
         ground=tuple(ground),
+        floating=(),
     )
     stack = PointStack({here.name: here, there.name: there})
     A = dense(stack.spread(wire(stack, pair, AS_BUILT).A))
@@ -104,9 +106,10 @@ def neighbour_loading(here: Substructure, others: Iterable[Substructure], scene:
     Notes
     -----
     The neighbour loads every dof of the shared interface, those that the joint leaves free too: its motors act
-    there, and no static mode is at hand to answer them. With A_h x + A_t y = 0 the neighbour moves as
-    y = -A_t^+ A_h x + N z, N the null space of A_t: a motion of it that the interface does not hold stays a coordinate
-    z of its own. Source: Benfield and Hruda (1971); theory section 2.
+    there, and no static mode is at hand to answer them. The joint's own inertia is part of the loading, once, and
+    rides on its first interface, whichever body has it; its springs strain only where a motion stays free. With
+    A_h x + A_t y = 0 the neighbour moves as y = -A_t^+ A_h x + N z, N the null space of A_t: a motion of it that the
+    interface does not hold stays a coordinate z of its own. Source: Benfield and Hruda (1971); theory section 2.
     """
     i = here.m
     K, M = np.zeros((i, i)), np.zeros((i, i))
@@ -129,8 +132,31 @@ def neighbour_loading(here: Substructure, others: Iterable[Substructure], scene:
         shapes[:, :i], shapes[:, i + z :] = follow, free
         K = _grown(K, free.shape[1]) + shapes.T @ (dense(there.K) @ shapes)
         M = _grown(M, free.shape[1]) + shapes.T @ (dense(there.M) @ shapes)
+        for stiffness, inertia, row in _elements(here, there, joints_to[there.name], shapes, scene):
+            K, M = K + stiffness * np.outer(row, row), M + inertia * np.outer(row, row)
         names.append(there.name)
     return InterfaceLoading(K, M, tuple(names), AS_BUILT.name)
+
+
+def _elements(
+    here: Substructure, there: Substructure, joints: Iterable[Joint], shapes: NDArray[np.float64], scene: Scene
+) -> Iterator[tuple[float, float, NDArray[np.float64]]]:
+    """Springs and inertias of joints to a neighbour: stiffness, inertia, and the motion they act on (i + z,)."""
+    stack = PointStack({here.name: here, there.name: there})
+    placed = {name: scene.placements.get(name, Placement()) for name in stack.substructures}
+    for joint in joints:
+        for element in joint.elements:
+            rows = np.array(
+                [motion_of(stack, placed, joint, element.dof) for motion_of in (relative_motion, first_motion)]
+            )
+            across, first = _follow(dense(stack.spread(rows)), here.m, shapes)
+            yield element.stiffness, 0.0, across
+            yield 0.0, element.inertia, first
+
+
+def _follow(rows: NDArray[np.float64], i: int, shapes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows over the i-set and the neighbour's own coordinates, the neighbour following."""
+    return np.pad(rows[:, :i], ((0, 0), (0, shapes.shape[1] - i))) + rows[:, i:] @ shapes
 
 
 def _locked(joint: Joint, here: Substructure, there: Substructure) -> Joint:
@@ -140,7 +166,7 @@ def _locked(joint: Joint, here: Substructure, there: Substructure) -> Joint:
     ]
     dofs = {frozenset(components) for face in faces for components in face.components}
     whole = len(dofs) == 1 and dofs <= _WHOLE
-    return replace(joint, free=frozenset()) if whole else joint
+    return replace(joint, free=frozenset(), elements=()) if whole else joint
 
 
 def _felt(there: Substructure, motions: NDArray[np.float64]) -> NDArray[np.float64]:

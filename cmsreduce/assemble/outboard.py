@@ -51,7 +51,8 @@ def outboard_loading(
     Notes
     -----
     An interface of several nodes takes the mass through the rigid motion that fits its dofs best; a point without
-    rotations takes it as a point mass.
+    rotations takes it as a point mass. A joint's own inertia rides on its first interface: it is counted with the
+    body that has it, once, be that this one or an outboard one.
     """
     i = rows.size
     M = np.zeros((i, i))
@@ -68,12 +69,36 @@ def outboard_loading(
         here = placed[body.name]
         pivot = here.rotation @ face.position[0] + here.translation
         mass = sum((_mass_about(bodies[name], placed[name], pivot, here) for name in group), np.zeros((6, 6)))
-        face_rows = body.interface_rows(face.name)
-        at = np.array([int(np.flatnonzero(rows == row)[0]) for row in face_rows])
-        motion = _best_fit(body, face_rows, face.position)
+        held = (link for link in scene.joints if link.first.body in group and link.elements)
+        mass = sum((_spin(bodies, placed, link, here) for link in held), mass)
+        at, motion = _carried(body, rows, face.name)
         M[np.ix_(at, at)] += motion.T @ mass @ motion
         names += group
+    for joint in scene.joints:
+        if joint.first.body == body.name and joint.elements:
+            at, motion = _carried(body, rows, joint.first.name)
+            M[np.ix_(at, at)] += motion.T @ _spin(bodies, placed, joint, placed[body.name]) @ motion
     return InterfaceLoading(np.zeros((i, i)), M, tuple(names))
+
+
+def _carried(body: FEModel, rows: NDArray[np.int64], face: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Where the dofs of an interface stand in the i-set, and its best-fitting rigid motion (6, dofs)."""
+    own = body.interface_rows(face)
+    at = np.array([int(np.flatnonzero(rows == row)[0]) for row in own])
+    return at, _best_fit(body, own, body.interfaces[face].position)
+
+
+def _spin(
+    bodies: Mapping[str, FEModel | RigidBody], placed: Mapping[str, Placement], joint: Joint, frame: Placement
+) -> NDArray[np.float64]:
+    """Inertia that a joint owns, along the axes of a body (6, 6)."""
+    first = joint.first
+    axes = bodies[first.body].interfaces[first.name].frame @ placed[first.body].rotation.T @ frame.rotation
+    J = np.zeros((6, 6))
+    for element in joint.elements:
+        if element.inertia:
+            J[3:, 3:] += element.inertia * np.outer(axes[element.dof - 3], axes[element.dof - 3])
+    return J
 
 
 def _best_fit(body: FEModel, rows: NDArray[np.int64], position: NDArray[np.float64]) -> NDArray[np.float64]:

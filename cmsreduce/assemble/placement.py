@@ -26,7 +26,7 @@ def place_bodies(
     Parameters
     ----------
     substructures : mapping of name to Substructure
-        Bodies with the positions of their interfaces.
+        Bodies with the positions of their interfaces; those that joints own stand nowhere.
     scene : Scene
         Joints, base, placements as built.
     configuration : Configuration
@@ -39,15 +39,15 @@ def place_bodies(
     Raises
     ------
     SceneError
-        If a body is joined to nothing.
+        If a body is joined to nothing, and the scene does not name it as floating.
     """
     placed = {name: scene.placements.get(name, Placement()) for name in substructures}
     reached, inboard_of = joint_tree(scene)
-    lost = [name for name in substructures if name not in reached]
+    lost = [name for name in substructures if name in scene.bodies and name not in reached]
     if lost:
         raise SceneError(
             f"component '{lost[0]}' is joined to nothing: no chain of joints leads from it to '{reached[0]}'. Add a "
-            "joint, ground it, or take it out of the pipeline"
+            "joint, ground it, let it float (`scene.floating`), or take it out of the pipeline"
         )
     children: dict[str, list[str]] = {name: [] for name in reached}
     for outer, joint in inboard_of.items():
@@ -66,18 +66,18 @@ def place_bodies(
 
 
 def joint_tree(scene: Scene) -> tuple[list[str], dict[str, Joint]]:
-    """Walk the joints outwards from the base body and the ground.
+    """Walk the joints outwards from the base body, the ground, and bodies that float by themselves.
 
     Returns
     -------
     reached : list of str
         Bodies in the order they are come to, the base first.
     inboard_of : dict of name to Joint
-        The joint that each body hangs on; the base and grounded bodies hang on none.
+        The joint that each body hangs on; the base, grounded and floating bodies hang on none.
     """
     base = scene.base or scene.bodies[0]
     reached, inboard_of = [base], dict[str, Joint]()
-    roots = {base} | {point.body for point in scene.ground}
+    roots = {base, *scene.floating} | {point.body for point in scene.ground}
     reached += [name for name in scene.bodies if name in roots - {base}]
     at = 0
     while at < len(reached):

@@ -11,9 +11,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.assemble.channels import channel_rows
-from cmsreduce.assemble.joints import check_redundant, constrain
+from cmsreduce.assemble.constraint_space import constraint_space
+from cmsreduce.assemble.joint_elements import element_rows, with_joint_bodies
+from cmsreduce.assemble.joints import constrain
 from cmsreduce.assemble.placement import place_bodies
 from cmsreduce.assemble.points import PointStack
+from cmsreduce.assemble.redundancy import settle_redundant
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.null_space import null_space
@@ -21,18 +24,12 @@ from cmsreduce.model import Configuration, Matrix, Placement, Scene, Substructur
 
 __all__ = ["Wiring", "assemble", "wire"]
 
-# The null space is held sparse when at least this share of the coordinates is in no constraint.
-_MOSTLY_FREE = 0.5
-
 # Nodes without rotations that are joined over a gap hold rigid motion by that gap over their distance from the centre
 # of mass, which is this share of the system's size or more.
 _OVER_GAP = 100.0
 
 # A free motion with less than this share of the largest modal mass carries none: inertia and mass differ by units.
 _NO_MASS = 1e-20
-
-# A constraint row's weight on a coordinate below this share of the row is round-off of a direction cosine.
-_NO_WEIGHT = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +39,8 @@ class Wiring:
     Parameters
     ----------
     A : (c, size) float64
-        Constraints over the stacked motions of a `PointStack`.
+        Constraints over the stacked motions of a `PointStack`: joints, ground, and the ties of the joints' springs,
+        dampers and inertias to the bodies.
     B : (inputs, size) float64
         Motions the actuators act on; transposed, the input matrix.
     C1, C2 : (outputs, size) float64
@@ -51,6 +49,8 @@ class Wiring:
         Where the bodies stand.
     gap : float
         Largest distance between nodes that are joined, relative to the size of the system.
+    notes : tuple of str
+        What was done that the user may not expect.
     """
 
     A: NDArray[np.float64]
@@ -59,31 +59,42 @@ class Wiring:
     C2: NDArray[np.float64]
     placed: Mapping[str, Placement]
     gap: float
+    notes: tuple[str, ...] = ()
 
 
 def wire(stack: PointStack, scene: Scene, configuration: Configuration) -> Wiring:
     """Rows of joints, actuators and sensors over the points, in one configuration.
 
+    Parameters
+    ----------
+    stack : PointStack
+        Points of all bodies, those that joints own among them (`with_joint_bodies`).
+    scene : Scene
+        Joints, ground, actuators, sensors.
+    configuration : Configuration
+        Setting of the joints.
+
     Raises
     ------
     SceneError, ConstraintError
-        As `place_bodies`, `constrain`, `check_redundant` and `channel_rows` do.
+        As `place_bodies`, `constrain`, `settle_redundant`, `element_rows` and `channel_rows` do.
     """
     placed = place_bodies(stack.substructures, scene, configuration)
     turned = any(configuration.angles.values())
     if turned:
         constrain(stack, scene, place_bodies(stack.substructures, scene, Configuration("as built")), as_built=True)
-    constraints = constrain(stack, scene, placed, as_built=not turned)
-    check_redundant(stack, constraints)
+    constraints, notes = settle_redundant(stack, constrain(stack, scene, placed, as_built=not turned), scene.redundant)
+    ties, _ = element_rows(stack, scene, placed)
     C = channel_rows(stack, scene, placed, scene.sensors)
     rate = np.array([sensor.rate for sensor in scene.sensors], dtype=bool).reshape(-1, 1)
     return Wiring(
-        constraints.A,
+        np.vstack([constraints.A, *ties]),
         channel_rows(stack, scene, placed, scene.actuators),
         np.where(rate, 0.0, C),
         np.where(rate, C, 0.0),
         placed,
         constraints.gap,
+        notes,
     )
 
 
@@ -113,16 +124,19 @@ def assemble(substructures: Mapping[str, Substructure], scene: Scene, configurat
 
     Notes
     -----
-    A T = 0 with T from a singular value decomposition of the columns of A that joints touch; all others are kept as
-    they are. Source: theory section 6, with null(A_R) itself.
+    A T = 0 with T from a block reflector on the columns of A that joints touch; all others are kept as they are.
+    Source: theory section 6, with null(A_R) itself. Springs, dampers and inertias of joints are bodies of the joints'
+    own, after the others.
     """
+    substructures = with_joint_bodies(substructures, scene)
     stack = PointStack(substructures)
     wiring = wire(stack, scene, configuration)
     A = stack.spread(wiring.A)
-    T = _constraint_null_space(A)
-    M, K = (_congruent(T, [getattr(sub, letter) for sub in substructures.values()]) for letter in ("M", "K"))
+    space = constraint_space(A)
+    T = space.T
+    M, K = (space.congruent([getattr(sub, letter) for sub in substructures.values()]) for letter in ("M", "K"))
     D, loss = (
-        _congruent(T, [_or_zero(getattr(sub, letter), sub.m) for sub in substructures.values()])
+        space.congruent([_or_zero(getattr(sub, letter), sub.m) for sub in substructures.values()])
         if any(getattr(sub, letter) is not None for sub in substructures.values())
         else None
         for letter in ("D", "loss")
@@ -152,36 +166,9 @@ def assemble(substructures: Mapping[str, Substructure], scene: Scene, configurat
         inputs=tuple(actuator.name for actuator in scene.actuators),
         outputs=tuple(sensor.name for sensor in scene.sensors),
         rounding=max(sub.rounding for sub in substructures.values()),
+        joints=scene.joints,
+        notes=wiring.notes,
     )
-
-
-def _constraint_null_space(A: sp.csr_array) -> Matrix:
-    """Orthonormal columns T with A T = 0: dense only in the coordinates that constraints touch."""
-    weights = sp.csc_array(A)
-    largest = float(abs(weights.data).max(initial=0.0))
-    weights.data[abs(weights.data) <= _NO_WEIGHT * largest] = 0.0
-    weights.eliminate_zeros()
-    touched = np.flatnonzero(np.diff(weights.indptr))
-    N, _ = null_space(weights[:, touched].toarray())
-    free = np.setdiff1d(np.arange(A.shape[1]), touched)
-    if free.size < _MOSTLY_FREE * A.shape[1]:
-        T = np.zeros((A.shape[1], free.size + N.shape[1]))
-        T[free, np.arange(free.size)] = 1.0
-        T[touched, free.size :] = N
-        return T
-    identity = sp.coo_array((np.ones(free.size), (free, np.arange(free.size))), shape=(A.shape[1], free.size))
-    block = sp.coo_array(N)
-    joined = sp.coo_array((block.data, (touched[block.row], block.col)), shape=(A.shape[1], N.shape[1]))
-    return sp.csc_array(sp.hstack([identity, joined]))
-
-
-def _congruent(T: Matrix, blocks: list[Matrix]) -> Matrix:
-    whole = sp.csc_array(sp.block_diag([sp.csc_array(block) for block in blocks]))
-    if sp.issparse(T):
-        A = sp.csc_array(T.T @ whole @ T)
-        return sp.csc_array((A + A.T) * 0.5)
-    small = np.asarray(T.T @ (whole @ T))
-    return np.asarray((small + small.T) / 2)
 
 
 def _or_zero(block: Matrix | None, m: int) -> Matrix:

@@ -5,6 +5,7 @@ from cmsreduce.config.files import MatrixFile
 from cmsreduce.config.grammar import Pipeline, json_schema
 from cmsreduce.config.interface import InterfaceKeys
 from cmsreduce.config.load import load_pipeline
+from cmsreduce.config.project_keys import ProjectKeys
 from cmsreduce.config.scene import build_scene
 from cmsreduce.config.stages import (
     BalanceKeys,
@@ -25,6 +26,7 @@ __all__ = [
     "MatrixFile",
     "ModeSetKeys",
     "Pipeline",
+    "ProjectKeys",
     "RankingKeys",
     "ReduceKeys",
     "VerifyKeys",

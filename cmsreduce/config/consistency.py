@@ -51,6 +51,9 @@ def findings(pipeline: Pipeline) -> Iterator[Finding]:
             yield from _channel(pipeline, ("scene", kind, name), channel)
     for k, text in enumerate(scene.ground):
         yield from _interface(pipeline, ("scene", "ground", k), text)
+    for k, name in enumerate(scene.floating):
+        if name not in pipeline.components:
+            yield Finding(("scene", "floating", k), not_among("component", name, pipeline.components))
     if scene.base is not None and scene.base not in pipeline.components:
         yield Finding(("scene", "base"), not_among("component", scene.base, pipeline.components))
     yield from _residuals(pipeline)

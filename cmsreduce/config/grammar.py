@@ -8,7 +8,8 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field, WithJsonSchema
 
 from cmsreduce.config.component import Component
-from cmsreduce.config.keys import DataPath, Keys, Name, NotAvailable, OneOrMore
+from cmsreduce.config.keys import DataPath, Keys, Name, OneOrMore
+from cmsreduce.config.project_keys import ProjectKeys
 from cmsreduce.config.scene_keys import SceneKeys
 from cmsreduce.config.solver import SolverKeys
 from cmsreduce.config.stages import BalanceKeys, KeepKeys, ReduceKeys, VerifyKeys, WriteKeys
@@ -53,8 +54,10 @@ class Pipeline(Keys):
         description="Rank the modes by their influence and keep those that matter.",
         examples=[{"rank": "gregory", "keep": {"frf_error": 0.01}}],
     )
-    project: NotAvailable = Field(
-        default=None, description="Projection and assembly of system modes. Not available in this version."
+    project: ProjectKeys | None = Field(
+        default=None,
+        description="Project modes of the whole system on the bodies, and join these again.",
+        examples=[{"modes": "auto", "configurations": "all"}],
     )
     verify: VerifyKeys | None = Field(
         default=None,

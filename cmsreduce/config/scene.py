@@ -65,6 +65,8 @@ def build_scene(pipeline: Pipeline) -> Scene:
         sensors=tuple(channel for name, sensor in keys.sensors.items() for channel in _sensor(pipeline, name, sensor)),
         base=keys.base or next(iter(pipeline.components)),
         ground=tuple(parse_point(text) for text in keys.ground),
+        floating=keys.floating,
+        redundant=keys.redundant,
         placements={
             name: component.place.placement(units)
             for name, component in pipeline.components.items()
@@ -81,7 +83,8 @@ def _joints(pipeline: Pipeline) -> Iterator[Joint]:
         if joint.offset is not None:
             x, y, z = (item.length_in(pipeline.units) for item in joint.offset)
             offset = (x, y, z)
-        yield Joint(name, first, second, frozenset(dof_index(dof) for dof in joint.free), offset)
+        free = frozenset(dof_index(dof) for dof in joint.free)
+        yield Joint(name, first, second, free, offset, joint.elements(pipeline.units))
 
 
 def _configurations(pipeline: Pipeline) -> Iterator[Configuration]:

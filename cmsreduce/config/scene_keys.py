@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, field_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from cmsreduce.config.articulation import Articulation
-from cmsreduce.config.channels import ActuatorKeys, Pair, SensorKeys
-from cmsreduce.config.keys import DofNames, Keys, Name, OneOrMore, PointName, UnitSystem, WrittenVector, reported
+from cmsreduce.config.channels import ActuatorKeys, SensorKeys
+from cmsreduce.config.joint_keys import JointKeys
+from cmsreduce.config.keys import Keys, Name, OneOrMore, PointName, UnitSystem, reported
 from cmsreduce.config.quantities import Quantity, measure, parse_quantity
 
-__all__ = ["JointKeys", "SceneKeys"]
+__all__ = ["SceneKeys"]
 
 
 def _parse_band(value: object) -> tuple[float, float]:
@@ -36,34 +37,6 @@ Band = Annotated[
     WithJsonSchema({"type": ["number", "string", "array"], "items": {"type": ["number", "string"]}, "maxItems": 2}),
 ]
 """Lowest and highest frequency in Hz."""
-
-
-class JointKeys(Keys):
-    """A connection of two interfaces; its axes are those of the first."""
-
-    connect: Pair = Field(
-        description="The two interfaces, COMPONENT.INTERFACE.", examples=[["stator.spin_bearing", "rotor.spin_bearing"]]
-    )
-    free: DofNames = Field(
-        default=(),
-        description="Motions that are free, along the axes of the first interface; the others are locked. By default, "
-        "and with none, all are: a weld.",
-        examples=["[rz]"],
-    )
-    offset: WrittenVector | None = Field(
-        default=None,
-        description="Rigid arm from the first interface to the second in the first body's basic frame, in the scene's "
-        "unit of length or with units, where the two do not coincide.",
-        examples=[[0, 0, "120 mm"]],
-    )
-
-    @field_validator("offset")
-    @classmethod
-    def _lengths(cls, offset: tuple[Quantity, ...] | None) -> tuple[Quantity, ...] | None:
-        for item in offset or ():
-            if item.unit and item.dimension != "length":
-                raise ValueError(f"{item} is no length, e.g. 3 mm")
-        return offset
 
 
 class SceneKeys(Keys):
@@ -97,6 +70,18 @@ class SceneKeys(Keys):
         default=(),
         description="Interface or interfaces that are held to the ground; without them the system floats free.",
         examples=["platform.hinge"],
+    )
+    floating: Annotated[tuple[Name, ...], OneOrMore()] = Field(
+        default=(),
+        description="Components that no chain of joints leads to from the base, on purpose: each moves freely by "
+        "itself, with what is joined to it.",
+        examples=["probe"],
+    )
+    redundant: Literal["refuse", "drop"] = Field(
+        default="refuse",
+        description="Motions that joints lock twice, as in a closed loop of rigid links: refuse them by name, or drop "
+        "the surplus and say which.",
+        examples=["drop"],
     )
     base: Name | None = Field(
         default=None,

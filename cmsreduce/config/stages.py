@@ -18,6 +18,7 @@ from pydantic import (
 from pydantic_core import CoreSchema
 
 from cmsreduce.config.keys import Count, Flag, Keys, Name, Plain, Positive, one_of
+from cmsreduce.config.ranking_options import ClusterLimit, Scaling, WeightingKeys
 from cmsreduce.model.scene import DOF_NAMES
 
 __all__ = [
@@ -34,12 +35,11 @@ __all__ = [
 ]
 
 Method = Literal["craig-bampton", "macneal-rubin", "benfield-hruda", "augmented", "guyan"]
-Rank = Literal["gregory", "frequency"]
-Format = Literal["hdf5"]
-KeepRule = Literal["all", "modes", "fraction", "frf_error"]
+Rank = Literal["gregory", "hankel", "component-cost", "modal-gain", "peak-amplitude", "frequency"]
+Format = Literal["hdf5", "matlab"]
+KeepRule = Literal["all", "modes", "fraction", "frf_error", "bound"]
 
 _CONSTRAINT_MODES = ("craig-bampton", "guyan")
-_PLANNED_RANKINGS = ("hankel", "component-cost")
 _PLANNED_FORMATS = ("nastran", "treetops", "contops", "discos", "dads", "mbdyn", "mbsim", "sid", "42", "exudyn")
 
 
@@ -54,6 +54,19 @@ def _check_residual(value: object) -> str:
         f"{', '.join(DOF_NAMES)})"
     )
 
+
+def _check_cutoff(value: object) -> object:
+    if isinstance(value, str) and value != "auto":
+        raise ValueError(f"found the text '{value}', expected a number, e.g. 2.0, or auto")
+    return value
+
+
+Cutoff = Annotated[
+    Annotated[float, Strict(), Field(gt=0), Tag("number")] | Annotated[Literal["auto"], Tag("auto")],
+    Discriminator(lambda value: "auto" if isinstance(value, str) else "number"),
+    BeforeValidator(_check_cutoff),
+]
+"""A multiple of the band, or ``auto``."""
 
 _ALL_OF_A_KIND = ("sensors", "actuators", "dampers")
 Residual = Annotated[str, BeforeValidator(_check_residual)]
@@ -70,10 +83,11 @@ class ModeSetKeys(Keys):
         "the mass of all that is outboard; guyan: constraint modes only.",
         examples=["craig-bampton"],
     )
-    cutoff: Positive = Field(
+    cutoff: Cutoff = Field(
         default=2.0,
-        description="Normal modes are kept up to this multiple of the upper end of scene.band.",
-        examples=[2.0],
+        description="Normal modes are kept up to this multiple of the upper end of scene.band. `auto`: from 1.5 times "
+        "the band, raised for each body until the modes left out cost less than the error asked for.",
+        examples=[2.0, "auto"],
     )
     interface_cutoff: Positive | None = Field(
         default=None,
@@ -89,6 +103,8 @@ class ModeSetKeys(Keys):
                 f"{self.method} has no constraint modes, so interface_cutoff does not apply to it: take it out, or "
                 f"use {' or '.join(_CONSTRAINT_MODES)}"
             )
+        if self.cutoff == "auto" and self.method == "guyan":
+            raise ValueError("guyan keeps no normal modes, so no cutoff can be found for it: take `cutoff: auto` out")
         return self
 
 
@@ -128,7 +144,7 @@ Modes = Annotated[
 class KeepKeys(Keys):
     """How many of the ranked modes stay: one of the keys, or ``all``."""
 
-    alternatives: ClassVar[tuple[str, ...]] = ("modes", "fraction", "hankel_fraction", "frf_error")
+    alternatives: ClassVar[tuple[str, ...]] = ("modes", "fraction", "hankel_fraction", "frf_error", "bound")
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"const": "all"},)
 
     modes: Modes | None = Field(
@@ -149,6 +165,12 @@ class KeepKeys(Keys):
         description="The smallest model whose frf_error stays below this, at every configuration.",
         examples=[0.01],
     )
+    bound: Positive | None = Field(
+        default=None,
+        description="The fewest modes of each body by itself with which its elastic response, at any frequency, is "
+        "proven to err by less than this share of its largest value. The assembled system inherits no such bound.",
+        examples=[0.05],
+    )
 
     @classmethod
     def written_out(cls, value: object) -> object:
@@ -163,7 +185,7 @@ class KeepKeys(Keys):
 
     @model_validator(mode="after")
     def _one_rule(self) -> KeepKeys:
-        given = [name for name in ("modes", "fraction", "frf_error") if getattr(self, name) is not None]
+        given = [name for name in ("modes", "fraction", "frf_error", "bound") if getattr(self, name) is not None]
         if len(given) > 1:
             raise ValueError(f"{' and '.join(given)} are two rules: keep one")
         return self
@@ -183,6 +205,8 @@ class KeepKeys(Keys):
             return "modes"
         if self.fraction is not None:
             return "fraction"
+        if self.bound is not None:
+            return "bound"
         return "frf_error" if self.frf_error is not None else "all"
 
     def modes_of(self, component: str) -> int | None:
@@ -193,13 +217,33 @@ class KeepKeys(Keys):
 class RankingKeys(Keys):
     """A ranking and what is kept of it."""
 
-    rank: Annotated[Rank, one_of(get_args(Rank), _PLANNED_RANKINGS)] = Field(
+    rank: Rank = Field(
         default="gregory",
-        description="Order of the modes. gregory: modal influence coefficient; frequency: lowest first.",
+        description="Order of the modes. gregory: modal influence coefficient; hankel: exact Hankel norm of what is "
+        "lost, clusters seen whole; component-cost: share in the mean square response to white noise; modal-gain, "
+        "peak-amplitude: INCA's criteria; frequency: lowest first.",
         examples=["gregory"],
     )
     keep: KeepKeys = Field(
         default=KeepKeys(), description="How many of the ranked modes stay.", examples=[{"modes": 20}]
+    )
+    weighting: WeightingKeys | None = Field(
+        default=None,
+        description="Which frequencies count: `band` for those of the scene, or a filter. All by default; a ranking by "
+        "frequency takes no notice.",
+        examples=["band"],
+    )
+    scaling: Scaling = Field(
+        default="auto",
+        description="Arm at which rotations count as arcs and moments as forces, so that the unit of length does not "
+        "decide: auto for the body's radius of gyration, a length, or none to take radians beside the scene's unit.",
+        examples=["auto"],
+    )
+    clusters: ClusterLimit = Field(
+        default=0.1,
+        description="Correlation of two modes' Gramians above which the hankel ranking takes them for a cluster; none "
+        "for no clusters but repeated modes.",
+        examples=[0.1],
     )
 
 
@@ -265,10 +309,25 @@ class WriteKeys(Keys):
     """Which files the reduced bodies are written to."""
 
     formats: tuple[Annotated[Format, one_of(get_args(Format), _PLANNED_FORMATS)], ...] = Field(
-        default=("hdf5",), min_length=1, description="Formats of the component files.", examples=[["hdf5"]]
+        default=("hdf5",),
+        min_length=1,
+        description="Formats of the files. hdf5: component files and the system; matlab: their state space, .mat.",
+        examples=[["hdf5", "matlab"]],
+    )
+    balanced_states: Annotated[int, Strict(), Field(ge=2, multiple_of=2)] | None = Field(
+        default=None,
+        description="Also write, with the system's state space, its elastic part balanced and cut down to so many "
+        "states, which are displacements and rates of points. For matlab.",
+        examples=[12],
     )
     all_nodes: Flag = Field(
         default=False,
         description="Write shapes at every node, not only where interfaces, actuators and sensors are.",
         examples=[True],
     )
+
+    @model_validator(mode="after")
+    def _has_states(self) -> WriteKeys:
+        if self.balanced_states is not None and "matlab" not in self.formats:
+            raise ValueError("balanced_states are written to system.mat: add matlab to the formats")
+        return self

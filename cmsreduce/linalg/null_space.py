@@ -12,6 +12,7 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factorise import Factor, NotPositiveDefiniteError, factorise
 
 __all__ = [
+    "DEPENDENT",
     "HELD",
     "motions_held",
     "null_space",
@@ -22,9 +23,9 @@ __all__ = [
 ]
 
 _DOUBLE = 2.0**-53
-# A constraint is dependent when what it adds is below this share of the largest: joints are written with
-# coordinates of 8 digits, so their directions are known no better.
-_DEPENDENT = 1e-9
+DEPENDENT = 1e-9
+"""A constraint is dependent when what it adds is below this share of the largest: joints are written with coordinates
+of 8 digits, so their directions are known no better."""
 # Rigid motions are independent at an interface when their smallest singular value there, in units of the largest,
 # exceeds this: an interface this nearly singular amplifies every digit that a deck prints.
 HELD = 1e-8
@@ -72,10 +73,10 @@ def null_space(A: NDArray[np.float64], inexact: float = 0.0) -> tuple[NDArray[np
     if A.shape[0] == 0:
         return np.eye(A.shape[1]), 0
     norms = np.linalg.norm(A, axis=1)
-    rows = A[norms > _DEPENDENT * norms.max(initial=0.0)]
+    rows = A[norms > DEPENDENT * norms.max(initial=0.0)]
     rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
     _, s, vt = la.svd(rows, full_matrices=True)
-    rank = int(np.count_nonzero(s > max(inexact, _DEPENDENT) * s.max(initial=1.0)))
+    rank = int(np.count_nonzero(s > max(inexact, DEPENDENT) * s.max(initial=1.0)))
     return vt[rank:].T.copy(), rank
 
 
@@ -105,14 +106,17 @@ def row_basis(A: NDArray[np.float64]) -> NDArray[np.float64]:
     Returns
     -------
     U : (rank, c) float64
-        ``U @ A`` has full row rank and the row space of A.
+        ``U @ A`` has full row rank and the row space of A. Where no row depends on others they are scaled and not
+        mixed: joints of light bodies keep their digits beside those of heavy ones.
     """
     norms = np.linalg.norm(A, axis=1)
     if A.shape[0] == 0 or norms.max() == 0:
         return np.empty((0, A.shape[0]))
-    scale = np.where(norms > _DEPENDENT * norms.max(), 1 / np.where(norms > 0, norms, 1.0), 0.0)
+    scale = np.where(norms > DEPENDENT * norms.max(), 1 / np.where(norms > 0, norms, 1.0), 0.0)
     u, s, _ = la.svd(A * scale[:, None], full_matrices=False)
-    return (u[:, s > _DEPENDENT * s.max()] * scale[:, None]).T
+    if s.size == A.shape[0] and s[-1] > DEPENDENT * s[0]:
+        return np.diag(scale)
+    return (u[:, s > DEPENDENT * s.max()] * scale[:, None]).T
 
 
 def stiffness_null_space(
@@ -283,7 +287,7 @@ def rigid_body_modes(
     shapes, _ = np.linalg.qr(shapes)
     gram = shapes.T @ (M @ shapes)
     weight, V = la.eigh(gram)
-    if weight[0] <= _DEPENDENT * weight[-1] * 1e-3 or weight[-1] <= 0:
+    if weight[0] <= DEPENDENT * weight[-1] * 1e-3 or weight[-1] <= 0:
         raise MatrixError(
             f"body '{name}': a motion that K does not resist carries no mass ({weight[0]:.1e} against "
             f"{weight[-1]:.1e}); hold it by a constraint, or take the massless dofs out of the matrices"
@@ -297,7 +301,7 @@ def _geometric_motions(K: sp.csc_array, R: NDArray[np.float64] | None, rounding:
     if R is None or not lengths.any():
         return np.empty((K.shape[0], 0))
     Q, s, _ = la.svd(R[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
-    Q = Q[:, s > _DEPENDENT * s.max()]
+    Q = Q[:, s > DEPENDENT * s.max()]
     _, s, vt = la.svd(K @ Q, full_matrices=False)
     shapes = Q @ vt[s <= _RIGID_FACTOR * max(rounding, _DOUBLE) * spla.norm(K, 1)].T
     scaled, d = _unit_diagonal(K)

@@ -129,9 +129,7 @@ class Pardiso(Factor):
     def _negative_pivots(self) -> int:
         return 0 if self._type == _DEFINITE else int(self._iparm[22])
 
-    def _call(
-        self, phase: int, n: int, b: NDArray[Any] | None = None, x: NDArray[Any] | None = None
-    ) -> None:
+    def _call(self, phase: int, n: int, b: NDArray[Any] | None = None, x: NDArray[Any] | None = None) -> None:
         error = ctypes.c_int(0)
         _library().MKL_Set_Num_Threads_Local(ctypes.c_int(current_settings().thread_count))
         columns = 1 if b is None else b.shape[1]

@@ -14,7 +14,15 @@ from threadpoolctl import threadpool_limits
 
 from cmsreduce.model import Factorisation
 
-__all__ = ["BACKENDS", "Backend", "Precision", "SolverSettings", "available_memory", "current_settings", "solver_settings"]
+__all__ = [
+    "BACKENDS",
+    "Backend",
+    "Precision",
+    "SolverSettings",
+    "available_memory",
+    "current_settings",
+    "solver_settings",
+]
 
 Precision = Literal["auto", "double", "single"]
 Backend = Literal["auto", "pardiso", "cholmod", "superlu"]

@@ -7,10 +7,13 @@ from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import SCALAR, DofTable, components_from_digits
 from cmsreduce.model.factorisation import Factorisation
 from cmsreduce.model.interface import Interface
+from cmsreduce.model.joint_element import JointElement
 from cmsreduce.model.loading import InterfaceLoading
 from cmsreduce.model.modal_channels import ModalChannels
+from cmsreduce.model.modal_integrals import Lumping, ModalIntegrals
 from cmsreduce.model.mode_set import ModeBlock, ModeKind, ModeSet
 from cmsreduce.model.nodes import Nodes, cross_matrix, rigid_body_shapes
+from cmsreduce.model.projection_record import ExtraneousMode, ModeShare, ProjectionRecord, SampledModes
 from cmsreduce.model.recovery import Recovery
 from cmsreduce.model.reduced import ModalComponent, ReducedComponent
 from cmsreduce.model.run import (
@@ -37,6 +40,7 @@ from cmsreduce.model.scene import (
     StrutTerm,
     dof_index,
 )
+from cmsreduce.model.selection_record import BoundRecord, SearchRecord
 from cmsreduce.model.system import Matrix, Substructure, System
 from cmsreduce.model.unit_conversion import in_units, rigid_in_units
 from cmsreduce.model.units import SI, Units
@@ -53,6 +57,7 @@ __all__ = [
     "ERRORS",
     "SCALAR",
     "SI",
+    "BoundRecord",
     "Channel",
     "Configuration",
     "DampedPairs",
@@ -63,9 +68,16 @@ __all__ = [
     "Interface",
     "InterfaceLoading",
     "Joint",
+    "JointElement",
     "JointTerm",
     "Matrix",
+    "ExtraneousMode",
+    "ModeShare",
+    "ProjectionRecord",
+    "SampledModes",
+    "Lumping",
     "ModalChannels",
+    "ModalIntegrals",
     "ModalComponent",
     "ModeBlock",
     "ModeCertificate",
@@ -79,6 +91,7 @@ __all__ = [
     "ReducedComponent",
     "RigidBody",
     "Scene",
+    "SearchRecord",
     "Source",
     "StrutTerm",
     "Substructure",

@@ -14,7 +14,7 @@ from cmsreduce.model.certificate import ModeCertificate
 
 __all__ = ["ModeBlock", "ModeKind", "ModeSet"]
 
-ModeKind = Literal["rigid", "constraint", "fixed", "free", "residual", "loaded"]
+ModeKind = Literal["rigid", "constraint", "fixed", "free", "residual", "loaded", "system"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from cmsreduce.model.body import Source
 from cmsreduce.model.check import Check
 from cmsreduce.model.factorisation import Factorisation
+from cmsreduce.model.projection_record import ProjectionRecord
 from cmsreduce.model.reduced import ModalComponent
 from cmsreduce.model.scene import Configuration
+from cmsreduce.model.selection_record import BoundRecord, SearchRecord
 
 __all__ = [
     "ERRORS",
@@ -181,6 +183,8 @@ class ComponentResult:
         Files it was read from.
     factorised : tuple of Factorisation
         Sparse factorisations that its stages did.
+    bound : BoundRecord, optional
+        Of a body truncated by a bound of its own.
     """
 
     name: str
@@ -192,6 +196,7 @@ class ComponentResult:
     checks: tuple[Check, ...]
     sources: tuple[Source, ...]
     factorised: tuple[Factorisation, ...] = ()
+    bound: BoundRecord | None = None
 
     @property
     def kept_modes(self) -> int:
@@ -259,6 +264,10 @@ class RunResult:
         Warnings a reader must see.
     systems : tuple of SystemModes
         Natural frequencies of the assembled reduced system, configuration by configuration.
+    projection : ProjectionRecord, optional
+        What projection and assembly did.
+    search : SearchRecord, optional
+        How the modes kept were found, if by the error of the system.
     """
 
     name: str
@@ -275,6 +284,8 @@ class RunResult:
     settings: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     systems: tuple[SystemModes, ...] = ()
+    projection: ProjectionRecord | None = None
+    search: SearchRecord | None = None
 
     def worst(self, model: str | None = None) -> dict[str, float]:
         """Largest errors over all configurations, of those that were measured; empty if nothing was verified."""
@@ -289,7 +300,8 @@ class RunResult:
         """Whether every limit and every check of a body is met."""
         worst = self.worst()
         limits = all(worst[name] <= limit for name, limit in self.limits.items() if name in worst)
-        return limits and all(check.passed for c in self.components.values() for check in c.checks)
+        between = self.projection is None or self.projection.passed
+        return limits and between and all(check.passed for c in self.components.values() for check in c.checks)
 
 
 def _badness(value: float) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError, UnitsError
+from cmsreduce.model.joint_element import JointElement
 from cmsreduce.model.units import SI, Units
 
 __all__ = [
@@ -135,6 +136,13 @@ class Joint:
         Motions 0..5 along the axes that are free; the others are locked.
     offset : tuple of 3 float, optional
         Rigid arm from the first interface to the second in the first body's basic frame, where they do not coincide.
+    elements : tuple of JointElement
+        Springs, dampers and inertias on free motions, one for each motion at most.
+
+    Raises
+    ------
+    SceneError
+        If an element acts on a locked motion, or two on the same one.
     """
 
     name: str
@@ -142,6 +150,23 @@ class Joint:
     second: Point
     free: frozenset[int] = frozenset()
     offset: tuple[float, float, float] | None = None
+    elements: tuple[JointElement, ...] = ()
+
+    def __post_init__(self) -> None:
+        acted_on = [element.dof for element in self.elements]
+        for dof in acted_on:
+            if dof not in self.free:
+                raise SceneError(
+                    f"joint '{self.name}': {DOF_NAMES[dof]} is locked, so that no spring, damper or inertia acts on "
+                    f"it: free it (`free: [{DOF_NAMES[dof]}]`), or take the key out"
+                )
+            if acted_on.count(dof) > 1:
+                raise SceneError(f"joint '{self.name}': two elements act on {DOF_NAMES[dof]}; add their figures up")
+
+    @property
+    def own_body(self) -> str:
+        """Name of the body that holds the joint's elements; no component can have it, since it holds a blank."""
+        return f"joint {self.name}"
 
 
 @dataclass(frozen=True)
@@ -188,6 +213,10 @@ class Scene:
         Body that articulation does not move.
     ground : tuple of Point
         Interfaces held to the ground; without one the system floats free.
+    floating : tuple of str
+        Bodies that no chain of joints leads to, on purpose.
+    redundant : {"refuse", "drop"}
+        What to do with motions that joints lock twice.
     placements : mapping of body to Placement
         Bodies moved from the shared basic frame.
     units : Units
@@ -209,6 +238,8 @@ class Scene:
     sensors: tuple[Channel, ...] = ()
     base: str = ""
     ground: tuple[Point, ...] = ()
+    floating: tuple[str, ...] = ()
+    redundant: Literal["refuse", "drop"] = "refuse"
     placements: Mapping[str, Placement] = field(default_factory=dict)
     units: Units = SI
 
@@ -245,6 +276,9 @@ class Scene:
                     raise SceneError(
                         f"articulation: joint '{name}' is not free in {DOF_NAMES[dof]}, so it cannot be turned"
                     )
+        for name in self.floating:
+            if name not in self.bodies:
+                raise SceneError(f"floating: there is no component '{name}' (there are: {', '.join(self.bodies)})")
         if self.base and self.base not in self.bodies:
             raise SceneError(f"base '{self.base}' is no component (there are: {', '.join(self.bodies)})")
 

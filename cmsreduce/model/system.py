@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.model.interface import Interface
-from cmsreduce.model.scene import Configuration
+from cmsreduce.model.scene import Configuration, Joint
 
 __all__ = ["Matrix", "Substructure", "System"]
 
@@ -96,11 +96,16 @@ class System:
     rigid : (N, R) float64
         Rigid-body motions of the system and free motions of its joints, orthonormal in M; K vanishes on them.
     sizes : mapping of body to int
-        Coordinates of each body in the stack.
+        Coordinates of each body in the stack; the bodies that joints own, of their springs, dampers and inertias,
+        come last.
     inputs, outputs : tuple of str
         Names of the channels.
     rounding : float
         Relative rounding of the entries of M and K, where they come from a file.
+    joints : tuple of Joint
+        What joins the bodies.
+    notes : tuple of str
+        What was done in assembly that the user may not expect.
     """
 
     configuration: Configuration
@@ -117,6 +122,8 @@ class System:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     rounding: float = 2.0**-53
+    joints: tuple[Joint, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def N(self) -> int:

@@ -21,6 +21,7 @@ from cmsreduce.assemble import (
     system_modes,
     tabulated,
     wire,
+    with_joint_bodies,
 )
 from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System
 from cmsreduce.verify import decibel_grid
@@ -77,14 +78,14 @@ class AssembledModel:
     Parameters
     ----------
     substructures : mapping of name to Substructure
-        Bodies in order.
+        Bodies in order; those that joints own are added.
     scene : Scene
         Joints, configurations, actuators, sensors, band.
     """
 
     def __init__(self, substructures: Mapping[str, Substructure], scene: Scene) -> None:
-        self.substructures, self.scene = substructures, scene
-        self.stack = PointStack(substructures)
+        self.substructures, self.scene = with_joint_bodies(substructures, scene), scene
+        self.stack = PointStack(self.substructures)
         self._systems: dict[str, System] = {}
         self._wirings: dict[str, Wiring] = {}
         self._undamped: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}

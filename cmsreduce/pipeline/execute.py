@@ -13,11 +13,19 @@ from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ReadError, StageError
 from cmsreduce.model import Configuration, RunResult
 from cmsreduce.pipeline.ledger import REPORT
+from cmsreduce.pipeline.matlab import write_system_states
 from cmsreduce.pipeline.progress import Silent
 from cmsreduce.pipeline.result import component_checks, run_result
 from cmsreduce.pipeline.run import STAGES, Run
 from cmsreduce.report import render_report
-from cmsreduce.write import atomic_path, write_component, write_summary, write_system
+from cmsreduce.write import (
+    atomic_path,
+    component_states,
+    write_component,
+    write_matlab,
+    write_summary,
+    write_system,
+)
 
 __all__ = ["execute", "reopen", "write_report"]
 
@@ -51,13 +59,14 @@ def execute(run: Run, source: Path, overrides: Sequence[str] = (), until: str | 
     """
     last = until or run.ledger.only or "write"
     reached = STAGES[: STAGES.index(last) + 1]
-    if run.ledger.only == "project":
-        raise StageError("stage 'project' is not available in this version; take `--only project` out")
+    if run.ledger.only == "project" and run.pipeline.project is None:
+        raise StageError("the pipeline has no `project:`; add it, or take `--only project` out")
     names = run.reduced_names
     wanted: dict[str, Callable[[], object]] = {
         "reduce": lambda: [run.reduced(name) for name in names],
         "orthogonalise": lambda: [run.modal(name) for name in names],
         "balance": lambda: run.selection,
+        "project": lambda: run.projected,
         "assemble": lambda: run.model,
         "verify": lambda: run.verified if run.pipeline.verify is not None else None,
         "write": lambda: _write(run),
@@ -115,10 +124,11 @@ def _remember(folder: Path, source: Path, overrides: Sequence[str]) -> None:
 def _write(run: Run) -> None:
     if run.pipeline.write is None:
         return
+    formats = run.pipeline.write.formats
     model = run.model.assembled
     wiring = model.wiring(Configuration("as built"))
     run.ledger.progress.stage("write", "component files")
-    for name, component in run.kept.items():
+    for name, component in run.final.items():
         columns, L = model.stack.body_columns(name), np.asarray(model.stack.motions(name))
 
         def on_body(rows: np.ndarray[Any, np.dtype[np.float64]], columns: slice = columns, L: Any = L) -> Any:
@@ -128,6 +138,12 @@ def _write(run: Run) -> None:
         inputs = {c.name: row for c, row in zip(run.scene.actuators, forces, strict=True) if row.any()}
         measured = zip(run.scene.sensors, displacements, rates, strict=True)
         outputs = {c.name: (d, v) for c, d, v in measured if d.any() or v.any()}
+        if "matlab" in formats:
+            path = run.folder / f"{name}.mat"
+            write_matlab(path, component_states(component, inputs, outputs).variables())
+            run.ledger.written.append(path)
+        if "hdf5" not in formats:
+            continue
         path = run.folder / f"{name}.h5"
         write_component(
             path,
@@ -140,7 +156,10 @@ def _write(run: Run) -> None:
             all_nodes=run.pipeline.write.all_nodes,
         )
         run.ledger.written.append(path)
-    run.ledger.written.append(_write_system(run))
+    if "hdf5" in formats:
+        run.ledger.written.append(_write_system(run))
+    if "matlab" in formats:
+        run.ledger.written.append(write_system_states(run))
 
 
 def _write_system(run: Run) -> Path:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmsreduce import __version__
-from cmsreduce.model import Check, ComponentResult, Configuration, RunResult, Speed, SystemModes
+from cmsreduce.model import Check, ComponentResult, Configuration, ModalComponent, RunResult, Speed, SystemModes
 from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
 from cmsreduce.pipeline.run import MODEL, Run
 
@@ -19,9 +20,9 @@ _MASSLESS = 10.0
 
 def component_checks(run: Run, name: str) -> tuple[Check, ...]:
     """What was checked on one body: its rows when it was read, its modes when they were made."""
-    mass, stiffness = orthogonality_errors(run.kept[name])
+    mass, stiffness = orthogonality_errors(run.final[name])
     # A static mode has no mass to the rounding of the file.
-    rounding = _MASSLESS * run.bodies[name].body.rounding if run.kept[name].static_count else 0.0
+    rounding = _MASSLESS * run.bodies[name].body.rounding if run.final[name].static_count else 0.0
     return (
         *run.bodies[name].checks,
         Check("orthogonality in M", mass, max(ORTHOGONAL, rounding)),
@@ -42,21 +43,17 @@ def run_result(run: Run) -> RunResult:
     components = {}
     for name in run.reduced_names:
         flexible = run.bodies[name]
-        ranked = run.ranked[name]
-        e = ranked.elastic
-        kept = np.r_[: e.start, run.selection[name], e.stop : ranked.omega.size]
-        why = ["left out"] * ranked.omega.size
-        for column, reason in zip(kept, run.kept[name].why, strict=True):
-            why[column] = reason
+        modes, kept = _modes_shown(run, name)
         components[name] = ComponentResult(
             name=name,
             full_dofs=flexible.body.n,
-            modes=replace(ranked, why=tuple(why)),
-            kept=np.asarray(kept, dtype=np.int64),
+            modes=modes,
+            kept=kept,
             seconds=dict(seconds.get(name, {})),
             peak_mib=run.ledger.peak_mib.get(name, 0.0),
             checks=component_checks(run, name),
             sources=flexible.body.sources,
+            bound=run.choice.bounds.get(name),
             factorised=tuple(each for stage in run.ledger.factorised.get(name, {}).values() for each in stage),
         )
     limits = run.pipeline.verify.limits.model_dump(exclude_none=True) if run.pipeline.verify else {}
@@ -78,7 +75,22 @@ def run_result(run: Run) -> RunResult:
         settings=run.pipeline.model_dump(mode="json", exclude_none=True),
         systems=tuple(_system_modes(run, configuration) for configuration in run.scene.configurations),
         notes=tuple(run.ledger.notes),
+        projection=None if run.projected is None else run.projected.record,
+        search=run.choice.search,
     )
+
+
+def _modes_shown(run: Run, name: str) -> tuple[ModalComponent, NDArray[np.int64]]:
+    """The modes of a body with the reason of each, and which are kept; those it is projected on are all kept."""
+    if run.projected is not None:
+        return run.final[name], np.arange(run.final[name].omega.size)
+    ranked = run.ranked[name]
+    e = ranked.elastic
+    kept = np.r_[: e.start, run.selection[name], e.stop : ranked.omega.size]
+    why = ["left out"] * ranked.omega.size
+    for column, reason in zip(kept, run.kept[name].why, strict=True):
+        why[column] = reason
+    return replace(ranked, why=tuple(why)), np.asarray(kept, dtype=np.int64)
 
 
 def _system_modes(run: Run, configuration: Configuration) -> SystemModes:

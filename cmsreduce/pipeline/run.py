@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 from cmsreduce import __version__
 from cmsreduce.assemble import modal_substructure, physical_substructure, rigid_substructure
-from cmsreduce.balance import RANKINGS, Selection, keep_all
-from cmsreduce.config import KeepKeys, ModeSetKeys, Pipeline, RankingKeys, VerifyKeys, build_scene
+from cmsreduce.balance import Selection, keep_all
+from cmsreduce.config import ModeSetKeys, Pipeline, ProjectKeys, RankingKeys, VerifyKeys, build_scene
 from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.solver_settings import SolverSettings
 from cmsreduce.model import ModalComponent, ReducedComponent, RigidBody, Scene, Substructure
 from cmsreduce.pipeline.assembled import AssembledModel
 from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible, read_rigid
+from cmsreduce.pipeline.candidates import system_errors
 from cmsreduce.pipeline.comparison import Comparison, ReducedModel
 from cmsreduce.pipeline.ledger import Ledger
 from cmsreduce.pipeline.mode_sets import ModeSets
-from cmsreduce.pipeline.progress import Progress, Silent
+from cmsreduce.pipeline.progress import Progress
+from cmsreduce.pipeline.project_stage import PROJECTED_ERROR, Measures, Projected, ProjectStage
+from cmsreduce.pipeline.ranked import ranked, ranking_channels
 from cmsreduce.pipeline.reference import Reference, reference
-from cmsreduce.pipeline.selection import modal_channels, select, truncate
+from cmsreduce.pipeline.selection import Choice, choice_from, choice_to, select, truncate
 from cmsreduce.pipeline.stage_store import stage_key
 from cmsreduce.pipeline.verified import Verified, verified_from, verified_to
 
@@ -52,7 +56,9 @@ class Run:
     def __init__(self, pipeline: Pipeline, folder: Path, progress: Progress, only: str | None = None) -> None:
         self.pipeline, self.folder = pipeline, folder
         keys = pipeline.solver
-        self.ledger = Ledger(folder, progress, only, SolverSettings(keys.backend, keys.memory, keys.threads))
+        self.ledger = Ledger(
+            folder, progress, only, SolverSettings(keys.backend, keys.memory, keys.threads, keys.precision)
+        )
         self.scene: Scene = build_scene(pipeline)
 
     @cached_property
@@ -105,21 +111,29 @@ class Run:
         """All modes of every body with their influence coefficients; unranked where no balance is asked for."""
         return {name: self._rank(name, self.pipeline.balance_of(name)) for name in self.reduced_names}
 
-    @cached_property
+    @property
     def selection(self) -> Selection:
         """Elastic modes the run keeps of every body."""
+        return self.choice.selection
+
+    @cached_property
+    def choice(self) -> Choice:
+        """Which elastic modes the run keeps, and how they were chosen."""
         if not any(self.pipeline.balance_of(name) for name in self.reduced_names):
-            return keep_all(self.ranked)
+            return Choice(keep_all(self.ranked))
         names = list(self.ranked)
-        return self.ledger.once(
+        found = self.ledger.once(
             "balance",
             "system",
             self._system_key("balance"),
             self._balance,
-            lambda selection: (selection, {}),
-            lambda arrays, facts: {name: arrays[name] for name in names},
+            choice_to,
+            lambda arrays, facts: choice_from(names, arrays, facts),
             prepare=lambda: self.ranked,
         )
+        for note in found.notes:
+            self.ledger.note(note)
+        return found
 
     @cached_property
     def kept(self) -> dict[str, ModalComponent]:
@@ -128,12 +142,29 @@ class Run:
         return truncate(self.ranked, self.selection, reasons)
 
     @cached_property
+    def projected(self) -> Projected | None:
+        """The reduced bodies after projection of system modes; None where the pipeline asks for none."""
+        keys = self.pipeline.project
+        if keys is None:
+            return None
+        kept = self.kept
+        found = self.ledger.timed("project", "system", lambda: self._project(keys, kept))
+        for note in found.notes:
+            self.ledger.note(note)
+        return found
+
+    @property
+    def final(self) -> dict[str, ModalComponent]:
+        """The bodies as they are assembled and written."""
+        return self.kept if self.projected is None else self.projected.components
+
+    @cached_property
     def model(self) -> ReducedModel:
         """The reduced system of the run, assembled in every configuration."""
-        kept = self.kept
+        final = self.final
 
         def work() -> ReducedModel:
-            model = self._model(kept)
+            model = self._model(final)
             for number, configuration in enumerate(self.scene.configurations):
                 model.assembled.system(configuration)
                 self.ledger.progress.advance(number + 1, len(self.scene.configurations))
@@ -146,8 +177,13 @@ class Run:
         """The unreduced bodies, as they enter the full system."""
         found = {}
         for name, flexible in self.bodies.items():
-            keys = self.pipeline.reduce_of(name)
-            cutoff = (keys.cutoff if keys else 2.0) * self.scene.band[1]
+            if name in self.mode_sets.unneeded:
+                # No response depends on its elasticity: the full system can do without it, too.
+                rigid = self.modal(name)
+                points = flexible.points(self.scene)
+                found[name] = Reference(modal_substructure(rigid, points), rigid, "rigid: off every path")
+                continue
+            cutoff = self.mode_sets.multiple(name) * self.scene.band[1]
             self.ledger.progress.stage("verify", f"{name}, unreduced")
             found[name] = reference(flexible.body, self.scene, flexible.ports, flexible.rigid, cutoff)
         return found
@@ -201,7 +237,7 @@ class Run:
                 raise ConfigError(f"verify.compare: '{MODEL}' is the run's own model; choose another label")
             ranked = {name: self._rank(name, ranking, ranking.reduce) for name in self.reduced_names}
             reasons = {name: _reason(name, ranking) for name in ranked}
-            models[label] = self._model(truncate(ranked, self._select(ranked, ranking.keep, {}), reasons))
+            models[label] = self._model(truncate(ranked, self._select(ranked, ranking, {}).selection, reasons))
         results = self.comparison.errors(models, self.ledger.progress)
         labels = {name: found.label for name, found in self.references.items()}
         return Verified(results, labels, self.comparison.full_seconds, self.comparison.reduced_seconds)
@@ -209,41 +245,62 @@ class Run:
     def _verified_from(self, arrays: Mapping[str, Any], facts: Mapping[str, Any]) -> Verified:
         return verified_from(self.scene.configurations, arrays, facts)
 
-    def _balance(self) -> Selection:
-        own = {name for name in self.reduced_names if self.pipeline.components[name].balance is not None}
-        chosen: Selection = {}
+    def _balance(self) -> Choice:
+        own = [name for name in self.reduced_names if self.pipeline.components[name].balance is not None]
+        chosen = Choice({})
         for name in own:
             rule = self.pipeline.keep_of(name)
             if rule.rule == "frf_error":
                 raise ConfigError(
                     f"component '{name}': keep.frf_error measures the whole system; state it in the pipeline's "
-                    "`balance:`, and here a number of modes or a fraction"
+                    "`balance:`, and here a number of modes, a fraction or a bound"
                 )
-            chosen |= select({name: self.ranked[name]}, rule, None, None)
+            chosen = chosen.joined(self._select({name: self.ranked[name]}, self.pipeline.balance_of(name), {}))
         rest = {name: component for name, component in self.ranked.items() if name not in own}
-        keep = KeepKeys() if self.pipeline.balance is None else self.pipeline.balance.keep
-        chosen |= self._select(rest, keep, chosen)
-        return {name: chosen[name] for name in self.ranked}
+        chosen = chosen.joined(self._select(rest, self.pipeline.balance, chosen.selection))
+        return replace(chosen, selection={name: chosen.selection[name] for name in self.ranked})
 
-    def _select(self, ranked: Mapping[str, ModalComponent], keep: KeepKeys, fixed: Selection) -> Selection:
-        if keep.rule != "frf_error" or not self.has_response:
-            return select(ranked, keep, None, None)
-        whole = {**self.ranked, **ranked}
+    def _select(self, ranked: Mapping[str, ModalComponent], keys: RankingKeys | None, fixed: Selection) -> Choice:
+        keys = keys or RankingKeys()
+        channels = {}
+        if keys.keep.rule == "bound":
+            for name, component in ranked.items():
+                channels[name] = ranking_channels(component, self.bodies[name].ports, keys, self.scene)
+        # Bodies with a rule of their own are as that left them.
+        settled = {name: self.ranked[name].truncated(columns) for name, columns in fixed.items()}
+        system = partial(system_errors, {**self.ranked, **settled, **ranked}, self._model, lambda: self.comparison)
+        return select(ranked, keys, channels, system if self.has_response else None)
 
-        def candidate(selection: Selection) -> ReducedModel:
-            return self._model(truncate(whole, {**fixed, **selection}, dict.fromkeys(whole, "candidate")))
-
-        def exact(selection: Selection) -> float:
-            results = self.comparison.errors({MODEL: candidate(selection)}, Silent())
-            return max(result.errors[MODEL].frf_error for result in results)
-
-        return select(ranked, keep, lambda selection: self.comparison.candidate_error(candidate(selection)), exact)
+    def _project(self, keys: ProjectKeys, kept: Mapping[str, ModalComponent]) -> Projected:
+        if keys.of == "full":
+            source = ReducedModel(self.comparison.full, self.comparison.full_shapes)
+        else:
+            source = self._model(kept)
+        limits = (self.pipeline.verify or VerifyKeys()).limits
+        asked = None if self.pipeline.balance is None else self.pipeline.balance.keep.frf_error
+        named = keys.frf_error or asked or limits.frf_error
+        measures = Measures(
+            self._model,
+            self.comparison.error_at if self.has_response else None,
+            named or PROJECTED_ERROR,
+            named is not None,
+            self.ledger.progress.advance,
+        )
+        found = ProjectStage(keys, self.scene, self.bodies, kept, source, measures).run()
+        rank = self.pipeline.balance_of
+        components = {
+            name: component
+            if (own := rank(name)) is None
+            else ranked(component, self.bodies[name].ports, own, self.scene)
+            for name, component in found.components.items()
+        }
+        return replace(found, components=components)
 
     def _rank(self, name: str, keys: RankingKeys | None, other: ModeSetKeys | None = None) -> ModalComponent:
         component = self.mode_sets.modal(name, other)
         if keys is None:
             return component
-        return RANKINGS[keys.rank].rank(component, modal_channels(component, self.bodies[name].ports))
+        return ranked(component, self.bodies[name].ports, keys, self.scene)
 
     def _model(self, components: Mapping[str, ModalComponent]) -> ReducedModel:
         subs = {name: modal_substructure(c, self.bodies[name].points(self.scene)) for name, c in components.items()}
@@ -282,4 +339,6 @@ def _reason(body: str, keys: RankingKeys | None) -> str:
         return f"needed for frf_error {keys.keep.frf_error:g}, {keys.rank}"
     if rule == "fraction":
         return f"influence above {keys.keep.fraction:g} of the largest, {keys.rank}"
+    if rule == "bound":
+        return f"needed for a bound of {keys.keep.bound:g}"
     return f"among the first by {keys.rank}"

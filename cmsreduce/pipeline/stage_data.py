@@ -74,6 +74,8 @@ def modal_from(body: FEModel, arrays: Mapping[str, NDArray[Any]], facts: Mapping
         basis_size=facts["basis_size"],
         D=arrays.get("D"),
         certificate=_certificate(arrays, facts),
+        # Modes are stored before they are ranked.
+        rankings={},
         **{name: arrays[name] for name in _MODAL},
     )
 

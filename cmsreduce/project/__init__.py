@@ -1,18 +1,20 @@
 """Projection and assembly: modes of the whole system, projected on the bodies that will make them again."""
 
-from cmsreduce.project.extraneous import ExtraneousMode, ModeShare, extraneous_count, extraneous_modes, returned
+from cmsreduce.project.extraneous import extraneous_count, extraneous_modes, returned
 from cmsreduce.project.projection import INDEPENDENT, Projection, project_shapes
 from cmsreduce.project.reassembly import Reassembled, reassemble
+from cmsreduce.project.system_cost import SystemCost, costliest, system_cost
 
 __all__ = [
     "INDEPENDENT",
-    "ExtraneousMode",
-    "ModeShare",
     "Projection",
     "Reassembled",
+    "SystemCost",
+    "costliest",
     "extraneous_count",
     "extraneous_modes",
     "project_shapes",
     "reassemble",
     "returned",
+    "system_cost",
 ]

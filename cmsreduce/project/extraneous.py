@@ -3,57 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
-__all__ = ["ExtraneousMode", "ModeShare", "extraneous_count", "extraneous_modes", "returned"]
+from cmsreduce.model import ExtraneousMode, ModeShare
+
+__all__ = ["extraneous_count", "extraneous_modes", "returned"]
 
 # A mode is one of the chosen ones, or a combination of repeated ones, when they hold this share of its modal mass;
 # those that came along are orthogonal to them, so that shares lie near one or near zero.
 _CHOSEN = 0.5
-
-
-@dataclass(frozen=True)
-class ModeShare:
-    """Where a mode lives.
-
-    Parameters
-    ----------
-    body : str
-        Body with the largest part of its energy.
-    energy : mapping of body to float
-        Share of each body in the mode's kinetic and strain energy, which sum to one.
-    interface : str
-        Interface that moves most in it, each motion measured against that of all modes there; empty without interfaces.
-    """
-
-    body: str
-    energy: Mapping[str, float]
-    interface: str
-
-
-@dataclass(frozen=True, eq=False)
-class ExtraneousMode:
-    """A mode of the reassembled system that nobody chose.
-
-    Parameters
-    ----------
-    configuration : str
-        Where it was found.
-    hz : float
-        Its frequency.
-    share : ModeShare
-        Where it lives.
-    weight : (outputs,) float64
-        Largest peak, over the inputs, that it adds to each output, relative to the largest of any mode there.
-    """
-
-    configuration: str
-    hz: float
-    share: ModeShare
-    weight: NDArray[np.float64]
 
 
 def extraneous_count(ranks: Sequence[int], constrained: int, chosen: int) -> int:
@@ -82,22 +43,23 @@ def extraneous_count(ranks: Sequence[int], constrained: int, chosen: int) -> int
     return sum(ranks) - constrained - chosen
 
 
-def returned(chosen: NDArray[np.float64], shapes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Share of the modal mass of each reassembled mode that the chosen modes hold.
+def returned(products: NDArray[np.float64], gram: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    """Share of the modal mass of each reassembled mode that the chosen shapes hold.
 
     Parameters
     ----------
-    chosen : (N, n_R) float64
-        Chosen modes in coordinates orthonormal in the system's mass.
-    shapes : (N, k) float64
-        Modes of the reassembled system in the same coordinates.
+    products : (n_R, k) float64
+        Mass products of the chosen shapes and the modes of the reassembled system, which have unit modal mass.
+    gram : (n_R, n_R) float64, optional
+        Mass products of the chosen shapes; the identity if absent, as for modes without damping.
 
     Returns
     -------
     (k,) float64
         Between 0 and 1.
     """
-    return np.asarray(((chosen.T @ shapes) ** 2).sum(axis=0))
+    own = products if gram is None else la.pinvh(gram) @ products
+    return np.asarray((products * own).sum(axis=0))
 
 
 def extraneous_modes(
@@ -107,6 +69,7 @@ def extraneous_modes(
     energy: Mapping[str, NDArray[np.float64]],
     motion: Mapping[str, NDArray[np.float64]],
     peak: NDArray[np.float64],
+    likeness: NDArray[np.float64],
 ) -> tuple[ExtraneousMode, ...]:
     """Name the modes of a reassembled system that were not chosen.
 
@@ -124,6 +87,8 @@ def extraneous_modes(
         Size of the motion of each interface in each mode.
     peak : (outputs, k) float64
         Largest peak of each mode in each output.
+    likeness : (k,) float64
+        Largest share of each mode that one mode of the unreduced system holds.
     """
     total = np.maximum(sum(energy.values(), np.zeros(omega.size)), np.finfo(float).tiny)
     largest = np.maximum(peak.max(axis=1, initial=0.0), np.finfo(float).tiny)
@@ -137,6 +102,12 @@ def extraneous_modes(
             max(relative, key=lambda name: relative[name]) if relative else "",
         )
         found.append(
-            ExtraneousMode(configuration, float(omega[k] / (2 * np.pi)), share, np.asarray(peak[:, k] / largest))
+            ExtraneousMode(
+                configuration,
+                float(omega[k] / (2 * np.pi)),
+                share,
+                np.asarray(peak[:, k] / largest),
+                float(likeness[k]),
+            )
         )
     return tuple(found)

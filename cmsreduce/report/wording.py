@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from cmsreduce.model import Check, RunResult
+from cmsreduce.model import Check, ProjectionRecord, RunResult
 
 __all__ = [
     "FIGURES",
@@ -156,6 +156,7 @@ def broken(run: RunResult) -> tuple[str, ...]:
         for w in worst(run, run.model)
         if w.limit is not None and not w.met
     ]
+    limits += _halfway(run.projection)
     checks = [
         f"{name}: {check.name} is {number(check.value)}, above its limit {number(check.limit)}"
         for name, part in run.components.items()
@@ -163,3 +164,12 @@ def broken(run: RunResult) -> tuple[str, ...]:
         if not check.passed
     ]
     return (*limits, *checks)
+
+
+def _halfway(record: ProjectionRecord | None) -> list[str]:
+    """The error halfway between angles, where it is above what was asked for."""
+    worst = None if record is None else record.worst_between
+    if record is None or worst is None or record.limit is None or record.passed:
+        return []
+    figure = FIGURES[0]
+    return [f"{figure.label} {figure.text(worst[1])} at {worst[0]} is above its limit {figure.text(record.limit)}"]

@@ -4,6 +4,7 @@ from cmsreduce.write.atomic import atomic_path
 from cmsreduce.write.component import FORMAT, FORMAT_VERSION, write_component
 from cmsreduce.write.component_file import ComponentFile, read_component
 from cmsreduce.write.datasets import hdf5_file, put_texts
+from cmsreduce.write.matlab import StateSpace, component_states, write_matlab
 from cmsreduce.write.summary import angles, summary, write_summary
 from cmsreduce.write.system import write_system
 
@@ -11,13 +12,16 @@ __all__ = [
     "FORMAT",
     "FORMAT_VERSION",
     "ComponentFile",
+    "StateSpace",
     "angles",
     "atomic_path",
+    "component_states",
     "hdf5_file",
     "put_texts",
     "read_component",
     "summary",
     "write_component",
+    "write_matlab",
     "write_summary",
     "write_system",
 ]

@@ -146,6 +146,10 @@ def _modes(group: Any, component: ModalComponent) -> None:
     put(group, "sigma", component.sigma, "", "influence coefficient, NaN if unranked")
     put(group, "spacing", component.spacing, "", "half-power width over distance to the nearest mode")
     put_texts(group, "why", component.why, "why the mode was kept")
+    if component.rankings:
+        table = group.create_group("rankings")
+        for name, values in component.rankings.items():
+            put(table, name, values, "", "coefficient of each mode in this ranking, NaN for rigid and static modes")
 
 
 def _chosen(body: FEModel, nodes: Sequence[int], all_nodes: bool) -> NDArray[np.int64]:

@@ -61,6 +61,11 @@ class ComponentFile:
         return slice(self.rigid_count, self.omega.size - self.static_count)
 
     @property
+    def rankings(self) -> dict[str, NDArray[np.float64]]:
+        """Coefficient of each mode in every ranking that was taken (m,); empty in files of before there were any."""
+        return {Path(name).name: values for name, values in self.arrays.items() if name.startswith("modes/rankings/")}
+
+    @property
     def settings(self) -> dict[str, Any]:
         """The pipeline as it was understood; empty if the writer gave none."""
         found: dict[str, Any] = json.loads(self.texts.get("provenance/settings", ("{}",))[0])

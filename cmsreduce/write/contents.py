@@ -85,6 +85,7 @@ def fault(groups: Iterable[str], shapes: Mapping[str, tuple[int, ...]]) -> str |
     wanted = dict(_SHAPES)
     if "nodes" in groups or "integrals" in groups:
         wanted |= _WITH_GEOMETRY
+    wanted |= {path: ("m",) for path in shapes if path.startswith("modes/rankings/")}
     for group in groups:
         if group.startswith("interfaces/"):
             own = {name: tuple(_owned(size, group) for size in shape) for name, shape in _INTERFACE.items()}

@@ -19,6 +19,7 @@ from cmsreduce.model import (
     Factorisation,
     ModeCertificate,
     ModelErrors,
+    ProjectionRecord,
     RunResult,
 )
 from cmsreduce.write.atomic import atomic_path
@@ -37,7 +38,7 @@ def summary(run: RunResult) -> dict[str, Any]:
     -------
     dict
         The keys of the contract, and beside them ``comparisons``, ``limits``, ``reference``, ``band_hz``,
-        ``system`` and ``notes``. What has no finite value is None.
+        ``system``, ``projection``, ``search`` and ``notes``. What has no finite value is None.
     """
     labels = dict.fromkeys(label for result in run.configurations for label in result.errors)
     speed = run.speed
@@ -73,6 +74,8 @@ def summary(run: RunResult) -> dict[str, Any]:
                 }
                 for modes in run.systems
             ],
+            "projection": None if run.projection is None else _projection(run.projection),
+            "search": None if run.search is None else asdict(run.search),
             "notes": list(run.notes),
         }
     )
@@ -117,6 +120,7 @@ def _component(part: ComponentResult) -> dict[str, Any]:
         "peak_mib": part.peak_mib,
         "certificate": _certificate(modes.certificate),
         "solver": _solver(part.factorised),
+        "bound": None if part.bound is None else {**asdict(part.bound), "tightness": part.bound.tightness},
         "checks": [
             {"name": check.name, "value": check.value, "limit": check.limit, "passed": check.passed}
             for check in part.checks
@@ -133,6 +137,38 @@ def _certificate(certificate: ModeCertificate | None) -> dict[str, Any] | None:
         "counted": certificate.counted,
         "found": certificate.frequency_hz.size,
         "frequency_bound": certificate.worst_bound,
+    }
+
+
+def _projection(record: ProjectionRecord) -> dict[str, Any]:
+    """What projection and assembly did: chosen modes and their return, ranks, modes that came along."""
+    return {
+        "sampled": [
+            {
+                "configuration": each.configuration,
+                "modes": each.hz.size,
+                "frequencies_hz": each.hz.tolist(),
+                "worst_return": float(each.error.max(initial=0.0)),
+                "extraneous": each.extraneous,
+            }
+            for each in record.sampled
+        ],
+        "rank": dict(record.rank),
+        "singular_values": {name: values.tolist() for name, values in record.singular.items()},
+        "extraneous_in_band": [
+            {
+                "configuration": mode.configuration,
+                "frequency_hz": mode.hz,
+                "body": mode.share.body,
+                "energy": dict(mode.share.energy),
+                "interface": mode.share.interface,
+                "weight": mode.weight.tolist(),
+                "likeness": mode.likeness,
+            }
+            for mode in record.extraneous
+        ],
+        "static_shapes_added": dict(record.suppressed),
+        "between": dict(record.between),
     }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.pencil import elastic_pairs
-from cmsreduce.model import DOF_NAMES, Matrix, System, Units
+from cmsreduce.model import DOF_NAMES, Joint, Matrix, System, Units
 from cmsreduce.write.datasets import hdf5_file, put, put_texts, put_units
 
 __all__ = ["SYSTEM_FORMAT", "SYSTEM_FORMAT_VERSION", "write_system"]
@@ -31,6 +31,12 @@ _MATRICES = {
     "C2": "rows: outputs, of the rates",
     "T": "coordinates of the bodies, stacked in their order = T x",
     "rigid": "columns: rigid motions and free motions of the joints, orthonormal in M",
+}
+
+_ELEMENTS = {
+    "stiffness": "of the second interface against the first, in K",
+    "damping": "of the second interface against the first, in D",
+    "inertia": "of the joint itself, turning with the first interface, in M; in no body's mass",
 }
 
 
@@ -75,12 +81,28 @@ def write_system(
             put(group, "sizes", np.array(list(system.sizes.values()), dtype=np.int64), "", "coordinates of each body")
             put_texts(group, "inputs", system.inputs)
             put_texts(group, "outputs", system.outputs)
+            put_texts(group, "notes", system.notes)
+            _put_joints(group.create_group("joints"), system.joints)
             for name, about in _MATRICES.items():
                 matrix = getattr(system, name)
                 if matrix is not None:
                     _put_matrix(group, name, matrix, about)
             if not sp.issparse(system.K):
                 put(group, "frequency_hz", _frequencies(system), "Hz", "undamped, the zero ones first")
+
+
+def _put_joints(group: Any, joints: Iterable[Joint]) -> None:
+    """What joins the bodies, and what the joints themselves add to M, K and D."""
+    for joint in joints:
+        own = group.create_group(joint.name)
+        own.attrs["first"], own.attrs["second"] = str(joint.first), str(joint.second)
+        own.attrs["free"] = " ".join(DOF_NAMES[dof] for dof in sorted(joint.free))
+        if not joint.elements:
+            continue
+        own.attrs["body"] = joint.own_body
+        put_texts(own, "dof", [DOF_NAMES[element.dof] for element in joint.elements])
+        for name, about in _ELEMENTS.items():
+            put(own, name, np.array([getattr(element, name) for element in joint.elements]), about=about)
 
 
 def _frequencies(system: System) -> NDArray[np.float64]:

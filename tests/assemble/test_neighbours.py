@@ -16,7 +16,7 @@ from cmsreduce.assemble import (
     system_modes,
 )
 from cmsreduce.errors import ConstraintError
-from cmsreduce.model import FEModel, InterfaceLoading, Joint, Nodes, Placement, Point, Scene, Substructure
+from cmsreduce.model import FEModel, InterfaceLoading, Joint, JointElement, Nodes, Placement, Point, Scene, Substructure
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import BenfieldHruda, Guyan
 from tests.assemble.rigs import joint, physical, rigid_body, rigid_modes
@@ -258,3 +258,31 @@ def test_the_loading_is_symmetric_and_positive():
     assert load.size == 12
     for A in (load.K, load.M):
         assert (A == A.T).all() and la.eigvalsh(A)[0] > -1e-12 * la.eigvalsh(A)[-1]
+
+
+@pytest.mark.parametrize("order", [1, -1], ids=["ours", "the neighbour's"])
+def test_a_joints_own_inertia_is_part_of_the_loading_once(order):
+    """Held in the loading, the joint's spring is not strained and its inertia turns with both sides."""
+    ends = ["stator.elbow", "rotor.elbow"][::order]
+    bare = joint("j", *ends, "rz")
+    plain = neighbour_loading(here(stator()), [condensed(rotor())], scene(bare))
+    link = replace(bare, elements=(JointElement(5, 900.0, 3.0, 0.6),))
+    load = neighbour_loading(here(stator()), [condensed(rotor())], scene(link))
+    exact = np.zeros((6, 6))
+    exact[5, 5] = 0.6
+    close(load.M - plain.M, exact, 1e-12)
+    close(load.K, plain.K, 1e-9)
+
+
+def test_a_spring_on_a_motion_that_stays_free_loads_the_body():
+    """A ball joint of three translations on our side, of six dofs on the neighbour's."""
+    box = rigid_body("box", 4.0, [1.1, 0.6, 0.3], [0.5, 0.6, 0.7], {"foot": ELBOW})
+    body = stator()
+    pinned = replace(body, interfaces={"elbow": replace(body.interfaces["elbow"], components=((1, 2, 3, 6),))})
+    link = joint("j", "stator.elbow", "box.foot", "rx ry rz", elements=(JointElement(5, 50.0, 0.0, 0.2),))
+    loose = replace(link, elements=())
+    load, plain = (neighbour_loading(here(pinned), [rigid_substructure(box)], scene(each)) for each in (link, loose))
+    # On our own turn about z and on the box's: k [1 -1; -1 1], and the inertia on our side.
+    assert abs(load.K[3, 3] - 50.0) < 1e-12 and np.linalg.matrix_rank(load.K, tol=1e-9) == 1
+    added = load.M - plain.M
+    assert abs(added[3, 3] - 0.2) < 1e-12 and np.linalg.matrix_rank(added, tol=1e-9) == 1

@@ -8,7 +8,7 @@ import scipy.linalg as la
 
 from cmsreduce.assemble import outboard_loading
 from cmsreduce.errors import SceneError
-from cmsreduce.model import FEModel, Nodes, Placement, Point, RigidBody, Scene
+from cmsreduce.model import FEModel, JointElement, Nodes, Placement, Point, RigidBody, Scene
 from tests.assemble.rigs import joint, rigid_body, turned
 from tests.frames import BAR, frame, line, rotation
 
@@ -168,3 +168,31 @@ def rigid_shapes(nodes: Nodes, about: np.ndarray) -> np.ndarray:
         R[:3, 3:] = -skew(x - about)
         blocks.append(R)
     return np.vstack(blocks)
+
+
+@pytest.mark.parametrize("reverse", [False, True], ids=["ours", "the neighbour's"])
+def test_a_joints_own_inertia_rides_on_its_first_interface_once(reverse):
+    """A motor about x in the joint to the box, one about z between box and ball."""
+    ends = ("hub.b", "box.foot")[:: -1 if reverse else 1]
+    motor = joint("one", *ends, "rx rz", elements=(JointElement(3, 7.0, 0.0, 0.4),))
+    other = joint("two", "box.top", "ball.foot", "rz", elements=(JointElement(5, 0.0, 1.0, 0.25),))
+    scenes = [
+        Scene(("hub", "box", "ball"), (0.0, 1.0), joints, base="hub")
+        for joints in ((motor, other), (replace(motor, elements=()), replace(other, elements=())))
+    ]
+    with_motors, without = (load_of(HUB, [BOX, BALL], where) for where in scenes)
+    added = with_motors.M - without.M
+    exact = np.zeros((12, 12))
+    exact[9, 9], exact[11, 11] = 0.4, 0.25
+    np.testing.assert_allclose(added, exact, atol=1e-13)
+
+
+def test_the_inertia_of_the_inboard_joint_rides_on_the_body_that_has_its_first_interface():
+    arm = line("arm", [0, 0, 0], TIP, 4)
+    hub = rigid_body("hub", 4.0, [0, 0, 0], [1, 1, 1], {"face": [0, 0, 0]})
+    for ends, inertia in ((("arm.a", "hub.face"), 0.3), (("hub.face", "arm.a"), 0.0)):
+        link = joint("j", *ends, "ry", elements=(JointElement(4, 0.0, 0.0, 0.3),))
+        load = load_of(arm, [hub], Scene(("hub", "arm"), (0.0, 1.0), (link,), base="hub"))
+        exact = np.zeros((12, 12))
+        exact[4, 4] = inertia
+        np.testing.assert_allclose(load.M, exact, atol=1e-14)

@@ -234,7 +234,7 @@ CASES = {
         ("balance|orthogonalise|reduce", "not finished", "cmsreduce run --until verify"), args=("--only", "verify")
     ),
     "unknown stage": Case(("'verfy' is no stage", "verify"), args=("--only", "verfy")),
-    "stage of a later version": Case(("project", "not available"), args=("--only", "project")),
+    "stage without keys": Case(("the pipeline has no `project:`",), args=("--only", "project")),
     "two limits of stages": Case(("--only", "--until", "exclude"), args=("--only", "reduce", "--until", "verify")),
     "unknown joint of an actuator": Case(
         (r"study\.yaml:\d+", "no joint 'hing'", "did you mean 'hinge'"), {"motor: {joint: hinge": "motor: {joint: hing"}

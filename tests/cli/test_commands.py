@@ -51,6 +51,21 @@ def test_a_broken_limit_exits_1_and_still_writes_everything(study: Path) -> None
     assert (study.parent / "out" / "arm.h5").is_file()
 
 
+def test_balance_prints_every_ranking_of_every_mode(study: Path) -> None:
+    out = study.parent / "ranked"
+    result = call("run", study, "--until", "balance", "--out", out)
+    again = call("balance", study, "--out", out)
+    assert (result.exit_code, again.exit_code) == (0, 0)
+    for name in ("gregory", "hankel", "component-cost", "modal-gain", "peak-amplitude"):
+        assert result.stdout.count(name) == again.stdout.count(name) == 2
+    for body in ("arm", "panel"):
+        assert f"{body}: coefficient and place" in again.stdout
+    # The panel has 13 elastic modes, all kept; each place by the last ranking is taken once.
+    rows = [line.split() for line in again.stdout.partition("panel: ")[2].splitlines() if " kept " in line]
+    assert sorted(int(row[-1]) for row in rows) == list(range(1, 14))
+    assert "coefficient" not in call("balance", study, "--out", out, "--quiet").stdout
+
+
 def test_quiet_says_nothing(study: Path) -> None:
     result = call("run", study, "--quiet", "--out", study.parent / "elsewhere")
     assert (result.exit_code, result.output) == (0, "")

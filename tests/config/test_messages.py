@@ -11,7 +11,7 @@ from cmsreduce.errors import ConfigError
 MISTAKES = {
     "unknown key": (
         "rank: gregory, keep: {frf", "rank: gregory, keeep: {frf", 0,
-        "key 'balance.keeep' is unknown: did you mean 'keep'? Known keys: rank, keep"),
+        "key 'balance.keeep' is unknown: did you mean 'keep'? Known keys: rank, keep, weighting, scaling, clusters"),
     "unknown key, deep": (
         "rotor.bdf}", "rotor.bdf, fromat: bulk}", 0,
         "key 'components.rotor.geometry.fromat' is unknown: did you mean 'format'? Known keys: file, format"),
@@ -44,9 +44,9 @@ MISTAKES = {
     "residual that is no dof": (
         "method: guyan", "method: guyan, residuals: [12.q]", 0,
         "key 'components.rotor.reduce.residuals[0]': '12.q' is no residual: write sensors, actuators, dampers, or"),
-    "stage of a later version": (
-        "write: {formats: [hdf5]}", "project: {modes: auto}", 0,
-        "key 'project': this is not available in this version"),
+    "two rules of system modes": (
+        "write: {formats: [hdf5]}", "project: {modes: {count: 3, list: [1]}}", 0,
+        "project.modes takes one of cutoff, list, count: found list and count"),
     "misspelt tie": (
         "nodes: [7, 8, 9], dofs: 123", "nodes: [7, 8, 9], tie: rigit", 0,
         "key 'components.stator.interfaces.platform_hinge.tie': found the text 'rigit', did you mean 'rigid'?"),
@@ -72,7 +72,7 @@ MISTAKES = {
         "{hinge: {position: [0, 0, 0]}}", "{hinge: {nodes: [1], position: [0, 0, 0], tie: rigid}}", 0,
         "an interface of a rigid body is given by its position"),
     "format of a later version": (
-        "[hdf5]", "[hdf5, nastran]", 0, "key 'write.formats[1]': 'nastran' is not available in this version, hdf5 is"),
+        "[hdf5]", "[hdf5, nastran]", 0, "key 'write.formats[1]': 'nastran' is not available in this version, hdf5 or matlab is"),
     "length for a frequency": (
         "band: 10 Hz", "band: 10 m", 0, "key 'scene.band': 10 m is a length, a frequency is expected, e.g. 10 Hz"),
     "empty band": ("band: 10 Hz", "band: [10, 1 Hz]", 0, "the band from 10 to 1 Hz is empty"),
@@ -163,7 +163,7 @@ def test_mistake_in_the_file(galileo, edited, old, new, off, words):
 @pytest.mark.parametrize(
     ("override", "words"),
     [
-        ("balance.keeep=all", "key 'balance.keeep' is unknown: did you mean 'keep'? Known keys: rank, keep"),
+        ("balance.keeep=all", "key 'balance.keeep' is unknown: did you mean 'keep'? Known keys: rank, keep, weighting, scaling, clusters"),
         ("reduce.cutoff=20 Hz", "key 'reduce.cutoff': found the text '20 Hz', expected a number, e.g. 2.0"),
         ("components.rotor.damping.modal=0", "key 'components.rotor.damping.modal': damping modal: 0 is not positive"),
         ("balance.keep.modes.rotr=3", "there is no flexible component 'rotr', did you mean 'rotor'?"),

@@ -74,7 +74,7 @@ def test_five_disks_two_modes_and_the_extraneous_one():
     assert extraneous_count([part.rank for part in parts], again.constrained, 2) == 1
     root = np.sqrt(np.concatenate([np.diag(M) for M, _, _ in CHAINS["five disks"]]))[:, None]
     chosen, shapes = (root * np.vstack(found.shapes) for found in (full("five disks"), again))
-    np.testing.assert_allclose(returned(chosen[:, :2], shapes), [1, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(returned(chosen[:, :2].T @ shapes), [1, 1, 0], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", CHAINS)

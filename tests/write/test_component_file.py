@@ -43,7 +43,8 @@ def chain(masses=(1.0, 2.0, 3.0), stiffness=50.0):
 @pytest.fixture
 def component():
     body = chain()
-    return orthogonalise(CraigBampton(1e3).reduce(body, body.interface_rows("end")))
+    modes = orthogonalise(CraigBampton(1e3).reduce(body, body.interface_rows("end")))
+    return replace(modes, rankings={"gregory": np.arange(modes.omega.size) - 1.0, "modal-gain": 2.0 * modes.omega})
 
 
 def written(path, component, **changes):
@@ -178,6 +179,19 @@ def test_every_path_on_the_page_is_in_the_file(tmp_path, component):
                 folder = path.rpartition("/")[0]
                 if path not in ("modes/loss",):
                     assert path.replace("NAME/", "end") in file, path
+
+
+def test_every_ranking_reads_back_and_must_fit_the_modes(tmp_path, component):
+    path = written(tmp_path / "chain.h5", component)
+    found = read_component(path).rankings
+    assert set(found) == {"gregory", "modal-gain"}
+    np.testing.assert_array_equal(found["modal-gain"], 2.0 * component.omega)
+    with h5py.File(path, "r+") as file:
+        del file["modes/rankings/gregory"]
+        file["modes/rankings/gregory"] = np.zeros(component.omega.size - 1)
+    with pytest.raises(ReadError, match="modes/rankings/gregory"):
+        read_component(path)
+    assert read_component(written(tmp_path / "bare.h5", replace(component, rankings={}))).rankings == {}
 
 
 def test_same_input_gives_same_bytes_at_another_time(tmp_path, component):

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import scipy.sparse as sp
 
-from cmsreduce.model import Configuration, System, Units
+from cmsreduce.model import Configuration, Joint, JointElement, Point, System, Units
 from cmsreduce.write import write_system
 
 PAGE = Path(__file__).parents[2] / "docs" / "component-file.md"
@@ -80,6 +80,26 @@ def test_every_item_on_the_page_is_in_the_file(tmp_path):
     write_system(tmp_path / "system.h5", [pendulum(D=0.1 * K, loss=0.2 * K)], provenance={})
     with h5py.File(tmp_path / "system.h5") as file:
         assert set(items) == set(file["configuration_0"])
+
+
+def test_joints_and_what_they_own(tmp_path):
+    ends = Point("stator", "bearing"), Point("rotor", "bearing")
+    spin = Joint("spin", *ends, frozenset({0, 5}), elements=(JointElement(5, 120.0, 0.4, 1e-3), JointElement(0, 7.0)))
+    weld = Joint("weld", *ends)
+    system = pendulum(joints=(spin, weld), notes=("redundant joints: weld x",))
+    write_system(tmp_path / "system.h5", [system], provenance={})
+    with h5py.File(tmp_path / "system.h5") as file:
+        group = file["configuration_0"]
+        assert group["notes"].asstr()[:].tolist() == ["redundant joints: weld x"]
+        own = group["joints/spin"]
+        assert dict(own.attrs) == {
+            "first": "stator.bearing", "second": "rotor.bearing", "free": "x rz", "body": "joint spin"
+        }  # fmt: skip
+        assert own["dof"].asstr()[:].tolist() == ["rz", "x"]
+        figures = {name: own[name][()].tolist() for name in ("stiffness", "damping", "inertia")}
+        assert figures == {"stiffness": [120.0, 7.0], "damping": [0.4, 0.0], "inertia": [1e-3, 0.0]}
+        assert "first interface" in own["inertia"].attrs["about"]
+        assert dict(group["joints/weld"].attrs)["free"] == "" and not list(group["joints/weld"])
 
 
 def test_a_system_of_no_coordinates(tmp_path):

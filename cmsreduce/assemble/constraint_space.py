@@ -1,0 +1,154 @@
+"""Coordinates that constraints leave free: an orthonormal null space, one group of joined coordinates at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+import scipy.sparse.csgraph as csgraph
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.null_space import DEPENDENT, row_basis
+from cmsreduce.model import Matrix
+
+__all__ = ["ConstraintSpace", "connected_rows", "constraint_space"]
+
+# The null space is held sparse when at least this share of the coordinates is in no constraint.
+_MOSTLY_FREE = 0.5
+# A constraint row's weight on a coordinate below this share of the largest is round-off of a direction cosine.
+_NO_WEIGHT = 1e-14
+# Rows of the tiles that a large matrix is transposed by: two fit a cache of the second level.
+_TILE = 128
+
+
+@dataclass(frozen=True, eq=False)
+class ConstraintSpace:
+    """Null space of constraints, T = (1 - V V^T) of the coordinates kept.
+
+    Parameters
+    ----------
+    V : (n, rank) Matrix
+        Each group of joined coordinates has columns of its own; 1 - V V^T is orthogonal and symmetric, and takes as
+        many coordinates as there are constraints to the row space of these.
+    kept : (n - rank,) int64
+        The other coordinates, which it takes to the null space.
+
+    Notes
+    -----
+    A block reflector: Schreiber and Parlett, SIAM J. Numer. Anal. 25 (1988) 189. V has as many columns as there are
+    constraints, so that a projection on T costs n^2 rank and not n^3.
+    """
+
+    V: Matrix
+    kept: NDArray[np.int64]
+
+    @cached_property
+    def T(self) -> Matrix:
+        """Orthonormal columns T (n, n - rank)."""
+        n = self.V.shape[0]
+        if sp.issparse(self.V):
+            picked = sp.csc_array(sp.eye_array(n, format="csc"))[:, self.kept]
+            T = sp.csc_array(picked - self.V @ sp.csr_array(self.V)[self.kept].T)
+            T.eliminate_zeros()
+            return T
+        V = np.asarray(self.V)
+        dense = -(V @ V[self.kept].T)
+        dense[self.kept, np.arange(self.kept.size)] += 1.0
+        return dense
+
+    def congruent(self, blocks: Sequence[Matrix]) -> Matrix:
+        """T^T A T of a symmetric A, given by its diagonal blocks (n - rank, n - rank)."""
+        A = sp.csc_array(sp.block_diag([sp.csc_array(block) for block in blocks]))
+        A = sp.csc_array((A + A.T) * 0.5)
+        if sp.issparse(self.V):
+            T = self.T
+            small = sp.csc_array(T.T @ A @ T)
+            return sp.csc_array((small + small.T) * 0.5)
+        V = np.asarray(self.V)
+        # One side by T itself: stiff coordinates then meet soft ones in products as small as T makes them.
+        AT = sp.csr_array(A) @ np.asarray(self.T)
+        found = V[self.kept] @ -(V.T @ AT)
+        found += AT[self.kept]
+        _add_transpose(found)
+        found *= 0.5
+        return found
+
+
+def constraint_space(A: sp.csr_array) -> ConstraintSpace:
+    """Find the null space of constraints.
+
+    Parameters
+    ----------
+    A : (c, n) sparse array
+        Dependent rows are allowed.
+
+    Returns
+    -------
+    ConstraintSpace
+        Dense unless most coordinates are in no constraint.
+    """
+    n = A.shape[1]
+    weights = sp.csr_array(A, copy=True)
+    weights.data = np.where(abs(weights.data) <= _NO_WEIGHT * abs(weights.data).max(initial=0.0), 0.0, weights.data)
+    weights.eliminate_zeros()
+    norms = np.sqrt(np.asarray(weights.multiply(weights).sum(axis=1)).ravel())
+    weights = weights[norms > DEPENDENT * norms.max(initial=0.0)]
+    touched = np.diff(sp.csc_array(weights).indptr) > 0
+    values, rows, columns, dropped = [], [], [], []
+    rank = 0
+    for group in connected_rows(weights):
+        at = np.unique(weights[group].indices)
+        block = weights[group][:, at].toarray()
+        V = _reflector(block / np.linalg.norm(block, axis=1, keepdims=True))
+        r = V.shape[1]
+        values.append(V.ravel())
+        rows.append(np.repeat(at, r))
+        columns.append(np.tile(np.arange(rank, rank + r), at.size))
+        dropped.append(at[:r])
+        rank += r
+    kept = np.setdiff1d(np.arange(n), np.concatenate([np.empty(0, dtype=np.int64), *dropped]))
+    if not values:
+        return ConstraintSpace(sp.csc_array((n, 0)), kept)
+    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    V_all = sp.csc_array(sp.coo_array(entries, shape=(n, rank)))
+    return ConstraintSpace(V_all if np.count_nonzero(~touched) >= _MOSTLY_FREE * n else V_all.toarray(), kept)
+
+
+def connected_rows(A: NDArray[np.float64] | sp.csr_array) -> list[NDArray[np.int64]]:
+    """Group rows that share columns, directly or through others; rows without entries are in no group."""
+    weights = sp.csr_array(A)
+    c, n = weights.shape
+    entries = sp.coo_array(weights)
+    graph = sp.coo_array((np.ones(entries.nnz), (entries.row, c + entries.col)), shape=(c + n, c + n))
+    _, label = csgraph.connected_components(sp.csr_array(graph), directed=False)
+    filled = np.flatnonzero(np.diff(weights.indptr))
+    if not filled.size:
+        return []
+    order = filled[np.argsort(label[filled], kind="stable")]
+    starts = np.flatnonzero(np.diff(label[order])) + 1
+    return [np.asarray(group, dtype=np.int64) for group in np.split(order, starts)]
+
+
+def _add_transpose(A: NDArray[np.float64]) -> None:
+    """Add its transpose to a square matrix in place, by tiles that stay in the cache."""
+    starts = range(0, A.shape[0], _TILE)
+    for a in starts:
+        for b in starts[a // _TILE :]:
+            here, there = np.s_[a : a + _TILE, b : b + _TILE], np.s_[b : b + _TILE, a : a + _TILE]
+            both = A[here] + A[there].T
+            A[here], A[there] = both, both.T
+
+
+def _reflector(A: NDArray[np.float64]) -> NDArray[np.float64]:
+    """V (n, r) with 1 - V V^T orthogonal and its first r columns in the row space of A, of rank r."""
+    Q, _ = la.qr((row_basis(A) @ A).T, mode="economic")
+    r = Q.shape[1]
+    # With the polar factor of the first rows as target, 1 + S is all that is inverted.
+    U, S, Wt = la.svd(Q[:r])
+    X = Q.copy()
+    X[:r] += U @ Wt
+    return np.asarray(X @ (Wt.T / np.sqrt(1 + S)))

@@ -1,0 +1,106 @@
+"""Motions locked twice: closed loops of rigid links, double ground; and bodies that float by themselves."""
+
+import numpy as np
+import pytest
+
+from cmsreduce.assemble import assemble, frequency_response, system_modes
+from cmsreduce.errors import ConstraintError, SceneError
+from cmsreduce.model import Channel, Point, Scene
+from tests.assemble.rigs import at, in_joint, joint, physical, rigid_body, substructures
+from tests.frames import line
+
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1.2, 1, 0], [0, 0.8, 0]])
+
+
+def links():
+    """A closed chain of rigid links in a plane."""
+    return [
+        rigid_body(f"bar{k}", 1.0, (a + b) / 2, [0.1, 0.1, 0.1], {"a": a, "b": b})
+        for k, (a, b) in enumerate(zip(CORNERS, np.roll(CORNERS, -1, axis=0), strict=True))
+    ]
+
+
+def loop(*free):
+    return tuple(joint(f"pin{k}", f"bar{k}.b", f"bar{(k + 1) % 4}.a", f) for k, f in enumerate(free))
+
+
+def scene(bodies, joints, channels: tuple[Channel, ...] = (), **options):
+    return Scene(tuple(b.name for b in bodies), (0.0, 1.0), joints, actuators=channels, sensors=channels, **options)
+
+
+def test_dropping_what_is_locked_twice_moves_as_with_the_joint_that_leaves_it_free():
+    """A four-bar linkage about z: its closing pin need lock no more than x and y."""
+    bodies = links()
+    subs, w = substructures(bodies), np.array([0.5, 3.0])
+    channels = (in_joint("pin0", "rz"), at("bar2.cg", "y"), at("bar1.cg", "rx"))
+    twice = scene(bodies, loop("rz", "rz", "rz", "rz"), channels, redundant="drop")
+    room = scene(bodies, loop("rz", "rz", "rz", "rz z rx ry"), channels)
+    found, expected = (assemble(subs, s, s.configurations[0]) for s in (twice, room))
+    # Six rigid motions and one of the linkage: by Gruebler, 3 (4 - 1) - 2 x 4 = 1.
+    assert found.N == found.rigid.shape[1] == expected.N == 7
+    (note,) = found.notes
+    assert note.startswith("redundant joints: 3 of 20") and "pin3 z, pin3 rx, pin3 ry" in note
+    H, exact = (frequency_response(subs, s, s.configurations[0], w) for s in (twice, room))
+    np.testing.assert_allclose(H, exact, rtol=1e-9, atol=1e-12)
+    assert not expected.notes
+
+
+def test_a_weld_beside_a_weld():
+    """Two flexible bars joined twice at one node: every motion of the second joint is there already."""
+    bodies = [line("one", [0, 0, 0], [1, 0, 0], 3), line("two", [1, 0, 0], [2, 0, 0], 3)]
+    subs = substructures(bodies)
+    joints = (joint("weld", "one.b", "two.a"), joint("again", "two.a", "one.b"))
+    with pytest.raises(ConstraintError, match=r"6 of 12 .*: again x, again y, again z, again rx, again ry, again rz\."):
+        assemble(subs, scene(bodies, joints), scene(bodies, joints).configurations[0])
+    dropped = scene(bodies, joints, redundant="drop")
+    single = scene(bodies, joints[:1])
+    w, exact = (system_modes(assemble(subs, s, s.configurations[0]), 1e4)[0] for s in (dropped, single))
+    np.testing.assert_allclose(w, exact, rtol=1e-10)
+
+
+def test_a_joint_between_grounded_interfaces():
+    bodies = [line("one", [0, 0, 0], [1, 0, 0], 3), line("two", [1, 0, 0], [2, 0, 0], 3)]
+    ground = (Point("one", "b"), Point("two", "a"))
+    with pytest.raises(ConstraintError, match=r"6 of 18 .*: ground two\.a x, ground two\.a y"):
+        where = scene(bodies, (joint("weld", "one.b", "two.a"),), ground=ground)
+        assemble(substructures(bodies), where, where.configurations[0])
+
+
+def test_a_floating_body_has_its_six_motions_and_leaves_the_others_alone():
+    bar, far = line("bar", [0, 0, 0], [1, 0, 0], 4), line("far", [0, 5, 0], [1, 6, 0], 4)
+    alone = scene([bar], (), ground=(Point("bar", "a"),))
+    both = scene([bar, far], (), ground=(Point("bar", "a"),), floating=("far",))
+    subs = {"bar": physical(bar), "far": physical(far)}
+    system = assemble(subs, both, both.configurations[0])
+    assert system.rigid.shape[1] == 6
+    # All that moves in them is the floating body.
+    assert abs((system.T @ system.rigid)[: bar.n]).max() < 1e-12
+    w = system_modes(system, 1e5)[0]
+    free = scene([far], ())
+    parts = [
+        system_modes(assemble({name: subs[name]}, s, s.configurations[0]), 1e5)[0]
+        for name, s in (("bar", alone), ("far", free))
+    ]
+    np.testing.assert_allclose(w, np.sort(np.concatenate(parts)), rtol=1e-9)
+
+
+def test_a_joint_of_six_freedoms_is_a_free_body():
+    one, two = (
+        rigid_body(name, m, [0, 0, 0], [1, 2, 2.5], {"h": [0, 0, 0]}) for name, m in (("one", 5.0), ("two", 2.0))
+    )
+    force = (in_joint("six", "y"), in_joint("six", "rx"))
+    where = scene([one, two], (joint("six", "one.h", "two.h", "x y z rx ry rz"),), force)
+    subs = substructures((one, two))
+    system = assemble(subs, where, where.configurations[0])
+    assert system.N == system.rigid.shape[1] == 12
+    w = np.array([3.0])
+    H = frequency_response(subs, where, where.configurations[0], w)[0]
+    np.testing.assert_allclose(H, np.diag([-(1 / 5 + 1 / 2), -(1 / 1 + 1 / 1)]) / 9.0, rtol=1e-12, atol=1e-15)
+
+
+def test_a_body_forgotten_is_still_refused():
+    bodies = [line("bar", [0, 0, 0], [1, 0, 0], 4), line("far", [0, 5, 0], [1, 6, 0], 4)]
+    with pytest.raises(SceneError, match=r"'far' is joined to nothing.*`scene\.floating`"):
+        assemble(substructures(bodies), scene(bodies, ()), scene(bodies, ()).configurations[0])
+    with pytest.raises(SceneError, match=r"floating: there is no component 'ghost'"):
+        scene(bodies, (), floating=("ghost",))

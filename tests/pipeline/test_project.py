@@ -1,0 +1,200 @@
+"""The project stage: chosen modes come back, what comes along is counted and named, the error is met at every angle."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+from click.testing import CliRunner
+
+from cmsreduce.cli import main
+from cmsreduce.config import load_pipeline
+from cmsreduce.model import Configuration, Joint, Point, Scene
+from cmsreduce.pipeline.halfway import halfway
+from cmsreduce.pipeline.progress import Silent
+from cmsreduce.pipeline.run import Run
+from tests.pipeline.study import write_study
+
+# Relative error to which a chosen mode returns.
+RETURNED = 1e-10
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_study(tmp_path_factory.mktemp("study"))
+
+
+def opened(study: Path, *overrides: str) -> Run:
+    folder = study.parent / "opened"
+    return Run(load_pipeline(study, ["reduce.cutoff=15", *overrides]), folder, Silent())
+
+
+@pytest.fixture
+def summary(study: Path, tmp_path: Path) -> Any:
+    def of(*overrides: str) -> tuple[int, str, dict[str, Any]]:
+        given = [part for override in overrides for part in ("--set", override)]
+        result = CliRunner().invoke(main, ["run", str(study), "--out", str(tmp_path / "out"), *given])
+        path = tmp_path / "out" / "summary.json"
+        return result.exit_code, result.output, json.loads(path.read_text()) if path.is_file() else {}
+
+    return of
+
+
+@pytest.mark.parametrize("of", ["reduced", "full"])
+@pytest.mark.parametrize("rule", ["{list: [1, 3]}", "{cutoff: 1.2}", "{count: 3}"])
+def test_chosen_modes_return_at_every_sampled_configuration(study, rule, of):
+    run = opened(study, f"project={{modes: {rule}, of: {of}}}")
+    record = run.projected.record
+    assert [each.configuration for each in record.sampled] == [c.name for c in run.scene.configurations]
+    for each in record.sampled:
+        assert each.hz.size and each.error.max() < RETURNED
+        # Elastic modes of the reassembled system are the chosen and the extraneous ones, no others.
+        configuration = next(c for c in run.scene.configurations if c.name == each.configuration)
+        system = run.model.assembled.system(configuration)
+        assert each.extraneous == system.N - system.rigid.shape[1] - each.hz.size
+    for name, component in run.final.items():
+        kept = component.elastic_count
+        assert kept == record.rank[name] <= run.kept[name].elastic_count
+        assert component.rigid_count == run.kept[name].rigid_count
+        gram = component.Phi.T @ (component.body.M @ component.Phi)
+        np.testing.assert_allclose(gram, np.eye(gram.shape[0]), atol=1e-9)
+
+
+def test_frequencies_come_back_as_eigenvalues_of_the_reassembled_matrices(study):
+    """Beside the record's own account: a dense eigenproblem of what the run assembles."""
+    run = opened(study, "project={modes: {list: [1, 2]}}")
+    for each, configuration in zip(run.projected.record.sampled, run.scene.configurations, strict=True):
+        system = run.model.assembled.system(configuration)
+        dense = [A if isinstance(A, np.ndarray) else A.toarray() for A in (system.K, system.M)]
+        hz = np.sqrt(np.maximum(la.eigvalsh(*dense), 0.0)) / (2 * np.pi)
+        assert abs(hz[:, None] / each.hz - 1).min(axis=0).max() < 1e-7
+
+
+def test_one_configuration_is_not_enough_and_auto_adds_the_worst(summary):
+    """Modes of the straight arm do not hold the bent one: the greedy search says where it stopped and why."""
+    first = "hinge=0"
+    code, _, alone = summary(
+        f"project={{modes: {{count: 2}}, configurations: [{first}], between: false}}", "verify.limits={}"
+    )
+    assert code == 0 and alone["worst"]["frf_error"] > 0.02
+    code, output, found = summary(
+        "project={modes: auto, configurations: auto, frf_error: 0.02}", "verify.limits={frf_error: 0.02}"
+    )
+    assert code == 0, output
+    assert found["worst"]["frf_error"] <= 0.02
+    assert max(found["projection"]["between"].values()) <= 0.02
+    assert [note for note in found["notes"] if "holds at all of them" in note]
+    kept = sum(part["kept_modes"] for part in found["components"].values())
+    code, _, everything = summary("project={modes: {cutoff: 4}}")
+    assert code == 0 and kept < sum(part["kept_modes"] for part in everything["components"].values())
+
+
+def test_an_error_halfway_fails_the_run_and_names_the_angle(summary):
+    code, output, found = summary(
+        "project={modes: {count: 2}, configurations: [hinge=0], frf_error: 1e-4}", "verify.limits={}"
+    )
+    worst = max(found["projection"]["between"], key=lambda name: found["projection"]["between"][name])
+    assert code == 1 and worst == "halfway hinge.ry=25"
+    assert "halfway hinge.ry=25, is above its limit" in output
+
+
+def test_extraneous_modes_are_named_and_suppressed(summary):
+    keys = "modes: {list: [1, 4]}, configurations: [hinge=0], between: false"
+    code, output, before = summary(f"project={{{keys}}}", "verify.limits={}")
+    named = before["projection"]["extraneous_in_band"]
+    assert code == 0 and named
+    for mode in named:
+        assert mode["frequency_hz"] <= 60.0
+        assert sum(mode["energy"].values()) == pytest.approx(1.0)
+        assert mode["body"] == max(mode["energy"], key=lambda body: mode["energy"][body])
+        assert mode["interface"].split(".")[0] in ("arm", "panel", "hub")
+        assert min(mode["weight"]) >= 0
+        assert max(mode["weight"]) <= 1
+    foreign_there = max((m for m in named if m["likeness"] < 0.9), key=lambda m: max(m["weight"]))
+    assert f"extraneous mode at {foreign_there['frequency_hz']:.4g} Hz in 'hinge=0'" in " ".join(output.split())
+    code, output, after = summary(f"project={{{keys}, suppress: true}}", "verify.limits={}")
+    assert code == 0 and sum(after["projection"]["static_shapes_added"].values()) > 0
+    assert after["worst"]["frf_error"] <= before["worst"]["frf_error"]
+
+    def foreign(found):
+        return [mode["frequency_hz"] for mode in found["projection"]["extraneous_in_band"] if mode["likeness"] < 0.9]
+
+    assert len(foreign(after)) < len(foreign(before))
+
+
+def test_a_large_tolerance_compresses_and_says_so(summary):
+    code, _, exact = summary("project={modes: {cutoff: 2}, between: false}")
+    assert code == 0
+    code, output, found = summary("project={modes: {cutoff: 2}, tolerance: 0.05, between: false}", "verify.limits={}")
+    assert code == 0 and "compressed to" in output
+    for name, rank in found["projection"]["rank"].items():
+        assert rank == np.count_nonzero(np.array(exact["projection"]["singular_values"][name]) > 0.05)
+    assert max(each["worst_return"] for each in found["projection"]["sampled"]) > RETURNED
+
+
+def test_modes_of_the_closed_loop_return(study):
+    """Their roots are eigenvalues of the state matrix of the full-order reduced system, with feedback."""
+    keys = "project={modes: {cutoff: 2}, configurations: [hinge=0], between: false, feedback: {motor: {probe: 40.0}}}"
+    run = opened(study, keys)
+    (record,) = run.projected.record.sampled
+    assert record.error.max() < 1e-8
+    source = opened(study).model.assembled.system(run.scene.configurations[0])
+    K, M, D = (A if isinstance(A, np.ndarray) else A.toarray() for A in (source.K, source.M, source.D))
+    gain = np.zeros((len(source.inputs), len(source.outputs)))
+    gain[source.inputs.index("motor"), source.outputs.index("probe")] = 40.0
+    n = source.N
+    inverse = la.inv(M)
+    A = np.block(
+        [
+            [np.zeros((n, n)), np.eye(n)],
+            [-inverse @ (K + source.B @ gain @ source.C1), -inverse @ (D + source.B @ gain @ source.C2)],
+        ]
+    )
+    size = abs(la.eigvals(A)) / (2 * np.pi)
+    assert abs(size[:, None] / record.hz - 1).min(axis=0).max() < 1e-6
+    plain = opened(study, "project={modes: {cutoff: 2}, configurations: [hinge=0], between: false}")
+    assert record.hz.size > plain.projected.record.sampled[0].hz.size
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ("{modes: {list: [99]}}", "mode 99 is asked for, but configuration"),
+        ("{configurations: [nowhere], modes: {count: 2}}", "there is no configuration 'nowhere'"),
+        ("{modes: {count: 2, cutoff: 1.0}}", "takes one of cutoff, list, count"),
+        ("{modes: all}", "`auto` or a mapping is expected"),
+        ("{modes: auto, frf_error: 1e-13}", "cannot be met: all"),
+        ("{modes: {count: 2}, feedback: {engine: {probe: 1.0}}}", "there is no actuator 'engine'"),
+        ("{modes: {count: 2}, feedback: {motor: {eye: 1.0}}}", "there is no sensor 'eye'"),
+    ],
+)
+def test_what_cannot_be_projected_is_refused(summary, keys, message):
+    code, output, _ = summary(f"project={keys}")
+    assert code == 2 and message in " ".join(output.split()), output
+
+
+def test_auto_needs_a_response(summary):
+    code, output, _ = summary("project={modes: auto}", "scene.sensors={}")
+    assert code == 2 and "auto needs a response to measure" in output
+
+
+@pytest.mark.parametrize(
+    ("angles", "expected"),
+    [
+        ([{("a", 5): 0.0}, {("a", 5): 1.0}, {("a", 5): 3.0}], ["halfway a.rz=28.65", "halfway a.rz=114.6"]),
+        ([{("a", 0): 0.0}, {("a", 0): 1.0}], ["halfway a.x=0.5"]),
+        ([{("a", 5): 0.0, ("b", 0): y} for y in (0.0, 1.0)], ["halfway a.rz=0 b.x=0.5"]),
+        ([{("a", 5): 0.0}], []),
+        ([{}], []),
+    ],
+    ids=["three", "a slide", "one of two", "one", "none"],
+)
+def test_halfway(angles, expected):
+    settings = tuple(Configuration(str(k), each) for k, each in enumerate(angles))
+    joints = tuple(Joint(name, Point("body", "one"), Point("body", "two"), frozenset({0, 5})) for name in "ab")
+    found = halfway(Scene(("body",), (0.0, 1.0), joints=joints, configurations=settings))
+    assert sorted(setting.name for setting in found) == sorted(expected)
