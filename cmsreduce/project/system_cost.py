@@ -1,0 +1,169 @@
+"""Component cost analysis of an assembled system: what each coordinate of each body is worth to its outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.gramians import check_damped, controllability, state_space
+from cmsreduce.linalg.pencil import elastic_and_massless
+from cmsreduce.linalg.repeated import repeated_groups
+from cmsreduce.model import ModalChannels, ModalComponent, Substructure, System
+
+__all__ = ["SystemCost", "costliest", "system_cost"]
+
+Array = NDArray[np.float64]
+
+# Damping that couples two system modes by less than this share of their own leaves the closed form all digits shown.
+_UNCOUPLED = 1e-10
+# Damping couples rigid motions to elastic ones when it resists them by more than this share of its largest entry.
+_BRAKES = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class SystemCost:
+    """Mean square of a system's outputs under white noise, rigid motions left out, and its parts.
+
+    Parameters
+    ----------
+    total : float
+        V = tr(C X C^T) of the elastic part.
+    modes : (e,) float64
+        Share of each elastic mode of the system; they sum to V.
+    coordinates : mapping of body to (m_i,) float64
+        Share of each coordinate of each body; they sum to V. A share is negative where a coordinate moves against
+        what the outputs see.
+    """
+
+    total: float
+    modes: Array
+    coordinates: Mapping[str, Array]
+
+
+def system_cost(
+    system: System,
+    substructures: Mapping[str, Substructure],
+    noise: Array | None = None,
+    weight: Array | None = None,
+) -> SystemCost:
+    """Share the mean square response of an assembled system out to the coordinates of its bodies.
+
+    Parameters
+    ----------
+    system : System
+        Reduced and damped.
+    substructures : mapping of name to Substructure
+        The bodies it is made of, in its order.
+    noise : (inputs,) float64, optional
+        Intensity of the white noise at each actuator; unit intensities by default.
+    weight : (outputs,) float64, optional
+        Weight of the mean square of each sensor, which makes unlike units comparable; all one by default.
+
+    Raises
+    ------
+    DampingError
+        If an elastic mode has no damping: its response to noise is infinite.
+    MatrixError
+        If damping is a complex stiffness, or brakes the rigid motions.
+
+    Notes
+    -----
+    V_i = [X C^T C]_ii over both states of coordinate i (Skelton and Hughes, 1980; Skelton and Yousuff, 1983). The
+    coordinates q of joined bodies depend on each other, so that many rows C give the same outputs; the one taken here
+    is C Phi Phi^T M q, Phi the elastic modes: a coordinate counts by its share in the modal mass of each mode, in any
+    scale and whichever side of a joint the sensor is on. With uncoupled damping X has a closed form.
+    """
+    w, Phi, modal = _elastic_modes(system)
+    noise = np.ones(len(system.inputs)) if noise is None else np.asarray(noise, dtype=np.float64)
+    weight = np.ones(len(system.outputs)) if weight is None else np.asarray(weight, dtype=np.float64)
+    channels = ModalChannels(
+        "the assembled system",
+        w,
+        modal.diagonal() / (2 * w),
+        Phi.T @ system.B * np.sqrt(noise),
+        np.sqrt(weight)[:, None] * (system.C1 @ Phi),
+        np.sqrt(weight)[:, None] * (system.C2 @ Phi),
+    )
+    check_damped(channels, "component cost analysis")
+    e = w.size
+    C = np.hstack([channels.C1 / w, channels.C2])
+    XQ = _noise_covariance(channels, modal) @ C.T @ C
+    shares = XQ.diagonal()
+    return SystemCost(
+        float(shares.sum()),
+        np.asarray(shares[:e] + shares[e:]),
+        _by_coordinate(system, substructures, Phi, XQ[:e, :e] * (w / w[:, None]) + XQ[e:, e:]),
+    )
+
+
+def costliest(costs: Sequence[SystemCost], components: Mapping[str, ModalComponent], count: int) -> dict[str, Array]:
+    """Choose the modes of all bodies that cost most in the assembled system.
+
+    Parameters
+    ----------
+    costs : sequence of SystemCost
+        In one configuration after the other; a mode counts by its largest share in any of them.
+    components : mapping of name to ModalComponent
+        Bodies whose modes the coordinates of the system are amplitudes of.
+    count : int
+        Elastic modes to keep in all; a few more where the number would split a repeated one.
+
+    Returns
+    -------
+    dict of name to (k,) int64
+        Columns of each body, ascending.
+    """
+    groups: list[tuple[float, str, NDArray[np.int64]]] = []
+    for name, component in components.items():
+        columns = np.arange(component.elastic.start, component.elastic.stop)
+        number = repeated_groups(component.omega[columns])
+        share = np.max(
+            [abs(np.bincount(number, cost.coordinates[name][columns])) / cost.total for cost in costs], axis=0
+        )
+        groups += [(-float(share[g]), name, columns[number == g]) for g in np.unique(number)]
+    kept: dict[str, list[NDArray[np.int64]]] = {name: [np.empty(0, dtype=np.int64)] for name in components}
+    taken = 0
+    for _, name, columns in sorted(groups, key=lambda group: group[0]):
+        if taken < count:
+            kept[name].append(columns)
+            taken += columns.size
+    return {name: np.sort(np.concatenate(parts)) for name, parts in kept.items()}
+
+
+def _elastic_modes(system: System) -> tuple[Array, Array, Array]:
+    """Elastic frequencies (e,) in rad/s, modes (N, e), and the damping between them (e, e)."""
+    if system.loss is not None:
+        raise MatrixError("structural damping is a complex stiffness, under which white noise has no state space")
+    K, M = dense(system.K), dense(system.M)
+    D = np.zeros_like(K) if system.D is None else dense(system.D)
+    if abs(D @ system.rigid).max(initial=0.0) > _BRAKES * abs(D).max(initial=0.0):
+        raise MatrixError("the damping brakes the system's rigid motions, so that its elastic part is none by itself")
+    squared, Phi, _ = elastic_and_massless(K, M, system.rigid, system.rounding)
+    return np.sqrt(squared), Phi, Phi.T @ D @ Phi
+
+
+def _noise_covariance(channels: ModalChannels, modal: Array) -> Array:
+    """X of A X + X A^T + B B^T = 0 in the states [w q; q'] (2e, 2e)."""
+    own = np.sqrt(modal.diagonal())
+    if (abs(modal - np.diag(modal.diagonal())) <= _UNCOUPLED * np.outer(own, own)).all():
+        return controllability(channels)
+    A, B, _ = state_space(channels, summed=True)
+    A[channels.count :, channels.count :] = -modal
+    return np.asarray(la.solve_continuous_lyapunov(A, -B @ B.T))
+
+
+def _by_coordinate(
+    system: System, substructures: Mapping[str, Substructure], Phi: Array, shares: Array
+) -> dict[str, Array]:
+    """Share out costs of pairs of modes (e, e) to the coordinates of the bodies."""
+    shapes = np.split(dense(system.T @ Phi), np.cumsum(list(system.sizes.values()))[:-1])
+    return {
+        name: np.asarray(((own @ shares) * (substructures[name].M @ own)).sum(axis=1))
+        for name, own in zip(system.sizes, shapes, strict=True)
+    }

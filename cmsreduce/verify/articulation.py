@@ -1,0 +1,177 @@
+"""Whether the modes of a system hold the inertia that its hinges feel: completeness axis by axis."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import ConstraintError
+from cmsreduce.linalg.dense import dense
+from cmsreduce.model import DOF_NAMES, Channel, JointTerm, Scene, System
+
+__all__ = ["articulation_inertia", "articulation_sensors", "free_index", "hinges_locked", "locked_index"]
+
+Array = NDArray[np.float64]
+
+_ROTATION = 3
+# Mobilities of independent hinges, scaled to a unit diagonal, have eigenvalues above this; those of a loop round to 0.
+_INDEPENDENT = 1e-10
+
+
+def articulation_sensors(scene: Scene) -> tuple[Channel, ...]:
+    """One sensor for each free motion of each joint: the articulation axes.
+
+    Parameters
+    ----------
+    scene : Scene
+        Joints with free motions, a in all.
+
+    Returns
+    -------
+    tuple of Channel
+        a displacement sensors, named JOINT.DOF, joint by joint.
+    """
+    return tuple(
+        Channel(
+            f"{joint.name}.{DOF_NAMES[dof]}",
+            (JointTerm(joint.name, dof),),
+            "rotation" if dof >= _ROTATION else "translation",
+        )
+        for joint in scene.joints
+        for dof in sorted(joint.free)
+    )
+
+
+def hinges_locked(scene: Scene) -> Scene:
+    """The scene with every joint locked in all motions.
+
+    Parameters
+    ----------
+    scene : Scene
+        Joints as given.
+
+    Returns
+    -------
+    Scene
+        To be assembled in the configurations of the scene as given. What acts in a joint, and what measures there, is
+        left out: it would find nothing to move. A joint that slides is locked where it was built: a slide that is set
+        parts its interfaces, which the assembly refuses.
+    """
+
+    def elsewhere(channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
+        return tuple(c for c in channels if not any(isinstance(term, JointTerm) for term in c.terms))
+
+    return replace(
+        scene,
+        joints=tuple(replace(joint, free=frozenset()) for joint in scene.joints),
+        # A locked joint cannot be set; the configuration that is passed to the assembly turns it all the same.
+        configurations=(replace(scene.configurations[0], angles={}),),
+        actuators=elsewhere(scene.actuators),
+        sensors=elsewhere(scene.sensors),
+    )
+
+
+def articulation_inertia(system: System) -> Array:
+    """Inertia J~ that the hinges feel of the rigid bodies they carry, everything else free to move.
+
+    Parameters
+    ----------
+    system : System
+        Hinges free; its displacement outputs are those of `articulation_sensors`, a of them.
+
+    Returns
+    -------
+    (a, a) float64
+        Inverse of what efforts in the hinges accelerate: (c Phi_r Phi_r^T c^T)^-1 with the rigid motions Phi_r of the
+        system.
+
+    Raises
+    ------
+    ConstraintError
+        If hinges cannot move by themselves, as those of a closed loop, without straining a body.
+    """
+    motion = system.C1 @ system.rigid
+    mobility = motion @ motion.T
+    size = np.sqrt(mobility.diagonal())
+    lost = size <= _INDEPENDENT * size.max(initial=0.0)
+    scaled = mobility / np.outer(np.where(lost, 1.0, size), np.where(lost, 1.0, size))
+    if lost.any() or (size.size and np.linalg.eigvalsh(scaled)[0] < _INDEPENDENT):
+        raise ConstraintError(
+            f"configuration '{system.configuration.name}': the motions {', '.join(system.outputs)} are not independent "
+            "unless a body is strained, as in a closed loop, so that they have no inertia of their own; leave enough "
+            "of them out of the articulation axes"
+        )
+    return np.asarray(np.linalg.inv(mobility))
+
+
+def free_index(system: System, Phi: Array) -> Array:
+    """Completeness of hinges-free modes for each articulation axis: 1 without modes, towards 0 with all of them.
+
+    Parameters
+    ----------
+    system : System
+        Hinges free; its displacement outputs are those of `articulation_sensors`, a of them.
+    Phi : (N, k) float64
+        Elastic modes of it, orthonormal in its mass, in the order in which they are taken.
+
+    Returns
+    -------
+    (k, a) float64
+        e_kk = [(I + Phi_h^T Phi_h J~)^-1]_kk after 1, 2, .. k modes, Phi_h their hinge motions. What remains when all
+        are taken is the share of the inertia at the hinge nodes themselves.
+
+    Raises
+    ------
+    ConstraintError
+        As `articulation_inertia` does.
+
+    Notes
+    -----
+    Source: Hablani, AIAA 89-0544 (1989). Frequencies may have converged long before this has.
+    """
+    inertia, motion = articulation_inertia(system), system.C1 @ Phi
+    mobility = np.cumsum(np.einsum("am,bm->mab", motion, motion), axis=0)
+    return _diagonals(np.asarray(np.linalg.inv(np.eye(motion.shape[0]) + mobility @ inertia)))
+
+
+def locked_index(system: System, locked: System, Phi: Array) -> Array:
+    """Completeness of hinges-locked modes for each articulation axis: 0 without modes, towards 1 with all of them.
+
+    Parameters
+    ----------
+    system : System
+        Hinges free; its displacement outputs are those of `articulation_sensors`, a of them.
+    locked : System
+        The same bodies and configuration in the scene of `hinges_locked`.
+    Phi : (N_l, k) float64
+        Elastic modes of the locked system, orthonormal in its mass, in the order in which they are taken.
+
+    Returns
+    -------
+    (k, a) float64
+        C_kk = [h^T h J~^-1]_kk after 1, 2, .. k modes; h, their momentum about the hinges, is their mass coupling to
+        the motions that turn one hinge each and give the system no momentum.
+
+    Raises
+    ------
+    ConstraintError
+        As `articulation_inertia` does.
+
+    Notes
+    -----
+    Of all modes h^T h is J~ but for the inertia at the hinge nodes, so that 1 - C and the index of the free modes meet
+    there. Source: Hablani, AIAA 89-0544 (1989).
+    """
+    inertia = articulation_inertia(system)
+    turn = system.rigid @ (system.C1 @ system.rigid).T @ inertia
+    # Locked motions are some of the free ones, and the columns of T are orthonormal.
+    shapes = dense(system.T.T @ (locked.T @ Phi))
+    h = shapes.T @ (system.M @ turn)
+    coupled = np.cumsum(np.einsum("ma,mb->mab", h, h), axis=0)
+    return _diagonals(coupled @ np.linalg.inv(inertia))
+
+
+def _diagonals(A: Array) -> Array:
+    return np.asarray(np.einsum("maa->ma", A))

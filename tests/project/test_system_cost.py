@@ -1,0 +1,130 @@
+"""What coordinates cost in an assembled system: sums against scipy's Lyapunov solver, and what must not matter."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from cmsreduce.assemble import assemble, elastic_states, modal_substructure, rigid_substructure
+from cmsreduce.balance import component_costs
+from cmsreduce.errors import DampingError, MatrixError
+from cmsreduce.model import Configuration, Damping, ModalChannels, Scene
+from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.project import costliest, system_cost
+from cmsreduce.reduce import CraigBampton
+from tests.assemble.rigs import at, in_joint, joint, rigid_body
+from tests.frames import line
+
+AS_BUILT = Configuration("as built")
+LAWS = {"uncoupled": Damping(rayleigh=(0.0, 1e-4)), "coupled": Damping(modal=0.02)}
+PUSH, TWIST = at("arm.a", [0, 1, 1, 0, 0, 0], "push"), in_joint("hinge", "ry")
+SENSORS = (at("panel.b", "z"), at("hub.cg", "rz", rate=True))
+
+
+def bodies(law: Damping):
+    arm = line("arm", [0, 0, 0], [1, 0, 0], 4, damping=law)
+    panel = line("panel", [1, 0, 0], [1.4, 0.5, 0.1], 3, damping=law)
+    hub = rigid_body("hub", 2.0, [-0.1, 0, 0.02], [0.02, 0.03, 0.025], {"face": [0, 0, 0]})
+    return arm, panel, hub
+
+
+def modal(body, cutoff=2000.0):
+    rows = np.concatenate([body.interface_rows(name) for name in body.interfaces])
+    return orthogonalise(CraigBampton(cutoff).reduce(body, rows))
+
+
+def study(law: Damping, sensors=SENSORS, actuators=(PUSH, TWIST)):
+    arm, panel, hub = bodies(law)
+    components = {"arm": modal(arm), "panel": modal(panel)}
+    subs = {name: modal_substructure(component, ["a", "b"]) for name, component in components.items()}
+    subs["hub"] = rigid_substructure(hub)
+    joints = (joint("weld", "hub.face", "arm.a"), joint("hinge", "arm.b", "panel.a", "ry"))
+    scene = Scene(tuple(subs), (0.0, 100.0), joints, actuators=actuators, sensors=sensors)
+    return assemble(subs, scene, AS_BUILT), subs, components
+
+
+def mean_square(system, noise=(1.0, 1.0), weight=(1.0, 1.0)) -> float:
+    """tr(Q C X C^T) by scipy."""
+    states = elastic_states(system)
+    X = la.solve_continuous_lyapunov(states.A, -states.B @ np.diag(noise) @ states.B.T)
+    return float(np.trace(np.diag(weight) @ states.C @ X @ states.C.T))
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(("noise", "weight"), [((1.0, 1.0), (1.0, 1.0)), ((4.0, 0.1), (100.0, 0.5))])
+def test_shares_sum_to_the_mean_square(law, noise, weight):
+    system, subs, _ = study(LAWS[law])
+    cost = system_cost(system, subs, np.array(noise), np.array(weight))
+    V = mean_square(system, noise, weight)
+    assert cost.total == pytest.approx(V, rel=1e-9)
+    assert cost.modes.sum() == pytest.approx(V, rel=1e-9)
+    assert sum(share.sum() for share in cost.coordinates.values()) == pytest.approx(V, rel=1e-9)
+    assert {name: share.size for name, share in cost.coordinates.items()} == system.sizes
+
+
+def test_a_body_alone_costs_what_it_costs_by_itself():
+    arm = bodies(LAWS["coupled"])[0]
+    component = modal(arm)
+    subs = {"arm": modal_substructure(component, ["a", "b"])}
+    system = assemble(subs, Scene(("arm",), (0.0, 100.0), (), actuators=(PUSH,), sensors=(at("arm.b", "y"),)), AS_BUILT)
+    e = component.elastic
+    B, C = system.T @ system.B, system.C1 @ system.T.T
+    alone = ModalChannels(
+        "arm", component.omega[e], component.zeta[e], B[e], C[:, e], np.zeros((1, component.elastic_count))
+    )
+    np.testing.assert_allclose(
+        system_cost(system, subs).coordinates["arm"][e], component_costs(alone), rtol=1e-8, atol=0
+    )
+
+
+def test_the_side_of_a_joint_that_a_sensor_is_on_does_not_matter():
+    shares = []
+    for point in ("arm.b", "panel.a"):
+        system, subs, _ = study(LAWS["coupled"], (at(point, "y"),))
+        shares.append(system_cost(system, subs))
+    for name, share in shares[0].coordinates.items():
+        np.testing.assert_allclose(shares[1].coordinates[name], share, rtol=0, atol=1e-9 * shares[0].total)
+
+
+def test_the_scale_of_coordinates_does_not_matter():
+    system, subs, _ = study(LAWS["coupled"])
+    cost = system_cost(system, subs)
+    S = np.diag(np.geomspace(1e-3, 1e3, subs["panel"].m))
+    panel = subs["panel"]
+    square = {letter: sp.csc_array(S @ getattr(panel, letter) @ S) for letter in ("M", "K", "D")}
+    motion = {label: rows @ S for label, rows in panel.motion.items()}
+    scaled = replace(panel, **square, rigid=np.linalg.solve(S, panel.rigid), motion=motion, omega=None)
+    joints = (joint("weld", "hub.face", "arm.a"), joint("hinge", "arm.b", "panel.a", "ry"))
+    scene = Scene(tuple(subs), (0.0, 100.0), joints, actuators=(PUSH, TWIST), sensors=SENSORS)
+    others = {**subs, "panel": scaled}
+    again = system_cost(assemble(others, scene, AS_BUILT), others)
+    for name, share in cost.coordinates.items():
+        np.testing.assert_allclose(again.coordinates[name], share, rtol=0, atol=1e-7 * cost.total)
+
+
+def test_the_costliest_modes_of_all_bodies_are_chosen():
+    system, subs, components = study(LAWS["coupled"])
+    cost = system_cost(system, subs)
+    kept = costliest([cost], components, 5)
+    assert sum(columns.size for columns in kept.values()) == 5
+    left_out = [
+        abs(cost.coordinates[name][np.setdiff1d(np.arange(c.elastic.start, c.elastic.stop), kept[name])]).max()
+        for name, c in components.items()
+    ]
+    chosen = [abs(cost.coordinates[name][columns]).min() for name, columns in kept.items() if columns.size]
+    assert max(left_out) <= min(chosen)
+
+
+@pytest.mark.parametrize(
+    ("law", "error", "words"),
+    [
+        (Damping(), DampingError, "needs positive damping"),
+        (Damping(structural=0.01), MatrixError, "complex stiffness"),
+    ],
+)
+def test_what_has_no_mean_square_is_refused(law, error, words):
+    system, subs, _ = study(law)
+    with pytest.raises(error, match=words):
+        system_cost(system, subs)
