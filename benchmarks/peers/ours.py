@@ -5,6 +5,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+# Before numpy: it tells OpenBLAS's threads to sleep when they have nothing to do.
+import cmsreduce  # noqa: F401  isort: skip
+
 import numpy as np
 import scipy.sparse as sp
 from problem import Problem, Report

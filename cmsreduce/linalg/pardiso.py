@@ -31,6 +31,8 @@ _NO_MEMORY, _BAD_PIVOT = -2, -4
 _TWO_LEVELS = 20_000
 # No pivot is moved off zero unless it is far below round-off: a count of signs must be the matrix's own.
 _PERTURBED = 20
+# Where it says how many pivots were moved.
+_MOVED = 13
 _KIB = 1024.0
 
 
@@ -102,6 +104,13 @@ class Pardiso(Factor):
         super().__init__(A, FactorCost(nnz, flops, (peak + factors) * _KIB))
         admit(self.cost)
         self._call(_FACTORISE, size)
+        if not self._iparm[_MOVED]:
+            # Solves look at the matrix only to refine what a moved pivot spoils.
+            self._values, self._indices, self._indptr = (part[:1].copy() for part in self._matrix)
+
+    @property
+    def _matrix(self) -> tuple[NDArray[Any], NDArray[np.int32], NDArray[np.int32]]:
+        return self._values, self._indices, self._indptr
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         b = np.asfortranarray(b, dtype=self._real)
@@ -124,7 +133,7 @@ class Pardiso(Factor):
     @property
     def inertia_known(self) -> bool:
         """Whether no pivot had to be moved off zero."""
-        return int(self._iparm[13]) == 0
+        return int(self._iparm[_MOVED]) == 0
 
     def _negative_pivots(self) -> int:
         return 0 if self._type == _DEFINITE else int(self._iparm[22])
