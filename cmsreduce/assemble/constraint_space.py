@@ -74,8 +74,7 @@ class ConstraintSpace:
         found = V[self.kept] @ -(V.T @ AT)
         found += AT[self.kept]
         _add_transpose(found)
-        found *= 0.5
-        return found
+        return np.asarray(found * 0.5)
 
 
 def constraint_space(A: sp.csr_array) -> ConstraintSpace:

@@ -14,7 +14,7 @@ from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import SceneError, UnitsError
 from cmsreduce.model import DOF_NAMES, Interface, Joint, Placement, Point, Scene, Substructure, cross_matrix
 
-__all__ = ["Constraints", "constrain"]
+__all__ = ["Constraints", "check_loops", "constrain"]
 
 # Interfaces of one joint coincide to this share of the size of the system: decks print eight digits or fewer.
 _COINCIDENT = 1e-5
@@ -80,6 +80,51 @@ def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], 
             owner.append(name)
     A = np.array(rows) if rows else np.zeros((0, stack.size))
     return Constraints(A, tuple(owner), gap)
+
+
+def check_loops(substructures: Mapping[str, Substructure], scene: Scene, placed: Mapping[str, Placement]) -> None:
+    """Refuse settings of closed loops that turn a joint about an axis where it is locked.
+
+    Parameters
+    ----------
+    substructures : mapping of name to Substructure
+        All bodies.
+    scene : Scene
+        Joints; those on which a body hangs are turned by their own settings, and fit.
+    placed : mapping of body to Placement
+        Where the bodies stand.
+
+    Raises
+    ------
+    SceneError
+        Naming the joint, and by how much it does not fit.
+    """
+    for joint in scene.joints:
+        left = _turned_where_locked(substructures, scene, placed, joint)
+        if left > _COINCIDENT:
+            raise SceneError(
+                f"joint '{joint.name}' closes a loop, and the settings of the other joints turn '{joint.second}' by "
+                f"{left:.3g} rad against '{joint.first}' where it is locked: give settings that fit, or free it there"
+            )
+
+
+def _turned_where_locked(
+    substructures: Mapping[str, Substructure], scene: Scene, placed: Mapping[str, Placement], joint: Joint
+) -> float:
+    """Turn of a joint's second side against the first that its free motions do not explain, in radians."""
+    axes = joint_axes(substructures, placed, joint)
+    ends = (joint.first, joint.second)
+    built = [scene.placements.get(point.body, Placement()).rotation for point in ends]
+    now = [placed[point.body].rotation for point in ends]
+    # Since they were built, along the joint's axes.
+    Q = axes @ now[1] @ built[1].T @ built[0] @ now[0].T @ axes.T
+    can = available(interface_at(substructures, joint.first), 0, axes @ now[0])
+    free = [dof - 3 for dof in range(3, 6) if dof in joint.free or not can[dof]]
+    if len(free) == 2:
+        # Turns are made about the earlier axis first, so that these two stay normal to each other.
+        return float(abs(Q[free[1], free[0]]))
+    kept = {0: np.eye(3), 1: np.eye(3)[:, free], 3: np.zeros((3, 0))}[len(free)]
+    return float(abs(Q @ kept - kept).max(initial=0.0))
 
 
 def _joint_rows(

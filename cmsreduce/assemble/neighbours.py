@@ -166,7 +166,7 @@ def _locked(joint: Joint, here: Substructure, there: Substructure) -> Joint:
     ]
     dofs = {frozenset(components) for face in faces for components in face.components}
     whole = len(dofs) == 1 and dofs <= _WHOLE
-    return replace(joint, free=frozenset(), elements=()) if whole else joint
+    return joint.locked() if whole else joint
 
 
 def _felt(there: Substructure, motions: NDArray[np.float64]) -> NDArray[np.float64]:

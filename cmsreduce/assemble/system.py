@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cmsreduce.assemble.channels import channel_rows
 from cmsreduce.assemble.constraint_space import constraint_space
 from cmsreduce.assemble.joint_elements import element_rows, with_joint_bodies
-from cmsreduce.assemble.joints import constrain
+from cmsreduce.assemble.joints import check_loops, constrain
 from cmsreduce.assemble.placement import place_bodies
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.redundancy import settle_redundant
@@ -84,6 +84,10 @@ def wire(stack: PointStack, scene: Scene, configuration: Configuration) -> Wirin
     if turned:
         constrain(stack, scene, place_bodies(stack.substructures, scene, Configuration("as built")), as_built=True)
     constraints, notes = settle_redundant(stack, constrain(stack, scene, placed, as_built=not turned), scene.redundant)
+    free = {joint.name: joint.free for joint in scene.joints}
+    # Who sets a locked joint holds what stands turned, and the joints of its loop with it.
+    if turned and all(dof in free[name] for name, dof in configuration.angles):
+        check_loops(stack.substructures, scene, placed)
     ties, _ = element_rows(stack, scene, placed)
     C = channel_rows(stack, scene, placed, scene.sensors)
     rate = np.array([sensor.rate for sensor in scene.sensors], dtype=bool).reshape(-1, 1)

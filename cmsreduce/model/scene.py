@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -142,7 +142,7 @@ class Joint:
     Raises
     ------
     SceneError
-        If an element acts on a locked motion, or two on the same one.
+        If a spring or a damper acts on a locked motion, or two elements on the same one.
     """
 
     name: str
@@ -154,14 +154,20 @@ class Joint:
 
     def __post_init__(self) -> None:
         acted_on = [element.dof for element in self.elements]
-        for dof in acted_on:
-            if dof not in self.free:
+        for element in self.elements:
+            dof = element.dof
+            if dof not in self.free and (element.stiffness or element.damping):
                 raise SceneError(
-                    f"joint '{self.name}': {DOF_NAMES[dof]} is locked, so that no spring, damper or inertia acts on "
-                    f"it: free it (`free: [{DOF_NAMES[dof]}]`), or take the key out"
+                    f"joint '{self.name}': {DOF_NAMES[dof]} is locked, so that no spring or damper acts on it: "
+                    f"free it (`free: [{DOF_NAMES[dof]}]`), or take the key out"
                 )
             if acted_on.count(dof) > 1:
                 raise SceneError(f"joint '{self.name}': two elements act on {DOF_NAMES[dof]}; add their figures up")
+
+    def locked(self) -> Joint:
+        """The same joint with its free motions held; its inertias turn with it."""
+        held = (JointElement(element.dof, inertia=element.inertia) for element in self.elements)
+        return replace(self, free=frozenset(), elements=tuple(element for element in held if element.inertia))
 
     @property
     def own_body(self) -> str:

@@ -205,7 +205,7 @@ class ModeSets:
         keys = self.keys(name, other)
         surroundings = None
         if keys.interface_cutoff is not None or issubclass(METHODS[keys.method], BenfieldHruda):
-            scene = self.pipeline.scene.model_dump(mode="json", include={"joints", "base", "ground", "units"})
+            scene = self.pipeline.scene.model_dump(mode="json", include={"joints", "base", "floating", "ground", "units"})
             placed = {
                 part: described.model_dump(mode="json", include={"place", "rigid"})
                 for part, described in self.pipeline.components.items()

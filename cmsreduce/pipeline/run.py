@@ -76,7 +76,7 @@ class Run:
         found = {}
         for name, part in self.pipeline.components.items():
             if part.rigid is None:
-                found[name] = self.ledger.timed("read", name, partial(read_flexible, self.pipeline, name, self.scene))
+                found[name] = self.ledger.timed("read", name, partial(self.flexible, name))
                 for note in found[name].notes:
                     self.ledger.note(note)
         bare = {
@@ -85,8 +85,13 @@ class Run:
         }
         model = AssembledModel(self._in_order(bare), self.scene)
         for configuration in self.scene.configurations:
-            model.wiring(configuration)
+            for note in model.wiring(configuration).notes:
+                self.ledger.note(note)
         return found
+
+    def flexible(self, name: str) -> FlexibleBody:
+        """Read one flexible body and check it."""
+        return read_flexible(self.pipeline, name, self.scene)
 
     @cached_property
     def mode_sets(self) -> ModeSets:
@@ -183,10 +188,14 @@ class Run:
                 points = flexible.points(self.scene)
                 found[name] = Reference(modal_substructure(rigid, points), rigid, "rigid: off every path")
                 continue
-            cutoff = self.mode_sets.multiple(name) * self.scene.band[1]
             self.ledger.progress.stage("verify", f"{name}, unreduced")
-            found[name] = reference(flexible.body, self.scene, flexible.ports, flexible.rigid, cutoff)
+            found[name] = self.unreduced(name)
         return found
+
+    def unreduced(self, name: str) -> Reference:
+        """One body as it was read, or what stands for it."""
+        flexible, cutoff = self.bodies[name], self.mode_sets.multiple(name) * self.scene.band[1]
+        return reference(flexible.body, self.scene, flexible.ports, flexible.rigid, cutoff)
 
     @cached_property
     def comparison(self) -> Comparison:

@@ -65,7 +65,7 @@ def hinges_locked(scene: Scene) -> Scene:
 
     return replace(
         scene,
-        joints=tuple(replace(joint, free=frozenset()) for joint in scene.joints),
+        joints=tuple(joint.locked() for joint in scene.joints),
         # A locked joint cannot be set; the configuration that is passed to the assembly turns it all the same.
         configurations=(replace(scene.configurations[0], angles={}),),
         actuators=elsewhere(scene.actuators),

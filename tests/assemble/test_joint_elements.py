@@ -151,6 +151,15 @@ def test_mass_is_counted_once_in_the_rigid_motions():
     np.testing.assert_allclose(q.T @ system.M @ q, np.diag([7.0, J1 + J2 + J]), rtol=1e-13, atol=1e-13)
 
 
+def test_a_locked_joint_keeps_its_inertia():
+    subs, scene = discs(JointElement(5, K, D, J), channels=())
+    held = replace(scene, joints=(scene.joints[0].locked(),))
+    system = assembled(subs, held)
+    assert system.N == system.rigid.shape[1] == 6 and system.D is None
+    turn = system.T.T @ np.r_[np.eye(6)[5], np.eye(6)[5], 1.0]
+    assert turn @ system.M @ turn == pytest.approx(J1 + J2 + J, rel=1e-12)
+
+
 def test_bodies_of_joints_stand_nowhere():
     subs, scene = discs(JointElement(5, K))
     assert set(place_bodies(with_joint_bodies(subs, scene), scene, scene.configurations[0])) >= {"one", "two"}

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cmsreduce.assemble import assemble, frequency_response, system_modes
+from cmsreduce.assemble import assemble, frequency_response, place_bodies, system_modes
 from cmsreduce.errors import ConstraintError, SceneError
-from cmsreduce.model import Channel, Point, Scene
+from cmsreduce.model import Channel, Configuration, Point, Scene
 from tests.assemble.rigs import at, in_joint, joint, physical, rigid_body, substructures
 from tests.frames import line
 
@@ -104,3 +104,35 @@ def test_a_body_forgotten_is_still_refused():
         assemble(substructures(bodies), scene(bodies, ()), scene(bodies, ()).configurations[0])
     with pytest.raises(SceneError, match=r"floating: there is no component 'ghost'"):
         scene(bodies, (), floating=("ghost",))
+
+
+def parallelogram(turn, *free):
+    """Four rigid links of equal opposite sides, the first of which stands still."""
+    corners = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0.0]])
+    bodies = [
+        rigid_body(f"bar{k}", 1.0, (a + b) / 2, [0.1, 0.1, 0.1], {"a": a, "b": b})
+        for k, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True))
+    ]
+    configuration = Configuration("turned", turn)
+    return substructures(bodies), scene(bodies, loop(*free), redundant="drop", configurations=(configuration,))
+
+
+@pytest.mark.parametrize("angle", [0.3, -1.1])
+def test_a_closed_loop_turns_where_its_settings_fit(angle):
+    """The sides turn, the coupler does not; the joints walk outwards from the first link both ways."""
+    # bar0-bar1 and bar0-bar3 are turned from the base; bar1-bar2 turns back.
+    turn = {("pin0", 5): angle, ("pin1", 5): -angle, ("pin3", 5): angle}
+    subs, where = parallelogram(turn, "rz", "rz", "rz", "rz")
+    system = assemble(subs, where, where.configurations[0])
+    assert system.N == system.rigid.shape[1] == 7
+    placed = place_bodies(subs, where, where.configurations[0])
+    np.testing.assert_allclose(placed["bar2"].rotation, np.eye(3), atol=1e-14)
+    assert len(system.notes) == 1
+
+
+def test_a_loop_whose_last_joint_is_turned_where_it_is_locked_is_refused():
+    """As above, the last joint welded: its ends meet, and make an angle."""
+    turn = {("pin0", 5): 0.3, ("pin1", 5): -0.3, ("pin3", 5): 0.3}
+    subs, where = parallelogram(turn, "rz", "rz", "x y z rx ry", "rz")
+    with pytest.raises(SceneError, match=r"'pin2' closes a loop.* by 0\.\d+ rad against 'bar2\.b'"):
+        assemble(subs, where, where.configurations[0])

@@ -147,10 +147,10 @@ def test_receptances_of_joints_are_coupled_like_those_of_bodies(J, form):
     """A ring with a receptance of its own, and a light inertia of the motor's joint on the appendage."""
     where = scene(0.0)
     mount, motor = where.joints
-    motor = replace(motor, first=motor.second, second=motor.first, elements=(JointElement(5, 0.02, 0.0, J),))
+    motor = replace(motor, first=motor.second, second=motor.first, elements=(JointElement(5, SPRING, 0.0, J),))
     where = replace(where, joints=(mount, motor))
     subs = bodies(form, gimbal(mass=0.2, inertia=0.05))
-    w = np.array([1e-2, 1.0, 3.0, 40.0])
+    w = np.array([0.1, 1.0, 3.0, 40.0])
     H = frequency_response(subs, where, where.configurations[0], w)[:, 0, 0]
     system = assemble(subs, where, where.configurations[0])
     omega, Phi = system_modes(system, 1e9)

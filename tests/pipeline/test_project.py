@@ -99,7 +99,7 @@ def test_an_error_halfway_fails_the_run_and_names_the_angle(summary):
     )
     worst = max(found["projection"]["between"], key=lambda name: found["projection"]["between"][name])
     assert code == 1 and worst == "halfway hinge.ry=25"
-    assert "halfway hinge.ry=25, is above its limit" in output
+    assert "at halfway hinge.ry=25 is above its limit 0.01 %" in " ".join(output.split())
 
 
 def test_extraneous_modes_are_named_and_suppressed(summary):
