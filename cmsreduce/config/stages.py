@@ -18,7 +18,7 @@ from pydantic import (
 from pydantic_core import CoreSchema
 
 from cmsreduce.config.keys import Count, Flag, Keys, Name, Plain, Positive, one_of
-from cmsreduce.config.ranking_options import ClusterLimit, Scaling, WeightingKeys
+from cmsreduce.config.ranking_options import ClusterKeys, Scaling, WeightingKeys
 from cmsreduce.model.scene import DOF_NAMES
 
 __all__ = [
@@ -35,12 +35,13 @@ __all__ = [
 ]
 
 Method = Literal["craig-bampton", "macneal-rubin", "benfield-hruda", "augmented", "guyan"]
-Rank = Literal["gregory", "hankel", "component-cost", "modal-gain", "peak-amplitude", "frequency"]
-Format = Literal["hdf5", "matlab"]
-KeepRule = Literal["all", "modes", "fraction", "frf_error", "bound"]
+Rank = Literal["gregory", "hankel", "component-cost", "modal-gain", "peak-amplitude", "frequency", "system-cost"]
+Format = Literal["hdf5", "matlab", "nastran", "42", "sid", "mbdyn", "mbsim", "exudyn", "discos", "dads", "treetops"]
+KeepRule = Literal["all", "modes", "total", "fraction", "frf_error", "bound"]
 
 _CONSTRAINT_MODES = ("craig-bampton", "guyan")
-_PLANNED_FORMATS = ("nastran", "treetops", "contops", "discos", "dads", "mbdyn", "mbsim", "sid", "42", "exudyn")
+_PLANNED_FORMATS = ("contops",)
+_DIALECTS = {"sid": ("by-axis", "by-mode"), "mbdyn": ("invariants", "lumped")}
 
 
 def _check_residual(value: object) -> str:
@@ -53,6 +54,11 @@ def _check_residual(value: object) -> str:
         f"{value!r} is no residual: write sensors, actuators, dampers, or a node and a dof of it, e.g. 1200.z (dofs: "
         f"{', '.join(DOF_NAMES)})"
     )
+
+
+def _as_text(value: object) -> object:
+    # YAML takes the name of NASA's code for a number.
+    return str(value) if type(value) is int else value
 
 
 def _check_cutoff(value: object) -> object:
@@ -144,7 +150,7 @@ Modes = Annotated[
 class KeepKeys(Keys):
     """How many of the ranked modes stay: one of the keys, or ``all``."""
 
-    alternatives: ClassVar[tuple[str, ...]] = ("modes", "fraction", "hankel_fraction", "frf_error", "bound")
+    alternatives: ClassVar[tuple[str, ...]] = ("modes", "total", "fraction", "hankel_fraction", "frf_error", "bound")
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"const": "all"},)
 
     modes: Modes | None = Field(
@@ -152,6 +158,12 @@ class KeepKeys(Keys):
         description="Number of elastic modes that stay, for every body or by name; a body not named keeps all. "
         "Modes of one repeated frequency stay or go together: a number that would split them keeps the whole group.",
         examples=[20],
+    )
+    total: Count | None = Field(
+        default=None,
+        description="Number of elastic modes of all bodies together, wherever they are; for rank system-cost, whose "
+        "coefficients compare modes of different bodies.",
+        examples=[34],
     )
     fraction: Positive | None = Field(
         default=None,
@@ -185,7 +197,9 @@ class KeepKeys(Keys):
 
     @model_validator(mode="after")
     def _one_rule(self) -> KeepKeys:
-        given = [name for name in ("modes", "fraction", "frf_error", "bound") if getattr(self, name) is not None]
+        given = [
+            name for name in ("modes", "total", "fraction", "frf_error", "bound") if getattr(self, name) is not None
+        ]
         if len(given) > 1:
             raise ValueError(f"{' and '.join(given)} are two rules: keep one")
         return self
@@ -203,6 +217,8 @@ class KeepKeys(Keys):
         """Name of the rule in force."""
         if self.modes is not None:
             return "modes"
+        if self.total is not None:
+            return "total"
         if self.fraction is not None:
             return "fraction"
         if self.bound is not None:
@@ -221,7 +237,8 @@ class RankingKeys(Keys):
         default="gregory",
         description="Order of the modes. gregory: modal influence coefficient; hankel: exact Hankel norm of what is "
         "lost, clusters seen whole; component-cost: share in the mean square response to white noise; modal-gain, "
-        "peak-amplitude: INCA's criteria; frequency: lowest first.",
+        "peak-amplitude: INCA's criteria; frequency: lowest first; system-cost: share in the mean square response of "
+        "the assembled system to white noise at its actuators, at the worst configuration.",
         examples=["gregory"],
     )
     keep: KeepKeys = Field(
@@ -230,7 +247,7 @@ class RankingKeys(Keys):
     weighting: WeightingKeys | None = Field(
         default=None,
         description="Which frequencies count: `band` for those of the scene, or a filter. All by default; a ranking by "
-        "frequency takes no notice.",
+        "frequency or by system-cost takes no notice.",
         examples=["band"],
     )
     scaling: Scaling = Field(
@@ -239,12 +256,21 @@ class RankingKeys(Keys):
         "decide: auto for the body's radius of gyration, a length, or none to take radians beside the scene's unit.",
         examples=["auto"],
     )
-    clusters: ClusterLimit = Field(
-        default=0.1,
-        description="Correlation of two modes' Gramians above which the hankel ranking takes them for a cluster; none "
-        "for no clusters but repeated modes.",
-        examples=[0.1],
+    clusters: ClusterKeys = Field(
+        default=ClusterKeys(),
+        description="Which modes act together: the correlation of their Gramians above which they are a cluster, which "
+        "the hankel ranking sees whole and `rotate` turns; none for no clusters but repeated modes.",
+        examples=[0.1, {"correlation": 0.1, "rotate": True}],
     )
+
+    @model_validator(mode="after")
+    def _compares_bodies(self) -> RankingKeys:
+        if self.keep.rule == "total" and self.rank != "system-cost":
+            raise ValueError(
+                f"keep.total compares modes of different bodies, whose coefficients of rank {self.rank} have "
+                "different units: take rank system-cost, or state `modes` for each body"
+            )
+        return self
 
 
 class BalanceKeys(RankingKeys):
@@ -305,14 +331,24 @@ class VerifyKeys(Keys):
     )
 
 
+WrittenFormat = Annotated[Format, one_of(get_args(Format), _PLANNED_FORMATS), BeforeValidator(_as_text)]
+
+
 class WriteKeys(Keys):
     """Which files the reduced bodies are written to."""
 
-    formats: tuple[Annotated[Format, one_of(get_args(Format), _PLANNED_FORMATS)], ...] = Field(
+    formats: tuple[WrittenFormat, ...] = Field(
         default=("hdf5",),
         min_length=1,
-        description="Formats of the files. hdf5: component files and the system; matlab: their state space, .mat.",
+        description="Formats of the files. hdf5: component files and the system; matlab: their state space, .mat; the "
+        "others, made of the component files, are those of codes (docs/targets.md).",
         examples=[["hdf5", "matlab"]],
+    )
+    dialects: dict[Plain, Plain] = Field(
+        default={},
+        description="How a format is written that comes in several ways. sid: by-axis or by-mode, the columns of Gr; "
+        "mbdyn: invariants or lumped.",
+        examples=[{"sid": "by-mode"}],
     )
     balanced_states: Annotated[int, Strict(), Field(ge=2, multiple_of=2)] | None = Field(
         default=None,
@@ -325,6 +361,17 @@ class WriteKeys(Keys):
         description="Write shapes at every node, not only where interfaces, actuators and sensors are.",
         examples=[True],
     )
+
+    @model_validator(mode="after")
+    def _knows_dialects(self) -> WriteKeys:
+        for name, dialect in self.dialects.items():
+            if name not in _DIALECTS:
+                raise ValueError(f"'{name}' has no dialects (those that have: {', '.join(_DIALECTS)})")
+            if dialect not in _DIALECTS[name]:
+                raise ValueError(f"'{dialect}' is no dialect of {name} (its dialects: {', '.join(_DIALECTS[name])})")
+            if name not in self.formats:
+                raise ValueError(f"{name} is not written, so its dialect says nothing: add it to the formats")
+        return self
 
     @model_validator(mode="after")
     def _has_states(self) -> WriteKeys:

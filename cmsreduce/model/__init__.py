@@ -3,6 +3,7 @@
 from cmsreduce.model.body import FEModel, RigidBody, Source
 from cmsreduce.model.certificate import ModeCertificate
 from cmsreduce.model.check import Check
+from cmsreduce.model.completeness import AxisCompleteness
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import SCALAR, DofTable, components_from_digits
 from cmsreduce.model.factorisation import Factorisation
@@ -12,21 +13,12 @@ from cmsreduce.model.loading import InterfaceLoading
 from cmsreduce.model.modal_channels import ModalChannels
 from cmsreduce.model.modal_integrals import Lumping, ModalIntegrals
 from cmsreduce.model.mode_set import ModeBlock, ModeKind, ModeSet
+from cmsreduce.model.model_errors import ERRORS, DampedPairs, ModelErrors
 from cmsreduce.model.nodes import Nodes, cross_matrix, rigid_body_shapes
 from cmsreduce.model.projection_record import ExtraneousMode, ModeShare, ProjectionRecord, SampledModes
 from cmsreduce.model.recovery import Recovery
 from cmsreduce.model.reduced import ModalComponent, ReducedComponent
-from cmsreduce.model.run import (
-    ERRORS,
-    ComponentResult,
-    ConfigurationResult,
-    DampedPairs,
-    ModelErrors,
-    Response,
-    RunResult,
-    Speed,
-    SystemModes,
-)
+from cmsreduce.model.run import ComponentResult, ConfigurationResult, Response, RunResult, Speed, SystemModes
 from cmsreduce.model.scene import (
     DOF_NAMES,
     Channel,
@@ -40,7 +32,7 @@ from cmsreduce.model.scene import (
     StrutTerm,
     dof_index,
 )
-from cmsreduce.model.selection_record import BoundRecord, SearchRecord
+from cmsreduce.model.selection_record import BoundRecord, CutoffRecord, SearchRecord
 from cmsreduce.model.system import Matrix, Substructure, System
 from cmsreduce.model.unit_conversion import in_units, rigid_in_units
 from cmsreduce.model.units import SI, Units
@@ -57,7 +49,9 @@ __all__ = [
     "ERRORS",
     "SCALAR",
     "SI",
+    "AxisCompleteness",
     "BoundRecord",
+    "CutoffRecord",
     "Channel",
     "Configuration",
     "DampedPairs",

@@ -8,10 +8,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Lumping", "ModalIntegrals"]
+__all__ = ["LUMPINGS", "Lumping", "ModalIntegrals"]
 
 Lumping = Literal["consistent", "row-sum", "diagonal"]
 """Mass that is integrated over: M itself, M lumped by row sums, or by its diagonal scaled to the body's mass."""
+
+LUMPINGS: tuple[Lumping, ...] = ("consistent", "row-sum", "diagonal")
+"""Every kind of mass."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +40,10 @@ class ModalIntegrals:
     r_cross_phi : (3, k) float64
         int r x phi dm, with the rotational inertia of the nodes.
     r_phi : (3, 3, k) float64
-        int r_i phi_j dm.
+        int r_i phi_j dm, with the rotational inertia of the nodes: r_cross_phi is what is skew in it.
     phi_phi : (3, 3, k, k) float64
-        int phi_i phi_j dm: entry [i, j, a, b] is of component i of mode a and component j of mode b.
+        int phi_i phi_j dm: entry [i, j, a, b] is of component i of mode a and component j of mode b. With the
+        rotational inertia of the nodes: its trace over i = j is the modal mass.
     modes : (k,) int64
         Columns of the component's shapes that were integrated: its elastic and static modes.
     """
@@ -60,3 +64,8 @@ class ModalIntegrals:
     def centre_of_mass(self) -> NDArray[np.float64]:
         """Centre of mass (3,) in the frame."""
         return self.first_moment / self.mass
+
+    @property
+    def second_moment(self) -> NDArray[np.float64]:
+        """Int r r^T dm (3, 3) about the origin."""
+        return np.asarray(np.trace(self.inertia) / 2 * np.eye(3) - self.inertia)

@@ -93,6 +93,9 @@ class ModalComponent:
     rankings : mapping of name to (m,) float64
         Coefficient of each mode in every ranking that was taken, NaN for rigid and static modes; ``sigma`` is the one
         that modes are kept by.
+    cluster : (m,) int64, optional
+        Which modes act together: numbers from 1 for clusters, 0 for a mode by itself, rigid and static ones included;
+        absent before ranking and for bodies without damping.
     """
 
     body: FEModel
@@ -111,6 +114,7 @@ class ModalComponent:
     static_count: int = 0
     certificate: ModeCertificate | None = None
     rankings: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    cluster: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         m = self.Phi.shape[1]
@@ -206,4 +210,5 @@ class ModalComponent:
             spacing=self.spacing[columns],
             why=tuple(reasons[c] for c in columns),
             rankings={name: values[columns] for name, values in self.rankings.items()},
+            cluster=None if self.cluster is None else self.cluster[columns],
         )

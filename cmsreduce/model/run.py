@@ -11,106 +11,22 @@ from numpy.typing import NDArray
 
 from cmsreduce.model.body import Source
 from cmsreduce.model.check import Check
+from cmsreduce.model.completeness import AxisCompleteness
 from cmsreduce.model.factorisation import Factorisation
+from cmsreduce.model.model_errors import ERRORS, ModelErrors
 from cmsreduce.model.projection_record import ProjectionRecord
 from cmsreduce.model.reduced import ModalComponent
 from cmsreduce.model.scene import Configuration
-from cmsreduce.model.selection_record import BoundRecord, SearchRecord
+from cmsreduce.model.selection_record import BoundRecord, CutoffRecord, SearchRecord
 
 __all__ = [
-    "ERRORS",
     "ComponentResult",
     "ConfigurationResult",
-    "DampedPairs",
-    "ModelErrors",
     "Response",
     "RunResult",
     "Speed",
     "SystemModes",
 ]
-
-ERRORS = ("frf_error", "db_error", "frequency_error", "damping_error")
-"""Errors of a reduced model that a limit can be set on, by their names in `ModelErrors`."""
-
-
-@dataclass(frozen=True, eq=False)
-class DampedPairs:
-    """Complex modes of a damped reduced system in the band, each with the full one that it looks like.
-
-    Parameters
-    ----------
-    full, reduced : (k,) complex128
-        Roots -zeta w + i w sqrt(1 - zeta^2) in rad/s.
-    mac : (k,) float64
-        Modal assurance criterion of the complex shapes in the mass norm.
-    error : (k,) float64
-        |zeta_reduced - zeta_full| / zeta_full; NaN where the full mode has no damping.
-    """
-
-    full: NDArray[np.complex128]
-    reduced: NDArray[np.complex128]
-    mac: NDArray[np.float64]
-    error: NDArray[np.float64]
-
-    @property
-    def full_hz(self) -> NDArray[np.float64]:
-        """Natural frequencies |s| / 2 pi of the full modes."""
-        return np.asarray(abs(self.full) / (2 * np.pi))
-
-    @property
-    def reduced_hz(self) -> NDArray[np.float64]:
-        """Natural frequencies |s| / 2 pi of the reduced modes."""
-        return np.asarray(abs(self.reduced) / (2 * np.pi))
-
-    @property
-    def full_zeta(self) -> NDArray[np.float64]:
-        """Damping ratios of the full modes."""
-        return np.asarray(-self.full.real / abs(self.full))
-
-    @property
-    def reduced_zeta(self) -> NDArray[np.float64]:
-        """Damping ratios of the reduced modes."""
-        return np.asarray(-self.reduced.real / abs(self.reduced))
-
-    @property
-    def worst(self) -> float:
-        """Largest error; 0 if the band holds no damped mode."""
-        return float(np.nanmax(self.error, initial=0.0))
-
-
-@dataclass(frozen=True, eq=False)
-class ModelErrors:
-    """Errors of one reduced model in one configuration.
-
-    Parameters
-    ----------
-    frf_error : float
-        Relative error of the elastic response over the band.
-    db_error : float
-        99th percentile of the decibel error, worst channel.
-    frequency_error : float
-        Largest relative error of a natural frequency in the band, paired by shape.
-    frac : (outputs, inputs) float64
-        Frequency response assurance criterion per channel, NaN where silent.
-    full_hz, reduced_hz, mac : (k,) float64
-        Paired natural frequencies and how alike their shapes are.
-    damped : DampedPairs, optional
-        Paired complex modes; None for a system without damping.
-    """
-
-    frf_error: float
-    db_error: float
-    frequency_error: float
-    frac: NDArray[np.float64]
-    full_hz: NDArray[np.float64]
-    reduced_hz: NDArray[np.float64]
-    mac: NDArray[np.float64]
-    damped: DampedPairs | None = None
-
-    @property
-    def damping_error(self) -> float | None:
-        """Largest relative error of a damping ratio in the band; None for a system without damping."""
-        return None if self.damped is None else self.damped.worst
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,6 +101,8 @@ class ComponentResult:
         Sparse factorisations that its stages did.
     bound : BoundRecord, optional
         Of a body truncated by a bound of its own.
+    cutoff : CutoffRecord, optional
+        Of a body whose cutoff was found.
     """
 
     name: str
@@ -197,6 +115,7 @@ class ComponentResult:
     sources: tuple[Source, ...]
     factorised: tuple[Factorisation, ...] = ()
     bound: BoundRecord | None = None
+    cutoff: CutoffRecord | None = None
 
     @property
     def kept_modes(self) -> int:
@@ -268,6 +187,8 @@ class RunResult:
         What projection and assembly did.
     search : SearchRecord, optional
         How the modes kept were found, if by the error of the system.
+    completeness : tuple of AxisCompleteness
+        What the modes hold of the inertia at each hinge, if verified.
     """
 
     name: str
@@ -286,6 +207,7 @@ class RunResult:
     systems: tuple[SystemModes, ...] = ()
     projection: ProjectionRecord | None = None
     search: SearchRecord | None = None
+    completeness: tuple[AxisCompleteness, ...] = ()
 
     def worst(self, model: str | None = None) -> dict[str, float]:
         """Largest errors over all configurations, of those that were measured; empty if nothing was verified."""

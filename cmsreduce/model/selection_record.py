@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-__all__ = ["BoundRecord", "SearchRecord"]
+__all__ = ["BoundRecord", "CutoffRecord", "SearchRecord"]
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,28 @@ class SearchRecord:
     candidates: int
     seconds: float
     truncated: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class CutoffRecord:
+    """The cutoff that was found for a body whose cutoff is ``auto``.
+
+    Parameters
+    ----------
+    multiple : float
+        Of the upper end of the band.
+    estimate : float
+        Estimated frf_error that the body's modes above the cutoff cost.
+    allowed : float
+        What they may cost.
+    tried : tuple of (float, float)
+        Multiples before it, with their estimates.
+    """
+
+    multiple: float
+    estimate: float
+    allowed: float
+    tried: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)

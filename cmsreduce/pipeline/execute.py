@@ -19,8 +19,10 @@ from cmsreduce.pipeline.result import component_checks, run_result
 from cmsreduce.pipeline.run import STAGES, Run
 from cmsreduce.report import render_report
 from cmsreduce.write import (
+    TARGETS,
     atomic_path,
     component_states,
+    convert,
     write_component,
     write_matlab,
     write_summary,
@@ -33,7 +35,9 @@ __all__ = ["execute", "reopen", "write_report"]
 _ORIGIN = "stages/origin.json"
 
 
-def execute(run: Run, source: Path, overrides: Sequence[str] = (), until: str | None = None) -> RunResult | None:
+def execute(
+    run: Run, source: Path, overrides: Sequence[str] = (), until: str | None = None, *, report: bool = True
+) -> RunResult | None:
     """Run the stages the pipeline names, or as far as one of them.
 
     Parameters
@@ -46,6 +50,8 @@ def execute(run: Run, source: Path, overrides: Sequence[str] = (), until: str | 
         Keys set on the command line.
     until : str, optional
         Last stage to run.
+    report : bool
+        Whether a whole run writes its report, too.
 
     Returns
     -------
@@ -86,7 +92,8 @@ def execute(run: Run, source: Path, overrides: Sequence[str] = (), until: str | 
         return None
     result = run_result(run)
     write_summary(run.folder / "summary.json", result)
-    write_report(result, run.folder)
+    if report:
+        write_report(result, run.folder)
     return result
 
 
@@ -142,9 +149,12 @@ def _write(run: Run) -> None:
             path = run.folder / f"{name}.mat"
             write_matlab(path, component_states(component, inputs, outputs).variables())
             run.ledger.written.append(path)
-        if "hdf5" not in formats:
+        targets = [target for target in formats if target in TARGETS]
+        if "hdf5" not in formats and not targets:
             continue
-        path = run.folder / f"{name}.h5"
+        # What other codes read is made of the component file alone, whether the user asked for that or not.
+        kept = run.folder / f"{name}.h5"
+        path = kept if "hdf5" in formats else run.folder / f"stages/{name}.h5"
         write_component(
             path,
             component,
@@ -155,7 +165,13 @@ def _write(run: Run) -> None:
             provenance=_provenance(run),
             all_nodes=run.pipeline.write.all_nodes,
         )
-        run.ledger.written.append(path)
+        if path == kept:
+            run.ledger.written.append(path)
+        for target in targets:
+            to = run.folder / f"{name}{TARGETS[target].suffix}"
+            run.ledger.written.extend(convert(path, to, target, run.pipeline.write.dialects.get(target)))
+        if path != kept:
+            path.unlink()
     if "hdf5" in formats:
         run.ledger.written.append(_write_system(run))
     if "matlab" in formats:

@@ -7,15 +7,19 @@ from cmsreduce.write.datasets import hdf5_file, put_texts
 from cmsreduce.write.matlab import StateSpace, component_states, write_matlab
 from cmsreduce.write.summary import angles, summary, write_summary
 from cmsreduce.write.system import write_system
+from cmsreduce.write.targets import TARGETS, Target, convert
 
 __all__ = [
     "FORMAT",
     "FORMAT_VERSION",
+    "TARGETS",
     "ComponentFile",
     "StateSpace",
+    "Target",
     "angles",
     "atomic_path",
     "component_states",
+    "convert",
     "hdf5_file",
     "put_texts",
     "read_component",

@@ -12,8 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.integrator_steps import INTEGRATORS, step_limit
+from cmsreduce.linalg.modal_integrals import modal_integrals
 from cmsreduce.model import Check, FEModel, Interface, ModalComponent, rigid_body_shapes
 from cmsreduce.write.datasets import hdf5_file, put, put_texts, put_units
+from cmsreduce.write.nodal_mass import lumps_of_nodes
 from cmsreduce.write.shapes import basic_shapes
 
 __all__ = ["FORMAT", "FORMAT_VERSION", "write_component"]
@@ -77,6 +80,8 @@ def write_component(
         _dofs(file.create_group("dofs"), component, chosen)
         if body.nodes is not None:
             _nodes(file.create_group("nodes"), component, chosen)
+            if all_nodes:
+                _lumps(file["nodes"], body)
             _integrals(file.create_group("integrals"), component)
         faces = file.create_group("interfaces")
         for name, face in body.interfaces.items():
@@ -183,6 +188,12 @@ def _nodes(group: Any, component: ModalComponent, chosen: NDArray[np.int64]) -> 
         put(group, name, shapes, "", f"{name} of each mode along basic x y z, NaN where it is not known")
 
 
+def _lumps(group: Any, body: FEModel) -> None:
+    mass, inertia = lumps_of_nodes(body, group["id"][()])
+    put(group, "lumped_mass", mass, "mass", "of each node: the diagonal of the mass matrix scaled to the body's mass")
+    put(group, "lumped_inertia", inertia, "mass length^2", "of each node about itself, basic axes")
+
+
 def _interface(group: Any, component: ModalComponent, face: Interface, name: str) -> None:
     rows = component.body.interface_rows(name)
     put(group, "node", np.repeat(face.node, [len(parts) for parts in face.components]))
@@ -210,6 +221,22 @@ def _integrals(group: Any, component: ModalComponent) -> None:
     put(group, "rigid_mass", rigid, "", "R^T M R, 6 x 6")
     put(group, "int_phi", coupling[:3], "", "int phi dm, one column per mode")
     put(group, "int_r_x_phi", coupling[3:], "", "int r x phi dm, one column per mode")
+    if mass.max() > 0:
+        _second_order(group, component)
+
+
+def _second_order(group: Any, component: ModalComponent) -> None:
+    """Integrals over the modes that deform the body, as floating-frame codes take them."""
+    modes = np.arange(component.rigid_count, component.omega.size)
+    found = modal_integrals(component.body, component.Phi[:, modes], modes=modes)
+    group.attrs["lumping"] = found.lumping
+    put(group, "origin", found.origin, "length", "of the frame of the integrals, in basic")
+    put(group, "axes", found.axes, "", "of that frame as rows, in basic")
+    put(group, "modes", found.modes, "", "columns of the shapes that phi stands for below: elastic and static modes")
+    put(group, "phi", found.phi, "", "int phi dm")
+    put(group, "r_cross_phi", found.r_cross_phi, "", "int r x phi dm")
+    put(group, "r_phi", found.r_phi, "", "int r_i phi_j dm, entry [i, j, mode]")
+    put(group, "phi_phi", found.phi_phi, "", "int phi_i phi_j dm, entry [i, j, a, b] of modes a and b")
 
 
 def _integration(group: Any, component: ModalComponent) -> None:
@@ -219,6 +246,6 @@ def _integration(group: Any, component: ModalComponent) -> None:
     group.attrs["highest_hz"] = top / (2 * np.pi)
     if top > 0:
         group.attrs["central_difference_stable_step"] = 2 / top
-        group.attrs["modified_euler_step_1_percent"] = 0.49 / top
-        group.attrs["trapezoidal_step_1_percent"] = 0.346 / top
-        group.attrs["ab2_step_1_percent"] = 0.155 / top
+        for name in INTEGRATORS:
+            group.attrs[f"{name}_step_1_percent"] = step_limit(name, 1e-2) / top
+            group.attrs[f"{name}_step_0.1_percent"] = step_limit(name, 1e-3) / top

@@ -51,6 +51,17 @@ _WITH_GEOMETRY: Mapping[str, tuple[str | int, ...]] = {
 }
 """Datasets of a body with geometry."""
 
+_SECOND_ORDER: Mapping[str, tuple[str | int, ...]] = {
+    "integrals/origin": (3,),
+    "integrals/axes": (3, 3),
+    "integrals/modes": ("e",),
+    "integrals/phi": (3, "e"),
+    "integrals/r_cross_phi": (3, "e"),
+    "integrals/r_phi": (3, 3, "e"),
+    "integrals/phi_phi": (3, 3, "e", "e"),
+}
+"""Integrals of the modes that deform the body; files that were written before there were any have none of them."""
+
 _INTERFACE: Mapping[str, tuple[str | int, ...]] = {
     "node": ("i",),
     "component": ("i",),
@@ -85,6 +96,8 @@ def fault(groups: Iterable[str], shapes: Mapping[str, tuple[int, ...]]) -> str |
     wanted = dict(_SHAPES)
     if "nodes" in groups or "integrals" in groups:
         wanted |= _WITH_GEOMETRY
+    if any(path in shapes for path in _SECOND_ORDER):
+        wanted |= _SECOND_ORDER
     wanted |= {path: ("m",) for path in shapes if path.startswith("modes/rankings/")}
     for group in groups:
         if group.startswith("interfaces/"):

@@ -38,7 +38,7 @@ def summary(run: RunResult) -> dict[str, Any]:
     -------
     dict
         The keys of the contract, and beside them ``comparisons``, ``limits``, ``reference``, ``band_hz``,
-        ``system``, ``projection``, ``search`` and ``notes``. What has no finite value is None.
+        ``system``, ``projection``, ``search``, ``completeness`` and ``notes``. What has no finite value is None.
     """
     labels = dict.fromkeys(label for result in run.configurations for label in result.errors)
     speed = run.speed
@@ -76,6 +76,7 @@ def summary(run: RunResult) -> dict[str, Any]:
             ],
             "projection": None if run.projection is None else _projection(run.projection),
             "search": None if run.search is None else asdict(run.search),
+            "completeness": [{**asdict(axis), "missing": axis.missing} for axis in run.completeness],
             "notes": list(run.notes),
         }
     )
@@ -121,6 +122,7 @@ def _component(part: ComponentResult) -> dict[str, Any]:
         "certificate": _certificate(modes.certificate),
         "solver": _solver(part.factorised),
         "bound": None if part.bound is None else {**asdict(part.bound), "tightness": part.bound.tightness},
+        "cutoff": None if part.cutoff is None else asdict(part.cutoff),
         "checks": [
             {"name": check.name, "value": check.value, "limit": check.limit, "passed": check.passed}
             for check in part.checks

@@ -72,7 +72,17 @@ MISTAKES = {
         "{hinge: {position: [0, 0, 0]}}", "{hinge: {nodes: [1], position: [0, 0, 0], tie: rigid}}", 0,
         "an interface of a rigid body is given by its position"),
     "format of a later version": (
-        "[hdf5]", "[hdf5, nastran]", 0, "key 'write.formats[1]': 'nastran' is not available in this version, hdf5 or matlab is"),
+        "[hdf5]", "[hdf5, contops]", 0,
+        "key 'write.formats[1]': 'contops' is not available in this version, hdf5 or matlab or nastran or 42 or"),
+    "dialect of a format that has none": (
+        "{formats: [hdf5]}", "{formats: [hdf5, mbsim], dialects: {mbsim: lumped}}", 0,
+        "key 'write': 'mbsim' has no dialects (those that have: sid, mbdyn)"),
+    "dialect of another format": (
+        "{formats: [hdf5]}", "{formats: [hdf5, sid], dialects: {sid: lumped}}", 0,
+        "key 'write': 'lumped' is no dialect of sid (its dialects: by-axis, by-mode)"),
+    "dialect of what is not written": (
+        "{formats: [hdf5]}", "{formats: [hdf5], dialects: {sid: by-mode}}", 0,
+        "key 'write': sid is not written, so its dialect says nothing: add it to the formats"),
     "length for a frequency": (
         "band: 10 Hz", "band: 10 m", 0, "key 'scene.band': 10 m is a length, a frequency is expected, e.g. 10 Hz"),
     "empty band": ("band: 10 Hz", "band: [10, 1 Hz]", 0, "the band from 10 to 1 Hz is empty"),

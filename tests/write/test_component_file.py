@@ -84,6 +84,17 @@ def test_integrals_are_those_of_three_point_masses(tmp_path, component):
     np.testing.assert_allclose(arrays["integrals/int_phi"][:, 3:], 0, atol=1e-12)
 
 
+def test_second_order_integrals_are_sums_over_three_point_masses(tmp_path, component):
+    arrays = read_component(written(tmp_path / "chain.h5", component)).arrays
+    modes = arrays["integrals/modes"]
+    np.testing.assert_array_equal(modes, np.arange(3, component.omega.size))
+    u = component.Phi[:, modes].reshape(3, 3, -1).copy()
+    u[-1] = TURN.T @ u[-1]
+    r, m = np.column_stack([np.arange(3.0), np.zeros((3, 2))]), np.array([1.0, 2.0, 3.0])
+    np.testing.assert_allclose(arrays["integrals/r_phi"], np.einsum("n,ni,njk->ijk", m, r, u), atol=1e-12)
+    np.testing.assert_allclose(arrays["integrals/phi_phi"], np.einsum("n,nia,njb->ijab", m, u, u), atol=1e-12)
+
+
 def test_shapes_of_a_turned_node_are_given_along_basic_axes(tmp_path, component):
     arrays = read_component(written(tmp_path / "chain.h5", component)).arrays
     k = list(arrays["nodes/id"]).index(3)
@@ -125,7 +136,10 @@ def test_steps_follow_from_the_highest_frequency(tmp_path, component):
     top = np.sqrt(50 * (14 + np.sqrt(14**2 - 4 * 6 * 6)) / 12)
     assert steps["highest_omega"] == pytest.approx(top, rel=1e-13)
     assert steps["central_difference_stable_step"] == pytest.approx(2 / top, rel=1e-13)
-    assert steps["trapezoidal_step_1_percent"] == pytest.approx(0.346 / top, rel=1e-13)
+    # The trapezoidal rule gives tan(w' h / 2) = w h / 2: 0.346 by the first term of its error.
+    x = steps["trapezoidal_step_1_percent"] * top
+    assert x == pytest.approx(0.346, rel=0.02) and 2 * np.arctan(x / 2) / x == pytest.approx(0.99, rel=1e-12)
+    assert steps["ab2_step_0.1_percent"] * top == pytest.approx(np.sqrt(0.001 * 12 / 5), rel=1e-2)
 
 
 @pytest.fixture

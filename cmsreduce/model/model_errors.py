@@ -1,0 +1,93 @@
+"""Errors of one reduced model in one configuration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["ERRORS", "DampedPairs", "ModelErrors"]
+
+ERRORS = ("frf_error", "db_error", "frequency_error", "damping_error")
+"""Errors of a reduced model that a limit can be set on, by their names in `ModelErrors`."""
+
+
+@dataclass(frozen=True, eq=False)
+class DampedPairs:
+    """Complex modes of a damped reduced system in the band, each with the full one that it looks like.
+
+    Parameters
+    ----------
+    full, reduced : (k,) complex128
+        Roots -zeta w + i w sqrt(1 - zeta^2) in rad/s.
+    mac : (k,) float64
+        Modal assurance criterion of the complex shapes in the mass norm.
+    error : (k,) float64
+        |zeta_reduced - zeta_full| / zeta_full; NaN where the full mode has no damping.
+    """
+
+    full: NDArray[np.complex128]
+    reduced: NDArray[np.complex128]
+    mac: NDArray[np.float64]
+    error: NDArray[np.float64]
+
+    @property
+    def full_hz(self) -> NDArray[np.float64]:
+        """Natural frequencies |s| / 2 pi of the full modes."""
+        return np.asarray(abs(self.full) / (2 * np.pi))
+
+    @property
+    def reduced_hz(self) -> NDArray[np.float64]:
+        """Natural frequencies |s| / 2 pi of the reduced modes."""
+        return np.asarray(abs(self.reduced) / (2 * np.pi))
+
+    @property
+    def full_zeta(self) -> NDArray[np.float64]:
+        """Damping ratios of the full modes."""
+        return np.asarray(-self.full.real / abs(self.full))
+
+    @property
+    def reduced_zeta(self) -> NDArray[np.float64]:
+        """Damping ratios of the reduced modes."""
+        return np.asarray(-self.reduced.real / abs(self.reduced))
+
+    @property
+    def worst(self) -> float:
+        """Largest error; 0 if the band holds no damped mode."""
+        return float(np.nanmax(self.error, initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class ModelErrors:
+    """Errors of one reduced model in one configuration.
+
+    Parameters
+    ----------
+    frf_error : float
+        Relative error of the elastic response over the band.
+    db_error : float
+        99th percentile of the decibel error, worst channel.
+    frequency_error : float
+        Largest relative error of a natural frequency in the band, paired by shape.
+    frac : (outputs, inputs) float64
+        Frequency response assurance criterion per channel, NaN where silent.
+    full_hz, reduced_hz, mac : (k,) float64
+        Paired natural frequencies and how alike their shapes are.
+    damped : DampedPairs, optional
+        Paired complex modes; None for a system without damping.
+    """
+
+    frf_error: float
+    db_error: float
+    frequency_error: float
+    frac: NDArray[np.float64]
+    full_hz: NDArray[np.float64]
+    reduced_hz: NDArray[np.float64]
+    mac: NDArray[np.float64]
+    damped: DampedPairs | None = None
+
+    @property
+    def damping_error(self) -> float | None:
+        """Largest relative error of a damping ratio in the band; None for a system without damping."""
+        return None if self.damped is None else self.damped.worst

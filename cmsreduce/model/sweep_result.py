@@ -1,0 +1,117 @@
+"""What a sweep found: a row for each point."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+__all__ = ["SweepResult", "SweepRow", "SweepStatus", "short_keys"]
+
+SweepStatus = Literal["passed", "limit broken", "failed"]
+"""``failed``: the point could not be run; its message says why."""
+
+
+@dataclass(frozen=True)
+class SweepRow:
+    """One point of a sweep. Figures that a point has not got are NaN, counts 0.
+
+    Parameters
+    ----------
+    point : int
+        Number from 1, in the order of the product.
+    folder : str
+        Run directory, relative to the sweep's.
+    overrides : mapping of key to str
+        What was set, as YAML.
+    status : str
+    message : str
+        Why a point failed, or what was found damaged and made again on the way; mostly empty.
+    kept_modes, basis_size : int
+        Elastic modes kept, and columns of the mode sets, of all bodies together.
+    n_reduced, n_full : int
+        Coordinates of the reduced and of the full system, in the configuration that has most.
+    frf_error, db_error, frequency_error, damping_error : float
+        Worst over all configurations.
+    reduce_s : float
+        Wall time of reducing all bodies, measured when it was done: a point that takes the result from another has its
+        time, too.
+    full_frf_s, reduced_frf_s : float
+        Wall times of the responses over the same grids.
+    point_s : float
+        Wall time of the point in this sweep.
+    """
+
+    point: int
+    folder: str
+    overrides: Mapping[str, str]
+    status: SweepStatus
+    message: str = ""
+    kept_modes: int = 0
+    basis_size: int = 0
+    n_reduced: int = 0
+    n_full: int = 0
+    frf_error: float = float("nan")
+    db_error: float = float("nan")
+    frequency_error: float = float("nan")
+    damping_error: float = float("nan")
+    reduce_s: float = float("nan")
+    full_frf_s: float = float("nan")
+    reduced_frf_s: float = float("nan")
+    point_s: float = float("nan")
+
+    @property
+    def label(self) -> str:
+        """The overrides in one line."""
+        return ", ".join(f"{key}={value}" for key, value in self.overrides.items())
+
+
+@dataclass(frozen=True)
+class SweepResult:
+    """A whole sweep.
+
+    Parameters
+    ----------
+    name : str
+        Name of the pipeline.
+    axes : mapping of key to tuple of str
+        Swept keys with their values, as YAML.
+    rows : tuple of SweepRow
+        In the order of the product, the first key slowest.
+    seconds : float
+        Wall time.
+    provenance : mapping
+        Versions, pipeline file and its hash, settings, jobs.
+    """
+
+    name: str
+    axes: Mapping[str, tuple[str, ...]]
+    rows: tuple[SweepRow, ...]
+    seconds: float
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def passed(self) -> bool:
+        """Whether every point was run and kept its limits."""
+        return all(row.status == "passed" for row in self.rows)
+
+    def count(self, status: SweepStatus) -> int:
+        """Points of one status."""
+        return sum(row.status == status for row in self.rows)
+
+
+def short_keys(keys: Sequence[str]) -> list[str]:
+    """Last words of dotted keys, as many as tell them apart.
+
+    Examples
+    --------
+    >>> short_keys(["reduce.cutoff", "components.rotor.damping.modal", "components.stator.damping.modal"])
+    ['cutoff', 'rotor.damping.modal', 'stator.damping.modal']
+    """
+    names = []
+    for key in keys:
+        words = key.split(".")
+        ends = (".".join(words[-n:]) for n in range(1, len(words) + 1))
+        alone = (end for end in ends if not any(other != key and f".{other}".endswith(f".{end}") for other in keys))
+        names.append(next(alone, key))
+    return names
