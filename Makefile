@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 PIPELINES := $(wildcard pipelines/*.yaml)
 RUNS := $(patsubst pipelines/%.yaml,build/%/summary.json,$(PIPELINES))
 
-.PHONY: help setup demo test lint bench bench-full bench-peers pipelines models clean
+.PHONY: help setup demo test lint bench bench-full bench-peers pipelines models sweep-galileo clean
 .DELETE_ON_ERROR:
 
 help: ## show the targets
@@ -53,6 +53,15 @@ pipelines: $(RUNS) ## run every pipeline whose inputs changed; try -j2
 build/%/summary.json: pipelines/%.yaml $$(wildcard configs/*.yaml) $$(wildcard sample_models/$$*/*) \
 		$$(wildcard cmsreduce/*.py cmsreduce/*/*.py) | $(STAMP)
 	$(BIN)/cmsreduce run $< --out $(@D)
+
+# 200 points; a broken limit (exit code 1) is a finding of a sweep, not a failure of it.
+sweep-galileo: $(STAMP) ## error against speed of the Galileo sample: methods x cutoffs x orders x angles
+	$(BIN)/cmsreduce sweep pipelines/galileo.yaml --set 'verify.compare={}' --out build/galileo-sweep --jobs 2 \
+		--over reduce.method=craig-bampton,macneal-rubin,benfield-hruda,augmented \
+		--over 'scene.articulation.spin=0 deg,90 deg' \
+		--over reduce.cutoff=2,3,4,5,6 \
+		--over balance.keep.fraction=0.1,0.01,1e-3,1e-4,1e-5 \
+		|| test $$? -eq 1
 
 models: $(STAMP) ## make the sample models again from their scripts
 	$(foreach script,$(wildcard sample_models/*/make.py),$(BIN)/python $(script) &&) true
