@@ -40,6 +40,7 @@ from cmsreduce.read import (
     tie_nodes,
 )
 from cmsreduce.verify import mass_disorder
+from cmsreduce.verify.inertia import REALISABLE, inertia_excess
 
 __all__ = ["FlexibleBody", "read_flexible", "read_rigid", "probing_loads"]
 
@@ -138,6 +139,7 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         if proof.motions == _ALL_MOTIONS:
             limit = max(_MASS_ALIKE, _MASS_FACTOR * body.rounding)
             checks.append(Check("mass matrix: the same mass along x, y, z", mass_disorder(body), limit))
+            checks += _realisable(body)
     else:
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
     if body.damping.law == "none" and body.D is None:
@@ -192,6 +194,15 @@ def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tupl
 
 def _rigid_shapes(body: FEModel) -> NDArray[np.float64] | None:
     return None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+
+
+def _realisable(body: FEModel) -> list[Check]:
+    """Whether any distribution of mass has the body's inertia."""
+    R = _rigid_shapes(body)
+    excess = None if R is None else inertia_excess(R.T @ (body.M @ R))
+    if excess is None:
+        return []
+    return [Check("inertia: beyond what mass can have", excess, max(REALISABLE, _MASS_FACTOR * body.rounding))]
 
 
 def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:

@@ -1,36 +1,42 @@
-"""What is in a file, and whether a finished run meets its limits."""
+"""What is in a file, and whether the bodies of a pipeline are sound."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from cmsreduce.config import build_scene, load_pipeline
-from cmsreduce.errors import CmsReduceError, ConfigError, ReadError
-from cmsreduce.model import Check
+from cmsreduce.errors import CmsReduceError, ReadError
 from cmsreduce.pipeline.bodies import read_flexible
+from cmsreduce.pipeline.body_health import body_health, effective_masses
+from cmsreduce.pipeline.execute import reopen
+from cmsreduce.pipeline.health_text import effective_mass_lines, health_lines
+from cmsreduce.pipeline.reduction_text import run_lines
 from cmsreduce.read import detect_format, matrix_names, read_geometry
-from cmsreduce.verify import mass_properties
 from cmsreduce.write import read_component
 
-__all__ = ["describe", "run_checks"]
+__all__ = ["describe"]
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _PIPELINES = {".yaml", ".yml"}
 
 
 def describe(path: Path) -> Iterator[str]:
-    """Lines that say what is in a matrix file, a deck, a mesh, a component file, or the bodies of a pipeline.
+    """Lines that say what is in a matrix file, a deck, a mesh, a component file, the bodies of a pipeline, or a run.
 
     Raises
     ------
     ReadError
         If the file is missing or of no known kind.
     """
+    if path.is_dir():
+        run = reopen(path)
+        yield f"{path}:"
+        for line in run_lines(run):
+            yield f"  {line}"
+        return
     if not path.is_file():
         raise ReadError(f"{path}: there is no such file")
     yield f"{path}:"
@@ -48,74 +54,6 @@ def describe(path: Path) -> Iterator[str]:
         for info in matrix_names(path):
             about = ", ".join(part for part in (info.form, info.numbers) if part)
             yield f"  matrix {info.name or '(unnamed)'}: {info.rows} x {info.cols}, {about}"
-
-
-def run_checks(path: Path, maxima: Sequence[str]) -> list[Check]:
-    """Limits of a run directory or of a component file.
-
-    Parameters
-    ----------
-    path : Path
-        Run directory, its summary.json, or a component file.
-    maxima : sequence of str
-        ``KEY=VALUE``: frf_error, db_error, frequency_error or damping_error of the run, or a check by its name; over
-        the stored limit.
-
-    Returns
-    -------
-    list of Check
-
-    Raises
-    ------
-    ReadError
-        If the path holds no result.
-    ConfigError
-        If a key is unknown or a value is no number.
-    """
-    wanted = dict(_limit(text) for text in maxima)
-    found = _stored_checks(path)
-    names = {check.name for check in found}
-    for key in wanted:
-        if not any(name == key or name.endswith(f": {key}") for name in names):
-            raise ConfigError(f"--max {key}: there is no such figure in {path} (there are: {', '.join(sorted(names))})")
-    return [Check(c.name, c.value, wanted.get(c.name, wanted.get(c.name.rpartition(": ")[2], c.limit))) for c in found]
-
-
-def _stored_checks(path: Path) -> list[Check]:
-    if path.is_file() and path.suffix == ".h5":
-        return [Check(c.name, c.value, c.limit) for c in read_component(path).checks]
-    summary = path / "summary.json" if path.is_dir() else path
-    if not summary.is_file():
-        raise ReadError(f"{path}: there is no summary.json; give the output directory of a finished run")
-    try:
-        facts: dict[str, Any] = json.loads(summary.read_text(encoding="utf-8"))
-        limits = facts.get("limits", {})
-        checks = [
-            Check(name, _number(value), _number(limits.get(name)))
-            for name, value in (facts["worst"] or {}).items()
-            # A system without damping has no such error.
-            if not (name == "damping_error" and value is None)
-        ]
-        for name, component in facts["components"].items():
-            checks += [
-                Check(f"{name}: {c['name']}", _number(c["value"]), _number(c["limit"])) for c in component["checks"]
-            ]
-    except (ValueError, KeyError, TypeError, AttributeError):
-        raise ReadError(f"{summary}: this is no summary of a run; run the pipeline again") from None
-    return checks
-
-
-def _number(value: float | None) -> float:
-    # JSON has no infinity: what the summary writes as null has no bound.
-    return float("inf") if value is None else float(value)
-
-
-def _limit(text: str) -> tuple[str, float]:
-    key, _, value = text.partition("=")
-    try:
-        return key.strip(), float(value)
-    except ValueError:
-        raise ConfigError(f"--max {text}: write KEY=VALUE with a number, such as frf_error=0.05") from None
 
 
 def _is_component(path: Path) -> bool:
@@ -160,15 +98,17 @@ def _bodies(path: Path) -> Iterator[str]:
         flexible = read_flexible(pipeline, name, scene)
         body = flexible.body
         yield f"  {name}: {body.n} dofs, {flexible.rigid.shape[1]} rigid-body modes, units {body.units.name}"
-        if body.nodes is not None:
-            found = mass_properties(body)
-            masses = list(dict.fromkeys(f"{mass:.9g}" for mass in found.mass))
-            yield f"    mass {' / '.join(masses)}, centre of mass " + " ".join(f"{x:.6g}" for x in found.cg)
-            xx, yy, zz = found.inertia.diagonal()
-            yield f"    inertia about it {xx:.6g} {yy:.6g} {zz:.6g}"
-        massless = int((abs(body.M).sum(axis=0) == 0).sum())
-        yield f"    {massless} massless dofs, interfaces: {', '.join(body.interfaces) or 'none'}"
-        for check in flexible.checks:
+        health = body_health(body, flexible.rigid)
+        for line in health_lines(body, health):
+            yield f"    {line}"
+        yield f"    interfaces: {', '.join(body.interfaces) or 'none'}"
+        keys = pipeline.reduce_of(name)
+        factor = 1.0 if keys is None or keys.cutoff == "auto" else keys.cutoff
+        modes = effective_masses(body, flexible.rigid, tuple(body.interfaces), factor * scene.band[1])
+        if modes is not None:
+            for line in effective_mass_lines(modes, ", ".join(body.interfaces)):
+                yield f"    {line}"
+        for check in (*flexible.checks, *health.checks):
             yield f"    {'pass' if check.passed else 'FAIL'}  {check.name}: {check.value:.3g} (limit {check.limit:.3g})"
         for note in flexible.notes:
             yield f"    note: {note}"

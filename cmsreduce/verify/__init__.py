@@ -7,29 +7,48 @@ from cmsreduce.verify.articulation import (
     hinges_locked,
     locked_index,
 )
+from cmsreduce.verify.controller_stability import StabilityMargin, controller_response, stability_margin
 from cmsreduce.verify.damping_error import pair_complex_modes
+from cmsreduce.verify.effective_mass import EffectiveMass, effective_mass
 from cmsreduce.verify.frequency_error import FrequencyPairs, pair_frequencies
+from cmsreduce.verify.gain_sum import GainSum, gain_sum
 from cmsreduce.verify.grid import decibel_grid, frequency_grid, lowest_frequency
+from cmsreduce.verify.grounding import Grounding, grounding
+from cmsreduce.verify.inertia import inertia_excess, principal_inertia
 from cmsreduce.verify.mass_properties import MassProperties, mass_disorder, mass_properties
 from cmsreduce.verify.modal_identities import carried_momentum, coupled_momentum, momentum_residual, shape_momentum
 from cmsreduce.verify.response_error import SILENT, channel_scales, db_error, frac, frf_error
+from cmsreduce.verify.rigid_motions import RigidMotions, rigid_motions
+from cmsreduce.verify.static_completeness import held_response, static_completeness
+from cmsreduce.verify.transmission_zeros import transmission_zeros, zero_shifts
 
 __all__ = [
     "SILENT",
+    "EffectiveMass",
     "FrequencyPairs",
+    "GainSum",
+    "Grounding",
     "MassProperties",
+    "RigidMotions",
+    "StabilityMargin",
     "articulation_inertia",
     "articulation_sensors",
     "carried_momentum",
     "channel_scales",
+    "controller_response",
     "coupled_momentum",
     "db_error",
     "decibel_grid",
+    "effective_mass",
     "frac",
     "free_index",
     "frequency_grid",
     "frf_error",
+    "gain_sum",
+    "grounding",
+    "held_response",
     "hinges_locked",
+    "inertia_excess",
     "locked_index",
     "lowest_frequency",
     "mass_disorder",
@@ -37,5 +56,11 @@ __all__ = [
     "momentum_residual",
     "pair_complex_modes",
     "pair_frequencies",
+    "principal_inertia",
+    "rigid_motions",
     "shape_momentum",
+    "stability_margin",
+    "static_completeness",
+    "transmission_zeros",
+    "zero_shifts",
 ]

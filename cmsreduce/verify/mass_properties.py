@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import FEModel, cross_matrix, rigid_body_shapes
 
-__all__ = ["MassProperties", "mass_disorder", "mass_properties"]
+__all__ = ["MassProperties", "mass_disorder", "mass_properties", "rigid_mass_properties"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,17 @@ def mass_properties(body: FEModel) -> MassProperties:
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so it has no centre of mass")
     R = rigid_body_shapes(body.dofs, body.nodes)
-    rigid = R.T @ (body.M @ R)
+    return rigid_mass_properties(R.T @ (body.M @ R))
+
+
+def rigid_mass_properties(rigid: NDArray[np.float64]) -> MassProperties:
+    """Mass properties from a rigid mass matrix.
+
+    Parameters
+    ----------
+    rigid : (6, 6) float64
+        R^T M R about the origin of the basic frame.
+    """
     mass = rigid.diagonal()[:3].copy()
     total = mass.max(initial=0.0)
     if total <= 0:

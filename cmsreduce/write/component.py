@@ -89,11 +89,13 @@ def write_component(
         m = component.omega.size
         into = file.create_group("inputs")
         put_texts(into, "name", inputs)
-        put(into, "B", np.array(list(inputs.values())).reshape(-1, m).T, about="modal force of a unit effort")
+        put(into, "B", np.array(list(inputs.values())).reshape(len(inputs), m).T, about="modal force of a unit effort")
         out = file.create_group("outputs")
         put_texts(out, "name", outputs)
-        put(out, "C1", np.array([d for d, _ in outputs.values()]).reshape(-1, m), about="displacement outputs")
-        put(out, "C2", np.array([v for _, v in outputs.values()]).reshape(-1, m), about="rate outputs")
+        put(
+            out, "C1", np.array([d for d, _ in outputs.values()]).reshape(len(outputs), m), about="displacement outputs"
+        )
+        put(out, "C2", np.array([v for _, v in outputs.values()]).reshape(len(outputs), m), about="rate outputs")
         _integration(file.create_group("integration"), component)
         done = file.create_group("checks")
         put_texts(done, "name", [check.name for check in checks])

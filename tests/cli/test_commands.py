@@ -146,3 +146,16 @@ def test_bad_arguments_exit_2_with_one_line(finished: Path, args: tuple[str, ...
     assert isinstance(result.exception, SystemExit)
     assert result.stderr.startswith("error: ") and result.stderr.count("\n") == 1, result.stderr
     assert first in result.stderr and second in result.stderr.lower(), result.stderr
+
+
+def test_inspect_says_how_sound_a_body_is(good_study: Path) -> None:
+    said = call("inspect", good_study / "study.yaml").stdout
+    arm = said.partition("  panel:")[0]
+    # A bar of 0.8 m and 0.864 kg with 0.3 kg in its middle: 0.864 0.64 / 12 across.
+    assert "principal moments 6.48e-05 0.04608 0.04608 about 1.0000 0.0000 0.0000" in arm
+    assert "rigid modes below" in arm and "grounding: node" in arm and "0 massless dofs" in arm
+    assert "effective mass held at root, tip" in arm
+    assert "pass  stiffness: motions of negative energy: 0" in arm
+    assert "pass  inertia: beyond what mass can have" in arm
+    row = next(line for line in said.partition("held at root, per cent")[2].splitlines() if "modes to" in line)
+    assert all(90 < float(share) <= 100 for share in row.split()[-5:])

@@ -1,0 +1,129 @@
+"""Whether a controller that was designed on a reduced model stays stable on the full one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import MatrixError
+from cmsreduce.model import Check
+
+__all__ = ["StabilityMargin", "controller_response", "stability_margin"]
+
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class StabilityMargin:
+    """Spillover of a loop against what it bears, frequency by frequency.
+
+    Parameters
+    ----------
+    frequency_hz : (f,) float64
+        Grid.
+    spillover : (f,) float64
+        sigma_max(dG K): what the modes left out add to the loop.
+    borne : (f,) float64
+        sigma_min(I + G_R K): distance of the reduced loop from instability.
+    """
+
+    frequency_hz: NDArray[np.float64]
+    spillover: NDArray[np.float64]
+    borne: NDArray[np.float64]
+
+    @property
+    def ratio(self) -> NDArray[np.float64]:
+        """Spillover over what is borne (f,); below 1 everywhere proves the full loop stable if the reduced one is."""
+        return np.asarray(
+            np.divide(self.spillover, self.borne, out=np.full(self.borne.size, np.inf), where=self.borne > 0)
+        )
+
+    @property
+    def worst_hz(self) -> float:
+        """Frequency where the ratio is largest."""
+        return float(self.frequency_hz[self.ratio.argmax()])
+
+    def check(self) -> Check:
+        """The largest ratio, which must be below 1."""
+        # One itself proves nothing.
+        below = float(np.nextafter(1.0, 0.0))
+        worst = float(self.ratio.max(initial=0.0))
+        return Check("stability of the controller: sigma_max(dG K) / sigma_min(I + G_R K)", worst, below)
+
+
+def controller_response(
+    A: NDArray[np.float64],
+    B: NDArray[np.float64],
+    C: NDArray[np.float64],
+    D: NDArray[np.float64],
+    frequency_hz: NDArray[np.float64],
+) -> Complex:
+    """Frequency response of a controller in state space.
+
+    Parameters
+    ----------
+    A, B, C, D : (n, n), (n, sensors), (actuators, n), (actuators, sensors) float64
+        x' = A x + B y, u = C x + D y.
+    frequency_hz : (f,) float64
+        Grid.
+
+    Returns
+    -------
+    (f, actuators, sensors) complex128
+
+    Raises
+    ------
+    MatrixError
+        If the sizes do not agree, or a frequency is a pole of the controller.
+    """
+    n = A.shape[0]
+    if A.shape != (n, n) or B.shape != (n, D.shape[1]) or C.shape != (D.shape[0], n):
+        raise MatrixError(
+            f"controller: A {A.shape}, B {B.shape}, C {C.shape} and D {D.shape} do not fit together; they must be "
+            "(n, n), (n, sensors), (actuators, n) and (actuators, sensors)"
+        )
+    s = 2j * np.pi * frequency_hz
+    try:
+        inner = np.linalg.solve(s[:, None, None] * np.eye(n) - A, np.broadcast_to(B, (s.size, *B.shape)))
+    except np.linalg.LinAlgError:
+        raise MatrixError(
+            "controller: one of the frequencies is a pole of it, such as an integrator at 0 Hz; start the grid above it"
+        ) from None
+    return np.asarray(C @ inner + D, dtype=np.complex128)
+
+
+def stability_margin(frequency_hz: NDArray[np.float64], full: Complex, reduced: Complex, K: Complex) -> StabilityMargin:
+    """Compare the spillover of a loop with what the reduced loop bears.
+
+    Parameters
+    ----------
+    frequency_hz : (f,) float64
+        Grid over the band of the controller.
+    full, reduced : (f, outputs, inputs) complex128
+        Responses G and G_R.
+    K : (f, inputs, outputs) complex128
+        Controller; u = -K y.
+
+    Raises
+    ------
+    MatrixError
+        If the controller has not as many inputs as there are outputs, and as many outputs as inputs.
+
+    Notes
+    -----
+    Sufficient, by the small gain theorem: if the reduced loop is stable, G and G_R have the same unstable poles, and
+    sigma_max(dG K) < sigma_min(I + G_R K) at all frequencies, the full loop is stable. A grid finds what lies on it.
+    """
+    if K.shape[1:] != (full.shape[2], full.shape[1]):
+        raise MatrixError(
+            f"controller: it takes {K.shape[2]} signals and gives {K.shape[1]}, but there are {full.shape[1]} sensors "
+            f"and {full.shape[2]} actuators"
+        )
+    loop = np.eye(full.shape[1]) + reduced @ K
+    return StabilityMargin(
+        frequency_hz,
+        np.asarray(np.linalg.svd((full - reduced) @ K, compute_uv=False)[:, 0], dtype=np.float64),
+        np.asarray(np.linalg.svd(loop, compute_uv=False)[:, -1], dtype=np.float64),
+    )

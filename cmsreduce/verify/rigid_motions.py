@@ -1,0 +1,143 @@
+"""Rigid motions of a body three ways: from its geometry, from its stiffness, and as its lowest modes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.factorise import Factor, factorise
+from cmsreduce.model import FEModel
+
+__all__ = ["RigidMotions", "rigid_motions"]
+
+Array = NDArray[np.float64]
+
+# Below this size the whole spectrum is quicker than a Lanczos run.
+_DENSE_LIMIT = 600
+# The pencil is shifted below zero by this share of the lowest elastic eigenvalue, as far as static deflection knows it:
+# small enough to part rigid from elastic, large enough to leave the factor its digits.
+_SHIFT = 1e-2
+# Elastic modes computed beside the rigid ones, which show the gap between them.
+_BESIDE = 4
+
+
+@dataclass(frozen=True, eq=False)
+class RigidMotions:
+    """The same r motions from three sources, each equal to the geometric ones at the reference dofs.
+
+    Parameters
+    ----------
+    reference : (r,) int64
+        Rows that hold the body, one for each motion.
+    geometry : (n, r) float64
+        From coordinates.
+    stiffness : (n, r) float64
+        What K makes of a motion of the reference dofs: -K_oo^-1 K_or.
+    eigen : (n, r) float64
+        Lowest modes of K and M, combined.
+    rigid_hz : (r,) float64
+        Frequencies of the lowest modes, negative where the squared one is; zero but for rounding.
+    elastic_hz : float
+        The next frequency above them.
+    """
+
+    reference: NDArray[np.int64]
+    geometry: Array
+    stiffness: Array
+    eigen: Array
+    rigid_hz: Array
+    elastic_hz: float
+
+    def apart(self, M: sp.csc_array) -> tuple[float, float]:
+        """How far the motions from stiffness, and those from modes, are from those of the geometry.
+
+        Parameters
+        ----------
+        M : (n, n) sparse array
+            Mass.
+
+        Returns
+        -------
+        (stiffness, eigen)
+            Largest |X - R|_M / |R|_M of any motion.
+        """
+        size = _in_mass(M, self.geometry)
+        by = tuple(float((_in_mass(M, X - self.geometry) / size).max()) for X in (self.stiffness, self.eigen))
+        return by[0], by[1]
+
+
+def rigid_motions(body: FEModel, geometry: Array) -> RigidMotions:
+    """Find the rigid motions of a body in three independent ways.
+
+    Parameters
+    ----------
+    body : FEModel
+        Free in r ways.
+    geometry : (n, r) float64
+        Its rigid motions as coordinates have them; each carries mass.
+
+    Raises
+    ------
+    NotPositiveDefiniteError
+        If K resists not every other motion.
+
+    Notes
+    -----
+    Source: what pyYeti's ``cbcheck`` compares, for sparse matrices.
+    """
+    K, M, r = body.K, body.M, geometry.shape[1]
+    _, _, order = la.qr((geometry / np.linalg.norm(geometry, axis=0)).T, mode="economic", pivoting=True)
+    reference, others = np.sort(order[:r]), np.sort(order[r:])
+    at = geometry[reference]
+    held = factorise(sp.csc_array(K[others][:, others]), what="the stiffness held at the reference dofs")
+    stiffness = np.zeros_like(geometry)
+    stiffness[reference] = at
+    stiffness[others] = -held(np.asarray(K[others][:, reference] @ at))
+    shift = _SHIFT * _lowest_elastic(K, M, geometry, held, others)
+    lam, X = _lowest_modes(K, M, shift, r)
+    eigen = X[:, :r] @ np.linalg.solve(X[reference, :r], at)
+    hz = np.sign(lam) * np.sqrt(abs(lam)) / (2 * np.pi)
+    return RigidMotions(reference, geometry, stiffness, eigen, hz[:r], float(hz[r]) if hz.size > r else float("inf"))
+
+
+def _lowest_elastic(K: sp.csc_array, M: sp.csc_array, R: Array, held: Factor, others: NDArray[np.int64]) -> float:
+    """Upper estimate of the lowest elastic eigenvalue: the softest deflection under the body's own inertia forces."""
+    load = np.asarray(M @ R)
+    # Random loads beside: inertia of a symmetric body may leave its softest mode alone.
+    rng = np.random.default_rng(1)
+    loads = np.hstack([load, M @ rng.standard_normal(R.shape)])
+    U = np.zeros((R.shape[0], loads.shape[1]))
+    U[others] = held(loads[others])
+    U -= R @ np.linalg.solve(R.T @ load, R.T @ (M @ U))
+    stiffness, mass = np.einsum("ij,ij->j", U, K @ U), np.einsum("ij,ij->j", U, M @ U)
+    good = mass > 0
+    if not good.any():
+        return float(K.diagonal().sum() / M.diagonal().sum())
+    return float((stiffness[good] / mass[good]).min())
+
+
+def _lowest_modes(K: sp.csc_array, M: sp.csc_array, shift: float, r: int) -> tuple[Array, Array]:
+    """Lowest eigenpairs of the pencil, ascending, with a few beyond the rigid ones."""
+    n = K.shape[0]
+    wanted = min(r + _BESIDE, n - 1)
+    raised = sp.csc_array(K + shift * M)
+    if n <= _DENSE_LIMIT:
+        # The inverted pencil: dofs without mass have an eigenvalue of zero in it, not an infinite one.
+        _, X = la.eigh(M.toarray(), raised.toarray(), subset_by_index=[n - wanted, n - 1])
+    else:
+        solve = factorise(raised, what="the stiffness raised by mass")
+        inverse = spla.LinearOperator((n, n), matvec=lambda b: solve(np.asarray(b).ravel()), dtype=np.float64)
+        start = np.random.default_rng(1).standard_normal(n)
+        _, X = spla.eigsh(K, k=wanted, M=M, sigma=-shift, OPinv=inverse, v0=start)
+    lam = np.einsum("ij,ij->j", X, K @ X) / np.einsum("ij,ij->j", X, M @ X)
+    order = np.argsort(lam)
+    return lam[order], X[:, order]
+
+
+def _in_mass(M: sp.csc_array, X: Array) -> Array:
+    return np.asarray(np.sqrt(np.maximum(np.einsum("ij,ij->j", X, M @ X), 0.0)))

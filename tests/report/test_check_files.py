@@ -1,0 +1,44 @@
+"""Findings as JUnit XML and Markdown, whatever their texts hold."""
+
+import re
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from cmsreduce.model import Check
+from cmsreduce.model.finding import Finding
+from cmsreduce.report.junit import junit_xml
+from cmsreduce.report.markdown import markdown_summary
+
+FINDINGS = [
+    Finding("rotor", Check("kept_modes", 19, 18), "a <note> & more"),
+    Finding("", Check("frf_error", 0.01, float("inf"))),
+    Finding("pipe|body", Check("odd \x01 name", float("nan"), 1.0), "line\nbreak | `code`"),
+    Finding("stator", Check("orthogonality in M", 0.0, 1e-10)),
+]
+
+
+def test_junit_counts_what_a_server_counts() -> None:
+    suite = ET.fromstring(junit_xml(FINDINGS, "build/<x>")).find("testsuite")
+    assert suite.get("name") == "cmsreduce check build/<x>"
+    assert [suite.get(key) for key in ("tests", "failures", "errors", "skipped")] == ["4", "2", "0", "1"]
+    kinds = [[child.tag for child in case if child.tag != "system-out"] for case in suite]
+    assert kinds == [["failure"], ["skipped"], ["failure"], []]
+    assert [case.get("classname") for case in suite] == ["rotor", "run", "pipe|body", "stator"]
+    assert suite[0].find("failure").get("message") == "rotor: kept_modes: 19 (limit 18) - a <note> & more"
+    assert "odd ? name" in suite[2].get("name")
+
+
+def test_every_row_of_the_table_has_its_cells() -> None:
+    text = markdown_summary(FINDINGS, "build/x")
+    assert text.startswith("## cmsreduce check build/x: FAIL\n\n2 of 3 checks failed.\n")
+    rows = [line for line in text.splitlines() if line.startswith("| ")]
+    # Bars that are escaped end no cell.
+    assert len(rows) == 6 and all(len(re.findall(r"(?<!\\)\|", row)) == 7 for row in rows)
+    assert rows[1].startswith("| FAIL | rotor |")
+
+
+@pytest.mark.parametrize(("limit", "verdict"), [(1.0, "pass"), (0.1, "FAIL"), (float("inf"), "info")])
+def test_a_figure_without_a_limit_is_not_judged(limit: float, verdict: str) -> None:
+    found = Finding("", Check("frf_error", 0.5, limit))
+    assert (found.verdict, found.passed) == (verdict, verdict != "FAIL")

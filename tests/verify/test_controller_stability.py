@@ -1,0 +1,71 @@
+"""The sufficient condition for a controller, against the poles of the closed loops."""
+
+import numpy as np
+import pytest
+
+from cmsreduce.errors import MatrixError
+from cmsreduce.verify.controller_stability import controller_response, stability_margin
+
+OMEGA, ZETA = np.array([3.0, 40.0]), 0.01
+GAIN = np.array([1.0, 0.3])
+HZ = np.geomspace(0.01, 100, 4000)
+
+
+def plant(modes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rate of some modes under one force, in state space."""
+    w, b = OMEGA[:modes], np.sqrt(GAIN[:modes])
+    A = np.block([[np.zeros((modes, modes)), np.eye(modes)], [-np.diag(w**2), -2 * ZETA * np.diag(w)]])
+    return A, np.r_[np.zeros(modes), b][:, None], np.r_[np.zeros(modes), b][None]
+
+
+def response(modes: int) -> np.ndarray:
+    A, B, C = plant(modes)
+    return controller_response(A, B, C, np.zeros((1, 1)), HZ)
+
+
+def controller(gain: float) -> tuple[np.ndarray, ...]:
+    """Rate feedback over a lag of second order at 10 rad/s, whose phase is reversed where the second mode is."""
+    A = np.array([[0.0, 1.0], [-100.0, -14.0]])
+    return A, np.array([[0.0], [100.0]]), np.array([[gain, 0.0]]), np.zeros((1, 1))
+
+
+def stable(modes: int, gain: float) -> bool:
+    A, B, C = plant(modes)
+    a, b, c, _ = controller(gain)
+    closed = np.block([[A, -B @ c], [b @ C, a]])
+    return bool(np.linalg.eigvals(closed).real.max() < 0)
+
+
+@pytest.mark.parametrize("gain", np.geomspace(0.1, 100, 25))
+def test_no_loop_that_passes_is_unstable(gain):
+    margin = stability_margin(HZ, response(2), response(1), controller_response(*controller(gain), HZ))
+    if stable(1, gain) and margin.check().passed:
+        assert stable(2, gain)
+
+
+def test_the_condition_separates_gentle_from_hard_control():
+    """A small gain passes; the one that drives the second mode unstable fails there, at 40 rad/s."""
+    gentle, hard = (
+        stability_margin(HZ, response(2), response(1), controller_response(*controller(gain), HZ))
+        for gain in (0.1, 60.0)
+    )
+    assert gentle.check().passed and stable(2, 0.1)
+    assert not hard.check().passed and stable(1, 0.1) and not stable(2, 60.0)
+    assert hard.worst_hz == pytest.approx(40 / (2 * np.pi), rel=0.01)
+
+
+def test_the_margin_by_hand():
+    """One channel: |dG K| / |1 + G K|."""
+    full, reduced, K = (np.full((1, 1, 1), z) for z in (0.5 + 0.2j, 0.4 + 0.1j, 2 - 1j))
+    found = stability_margin(np.array([1.0]), full, reduced, K)
+    assert found.ratio[0] == pytest.approx(abs((0.1 + 0.1j) * (2 - 1j)) / abs(1 + (0.4 + 0.1j) * (2 - 1j)))
+
+
+def test_what_does_not_fit_is_refused():
+    A, B, C, D = controller(1.0)
+    with pytest.raises(MatrixError, match="do not fit together"):
+        controller_response(A, B.T, C, D, HZ)
+    with pytest.raises(MatrixError, match="is a pole"):
+        controller_response(np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), np.array([0.0]))
+    with pytest.raises(MatrixError, match="takes 2 signals and gives 1, but there are 1 sensors"):
+        stability_margin(HZ[:1], np.ones((1, 1, 1)), np.ones((1, 1, 1)), np.ones((1, 1, 2)))

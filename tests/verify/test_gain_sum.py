@@ -1,0 +1,111 @@
+"""The hinge of theory section 7: a stiff mode far above the band that carries most of the gain, and its zeros."""
+
+import numpy as np
+import pytest
+
+from cmsreduce.assemble import assemble, system_modes
+from cmsreduce.model import Configuration
+from cmsreduce.verify.gain_sum import gain_sum
+from cmsreduce.verify.transmission_zeros import transmission_zeros, visible_modes, zero_shifts
+from tests.golden.test_hinge import GAIN, SPRING, joined
+
+
+def hinge(J: float, form: str = "modes"):
+    """All modes of the joined system, the rigid one first: frequencies and the modal channel across the hinge."""
+    subs, scene = joined(J, form)
+    system = assemble(subs, scene, Configuration("as built"))
+    omega, Phi = system_modes(system, 1e9)
+    b = np.r_[(system.rigid.T @ system.B).ravel(), (Phi.T @ system.B).ravel()]
+    return np.r_[np.zeros(system.rigid.shape[1]), omega], b
+
+
+@pytest.fixture(scope="module")
+def channel():
+    return hinge(1e-7)
+
+
+def hz(zeros: np.ndarray) -> np.ndarray:
+    return zeros.imag / (2 * np.pi)
+
+
+def test_the_stiff_mode_is_flagged_with_its_gain(channel):
+    omega, b = channel
+    elastic = omega > 0
+    found = gain_sum(omega[elastic], b[elastic, None], b[None, elastic])
+    assert found.total[0, 0] == pytest.approx(GAIN, abs=1e-8)
+    (high,) = found.high_gain_modes(100.0)
+    assert (high.hz, high.gain) == (pytest.approx(645.85, abs=5e-3), pytest.approx(0.603266, abs=5e-7))
+    assert high.share == pytest.approx(0.603266 / (0.603266 + 0.118358), rel=1e-5)
+    assert found.running[high.mode, 0, 0] - found.running[high.mode - 1, 0, 0] == pytest.approx(high.gain, rel=1e-9)
+    # What all others sum to.
+    assert found.total[0, 0] - high.gain == pytest.approx(0.118358, abs=1e-6)
+    assert not list(found.high_gain_modes(1000.0))
+
+
+def test_without_inertia_the_gain_is_static(channel):
+    omega, b = hinge(0.0)
+    elastic = omega > 0
+    found = gain_sum(omega[elastic], b[elastic, None], b[None, elastic], np.array([[1 / SPRING]]))
+    assert found.total[0, 0] == pytest.approx(GAIN, abs=1e-7)
+    assert not [high for high in found.high_gain_modes(100.0) if high.hz > 600]
+
+
+def test_zeros_with_and_without_the_stiff_mode(channel):
+    omega, b = channel
+    with_it = transmission_zeros(omega, b, b)
+    np.testing.assert_allclose(hz(with_it)[:4], [0.324460, 3.110220, 6.032206, 15.098271], rtol=1e-5)
+    np.testing.assert_allclose(with_it[:4].real, 0.0, atol=1e-6)
+    others = np.arange(omega.size) != np.argmin(abs(omega - 2 * np.pi * 645.85))
+    without = transmission_zeros(omega[others], b[others], b[others])
+    # Where the response of the unreduced beams, less the term of this mode, crosses zero.
+    np.testing.assert_allclose(hz(without)[:4], [0.7968808, 3.1277713, 8.0067566, 17.3283965], rtol=1e-7)
+    shifts = zero_shifts(with_it, without, (0.0, 2 * np.pi * 5))
+    np.testing.assert_allclose(shifts, [0.7968808 / 0.324460 - 1, 3.1277713 / 3.110220 - 1], rtol=2e-4)
+
+
+def test_a_static_gain_takes_the_place_of_the_stiff_mode(channel):
+    omega, b = channel
+    low = omega < 2 * np.pi * 40
+    rest = (b[~low] ** 2 / omega[~low] ** 2).sum()
+    zeros = transmission_zeros(omega[low], b[low], b[low], static=rest)
+    np.testing.assert_allclose(hz(zeros)[:4], [0.324460, 3.110220, 6.032206, 15.098271], rtol=2e-3)
+
+
+def test_two_masses_and_a_spring():
+    """Unit masses, unit spring: force and displacement of one have a zero where the other is its absorber, w = 1."""
+    omega, b = np.array([0.0, np.sqrt(2)]), np.array([1, 1]) / np.sqrt(2)
+    (zero,) = transmission_zeros(omega, b, b)
+    assert zero == pytest.approx(1j, abs=1e-12)
+    # A rate has one at the origin more; between the masses there is none.
+    np.testing.assert_allclose(transmission_zeros(omega, b, b, rate=True), [0, 1j], atol=1e-12)
+    assert transmission_zeros(omega, b, b * [1, -1]).size == 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_damped_zeros_are_those_of_the_transfer_function(seed):
+    rng = np.random.default_rng(seed)
+    omega, zeta = np.sort(rng.uniform(1, 50, 6)), np.full(6, 0.02)
+    b, c = rng.standard_normal((2, 6))
+    zeros = transmission_zeros(omega, b, c, zeta)
+    s = zeros[:, None]
+    terms = c * b / (s**2 + 2 * zeta * omega * s + omega**2)
+    assert (abs(terms.sum(axis=1)) < 1e-9 * abs(terms).sum(axis=1)).all()
+
+
+def test_a_zero_that_is_gone_is_infinitely_far():
+    shifts = zero_shifts(np.array([1j, 2j]), np.array([1.01j]), (0.0, 3.0))
+    np.testing.assert_allclose(shifts, [0.01, np.inf], rtol=1e-12)
+
+
+def test_modes_that_a_pair_does_not_see_are_left_out():
+    """Of two modes of one frequency that cancel, of a silent one, and of a pair that adds up."""
+    omega = np.array([0.0, 2.0, 2.0, 5.0, 7.0, 7.0])
+    w, r = visible_modes(omega, np.array([1.0, 0.4, -0.4, 1e-12, 0.2, 0.3]))
+    np.testing.assert_allclose(w, [0.0, 7.0])
+    np.testing.assert_allclose(r, [1.0, 0.5])
+
+
+def test_a_pole_and_a_zero_that_damping_hides_are_no_loss():
+    full, reduced = np.array([1j, 2.001j]), np.array([1j])
+    assert np.isinf(zero_shifts(full, reduced, (0.0, 3.0), np.array([2.0]), 1e-4)).any()
+    np.testing.assert_allclose(zero_shifts(full, reduced, (0.0, 3.0), np.array([2.0]), 1e-3), [0.0])
