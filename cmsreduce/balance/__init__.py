@@ -4,6 +4,8 @@ from cmsreduce.balance.bounds import balanced_bound, elastic_norm, keep_bound, m
 from cmsreduce.balance.clusters import CORRELATED, cluster_groups, correlated_groups, correlation
 from cmsreduce.balance.comparison import with_rankings
 from cmsreduce.balance.component_cost import ComponentCost, component_costs
+from cmsreduce.balance.directed import DirectedComponent, directed
+from cmsreduce.balance.directed_bounds import direction_error, directions_bound, keep_directions_bound
 from cmsreduce.balance.directions import Directions, cluster_directions, keep_directions
 from cmsreduce.balance.frequency import ByFrequency
 from cmsreduce.balance.gregory import Gregory
@@ -13,7 +15,7 @@ from cmsreduce.balance.modal_gain import ModalGain, PeakAmplitude, modal_gains
 from cmsreduce.balance.ranking import CLOSE, GramianRanking, Ranking, mode_spacing
 from cmsreduce.balance.scaling import Turning, characteristic_length, scaled, turning_rows
 from cmsreduce.balance.search import Found, keep_error
-from cmsreduce.balance.truncation import Selection, keep_all, keep_fraction, keep_modes
+from cmsreduce.balance.truncation import Selection, keep_all, keep_fraction, keep_modes, keep_total, whole_groups
 from cmsreduce.balance.weighting import BandPass, LowPass, TransferFunction, Weighting
 
 __all__ = [
@@ -23,6 +25,7 @@ __all__ = [
     "BandPass",
     "ByFrequency",
     "ComponentCost",
+    "DirectedComponent",
     "Directions",
     "GramianRanking",
     "Effects",
@@ -46,19 +49,25 @@ __all__ = [
     "component_costs",
     "correlated_groups",
     "correlation",
+    "directed",
+    "direction_error",
+    "directions_bound",
     "elastic_norm",
     "hankel_values",
     "keep_all",
     "keep_bound",
     "keep_directions",
+    "keep_directions_bound",
     "keep_error",
     "keep_fraction",
     "keep_modes",
+    "keep_total",
     "modal_gains",
     "mode_bounds",
     "mode_spacing",
     "scaled",
     "turning_rows",
+    "whole_groups",
     "with_rankings",
 ]
 

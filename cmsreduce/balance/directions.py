@@ -149,4 +149,5 @@ def keep_directions(
         spacing=component.spacing[columns],
         why=(*component.why[:r], *combined, *component.why[e.stop :]),
         rankings={name: values[columns] for name, values in component.rankings.items()},
+        cluster=None if component.cluster is None else component.cluster[columns],
     )

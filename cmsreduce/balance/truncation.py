@@ -1,7 +1,8 @@
 """How many of the ranked modes to keep: a number, or a fraction.
 
 Modes of one repeated frequency are kept or left out together: any other shapes of their subspace would do as well, and
-a part of it would be whatever part the solver happened to find.
+a part of it would be whatever part the solver happened to find. Directions of a cluster that has been rotated are no
+longer alike: those of one frequency are told apart by their gains.
 """
 
 from __future__ import annotations
@@ -11,11 +12,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.balance.directed import DirectedComponent
 from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.repeated import repeated_groups
 from cmsreduce.model import ModalComponent
 
-__all__ = ["Columns", "Selection", "keep_all", "keep_fraction", "keep_modes", "whole_groups"]
+__all__ = ["Columns", "Selection", "keep_all", "keep_fraction", "keep_modes", "keep_total", "whole_groups"]
 
 Columns = NDArray[np.int64]
 Selection = dict[str, Columns]
@@ -23,7 +25,9 @@ Selection = dict[str, Columns]
 
 
 def whole_groups(component: ModalComponent) -> list[Columns]:
-    """Elastic columns, those of a repeated frequency together, by frequency."""
+    """Elastic columns, those of a repeated frequency or of equal directions together, by frequency."""
+    if isinstance(component, DirectedComponent):
+        return component.groups
     group = repeated_groups(component.omega[component.elastic])
     return [component.rigid_count + np.flatnonzero(group == number) for number in np.unique(group)]
 
@@ -70,6 +74,37 @@ def keep_fraction(components: Mapping[str, ModalComponent], fraction: float) -> 
         limit = fraction * c.sigma[c.elastic].max(initial=0.0)
         kept[name] = _columns([group for group in _ranked(c) if c.sigma[group].max() >= limit])
     return kept
+
+
+def keep_total(components: Mapping[str, ModalComponent], count: int) -> Selection:
+    """Keep a number of elastic modes of all bodies together, those of the largest coefficients.
+
+    Parameters
+    ----------
+    components : mapping of name to ModalComponent
+        Ranked by coefficients that can be compared from body to body.
+    count : int
+        Elastic modes in all; a few more where the number would split a repeated one.
+
+    Raises
+    ------
+    ConfigError
+        If there are fewer modes.
+    """
+    there = sum(component.elastic_count for component in components.values())
+    if count > there:
+        raise ConfigError(
+            f"keep: {count} modes in total are asked for, but the bodies have {there} elastic modes below the cutoff; "
+            "ask for fewer or raise reduce.cutoff"
+        )
+    groups = [(float(c.sigma[group].max()), name, group) for name, c in components.items() for group in whole_groups(c)]
+    kept: dict[str, list[Columns]] = {name: [] for name in components}
+    taken = 0
+    for _, name, group in sorted(groups, key=lambda each: -each[0]):
+        if taken < count:
+            kept[name].append(group)
+            taken += group.size
+    return {name: _columns(own) for name, own in kept.items()}
 
 
 def _ranked(component: ModalComponent) -> list[Columns]:

@@ -10,7 +10,7 @@ from cmsreduce.config.keys import Flag, Frequency, Keys, Number, exactly_one, re
 from cmsreduce.config.quantities import Quantity, parse_quantity
 from cmsreduce.config.scene_keys import Band
 
-__all__ = ["ClusterLimit", "Scaling", "WeightingKeys"]
+__all__ = ["ClusterKeys", "ClusterLimit", "Scaling", "WeightingKeys"]
 
 
 class WeightingKeys(Keys):
@@ -95,3 +95,30 @@ ClusterLimit = Annotated[
     WithJsonSchema({"anyOf": [{"const": "none"}, {"type": "number", "exclusiveMinimum": 0, "maximum": 1}]}),
 ]
 """Correlation above which modes act together; 1 for none."""
+
+
+class ClusterKeys(Keys):
+    """Which modes act together, and whether shapes may be mixed there; a correlation alone stands for the first key."""
+
+    short_schema: ClassVar[tuple[dict[str, Any], ...]] = (
+        {"const": "none"},
+        {"type": "number", "exclusiveMinimum": 0, "maximum": 1},
+    )
+
+    correlation: ClusterLimit = Field(
+        default=0.1,
+        description="Correlation of two modes' Gramians above which they belong to one cluster; none for no clusters "
+        "but repeated modes.",
+        examples=[0.1],
+    )
+    rotate: Flag = Field(
+        default=False,
+        description="Turn the shapes of each cluster to where its inputs act and its outputs look, and keep or leave "
+        "out these directions instead of its modes; modes by themselves stay as they are. Needs damping.",
+        examples=[True],
+    )
+
+    @classmethod
+    def written_out(cls, value: object) -> object:
+        """A correlation is short for clusters that are not rotated."""
+        return value if isinstance(value, (dict, Keys)) else {"correlation": value}

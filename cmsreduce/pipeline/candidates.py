@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import Change, ModalReceptance
-from cmsreduce.balance import Effects, Judge, Selection
+from cmsreduce.assemble import Change, ModalReceptance, modal_substructure
+from cmsreduce.balance import DirectedComponent, Effects, Judge, Selection
+from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.flexibility_model import frequency_blocks
-from cmsreduce.model import ModalComponent
+from cmsreduce.model import Matrix, ModalComponent, Substructure
 from cmsreduce.pipeline.assembled import AssembledModel
 from cmsreduce.pipeline.comparison import Comparison, ReducedModel, Target
 
-__all__ = ["Candidates", "SystemErrors", "system_errors"]
+__all__ = ["Candidates", "SystemErrors", "candidate_substructure", "system_errors"]
 
 # Points of a configuration that are looked at first: those that the last candidate refused there missed most.
 _HARDEST = 96
@@ -118,6 +120,33 @@ class Candidates:
         return Effects(np.array([_gram(trial, selection, changes) for trial in self._trials]))
 
 
+def candidate_substructure(component: ModalComponent, points: Iterable[str]) -> Substructure:
+    """Build a body in what may be kept of it: its modes, or directions of clusters, which it couples.
+
+    Parameters
+    ----------
+    component : ModalComponent
+        m candidates.
+    points : iterable of str
+        Interface names and node ids whose motion is wanted.
+    """
+    if not isinstance(component, DirectedComponent):
+        return modal_substructure(component, points)
+    of_modes, whole = modal_substructure(component.modes, points), component.whole
+
+    def turned(A: Matrix) -> Matrix:
+        return sp.csc_array(whole.T @ dense(A) @ whole)
+
+    return replace(
+        of_modes,
+        K=turned(of_modes.K),
+        D=None if of_modes.D is None else turned(of_modes.D),
+        loss=None if of_modes.loss is None else turned(of_modes.loss),
+        motion={label: dense(rows) @ whole for label, rows in of_modes.motion.items()},
+        omega=component.omega,
+    )
+
+
 def system_errors(
     components: Mapping[str, ModalComponent],
     model: Callable[[Mapping[str, ModalComponent]], ReducedModel],
@@ -152,7 +181,7 @@ def _gram(trial: _Trial, selection: Selection, changes: Sequence[Change]) -> NDA
     gram = np.zeros((1 + len(changes), 1 + len(changes)))
     for part in frequency_blocks(coarse.size, 2 * 16 * trial.channel.size * len(gram)):
         at = coarse[part]
-        H, dH, known = trial.response.effects(selection, changes, at)
+        H, dH, known = _effects(trial.response, selection, changes, at)
         for k in map(int, np.flatnonzero(~known)):
             body, columns = changes[k]
             changed = {**selection, body: np.setxor1d(selection[body], columns)}
@@ -162,6 +191,16 @@ def _gram(trial: _Trial, selection: Selection, changes: Sequence[Change]) -> NDA
         real, imaginary = np.ascontiguousarray(rows.real), np.ascontiguousarray(rows.imag)
         gram += real.T @ real + imaginary.T @ imaginary
     return gram
+
+
+def _effects(
+    response: ModalReceptance, selection: Selection, changes: Sequence[Change], at: NDArray[np.int64]
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.bool_]]:
+    """Response at some frequencies, what each change adds to it, and of which changes that is known."""
+    if not all(response.is_coupled(body) for body, _ in changes):
+        return response.effects(selection, changes, at)
+    H = response.response(selection, at)
+    return H, np.full((*H.shape, len(changes)), np.nan + 0j), np.zeros(len(changes), dtype=bool)
 
 
 def _trapezoid(omega: NDArray[np.float64]) -> NDArray[np.float64]:

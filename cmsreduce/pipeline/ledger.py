@@ -47,7 +47,7 @@ class Ledger:
     ) -> None:
         self.solver = SolverSettings() if solver is None else solver
         self.factorised: dict[str, dict[str, list[Factorisation]]] = {}
-        self.store, self.progress, self.only = StageStore(folder), progress, only
+        self.store, self.progress, self.only = StageStore(folder, progress.note), progress, only
         self.seconds: dict[str, dict[str, float]] = {}
         self.peak_mib: dict[str, float] = {}
         self.written: list[Path] = []
@@ -83,25 +83,24 @@ class Ledger:
         StageError
             If another stage alone was asked for and this one is not finished.
         """
-        found = self.store.load(stage, what, key)
-        if found is not None and self.only != stage:
-            arrays, facts = found
-            self._recall(stage, what, facts)
-            self.progress.reused(stage, what)
-            return unpack(arrays, facts)
+        if (found := self._finished(stage, what, key)) is not None:
+            return unpack(*found)
         if self.only not in (None, stage):
             whole = "" if self.only == REPORT else f" --until {self.only}"
             raise StageError(
                 f"stage '{stage}' of '{what}' is not finished for these inputs and settings; run `cmsreduce {stage}` "
                 f"on this pipeline first, or `cmsreduce run{whole}`"
             )
-        prepare()
-        packed, described = pack(self.timed(stage, what, work))
-        # Laid out as what is read back, so that a run that goes on from here rounds as one that was never stopped.
-        arrays = {name: np.asarray(array, order="C") for name, array in packed.items()}
-        done = [asdict(each) for each in self.factorised[what][stage]]
-        facts = {**described, "seconds": self.seconds[what][stage], "factorised": done}
-        self.written.append(self.store.save(stage, what, key, arrays, facts))
+        with self.store.claimed(stage, what, key) as shared:
+            if shared and (found := self._finished(stage, what, key)) is not None:
+                return unpack(*found)
+            prepare()
+            packed, described = pack(self.timed(stage, what, work))
+            # Laid out as what is read back, so that a run that goes on from here rounds as one that was never stopped.
+            arrays = {name: np.asarray(array, order="C") for name, array in packed.items()}
+            done = [asdict(each) for each in self.factorised[what][stage]]
+            facts = {**described, "seconds": self.seconds[what][stage], "factorised": done}
+            self.written.append(self.store.save(stage, what, key, arrays, facts))
         return unpack(arrays, facts)
 
     def recall(self, stage: str, what: str, key: str) -> None:
@@ -132,6 +131,14 @@ class Ledger:
         if text not in self.notes:
             self.notes.append(text)
             self.progress.note(text)
+
+    def _finished(self, stage: str, what: str, key: str) -> tuple[Arrays, Mapping[str, Any]] | None:
+        """Take a stage from the store, unless it is the one to be done."""
+        if self.only == stage or (found := self.store.load(stage, what, key)) is None:
+            return None
+        self._recall(stage, what, found[1])
+        self.progress.reused(stage, what)
+        return found
 
     def _recall(self, stage: str, what: str, facts: Mapping[str, Any]) -> None:
         done = [Factorisation(**each) for each in facts.get("factorised", ())]

@@ -14,15 +14,10 @@ from cmsreduce import __version__
 from cmsreduce.assemble import rigid_substructure
 from cmsreduce.config import ModeSetKeys, Pipeline, ReduceKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import (
-    InterfaceLoading,
-    ModalComponent,
-    ReducedComponent,
-    RigidBody,
-    Scene,
-)
+from cmsreduce.model import ModalComponent, ReducedComponent, RigidBody, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import FlexibleBody, probing_loads
+from cmsreduce.pipeline.body_reduction import body_reduction
 from cmsreduce.pipeline.cutoff import (
     START,
     CutoffChoice,
@@ -33,21 +28,12 @@ from cmsreduce.pipeline.cutoff import (
     neglected_errors,
 )
 from cmsreduce.pipeline.ledger import Ledger
+from cmsreduce.pipeline.mode_set_notes import mode_set_notes
 from cmsreduce.pipeline.paths import off_every_path
 from cmsreduce.pipeline.reference import reference
 from cmsreduce.pipeline.stage_data import modal_from, modal_to, reduced_from, reduced_to
 from cmsreduce.pipeline.stage_store import stage_key
-from cmsreduce.pipeline.surroundings import loading_by_neighbours, loading_by_outboard, shared_interfaces
-from cmsreduce.reduce import (
-    METHODS,
-    BenfieldHruda,
-    CraigBampton,
-    Examined,
-    InterfaceReduction,
-    Reduction,
-    kept_rigid,
-    reduction,
-)
+from cmsreduce.reduce import METHODS, BenfieldHruda, CraigBampton, Examined, kept_rigid
 
 __all__ = ["ModeSets"]
 
@@ -149,7 +135,7 @@ class ModeSets:
                 what,
                 self.reduce_key(name, other),
                 lambda: self._work(name, other),
-                lambda found: _packed(*found),
+                lambda found: reduced_to(*found),
                 lambda arrays, facts: (reduced_from(body, arrays, facts), facts.get("missed", {})),
             )
             self._reduced[what] = component
@@ -203,21 +189,25 @@ class ModeSets:
         if name in self.unneeded:
             return stage_key("reduce", __version__, self.bodies[name].fingerprint, "rigid")
         keys = self.keys(name, other)
-        surroundings = None
-        if keys.interface_cutoff is not None or issubclass(METHODS[keys.method], BenfieldHruda):
-            scene = self.pipeline.scene.model_dump(mode="json", include={"joints", "base", "floating", "ground", "units"})
-            placed = {
-                part: described.model_dump(mode="json", include={"place", "rigid"})
-                for part, described in self.pipeline.components.items()
-            }
-            prints = {part: flexible.fingerprint for part, flexible in self.bodies.items()}
-            surroundings = [scene, placed, prints, self._interface_cutoffs(other)]
+        loaded = keys.interface_cutoff is not None or issubclass(METHODS[keys.method], BenfieldHruda)
+        surroundings = self._surroundings_key(other) if loaded else None
         asked = (keys.method, _multiple(keys) * self.scene.band[1], keys.interface_cutoff, surroundings)
         return stage_key("reduce", __version__, self.bodies[name].fingerprint, asked)
 
     def modal_key(self, name: str, other: ModeSetKeys | None = None) -> str:
         """Hash of everything the orthonormal modes of a body depend on."""
         return stage_key("orthogonalise", self.reduce_key(name, other), repr(self.bodies[name].body.damping))
+
+    def _surroundings_key(self, other: ModeSetKeys | None) -> list[Any]:
+        """Everything around a body that loads it, or shares its interfaces."""
+        of_scene = {"joints", "base", "floating", "ground", "units"}
+        placed = {
+            part: described.model_dump(mode="json", include={"place", "rigid"})
+            for part, described in self.pipeline.components.items()
+        }
+        prints = {part: flexible.fingerprint for part, flexible in self.bodies.items()}
+        scene = self.pipeline.scene.model_dump(mode="json", include=of_scene)
+        return [scene, placed, prints, self._interface_cutoffs(other)]
 
     def _what(self, name: str, other: ModeSetKeys | None) -> str:
         """Name of a reduced body in the store; a component's name holds no dot."""
@@ -232,7 +222,8 @@ class ModeSets:
         if name in self.unneeded:
             return Examined(kept_rigid(flexible.body, flexible.rigid))
         ports, (_, tested) = flexible.ports, self._tested(name, keys)
-        method = self._method(name, keys, other)
+        inside, cutoff = self._interface_cutoffs(other), _multiple(keys) * self.scene.band[1]
+        method = body_reduction(name, keys, cutoff, self.bodies, self.rigid_bodies, inside, self.scene)
         return method.examine(flexible.body, ports.interface, ports.static_loads, flexible.rigid, tested, enrich=enrich)
 
     def _work(self, name: str, other: ModeSetKeys | None) -> tuple[ReducedComponent, dict[str, float]]:
@@ -275,22 +266,6 @@ class ModeSets:
                 others[name] = reference(whole.body, self.scene, whole.ports, whole.rigid, top).substructure
         return neglected_errors(known, richer, self.bodies, others, self.scene)
 
-    def _method(self, name: str, keys: ReduceKeys, other: ModeSetKeys | None) -> Reduction:
-        kind, top = METHODS[keys.method], self.scene.band[1]
-        inside: InterfaceReduction | None = None
-        loading: InterfaceLoading | None = None
-        if keys.interface_cutoff is not None and issubclass(kind, CraigBampton):
-            inside = shared_interfaces(name, self.bodies, self._interface_cutoffs(other), self.scene)
-        if issubclass(kind, BenfieldHruda):
-            loading = self._loading(name, kind)
-        return reduction(keys.method, _multiple(keys) * top, inside, loading)
-
-    def _loading(self, name: str, kind: type[BenfieldHruda]) -> InterfaceLoading:
-        if not kind.stiffness_loading:
-            return loading_by_outboard(name, self.bodies, self.rigid_bodies, self.scene)
-        rigid = {other: rigid_substructure(body) for other, body in self.rigid_bodies.items()}
-        return loading_by_neighbours(name, self.bodies, rigid, self.scene)
-
     def _interface_cutoffs(self, other: ModeSetKeys | None) -> dict[str, float]:
         """Interface cutoff in Hz of every body whose interfaces of several nodes are reduced."""
         asked = {name: self._stated(name, other) for name in self._reduced_names}
@@ -307,24 +282,10 @@ class ModeSets:
                 f"{name}: {self.unneeded[name]}; it is kept rigid, which costs no response anything (error 0)"
             )
             return
-        for load, share in facts.get("missed", {}).items():
-            self.ledger.note(
-                f"{name}: its basis has no static shape for {load} and lacks {share:.0%} of the static flexibility "
-                "there; name it in `residuals` to add it"
-            )
-        if issubclass(METHODS[keys.method], BenfieldHruda):
-            turned = any(any(setting.angles.values()) for setting in self.scene.configurations)
-            elsewhere = "; at the other configurations the loading differs" if turned else ""
-            self.ledger.note(f"{name}: {keys.method} loads it by its neighbours as they stand 'as built'{elsewhere}")
+        for note in mode_set_notes(name, keys.method, facts.get("missed", {}), self.scene):
+            self.ledger.note(note)
 
 
 def _multiple(keys: ReduceKeys) -> float:
     """Cutoff of keys in which ``auto`` has been replaced."""
     return START if keys.cutoff == "auto" else float(keys.cutoff)
-
-
-def _packed(
-    component: ReducedComponent, missed: Mapping[str, float]
-) -> tuple[Mapping[str, NDArray[Any]], Mapping[str, Any]]:
-    arrays, facts = reduced_to(component)
-    return arrays, {**facts, "missed": missed}

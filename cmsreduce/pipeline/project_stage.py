@@ -14,37 +14,19 @@ from cmsreduce.model import Configuration, ExtraneousMode, ModalComponent, Proje
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.comparison import ReducedModel
 from cmsreduce.pipeline.halfway import halfway
+from cmsreduce.pipeline.projected import Projected
 from cmsreduce.pipeline.returned_modes import extraneous_in_band, sampled_modes
 from cmsreduce.pipeline.system_mode_choice import POOL, SystemModeChoice
 from cmsreduce.pipeline.system_projection import ModesOfSystem, SystemModes, attachment_amplitudes, remade
 from cmsreduce.project import Projection
 
-__all__ = ["PROJECTED_ERROR", "Measures", "ProjectStage", "Projected"]
+__all__ = ["PROJECTED_ERROR", "Measures", "ProjectStage"]
 
 PROJECTED_ERROR = 0.01
 """frf_error that auto goes for where neither the stage, nor balance, nor verify names one."""
 
 # So many modes that came along are named in notes; the summary has them all.
 _EXTRANEOUS_SHOWN = 8
-
-
-@dataclass(frozen=True, eq=False)
-class Projected:
-    """Bodies after projection.
-
-    Parameters
-    ----------
-    components : mapping of name to ModalComponent
-        Rigid modes, and those that span the body's part of the chosen system modes.
-    record : ProjectionRecord
-        What was done.
-    notes : tuple of str
-        What a reader must know.
-    """
-
-    components: dict[str, ModalComponent]
-    record: ProjectionRecord
-    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)

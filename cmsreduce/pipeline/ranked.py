@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmsreduce.assemble import Ports
 from cmsreduce.balance import (
@@ -17,15 +19,18 @@ from cmsreduce.balance import (
     Turning,
     Weighting,
     characteristic_length,
+    cluster_groups,
+    directed,
     scaled,
     turning_rows,
     with_rankings,
 )
 from cmsreduce.config import RankingKeys
+from cmsreduce.errors import DampingError
 from cmsreduce.model import ModalChannels, ModalComponent, Scene
 from cmsreduce.pipeline.selection import modal_channels
 
-__all__ = ["ranked", "ranking_channels"]
+__all__ = ["candidates", "ranked", "ranking_channels"]
 
 # Gramians of more modes are made only for the ranking that is asked for.
 _MOST_COMPARED = 1000
@@ -51,11 +56,50 @@ def ranked(component: ModalComponent, ports: Ports, keys: RankingKeys, scene: Sc
         If the ranking needs damping and a mode has none.
     """
     channels, weighting = ranking_channels(component, ports, keys, scene), _weighting(keys, scene)
-    rankings: dict[str, Ranking] = {**RANKINGS, Hankel.name: Hankel(keys.clusters)}
-    found = rankings[keys.rank].rank(component, channels, weighting)
+    rankings, ranking = _rankings(keys)
+    found = ranking.rank(component, channels, weighting)
     if channels.count > _MOST_COMPARED:
-        rankings = {name: r for name, r in rankings.items() if name not in (Hankel.name, "component-cost")}
-    return with_rankings(found, channels, rankings, weighting)
+        few = {name: r for name, r in rankings.items() if name not in (Hankel.name, "component-cost")}
+        return with_rankings(found, channels, few, weighting)
+    found = with_rankings(found, channels, rankings, weighting)
+    try:
+        cluster = cluster_groups(channels, keys.clusters.correlation, None if weighting is None else weighting.band)
+    except DampingError:
+        return found
+    numbered = np.zeros(component.omega.size, dtype=np.int64)
+    numbered[component.elastic] = _clusters_only(cluster)
+    return replace(found, cluster=numbered)
+
+
+def candidates(component: ModalComponent, ports: Ports, keys: RankingKeys, scene: Scene) -> ModalComponent:
+    """Rank what may be kept of a body: its modes, or where ``keys`` says so, the directions of its clusters.
+
+    Raises
+    ------
+    DampingError
+        If the ranking or the rotation needs damping and a mode has none.
+    """
+    found = ranked(component, ports, keys, scene)
+    if not keys.clusters.rotate:
+        return found
+    channels, weighting = ranking_channels(component, ports, keys, scene), _weighting(keys, scene)
+    band = None if weighting is None else weighting.band
+    rankings, ranking = _rankings(keys)
+    cluster = cluster_groups(channels, keys.clusters.correlation, band)
+    return directed(found, channels, cluster, ranking, rankings, weighting)
+
+
+def _rankings(keys: RankingKeys) -> tuple[dict[str, Ranking], Ranking]:
+    """Every ranking of a body by itself, and the one asked for; the usual one until the system has been looked at."""
+    rankings: dict[str, Ranking] = {**RANKINGS, Hankel.name: Hankel(keys.clusters.correlation)}
+    return rankings, rankings.get(keys.rank, rankings["gregory"])
+
+
+def _clusters_only(cluster: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Number the clusters from 1 by their lowest mode; a mode by itself is 0."""
+    many = np.bincount(cluster, minlength=1)[cluster] > 1
+    number = {each: k for k, each in enumerate(dict.fromkeys(cluster[many].tolist()), start=1)}
+    return np.array([number.get(each, 0) for each in cluster.tolist()], dtype=np.int64)
 
 
 def ranking_channels(component: ModalComponent, ports: Ports, keys: RankingKeys, scene: Scene) -> ModalChannels:

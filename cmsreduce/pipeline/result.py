@@ -8,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce import __version__
-from cmsreduce.model import Check, ComponentResult, Configuration, ModalComponent, RunResult, Speed, SystemModes
+from cmsreduce.model import (
+    Check,
+    ComponentResult,
+    Configuration,
+    CutoffRecord,
+    ModalComponent,
+    RunResult,
+    Speed,
+    SystemModes,
+)
 from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
 from cmsreduce.pipeline.run import MODEL, Run
 
@@ -40,6 +49,7 @@ def run_result(run: Run) -> RunResult:
     """
     verified = run.verified if run.pipeline.verify is not None else None
     seconds = run.ledger.seconds
+    cutoffs = run.mode_sets.cutoffs
     components = {}
     for name in run.reduced_names:
         flexible = run.bodies[name]
@@ -54,6 +64,7 @@ def run_result(run: Run) -> RunResult:
             checks=component_checks(run, name),
             sources=flexible.body.sources,
             bound=run.choice.bounds.get(name),
+            cutoff=CutoffRecord(c.cutoff, c.error, c.limit, c.tried) if (c := cutoffs.get(name)) else None,
             factorised=tuple(each for stage in run.ledger.factorised.get(name, {}).values() for each in stage),
         )
     limits = run.pipeline.verify.limits.model_dump(exclude_none=True) if run.pipeline.verify else {}
@@ -77,6 +88,7 @@ def run_result(run: Run) -> RunResult:
         notes=tuple(run.ledger.notes),
         projection=None if run.projected is None else run.projected.record,
         search=run.choice.search,
+        completeness=run.completeness if verified is not None else (),
     )
 
 

@@ -6,27 +6,27 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
 
-from cmsreduce import __version__
 from cmsreduce.assemble import modal_substructure, physical_substructure, rigid_substructure
-from cmsreduce.balance import Selection, keep_all
-from cmsreduce.config import ModeSetKeys, Pipeline, ProjectKeys, RankingKeys, VerifyKeys, build_scene
-from cmsreduce.errors import ConfigError
+from cmsreduce.balance import Selection
+from cmsreduce.config import Pipeline, ProjectKeys, VerifyKeys, build_scene
+from cmsreduce.errors import ConfigError, ConstraintError
 from cmsreduce.linalg.solver_settings import SolverSettings
-from cmsreduce.model import ModalComponent, ReducedComponent, RigidBody, Scene, Substructure
+from cmsreduce.model import AxisCompleteness, ModalComponent, ReducedComponent, RigidBody, Scene, Substructure
 from cmsreduce.pipeline.assembled import AssembledModel
+from cmsreduce.pipeline.balancing import Balancing
 from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible, read_rigid
-from cmsreduce.pipeline.candidates import system_errors
+from cmsreduce.pipeline.candidates import candidate_substructure
 from cmsreduce.pipeline.comparison import Comparison, ReducedModel
+from cmsreduce.pipeline.completeness import axis_completeness, completeness_note
 from cmsreduce.pipeline.ledger import Ledger
 from cmsreduce.pipeline.mode_sets import ModeSets
 from cmsreduce.pipeline.progress import Progress
-from cmsreduce.pipeline.project_stage import PROJECTED_ERROR, Measures, Projected, ProjectStage
-from cmsreduce.pipeline.ranked import ranked, ranking_channels
+from cmsreduce.pipeline.project_stage import PROJECTED_ERROR, Measures, ProjectStage
+from cmsreduce.pipeline.projected import Projected, projected_from, projected_to
 from cmsreduce.pipeline.reference import Reference, reference
-from cmsreduce.pipeline.selection import Choice, choice_from, choice_to, select, truncate
-from cmsreduce.pipeline.stage_store import stage_key
+from cmsreduce.pipeline.selection import Choice
+from cmsreduce.pipeline.system_key import projected_error, system_key
 from cmsreduce.pipeline.verified import Verified, verified_from, verified_to
 
 __all__ = ["MODEL", "STAGES", "Run"]
@@ -112,39 +112,37 @@ class Run:
         return [name for name in self.bodies if self.pipeline.reduce_of(name) is not None]
 
     @cached_property
+    def balancing(self) -> Balancing:
+        """The bodies ranked and cut down, as the pipeline asks or otherwise."""
+        return Balancing(
+            self.pipeline,
+            self.scene,
+            self.mode_sets,
+            self.ledger,
+            self._model,
+            lambda: self.comparison,
+            partial(self._system_key, "balance"),
+        )
+
+    @property
     def ranked(self) -> dict[str, ModalComponent]:
-        """All modes of every body with their influence coefficients; unranked where no balance is asked for."""
-        return {name: self._rank(name, self.pipeline.balance_of(name)) for name in self.reduced_names}
+        """Everything that may be kept of every body, with coefficients; unranked where no balance is asked for."""
+        return self.balancing.ranked
 
     @property
     def selection(self) -> Selection:
-        """Elastic modes the run keeps of every body."""
+        """What the run keeps of that."""
         return self.choice.selection
 
-    @cached_property
+    @property
     def choice(self) -> Choice:
-        """Which elastic modes the run keeps, and how they were chosen."""
-        if not any(self.pipeline.balance_of(name) for name in self.reduced_names):
-            return Choice(keep_all(self.ranked))
-        names = list(self.ranked)
-        found = self.ledger.once(
-            "balance",
-            "system",
-            self._system_key("balance"),
-            self._balance,
-            choice_to,
-            lambda arrays, facts: choice_from(names, arrays, facts),
-            prepare=lambda: self.ranked,
-        )
-        for note in found.notes:
-            self.ledger.note(note)
-        return found
+        """What the run keeps, and how it was chosen."""
+        return self.balancing.choice
 
-    @cached_property
+    @property
     def kept(self) -> dict[str, ModalComponent]:
         """The reduced bodies of the run."""
-        reasons = {name: _reason(name, self.pipeline.balance_of(name)) for name in self.ranked}
-        return truncate(self.ranked, self.selection, reasons)
+        return self.balancing.kept
 
     @cached_property
     def projected(self) -> Projected | None:
@@ -152,11 +150,19 @@ class Run:
         keys = self.pipeline.project
         if keys is None:
             return None
-        kept = self.kept
-        found = self.ledger.timed("project", "system", lambda: self._project(keys, kept))
+        bodies = {name: flexible.body for name, flexible in self.bodies.items()}
+        found = self.ledger.once(
+            "project",
+            "system",
+            self._system_key("project"),
+            partial(self._project, keys),
+            projected_to,
+            partial(projected_from, bodies),
+            prepare=lambda: (self.kept, self.comparison if keys.of == "full" else None),
+        )
         for note in found.notes:
             self.ledger.note(note)
-        return found
+        return replace(found, components=self.balancing.again(found.components))
 
     @property
     def final(self) -> dict[str, ModalComponent]:
@@ -215,8 +221,19 @@ class Run:
         return bool(self.scene.actuators and self.scene.sensors)
 
     @cached_property
+    def completeness(self) -> tuple[AxisCompleteness, ...]:
+        """What the modes hold of the inertia at each hinge; empty where hinges move each other, as in a loop."""
+        whole = self._model({name: self.modal(name) for name in self.reduced_names})
+        try:
+            return axis_completeness(self.model.assembled, whole.assembled)
+        except ConstraintError:
+            return ()
+
+    @cached_property
     def verified(self) -> Verified:
         """Errors and curves of the reduced models in every configuration."""
+        if (poor := completeness_note(self.completeness)) is not None:
+            self.ledger.note(poor)
         if not self.has_response:
             self.ledger.note("nothing was verified: the scene names no actuator or no sensor")
             return Verified((), {}, 0.0, 0.0)
@@ -226,7 +243,7 @@ class Run:
             self._system_key("verify"),
             self._verify,
             verified_to,
-            self._verified_from,
+            partial(verified_from, self.scene.configurations),
             prepare=lambda: (self.model, self.comparison),
         )
         for name, label in found.reference.items():
@@ -244,75 +261,28 @@ class Run:
         for label, ranking in (keys.compare if keys else {}).items():
             if label == MODEL:
                 raise ConfigError(f"verify.compare: '{MODEL}' is the run's own model; choose another label")
-            ranked = {name: self._rank(name, ranking, ranking.reduce) for name in self.reduced_names}
-            reasons = {name: _reason(name, ranking) for name in ranked}
-            models[label] = self._model(truncate(ranked, self._select(ranked, ranking, {}).selection, reasons))
+            models[label] = self._model(self.balancing.kept_by(ranking, ranking.reduce))
         results = self.comparison.errors(models, self.ledger.progress)
         labels = {name: found.label for name, found in self.references.items()}
         return Verified(results, labels, self.comparison.full_seconds, self.comparison.reduced_seconds)
 
-    def _verified_from(self, arrays: Mapping[str, Any], facts: Mapping[str, Any]) -> Verified:
-        return verified_from(self.scene.configurations, arrays, facts)
-
-    def _balance(self) -> Choice:
-        own = [name for name in self.reduced_names if self.pipeline.components[name].balance is not None]
-        chosen = Choice({})
-        for name in own:
-            rule = self.pipeline.keep_of(name)
-            if rule.rule == "frf_error":
-                raise ConfigError(
-                    f"component '{name}': keep.frf_error measures the whole system; state it in the pipeline's "
-                    "`balance:`, and here a number of modes, a fraction or a bound"
-                )
-            chosen = chosen.joined(self._select({name: self.ranked[name]}, self.pipeline.balance_of(name), {}))
-        rest = {name: component for name, component in self.ranked.items() if name not in own}
-        chosen = chosen.joined(self._select(rest, self.pipeline.balance, chosen.selection))
-        return replace(chosen, selection={name: chosen.selection[name] for name in self.ranked})
-
-    def _select(self, ranked: Mapping[str, ModalComponent], keys: RankingKeys | None, fixed: Selection) -> Choice:
-        keys = keys or RankingKeys()
-        channels = {}
-        if keys.keep.rule == "bound":
-            for name, component in ranked.items():
-                channels[name] = ranking_channels(component, self.bodies[name].ports, keys, self.scene)
-        # Bodies with a rule of their own are as that left them.
-        settled = {name: self.ranked[name].truncated(columns) for name, columns in fixed.items()}
-        system = partial(system_errors, {**self.ranked, **settled, **ranked}, self._model, lambda: self.comparison)
-        return select(ranked, keys, channels, system if self.has_response else None)
-
-    def _project(self, keys: ProjectKeys, kept: Mapping[str, ModalComponent]) -> Projected:
+    def _project(self, keys: ProjectKeys) -> Projected:
         if keys.of == "full":
             source = ReducedModel(self.comparison.full, self.comparison.full_shapes)
         else:
-            source = self._model(kept)
-        limits = (self.pipeline.verify or VerifyKeys()).limits
-        asked = None if self.pipeline.balance is None else self.pipeline.balance.keep.frf_error
-        named = keys.frf_error or asked or limits.frf_error
+            source = self._model(self.kept)
+        asked = projected_error(self.pipeline)
         measures = Measures(
             self._model,
             self.comparison.error_at if self.has_response else None,
-            named or PROJECTED_ERROR,
-            named is not None,
+            asked or PROJECTED_ERROR,
+            asked is not None,
             self.ledger.progress.advance,
         )
-        found = ProjectStage(keys, self.scene, self.bodies, kept, source, measures).run()
-        rank = self.pipeline.balance_of
-        components = {
-            name: component
-            if (own := rank(name)) is None
-            else ranked(component, self.bodies[name].ports, own, self.scene)
-            for name, component in found.components.items()
-        }
-        return replace(found, components=components)
-
-    def _rank(self, name: str, keys: RankingKeys | None, other: ModeSetKeys | None = None) -> ModalComponent:
-        component = self.mode_sets.modal(name, other)
-        if keys is None:
-            return component
-        return ranked(component, self.bodies[name].ports, keys, self.scene)
+        return ProjectStage(keys, self.scene, self.bodies, self.kept, source, measures).run()
 
     def _model(self, components: Mapping[str, ModalComponent]) -> ReducedModel:
-        subs = {name: modal_substructure(c, self.bodies[name].points(self.scene)) for name, c in components.items()}
+        subs = {name: candidate_substructure(c, self.bodies[name].points(self.scene)) for name, c in components.items()}
         shapes: dict[str, ModalComponent | None] = dict(components)
         for name in self.bodies:
             if name not in components:
@@ -325,29 +295,5 @@ class Run:
         return {name: every[name] for name in self.pipeline.components}
 
     def _system_key(self, stage: str) -> str:
-        # File names are left out: what they hold is in the keys of the bodies.
-        files: dict[str, Any] = {
-            "components": {"__all__": {"stiffness", "mass", "geometry", "extseout", "rows", "damping"}}
-        }
-        elsewhere = dict.fromkeys(("name", "output", "include", "write"), True)
-        settings = self.pipeline.model_dump(mode="json", exclude=files | elsewhere)
-        compared = settings.pop("verify") or {}
-        # Limits judge what is found and change nothing in it; balance looks at the grid that errors are taken on.
-        asked = [self._points, None if stage == "balance" else compared.get("compare")]
-        return stage_key(
-            stage, __version__, settings, asked, {name: self.mode_sets.modal_key(name) for name in self.bodies}
-        )
-
-
-def _reason(body: str, keys: RankingKeys | None) -> str:
-    """Why a mode is kept, in words for the component file."""
-    rule = "all" if keys is None else keys.keep.rule
-    if keys is None or rule == "all" or (rule == "modes" and keys.keep.modes_of(body) is None):
-        return "all modes kept"
-    if rule == "frf_error":
-        return f"needed for frf_error {keys.keep.frf_error:g}, {keys.rank}"
-    if rule == "fraction":
-        return f"influence above {keys.keep.fraction:g} of the largest, {keys.rank}"
-    if rule == "bound":
-        return f"needed for a bound of {keys.keep.bound:g}"
-    return f"among the first by {keys.rank}"
+        bodies = {name: self.mode_sets.modal_key(name) for name in self.bodies}
+        return system_key(stage, self.pipeline, self._points, bodies)

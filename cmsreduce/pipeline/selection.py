@@ -12,13 +12,17 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble import Ports
 from cmsreduce.balance import (
+    DirectedComponent,
     Selection,
+    direction_error,
     elastic_norm,
     keep_all,
     keep_bound,
+    keep_directions_bound,
     keep_error,
     keep_fraction,
     keep_modes,
+    keep_total,
     mode_bounds,
 )
 from cmsreduce.config import RankingKeys
@@ -148,6 +152,9 @@ def select(
     if keep.rule == "modes":
         assert keep.modes is not None
         return Choice(keep_modes(components, keep.modes))
+    if keep.rule == "total":
+        assert keep.total is not None
+        return Choice(keep_total(components, keep.total))
     if keep.rule == "fraction":
         assert keep.fraction is not None
         return Choice(keep_fraction(components, keep.fraction))
@@ -195,13 +202,16 @@ def _bounded(components: Mapping[str, ModalComponent], asked: float, channels: M
     selection, bounds = {}, {}
     for name, component in components.items():
         body = channels[name]
-        kept = keep_bound(body, asked)
-        left_out = body.only(np.setdiff1d(np.arange(body.count), kept))
+        if isinstance(component, DirectedComponent):
+            kept, bound = keep_directions_bound(component, body, asked)
+            left_out = direction_error(body, component.Q[:, kept])
+        else:
+            kept = keep_bound(body, asked)
+            left_out = body.only(np.setdiff1d(np.arange(body.count), kept))
+            bound = sum(mode_bounds(left_out)[1])
         size = elastic_norm(body)
         selection[name] = component.elastic.start + kept
-        bounds[name] = BoundRecord(
-            asked, sum(mode_bounds(left_out)[1]) / size if size else 0.0, elastic_norm(left_out) / size if size else 0.0
-        )
+        bounds[name] = BoundRecord(asked, bound / size if size else 0.0, elastic_norm(left_out) / size if size else 0.0)
     return Choice(selection, bounds=bounds)
 
 

@@ -14,8 +14,8 @@ __all__ = ["modal_from", "modal_to", "reduced_from", "reduced_to"]
 Arrays = dict[str, NDArray[Any]]
 
 
-def reduced_to(component: ReducedComponent) -> tuple[Arrays, dict[str, Any]]:
-    """Arrays and facts of a reduced body."""
+def reduced_to(component: ReducedComponent, missed: Mapping[str, float]) -> tuple[Arrays, dict[str, Any]]:
+    """Arrays and facts of a reduced body, and the shares of static flexibility that its basis misses."""
     arrays = {
         "Phi": component.modes.Phi,
         "source_hz": component.modes.source_hz,
@@ -25,7 +25,12 @@ def reduced_to(component: ReducedComponent) -> tuple[Arrays, dict[str, Any]]:
     }
     if component.D is not None:
         arrays["D"] = component.D
-    facts = {"method": component.modes.method, "kind": component.modes.kind, "label": component.modes.label}
+    facts = {
+        "method": component.modes.method,
+        "kind": component.modes.kind,
+        "label": component.modes.label,
+        "missed": missed,
+    }
     return _with_certificate(arrays, facts, component.modes.certificate)
 
 

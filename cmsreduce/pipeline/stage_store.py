@@ -2,82 +2,114 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
-from collections.abc import Mapping
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.write import hdf5_file, put_texts
+from cmsreduce.pipeline.code_version import code_version
+from cmsreduce.write import atomic_path, hdf5_file, put_texts
 
-__all__ = ["StageStore", "stage_key"]
+__all__ = ["SHARED", "STAGES_FOLDER", "StageStore", "share_stages", "stage_key"]
 
 Arrays = dict[str, NDArray[Any]]
 
+SHARED = ("reduce", "reference", "orthogonalise")
+"""Stages of single bodies, which runs that differ downstream have in common."""
+
+STAGES_FOLDER = "stages"
+"""Folder of a run directory with its finished stages."""
+
 # Dataset with what is not an array; no component can have this name.
 _FACTS = "facts."
+# In the folder of a run's stages: where those are that it shares with other runs.
+_POINTER = "shared.json"
+# Hexadecimal digits of a key in a file's name: 80 bits, and the file holds all of them.
+_DIGITS = 20
+# What HDF5 raises for bytes that are no longer what was written, and what they become where it does not notice.
+_DAMAGE = (OSError, KeyError, ValueError, RuntimeError, TypeError, IndexError, AttributeError, OverflowError)
 
 
-def stage_key(*parts: Any) -> str:
-    """Hash of everything a stage depends on: settings, file hashes, keys of earlier stages, version."""
-    text = json.dumps(parts, sort_keys=True, default=str)
+def stage_key(stage: str, *parts: Any) -> str:
+    """Hash of everything a stage depends on: the code, settings, file hashes, keys of earlier stages."""
+    text = json.dumps([stage, code_version(stage), *parts], sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-class StageStore:
-    """The ``stages`` folder of a run directory.
+def share_stages(folder: Path, shared: Path) -> None:
+    """Let a run directory keep the stages of its bodies in a folder that other runs use, too.
 
     Parameters
     ----------
     folder : Path
         Run directory.
+    shared : Path
+        The common folder. It is noted relative to the run's, so that both can be moved together.
+    """
+    stages = folder / STAGES_FOLDER
+    text = json.dumps({"shared": os.path.relpath(shared, stages)})
+    path = stages / _POINTER
+    if not path.is_file() or path.read_text(encoding="utf-8") != text:
+        with atomic_path(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+
+
+class StageStore:
+    """The ``stages`` folder of a run directory, and the one it shares with other runs, if any.
+
+    A run's own folder holds one result of each stage, that of the last settings. In a shared folder the key is part of
+    the file's name, so that the results of all settings lie side by side.
+
+    Parameters
+    ----------
+    folder : Path
+        Run directory.
+    say : callable, optional
+        Told of an entry that is damaged and will be made again; ``damaged`` lists them.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder / "stages"
+    def __init__(self, folder: Path, say: Callable[[str], None] = lambda text: None) -> None:
+        self.folder, self._say = folder / STAGES_FOLDER, say
+        self.damaged: list[str] = []
+        self.shared = _shared_folder(self.folder)
 
-    def path(self, stage: str, what: str) -> Path:
+    def path(self, stage: str, what: str, key: str) -> Path:
         """File of a stage; ``what`` is the component, or the system."""
+        if self._is_shared(stage):
+            assert self.shared is not None
+            return self.shared / f"{what}.{stage}.{key[:_DIGITS]}.h5"
         return self.folder / f"{what}.{stage}.h5"
 
     def load(self, stage: str, what: str, key: str) -> tuple[Arrays, dict[str, Any]] | None:
         """Read a finished stage, or nothing if it is absent, older than its inputs, or not whole."""
-        import h5py
 
-        path = self.path(stage, what)
-        if not path.is_file():
-            return None
-        try:
-            with h5py.File(path, "r") as file:
-                if file.attrs.get("key") != key:
-                    return None
-                arrays = {name: dataset[()] for name, dataset in file.items() if name != _FACTS}
-                return arrays, json.loads(file[_FACTS][0])
-        except (OSError, KeyError, ValueError):
-            # A file that cannot be read whole is made again; nothing of the user's is in it.
-            return None
+        def everything(file: Any) -> tuple[Arrays, dict[str, Any]]:
+            # Every dataset has a checksum, which reading it compares.
+            return {name: dataset[()] for name, dataset in file.items() if name != _FACTS}, _facts(file)
+
+        found: tuple[Arrays, dict[str, Any]] | None = self._read(stage, what, key, everything)
+        return found
 
     def facts(self, stage: str, what: str, key: str) -> dict[str, Any] | None:
         """Read what is known of a finished stage, without its arrays."""
-        import h5py
-
-        try:
-            with h5py.File(self.path(stage, what), "r") as file:
-                found: dict[str, Any] = json.loads(file[_FACTS][0])
-                return found if file.attrs.get("key") == key else None
-        except (OSError, KeyError, ValueError):
-            return None
+        found: dict[str, Any] | None = self._read(stage, what, key, _facts)
+        return found
 
     def save(
         self, stage: str, what: str, key: str, arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]
     ) -> Path:
         """Write a finished stage; it appears under its name only when it is whole."""
-        path = self.path(stage, what)
+        path = self.path(stage, what, key)
         with hdf5_file(path) as file:
             file.attrs["key"] = key
+            file.attrs["names"] = json.dumps(sorted(arrays))
             # A dataset, because HDF5 bounds the size of attributes.
             put_texts(file, _FACTS, [json.dumps(facts, sort_keys=True)])
             for name, array in arrays.items():
@@ -85,3 +117,77 @@ class StageStore:
                 filtered = {"fletcher32": True} if value.size else {}
                 file.create_dataset(name, data=value, track_times=False, **filtered)
         return path
+
+    @contextmanager
+    def claimed(self, stage: str, what: str, key: str) -> Iterator[bool]:
+        """Be the only process at work on an entry of the shared folder while the block lasts.
+
+        The system takes the claim back when the process ends, however it ends.
+
+        Yields
+        ------
+        bool
+            Whether others may have finished the entry meanwhile.
+        """
+        if not self._is_shared(stage):
+            yield False
+            return
+        path = self.path(stage, what, key)
+        lock = path.with_name(f".{path.name}.lock")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with lock.open("a") as handle:
+            _wait_for(handle)
+            try:
+                yield True
+            finally:
+                # Whoever waits for it has it open; at worst another process does the same work besides.
+                lock.unlink(missing_ok=True)
+
+    def _is_shared(self, stage: str) -> bool:
+        return self.shared is not None and stage in SHARED
+
+    def _read(self, stage: str, what: str, key: str, content: Callable[[Any], Any]) -> Any:
+        import h5py
+
+        path = self.path(stage, what, key)
+        if not path.is_file():
+            return None
+        try:
+            with h5py.File(path, "r") as file:
+                if file.attrs.get("key") != key:
+                    return None
+                if {*json.loads(file.attrs["names"]), _FACTS} != set(file):
+                    raise KeyError("not all of its arrays are there")
+                return content(file)
+        except _DAMAGE as error:
+            # Nothing of the user's is in it; it is made again.
+            self.damaged.append(f"{path} is damaged and is made again ({' '.join(str(error).split())})")
+            self._say(self.damaged[-1])
+            return None
+
+
+def _facts(file: Any) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(file[_FACTS][0])
+    return found
+
+
+def _shared_folder(stages: Path) -> Path | None:
+    pointer = stages / _POINTER
+    try:
+        named = json.loads(pointer.read_text(encoding="utf-8"))["shared"]
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, TypeError):
+        # Without it the run finishes by itself what it would have shared.
+        return None
+    return (stages / str(named)).resolve()
+
+
+def _wait_for(handle: IO[str]) -> None:
+    try:
+        import fcntl
+    except ImportError:
+        # Without locks two processes may do the same work; either result is whole.
+        return
+    with contextlib.suppress(OSError):
+        fcntl.flock(handle, fcntl.LOCK_EX)

@@ -3,13 +3,14 @@
 from cmsreduce.project.extraneous import extraneous_count, extraneous_modes, returned
 from cmsreduce.project.projection import INDEPENDENT, Projection, project_shapes
 from cmsreduce.project.reassembly import Reassembled, reassemble
-from cmsreduce.project.system_cost import SystemCost, costliest, system_cost
+from cmsreduce.project.system_cost import SystemCost, cost_shares, costliest, system_cost
 
 __all__ = [
     "INDEPENDENT",
     "Projection",
     "Reassembled",
     "SystemCost",
+    "cost_shares",
     "costliest",
     "extraneous_count",
     "extraneous_modes",

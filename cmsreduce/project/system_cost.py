@@ -16,7 +16,7 @@ from cmsreduce.linalg.pencil import elastic_and_massless
 from cmsreduce.linalg.repeated import repeated_groups
 from cmsreduce.model import ModalChannels, ModalComponent, Substructure, System
 
-__all__ = ["SystemCost", "costliest", "system_cost"]
+__all__ = ["SystemCost", "cost_shares", "costliest", "system_cost"]
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ def system_cost(
     DampingError
         If an elastic mode has no damping: its response to noise is infinite.
     MatrixError
-        If damping is a complex stiffness, or brakes the rigid motions.
+        If damping is a complex stiffness, or brakes the rigid motions, whose mean square is then infinite.
 
     Notes
     -----
@@ -102,6 +102,25 @@ def system_cost(
     )
 
 
+def cost_shares(costs: Sequence[SystemCost], body: str, groups: Sequence[NDArray[np.int64]]) -> Array:
+    """Share of groups of a body's coordinates in the cost of the system (g,), the largest in any configuration.
+
+    Parameters
+    ----------
+    costs : sequence of SystemCost
+        In one configuration after the other.
+    body : str
+    groups : sequence of (k,) int64
+        Coordinates that count together, such as the modes of a repeated frequency: |sum of their shares| / V.
+    """
+    found = np.zeros(len(groups))
+    for cost in costs:
+        if cost.total > 0:
+            own = cost.coordinates[body]
+            found = np.maximum(found, [abs(own[columns].sum()) / cost.total for columns in groups])
+    return found
+
+
 def costliest(costs: Sequence[SystemCost], components: Mapping[str, ModalComponent], count: int) -> dict[str, Array]:
     """Choose the modes of all bodies that cost most in the assembled system.
 
@@ -123,10 +142,8 @@ def costliest(costs: Sequence[SystemCost], components: Mapping[str, ModalCompone
     for name, component in components.items():
         columns = np.arange(component.elastic.start, component.elastic.stop)
         number = repeated_groups(component.omega[columns])
-        share = np.max(
-            [abs(np.bincount(number, cost.coordinates[name][columns])) / cost.total for cost in costs], axis=0
-        )
-        groups += [(-float(share[g]), name, columns[number == g]) for g in np.unique(number)]
+        own = [columns[number == g] for g in np.unique(number)]
+        groups += [(-float(share), name, g) for share, g in zip(cost_shares(costs, name, own), own, strict=True)]
     kept: dict[str, list[NDArray[np.int64]]] = {name: [np.empty(0, dtype=np.int64)] for name in components}
     taken = 0
     for _, name, columns in sorted(groups, key=lambda group: group[0]):
@@ -143,7 +160,10 @@ def _elastic_modes(system: System) -> tuple[Array, Array, Array]:
     K, M = dense(system.K), dense(system.M)
     D = np.zeros_like(K) if system.D is None else dense(system.D)
     if abs(D @ system.rigid).max(initial=0.0) > _BRAKES * abs(D).max(initial=0.0):
-        raise MatrixError("the damping brakes the system's rigid motions, so that its elastic part is none by itself")
+        raise MatrixError(
+            "a damper resists a motion of the system that no spring holds: under white noise it wanders without bound, "
+            "and no mean square can be shared out. Rank by component-cost or gregory, or give that joint a stiffness"
+        )
     squared, Phi, _ = elastic_and_massless(K, M, system.rigid, system.rounding)
     return np.sqrt(squared), Phi, Phi.T @ D @ Phi
 

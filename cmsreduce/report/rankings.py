@@ -37,8 +37,9 @@ def ranking_rows(component: ModalComponent, kept: NDArray[np.int64]) -> list[tup
     Returns
     -------
     list of tuple of str
-        Number, frequency in Hz, ``close`` where the next mode is within ten half-power widths, ``kept`` or nothing;
-        then for each ranking the coefficient and the place, 1 for the most important.
+        Number, frequency in Hz, number of the cluster it belongs to or nothing, ``close`` where the next mode is within
+        ten half-power widths, ``kept`` or nothing; then for each ranking the coefficient and the place, 1 for the most
+        important.
     """
     e, chosen = component.elastic, set(kept.tolist())
     columns = []
@@ -52,6 +53,7 @@ def ranking_rows(component: ModalComponent, kept: NDArray[np.int64]) -> list[tup
         (
             str(k + 1),
             number(float(component.omega[k]) / (2 * np.pi), 5),
+            "" if component.cluster is None or not component.cluster[k] else str(component.cluster[k]),
             "close" if component.spacing[k] > _CLOSE else "",
             "kept" if k in chosen else "",
             *(column[k - e.start] for column in columns),
@@ -84,7 +86,7 @@ def print_rankings(
     for name, component in components.items():
         if not component.rankings:
             continue
-        heads = ("mode", "Hz", "", "", *_shown(component))
+        heads = ("mode", "Hz", "cluster", "", "", *_shown(component))
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False, title=f"{name}: coefficient and place", title_justify="left")
         for head in heads:
             table.add_column(head, justify="right", no_wrap=True)

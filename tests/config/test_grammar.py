@@ -31,7 +31,16 @@ def test_every_key_of_the_schema_is_described():
         assert mapping.get("description"), mapping.get("title")
         keys |= mapping["properties"]
     assert [key for key, value in keys.items() if not value.get("description")] == []
-    assert {"stiffness", "articulation", "from", "hankel_fraction", "cutoff", "frf_error", "bound", "all_nodes"} <= keys.keys()
+    assert {
+        "stiffness",
+        "articulation",
+        "from",
+        "hankel_fraction",
+        "cutoff",
+        "frf_error",
+        "bound",
+        "all_nodes",
+    } <= keys.keys()
 
 
 def test_schema_offers_the_choices_and_the_short_forms():

@@ -173,7 +173,10 @@ def test_mistake_in_the_file(galileo, edited, old, new, off, words):
 @pytest.mark.parametrize(
     ("override", "words"),
     [
-        ("balance.keeep=all", "key 'balance.keeep' is unknown: did you mean 'keep'? Known keys: rank, keep, weighting, scaling, clusters"),
+        (
+            "balance.keeep=all",
+            "key 'balance.keeep' is unknown: did you mean 'keep'? Known keys: rank, keep, weighting, scaling, clusters",
+        ),
         ("reduce.cutoff=20 Hz", "key 'reduce.cutoff': found the text '20 Hz', expected a number, e.g. 2.0"),
         ("components.rotor.damping.modal=0", "key 'components.rotor.damping.modal': damping modal: 0 is not positive"),
         ("balance.keep.modes.rotr=3", "there is no flexible component 'rotr', did you mean 'rotor'?"),

@@ -35,9 +35,20 @@ def test_scaling_by_a_length(written, value, unit, plain):
 
 
 def test_defaults_and_words():
-    assert (DEFAULT.weighting, DEFAULT.scaling, DEFAULT.clusters) == (None, "auto", 0.1)
-    assert (RankingKeys(scaling="none").scaling, RankingKeys(clusters="none").clusters) == ("none", 1.0)
+    assert (DEFAULT.weighting, DEFAULT.scaling) == (None, "auto")
+    assert (DEFAULT.clusters.correlation, DEFAULT.clusters.rotate) == (0.1, False)
+    assert (RankingKeys(scaling="none").scaling, RankingKeys(clusters="none").clusters.correlation) == ("none", 1.0)
     assert DEFAULT.model_dump(mode="json")["scaling"] == "auto"
+
+
+@pytest.mark.parametrize(
+    ("written", "correlation", "rotate"),
+    [(0.3, 0.3, False), ("none", 1.0, False), ({"rotate": True}, 0.1, True), ({"correlation": "none"}, 1.0, False)],
+)
+def test_clusters(written, correlation, rotate):
+    keys = RankingKeys(clusters=written)
+    assert (keys.clusters.correlation, keys.clusters.rotate) == (correlation, rotate)
+    assert RankingKeys.model_validate(keys.model_dump(mode="json")) == keys
 
 
 @pytest.mark.parametrize(
@@ -53,6 +64,10 @@ def test_defaults_and_words():
         ({"scaling": "automatic"}, "is not a number"),
         ({"clusters": 1.5}, "between 0 and 1"),
         ({"clusters": True}, "between 0 and 1"),
+        ({"clusters": {"correlation": 0}}, "between 0 and 1"),
+        ({"clusters": {"rotate": 1}}, "bool"),
+        ({"keep": {"total": 5}}, "take rank system-cost"),
+        ({"keep": {"total": 5, "modes": 3}, "rank": "system-cost"}, "modes and total are two rules"),
         ({"rank": "hankels"}, "hankel"),
     ],
 )

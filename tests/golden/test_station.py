@@ -18,7 +18,7 @@ from tests.samples import check_made_again
 ROOT = Path(__file__).parents[2]
 PIPELINE = ROOT / "pipelines" / "station.yaml"
 KEPT = {"inboard": 15, "outboard": 50}
-WHOLE, FEWER, NAIVE = "89 modes of each body", "12 + 22", "15 + 50 by frequency"
+WHOLE, FEWER, COSTED, NAIVE = "89 modes of each body", "12 + 22", "34 by cost", "15 + 50 by frequency"
 
 
 def substructures(run, components):
@@ -46,7 +46,7 @@ def test_sizes_are_those_of_the_chain(result):
     assert {found.rigid_count for found in result.systems} == {7}
 
 
-@pytest.mark.parametrize(("label", "limit"), [(WHOLE, 0.002), (MODEL, 0.005), (FEWER, 0.04)])
+@pytest.mark.parametrize(("label", "limit"), [(WHOLE, 0.002), (MODEL, 0.005), (FEWER, 0.04), (COSTED, 0.05)])
 def test_errors_at_every_angle(result, label, limit):
     assert len(result.configurations) == 4
     assert result.worst(label)["frf_error"] < limit

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import pytest
 
 from cmsreduce.errors import ConfigError
-from cmsreduce.pipeline import Run
+from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.cutoff import MOST, START, choose_cutoffs
 
 
@@ -115,3 +117,16 @@ def test_loaded_modes_lack_static_shapes_at_their_joints(opened: Callable[..., R
     run = opened("reduce={method: augmented, cutoff: 4}")
     run.modal("arm")
     assert any("arm: its basis has no static shape for interface 'root'" in note for note in run.ledger.notes)
+
+
+def test_the_summary_has_the_choice_under_keys_of_its_own(opened: Callable[..., Run], study: Path) -> None:
+    run = opened(
+        *AUTO, "reduce.method=macneal-rubin", "verify.limits={frf_error: 1e-4}", "components.arm.reduce.cutoff=4"
+    )
+    execute(run, study)
+    parts = json.loads((run.folder / "summary.json").read_text())["components"]
+    found, choice = parts["panel"]["cutoff"], run.mode_sets.cutoffs["panel"]
+    assert (found["multiple"], found["estimate"], found["allowed"]) == (choice.cutoff, choice.error, choice.limit)
+    assert found["tried"] == [list(each) for each in choice.tried] and found["tried"][0][0] == START
+    assert parts["panel"]["certificate"]["cutoff_hz"] == pytest.approx(60 * found["multiple"])
+    assert parts["arm"]["cutoff"] is None

@@ -14,10 +14,11 @@ from click.testing import CliRunner
 from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.model import Configuration, Joint, Point, Scene
+from cmsreduce.pipeline import execute
 from cmsreduce.pipeline.halfway import halfway
 from cmsreduce.pipeline.progress import Silent
 from cmsreduce.pipeline.run import Run
-from tests.pipeline.study import write_study
+from tests.pipeline.study import Log, write_study
 
 # Relative error to which a chosen mode returns.
 RETURNED = 1e-10
@@ -198,3 +199,62 @@ def test_halfway(angles, expected):
     joints = tuple(Joint(name, Point("body", "one"), Point("body", "two"), frozenset({0, 5})) for name in "ab")
     found = halfway(Scene(("body",), (0.0, 1.0), joints=joints, configurations=settings))
     assert sorted(setting.name for setting in found) == sorted(expected)
+
+
+def test_a_finished_projection_is_reused_and_finds_the_same(study, tmp_path):
+    """Also by its own verb, and anew where the error that it goes for has changed."""
+    keys = ["project={modes: auto, frf_error: 0.05}", "balance.keep=all", "reduce.cutoff=15"]
+    path = Path(study)
+
+    def run(*more: str, only: str | None = None) -> Run:
+        return Run(load_pipeline(path, [*keys, *more]), tmp_path / "out", Log(), only)
+
+    first = run()
+    execute(first, path)
+    again = run()
+    execute(again, path)
+    assert "project system" in first.ledger.progress.done and "project system" in again.ledger.progress.reused_
+    assert "project system" not in again.ledger.progress.done
+    for name, component in first.final.items():
+        other = again.final[name]
+        np.testing.assert_array_equal(other.Phi, component.Phi)
+        np.testing.assert_array_equal(other.sigma, component.sigma)
+        assert set(other.rankings) == set(component.rankings) and other.why == component.why
+    one, two = first.projected.record, again.projected.record
+    assert one.rank == two.rank and one.between == two.between and one.limit == two.limit
+    for a, b in zip(one.sampled, two.sampled, strict=True):
+        np.testing.assert_array_equal(a.error, b.error)
+    for a, b in zip(one.extraneous, two.extraneous, strict=True):
+        assert (a.configuration, a.hz, a.share, a.likeness) == (b.configuration, b.hz, b.share, b.likeness)
+        np.testing.assert_array_equal(a.weight, b.weight)
+    alone = run(only="project")
+    execute(alone, path)
+    assert "project system" in alone.ledger.progress.done and "verify system" not in alone.ledger.progress.done
+    other = run("project={modes: auto, frf_error: 0.2}")
+    execute(other, path)
+    assert {"project system", "verify system"} <= set(other.ledger.progress.done)
+    assert "balance system" in other.ledger.progress.reused_
+
+
+def test_a_limit_that_projection_goes_for_is_part_of_its_key(study, tmp_path):
+    keys = ["project={modes: auto}", "balance.keep=all", "reduce.cutoff=15"]
+
+    def run(limit: float) -> Run:
+        return Run(
+            load_pipeline(Path(study), [*keys, f"verify.limits={{frf_error: {limit}}}"]), tmp_path / "out", Log()
+        )
+
+    few, many = run(0.3), run(0.02)
+    assert sum(few.projected.record.rank.values()) < sum(many.projected.record.rank.values())
+    assert "project system" in many.ledger.progress.done
+
+
+def test_the_stage_has_a_verb(study, tmp_path):
+    out = ["--out", str(tmp_path / "out")]
+    given = ["--set", "project={modes: {count: 2}}", "--set", "verify.limits={}"]
+    result = CliRunner().invoke(main, ["project", str(study), *out, *given])
+    assert result.exit_code == 2 and "is not finished" in " ".join(result.output.split())
+    result = CliRunner().invoke(main, ["run", str(study), *out, *given, "--until", "balance"])
+    assert result.exit_code == 0, result.output
+    result = CliRunner().invoke(main, ["project", str(study), *out, *given])
+    assert result.exit_code == 0 and "system.project.h5" in result.output.replace("\n", ""), result.output

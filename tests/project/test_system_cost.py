@@ -12,7 +12,7 @@ from cmsreduce.balance import component_costs
 from cmsreduce.errors import DampingError, MatrixError
 from cmsreduce.model import Configuration, Damping, ModalChannels, Scene
 from cmsreduce.orthogonalise import orthogonalise
-from cmsreduce.project import costliest, system_cost
+from cmsreduce.project import SystemCost, cost_shares, costliest, system_cost
 from cmsreduce.reduce import CraigBampton
 from tests.assemble.rigs import at, in_joint, joint, rigid_body
 from tests.frames import line
@@ -115,6 +115,23 @@ def test_the_costliest_modes_of_all_bodies_are_chosen():
     ]
     chosen = [abs(cost.coordinates[name][columns]).min() for name, columns in kept.items() if columns.size]
     assert max(left_out) <= min(chosen)
+
+
+def test_a_group_of_coordinates_counts_by_the_sum_of_its_shares_at_the_worst_configuration():
+    costs = [
+        SystemCost(2.0, np.ones(1), {"a": np.array([1.5, -0.5, 1.0])}),
+        SystemCost(0.0, np.ones(1), {"a": np.ones(3)}),
+    ]
+    costs.append(SystemCost(10.0, np.ones(1), {"a": np.array([0.0, 4.0, 6.0])}))
+    np.testing.assert_allclose(cost_shares(costs, "a", [np.array([0, 1]), np.array([2])]), [0.5, 0.6])
+
+
+def test_a_damper_without_a_spring_has_no_mean_square():
+    """A hinge that only drag resists is driven off by white noise, further and further."""
+    system, subs, _ = study(LAWS["coupled"])
+    momentum = system.M @ system.rigid[:, :1]
+    with pytest.raises(MatrixError, match="no spring holds: under white noise it wanders without bound"):
+        system_cost(replace(system, D=system.D + 5.0 * momentum @ momentum.T), subs)
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ def ranked():
     return replace(
         found,
         spacing=np.array([*nothing, 0.01, 0.5, 0.5]),
+        cluster=np.array([*[0] * 7, 1, 1]),
         rankings={"gregory": np.array([*nothing, 0.25, 3.0, 1e-7]), "frequency": np.array([*nothing, 3.0, 2.0, 1.0])},
     )
 
@@ -27,9 +28,9 @@ def test_rows():
     component = ranked()
     hz = [f"{w / 2 / np.pi:.5g}" for w in component.omega[6:]]
     assert ranking_rows(component, np.array([6, 7])) == [
-        ("7", hz[0], "", "kept", "0.25  2"),
-        ("8", hz[1], "close", "kept", "3  1"),
-        ("9", hz[2], "close", "", "1e-07  3"),
+        ("7", hz[0], "", "", "kept", "0.25  2"),
+        ("8", hz[1], "1", "close", "kept", "3  1"),
+        ("9", hz[2], "1", "close", "", "1e-07  3"),
     ]
 
 

@@ -1,0 +1,109 @@
+"""A sweep of 200 points: in one process, in two, and as separate runs that share nothing.
+
+Methods x angles x cutoffs x orders of the Galileo sample; an order is the least share of the largest coefficient that
+is kept. Each way starts in a new process from an empty folder, with as many threads of algebra as the machine gives it,
+and every point writes its component files in all of them. Separate runs are timed on a sample of points, evenly spread,
+and scaled up; ``--separate 200`` times them all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import itertools
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROOT = Path(__file__).resolve().parents[1]
+PIPELINE = ROOT / "pipelines" / "galileo.yaml"
+SET = ("verify.compare={}",)
+OVER = {
+    "reduce.method": ("craig-bampton", "macneal-rubin", "benfield-hruda", "augmented"),
+    "scene.articulation.spin": ("0 deg", "90 deg"),
+    "reduce.cutoff": ("2", "3", "4", "5", "6"),
+    "balance.keep.fraction": ("0.1", "0.01", "1e-3", "1e-4", "1e-5"),
+}
+# Below this load on average another program is hardly felt.
+_QUIET = 0.3
+
+
+def seconds_of(*arguments: str) -> NDArray[np.float64]:
+    """Wall time and processor time of a command and its processes; a broken limit is a result, too."""
+    started = np.array([time.perf_counter(), processor_time()])
+    done = subprocess.run(
+        [sys.executable, "-m", "cmsreduce.cli", *arguments, "--quiet"], cwd=ROOT, capture_output=True, check=False
+    )
+    if done.returncode not in (0, 1):
+        raise SystemExit(done.stderr.decode())
+    return np.array([time.perf_counter(), processor_time()]) - started
+
+
+def processor_time() -> float:
+    """Seconds of processor time of all processes that this one has started and that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def swept(folder: Path, jobs: int) -> NDArray[np.float64]:
+    """Wall and processor time of the sweep in so many processes."""
+    over = [word for key, values in OVER.items() for word in ("--over", f"{key}={','.join(values)}")]
+    sets = [word for text in SET for word in ("--set", text)]
+    return seconds_of("sweep", str(PIPELINE), *sets, *over, "--jobs", str(jobs), "--out", str(folder))
+
+
+def alone(folder: Path, values: tuple[str, ...], number: int) -> NDArray[np.float64]:
+    """Wall and processor time of one point as a run of its own."""
+    chosen = [*SET, *(f"{key}={value}" for key, value in zip(OVER, values, strict=True))]
+    sets = [word for text in chosen for word in ("--set", text)]
+    return seconds_of("run", str(PIPELINE), *sets, "--out", str(folder / str(number)))
+
+
+def statuses(folder: Path) -> str:
+    """How many points passed, broke a limit, failed."""
+    with (folder / "sweep.csv").open(encoding="utf-8", newline="") as file:
+        found = [row["status"] for row in csv.DictReader(file)]
+    return ", ".join(f"{found.count(status)} {status}" for status in dict.fromkeys(found))
+
+
+def said(times: NDArray[np.float64]) -> str:
+    """Both times in words."""
+    return f"{times[0]:.1f} s (processor {times[1]:.1f} s)"
+
+
+def main() -> None:
+    """Time the three ways, and say how quiet the machine was."""
+    reader = argparse.ArgumentParser(description=__doc__)
+    reader.add_argument("--separate", type=int, default=20, help="points timed as separate runs")
+    reader.add_argument("--jobs", type=int, default=2)
+    asked = reader.parse_args()
+    points = list(itertools.product(*OVER.values()))
+    load = os.getloadavg()[0]
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        one = swept(folder / "one", 1)
+        print(f"{len(points)} points in one process: {said(one)} ({statuses(folder / 'one')})", flush=True)
+        several = swept(folder / "several", asked.jobs)
+        print(f"in {asked.jobs} processes: {said(several)}, {one[0] / several[0]:.2f} times as fast", flush=True)
+        print(f"with the cores to themselves: at most {asked.jobs * one[1] / several[1]:.2f}, by the processor times")
+        print(f"once more, all finished: {said(swept(folder / 'one', 1))}", flush=True)
+        sample = points[:: max(1, len(points) // asked.separate)]
+        each = np.mean([alone(folder / "alone", values, k) for k, values in enumerate(sample)], axis=0)
+    whole = each * len(points)
+    print(f"separate runs: {said(each)} each ({len(sample)} timed), {said(whole)} for all")
+    for what, found in (("one process", one), (f"{asked.jobs} processes", several)):
+        wall, processor = whole / found
+        print(f"the sweep in {what} is {wall:.1f} times as fast, and takes {processor:.1f} times less processor time")
+    other = "quiet" if load < _QUIET else f"not quiet: a load of {load:.1f} before the first run"
+    print(f"{os.cpu_count()} cores, {other}")
+
+
+if __name__ == "__main__":
+    main()

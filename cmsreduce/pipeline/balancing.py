@@ -1,0 +1,189 @@
+"""The balance stage of a run: rank every body, apply the keep rules, cut the bodies down."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cached_property, partial
+
+from cmsreduce.balance import DirectedComponent, Selection, keep_all
+from cmsreduce.config import ModeSetKeys, Pipeline, RankingKeys
+from cmsreduce.errors import ConfigError, DampingError, MatrixError
+from cmsreduce.model import ModalChannels, ModalComponent, Scene
+from cmsreduce.pipeline.bodies import FlexibleBody
+from cmsreduce.pipeline.candidates import system_errors
+from cmsreduce.pipeline.comparison import Comparison, ReducedModel
+from cmsreduce.pipeline.ledger import Ledger
+from cmsreduce.pipeline.mode_sets import ModeSets
+from cmsreduce.pipeline.ranked import candidates, ranked, ranking_channels
+from cmsreduce.pipeline.selection import Choice, choice_from, choice_to, select, truncate
+from cmsreduce.pipeline.system_ranking import SYSTEM_COST, with_system_cost
+
+__all__ = ["Balancing"]
+
+Components = Mapping[str, ModalComponent]
+
+# Costs in a system of more modes take minutes; a search goes without them.
+_MOST_COSTED = 400
+
+
+class Balancing:
+    """Rank the modes of all bodies and choose those that a model keeps.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+        Rankings and rules.
+    scene : Scene
+        Inputs, outputs, configurations.
+    mode_sets : ModeSets
+        Gives the bodies in orthonormal modes.
+    ledger : Ledger
+        Keeps what is finished.
+    model : callable
+        Assembles bodies.
+    comparison : callable
+        Gives the full system, which is made only when it is needed.
+    key : callable
+        Hash of everything that the choice depends on.
+    """
+
+    def __init__(
+        self,
+        pipeline: Pipeline,
+        scene: Scene,
+        mode_sets: ModeSets,
+        ledger: Ledger,
+        model: Callable[[Components], ReducedModel],
+        comparison: Callable[[], Comparison],
+        key: Callable[[], str],
+    ) -> None:
+        self.pipeline, self.scene, self.mode_sets, self.ledger = pipeline, scene, mode_sets, ledger
+        self._model, self._comparison, self._key = model, comparison, key
+
+    @property
+    def bodies(self) -> Mapping[str, FlexibleBody]:
+        """Flexible bodies, as read."""
+        return self.mode_sets.bodies
+
+    @property
+    def names(self) -> list[str]:
+        """Bodies that are reduced."""
+        return [name for name in self.bodies if self.pipeline.reduce_of(name) is not None]
+
+    @cached_property
+    def ranked(self) -> dict[str, ModalComponent]:
+        """Everything that may be kept of every body, with coefficients; unranked where no balance is asked for."""
+        return self._ranked({name: self.pipeline.balance_of(name) for name in self.names})
+
+    @cached_property
+    def choice(self) -> Choice:
+        """Which elastic modes the run keeps, and how they were chosen."""
+        if not any(self.pipeline.balance_of(name) for name in self.names):
+            return Choice(keep_all(self.ranked))
+        names = list(self.ranked)
+        found = self.ledger.once(
+            "balance",
+            "system",
+            self._key(),
+            self._chosen,
+            choice_to,
+            lambda arrays, facts: choice_from(names, arrays, facts),
+            prepare=lambda: self.ranked,
+        )
+        for note in found.notes:
+            self.ledger.note(note)
+        return found
+
+    @cached_property
+    def kept(self) -> dict[str, ModalComponent]:
+        """The bodies with the modes that the run keeps."""
+        reasons = {name: _reason(name, self.pipeline.balance_of(name)) for name in self.ranked}
+        return truncate(self.ranked, self.choice.selection, reasons)
+
+    def kept_by(self, keys: RankingKeys, other: ModeSetKeys | None) -> dict[str, ModalComponent]:
+        """The bodies cut down by another ranking and rule, or of another mode set, to compare with."""
+        found = self._ranked(dict.fromkeys(self.names, keys), other)
+        reasons = {name: _reason(name, keys) for name in found}
+        return truncate(found, self._select(found, keys, {}).selection, reasons)
+
+    def again(self, components: Components) -> dict[str, ModalComponent]:
+        """Bodies whose shapes have changed, with the coefficients of the shapes that they have now."""
+        keys = {name: self.pipeline.balance_of(name) for name in components}
+        found = {
+            name: component if (own := keys[name]) is None else self._by_itself(ranked, component, own)
+            for name, component in components.items()
+        }
+        return self._in_the_system(found, keys)
+
+    def _ranked(
+        self, keys: Mapping[str, RankingKeys | None], other: ModeSetKeys | None = None
+    ) -> dict[str, ModalComponent]:
+        found = {}
+        for name, own in keys.items():
+            component = self.mode_sets.modal(name, other)
+            found[name] = component if own is None else self._by_itself(candidates, component, own)
+        return self._in_the_system(found, keys)
+
+    def _by_itself(
+        self, ranking: Callable[..., ModalComponent], component: ModalComponent, keys: RankingKeys
+    ) -> ModalComponent:
+        return ranking(component, self.bodies[component.name].ports, keys, self.scene)
+
+    def _in_the_system(self, found: Components, keys: Mapping[str, RankingKeys | None]) -> dict[str, ModalComponent]:
+        """Coefficients that only the assembled system can give, where they are asked for or a search follows them."""
+        asked = {name: found[name] for name, own in keys.items() if own is not None and own.rank == SYSTEM_COST}
+        if asked:
+            costed = with_system_cost(asked, self._model(found).assembled)
+            ranked_now = {name: replace(c, sigma=c.rankings[SYSTEM_COST]) for name, c in costed.items()}
+            return {**found, **ranked_now}
+        searched = {name: found[name] for name, own in keys.items() if own is not None and own.keep.rule == "frf_error"}
+        few = sum(component.elastic_count for component in found.values()) <= _MOST_COSTED
+        if not (searched and few and self.scene.actuators and self.scene.sensors):
+            return dict(found)
+        try:
+            return {**found, **with_system_cost(searched, self._model(found).assembled)}
+        except (DampingError, MatrixError):
+            # A system with structural damping, undamped modes or dampers without springs has no such coefficients.
+            return dict(found)
+
+    def _chosen(self) -> Choice:
+        own = [name for name in self.names if self.pipeline.components[name].balance is not None]
+        chosen = Choice({})
+        for name in own:
+            rule = self.pipeline.keep_of(name)
+            if rule.rule == "frf_error":
+                raise ConfigError(
+                    f"component '{name}': keep.frf_error measures the whole system; state it in the pipeline's "
+                    "`balance:`, and here a number of modes, a fraction or a bound"
+                )
+            chosen = chosen.joined(self._select({name: self.ranked[name]}, self.pipeline.balance_of(name), {}))
+        rest = {name: component for name, component in self.ranked.items() if name not in own}
+        chosen = chosen.joined(self._select(rest, self.pipeline.balance, chosen.selection))
+        return replace(chosen, selection={name: chosen.selection[name] for name in self.ranked})
+
+    def _select(self, found: Components, keys: RankingKeys | None, fixed: Selection) -> Choice:
+        keys = keys or RankingKeys()
+        channels: dict[str, ModalChannels] = {}
+        if keys.keep.rule == "bound":
+            for name, component in found.items():
+                modes = component.modes if isinstance(component, DirectedComponent) else component
+                channels[name] = ranking_channels(modes, self.bodies[name].ports, keys, self.scene)
+        # Bodies with a rule of their own are as that left them.
+        settled = {name: self.ranked[name].truncated(columns) for name, columns in fixed.items()}
+        system = partial(system_errors, {**self.ranked, **settled, **found}, self._model, self._comparison)
+        return select(found, keys, channels, system if self.scene.actuators and self.scene.sensors else None)
+
+
+def _reason(body: str, keys: RankingKeys | None) -> str:
+    """Why a mode is kept, in words for the component file."""
+    rule = "all" if keys is None else keys.keep.rule
+    if keys is None or rule == "all" or (rule == "modes" and keys.keep.modes_of(body) is None):
+        return "all modes kept"
+    if rule == "frf_error":
+        return f"needed for frf_error {keys.keep.frf_error:g}, {keys.rank}"
+    if rule == "fraction":
+        return f"influence above {keys.keep.fraction:g} of the largest, {keys.rank}"
+    if rule == "bound":
+        return f"needed for a bound of {keys.keep.bound:g}"
+    return f"among the first by {keys.rank}"

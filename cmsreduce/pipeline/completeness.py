@@ -1,0 +1,99 @@
+"""Completeness of a reduced system's modes, articulation axis by articulation axis, in every configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.assemble import system_modes
+from cmsreduce.linalg.dense import dense
+from cmsreduce.model import AxisCompleteness, Channel, Configuration, Scene, Substructure
+from cmsreduce.model.completeness import MISSING_INERTIA
+from cmsreduce.pipeline.assembled import AssembledModel
+from cmsreduce.verify import articulation_sensors, free_index
+
+__all__ = ["axis_completeness", "completeness_note"]
+
+Real = NDArray[np.float64]
+
+# All modes of a system of so many coordinates are a matter of seconds.
+_DENSE = 1500
+# A hinge that a spring or a loop holds has no part in any rigid motion, to the rounding of the terms that cancel.
+_HELD = 1e-9
+
+
+def axis_completeness(kept: AssembledModel, whole: AssembledModel) -> tuple[AxisCompleteness, ...]:
+    """Measure what the modes of a reduced system hold of the inertia at its hinges.
+
+    Parameters
+    ----------
+    kept : AssembledModel
+        The reduced system.
+    whole : AssembledModel
+        The same with all modes of the bodies' mode sets.
+
+    Returns
+    -------
+    tuple of AxisCompleteness
+        Axis by axis, configuration by configuration. Hinges that a spring or a loop holds have none; nothing is
+        measured of a system that is large.
+
+    Raises
+    ------
+    ConstraintError
+        If the motions of several hinges depend on each other.
+    """
+    scene, found = kept.scene, []
+    sensors = articulation_sensors(scene)
+    large = any(sum(body.m for body in model.substructures.values()) > _DENSE for model in (kept, whole))
+    if large or not sensors:
+        return ()
+    for configuration in scene.configurations:
+        both = []
+        for model in (kept, whole):
+            axes = _free_axes(model, sensors, configuration)
+            both.append(_indices(model, axes, configuration))
+        for a, axis in enumerate(axes):
+            (band, own), (_, all_modes) = both
+            found.append(
+                AxisCompleteness(axis.name, configuration.name, float(band[a]), float(own[a]), float(all_modes[a]))
+            )
+    return tuple(sorted(found, key=lambda each: [axis.name for axis in sensors].index(each.axis)))
+
+
+def completeness_note(found: Sequence[AxisCompleteness]) -> str | None:
+    """What to tell of the axis that lost most; None if none lost much."""
+    worst = max(found, key=lambda each: each.missing, default=None)
+    if worst is None or not worst.poor:
+        return None
+    return (
+        f"{worst.axis}: the modes left out carry {worst.missing:.0%} of the inertia at this hinge in "
+        f"'{worst.configuration}', more than {MISSING_INERTIA:.0%}: above the modes kept it is that much too heavy; "
+        "keep more modes of the bodies beside it"
+    )
+
+
+def _free_axes(model: AssembledModel, sensors: Sequence[Channel], configuration: Configuration) -> tuple[Channel, ...]:
+    system = _sensing(model, sensors).system(configuration)
+    size = np.linalg.norm(system.C1 @ system.rigid, axis=1)
+    terms = np.linalg.norm(abs(system.C1) @ abs(system.rigid), axis=1)
+    return tuple(axis for axis, free in zip(sensors, size > _HELD * terms, strict=True) if free)
+
+
+def _indices(model: AssembledModel, axes: Sequence[Channel], configuration: Configuration) -> tuple[Real, Real]:
+    """What the modes in the band leave, and all modes."""
+    system = _sensing(model, axes).system(configuration)
+    w, Phi = system_modes(replace(system, K=dense(system.K), M=dense(system.M)), np.inf)
+    index = np.vstack([np.ones(len(axes)), free_index(system, Phi)])
+    inside = int(np.count_nonzero(w <= 2 * np.pi * model.scene.band[1]))
+    return index[inside], index[-1]
+
+
+def _sensing(model: AssembledModel, axes: Sequence[Channel]) -> AssembledModel:
+    """The same bodies, of whose motion only that of the hinges is looked at."""
+    scene: Scene = replace(model.scene, actuators=(), sensors=tuple(axes))
+    bodies: dict[str, Substructure] = {name: model.substructures[name] for name in scene.bodies}
+    return AssembledModel(bodies, scene)

@@ -1,0 +1,100 @@
+"""Two runs beside each other, from their summaries."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cmsreduce.errors import ReadError
+
+__all__ = ["DifferenceRow", "run_difference"]
+
+_COMPONENT = ("method", "full_dofs", "basis_size", "elastic_modes", "kept_modes")
+_SPEED = ("reduce_s", "full_frf_s", "reduced_frf_s")
+
+
+@dataclass(frozen=True)
+class DifferenceRow:
+    """One figure of two runs.
+
+    Parameters
+    ----------
+    what : str
+        Such as ``rotor: kept_modes``.
+    a, b : float, int, str, bool or None
+        None where a run has no such figure.
+    """
+
+    what: str
+    a: float | int | str | bool | None
+    b: float | int | str | bool | None
+
+    @property
+    def same(self) -> bool:
+        """Whether both runs have the same."""
+        return self.a == self.b
+
+    @property
+    def change(self) -> float | None:
+        """Relative change from the first to the second; None where it means nothing."""
+        numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (self.a, self.b))
+        if not numbers or not self.a:
+            return None
+        assert isinstance(self.a, (int, float)) and isinstance(self.b, (int, float))
+        found = (self.b - self.a) / abs(self.a)
+        return found if math.isfinite(found) else None
+
+
+def run_difference(a: Path, b: Path) -> list[DifferenceRow]:
+    """Figures of two runs.
+
+    Parameters
+    ----------
+    a, b : Path
+        Run directories, or their summary.json.
+
+    Returns
+    -------
+    list of DifferenceRow
+        Verdict, errors, sizes and times; of each body, and of the system in each configuration, how many natural
+        frequencies there are, the lowest and the highest.
+
+    Raises
+    ------
+    ReadError
+        If one holds no summary of a run.
+    """
+    one, other = _figures(a), _figures(b)
+    rows = [DifferenceRow(what, one.get(what), other.get(what)) for what in dict.fromkeys([*one, *other])]
+    return [row for row in rows if not (row.a is None and row.b is None)]
+
+
+def _figures(path: Path) -> dict[str, Any]:
+    file = path / "summary.json" if path.is_dir() else path
+    if not file.is_file():
+        raise ReadError(f"{path}: there is no summary.json; give the output directory of a finished run")
+    try:
+        facts: Mapping[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        found: dict[str, Any] = {"passed": facts["passed"]}
+        found |= {f"worst {name}": value for name, value in (facts["worst"] or {}).items()}
+        for name, part in facts["components"].items():
+            found |= {f"{name}: {key}": part[key] for key in _COMPONENT}
+            found |= _frequencies(name, part["frequencies_hz"])
+        for system in facts["system"]:
+            found |= _frequencies(f"system {system['name']}", system["frequencies_hz"])
+        for row in facts["configurations"]:
+            found |= {f"{row['name']}: {key}": row[key] for key in ("frf_error", "n_reduced")}
+        return found | {key: (facts["speed"] or {}).get(key) for key in _SPEED}
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise ReadError(f"{file}: this is no summary of a run; run the pipeline again") from None
+
+
+def _frequencies(name: str, hz: list[float]) -> dict[str, Any]:
+    """The frequencies at the ends; those between follow the count."""
+    finite = [value for value in hz if value is not None]
+    ends = {"lowest": min(finite, default=None), "highest": max(finite, default=None)}
+    return {f"{name}: modes": len(hz), **{f"{name}: {end} Hz": value for end, value in ends.items()}}

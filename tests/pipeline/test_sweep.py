@@ -1,0 +1,161 @@
+"""A sweep finds at each point what a run with the same keys finds, alone, in processes, and after a kill."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import select
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pytest
+
+from cmsreduce.config import load_pipeline
+from cmsreduce.model.sweep_result import SweepResult
+from cmsreduce.pipeline import Run, execute, reopen, run_result
+from cmsreduce.pipeline.stage_cache import cache_entries, clear_cache
+from cmsreduce.pipeline.sweep import sweep
+from cmsreduce.pipeline.sweep_points import sweep_axes
+from tests.pipeline.study import Log
+from tests.pipeline.test_reuse import untimed
+
+OVER = ["reduce.method=craig-bampton,macneal-rubin", "balance.keep={modes: 4},{modes: 999},all", "reduce.cutoff=10,15"]
+TIMES = ("reduce_s", "full_frf_s", "reduced_frf_s", "point_s")
+
+
+def found(result: SweepResult) -> list[dict[str, object]]:
+    """Rows without what differs from one time to the next; texts, so that NaN equals NaN."""
+    return [{key: repr(value) for key, value in asdict(row).items() if key not in TIMES} for row in result.rows]
+
+
+@pytest.fixture(scope="module")
+def swept(good_study: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[SweepResult, Path]:
+    """The study swept in this process."""
+    return sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path_factory.mktemp("swept"))
+
+
+def close(one: object, other: object, where: str = "") -> None:
+    """Equal texts and whole numbers, figures equal to what rounding in another order of summation costs."""
+    if isinstance(one, dict):
+        assert isinstance(other, dict) and set(one) == set(other), where
+        for key in one:
+            close(one[key], other[key], f"{where}.{key}")
+    elif isinstance(one, list):
+        assert isinstance(other, list) and len(one) == len(other), where
+        for k, (a, b) in enumerate(zip(one, other, strict=True)):
+            close(a, b, f"{where}[{k}]")
+    elif isinstance(one, float):
+        assert other == pytest.approx(one, rel=1e-6, abs=1e-9), where
+    else:
+        assert one == other, where
+
+
+def test_each_point_is_a_run(swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path) -> None:
+    result, folder = swept
+    assert [row.status == "failed" for row in result.rows] == [False, False, True, True, False, False] * 2
+    for row in (result.rows[0], result.rows[4], result.rows[11]):
+        overrides = [f"{key}={value}" for key, value in row.overrides.items()]
+        out = tmp_path / str(row.point)
+        execute(Run(load_pipeline(good_study / "study.yaml", overrides), out, Log()), good_study / "study.yaml")
+        alone, here = (json.loads((at / "summary.json").read_text()) for at in (out, folder / row.folder))
+        for summary in (alone, here):
+            for part in summary["components"].values():
+                # A body that another point has read is not factorised again for being read.
+                del part["solver"]
+        close(untimed(alone), untimed(here))
+        assert row.frf_error == here["worst"]["frf_error"]
+        assert row.kept_modes == sum(part["kept_modes"] for part in here["components"].values())
+        assert (row.status == "passed") == here["passed"]
+        assert (folder / row.folder / "arm.h5").is_file()
+
+
+def test_a_point_that_fails_has_its_reason_and_no_result(swept: tuple[SweepResult, Path]) -> None:
+    result, folder = swept
+    row = result.rows[2]
+    assert "999 modes" in row.message and "elastic modes below the cutoff" in row.message
+    assert not (folder / row.folder / "summary.json").exists()
+
+
+def test_what_points_share_is_there_once(swept: tuple[SweepResult, Path]) -> None:
+    _, folder = swept
+    entries = cache_entries(folder)
+    shared = [(entry.stage, entry.what) for entry in entries if entry.path.parent == folder / "stages"]
+    # Two methods at two cutoffs; whatever is kept of them, and however many points, the bodies are these.
+    for body in ("arm", "panel"):
+        assert shared.count(("reduce", body)) == shared.count(("orthogonalise", body)) == 4
+        assert shared.count(("reference", body)) == 1
+    assert len(shared) == 2 * (4 + 4 + 1)
+    assert sum(entry.stage == "verify" for entry in entries) == 8
+
+
+def test_a_point_can_be_opened_again(swept: tuple[SweepResult, Path]) -> None:
+    result, folder = swept
+    row = result.rows[5]
+    again = run_result(reopen(folder / row.folder))
+    assert again.worst()["frf_error"] == row.frf_error
+
+
+def test_processes_find_the_same_as_one(swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path) -> None:
+    result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path, jobs=2)
+    assert found(result) == found(swept[0])
+
+
+def test_a_killed_process_loses_nothing(swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path) -> None:
+    killed: list[int] = []
+
+    def kill_one() -> None:
+        while not killed:
+            children = multiprocessing.active_children()
+            if children and any(tmp_path.glob("points/*/summary.json")):
+                children[0].kill()
+                killed.append(1)
+            time.sleep(0.02)
+
+    killer = threading.Thread(target=kill_one, daemon=True)
+    killer.start()
+    result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path, jobs=2)
+    assert killed
+    assert found(result) == found(swept[0])
+
+
+def test_the_processes_of_a_killed_sweep_end_and_the_next_one_goes_on(
+    swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path
+) -> None:
+    over = [word for text in OVER for word in ("--over", text)]
+    program = [sys.executable, "-m", "cmsreduce.cli", "sweep", str(good_study / "study.yaml"), *over, "--jobs", "2"]
+    with subprocess.Popen([*program, "--out", str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as killed:
+        while killed.poll() is None and not any(tmp_path.glob("points/*/summary.json")):
+            time.sleep(0.02)
+        killed.kill()
+        # Its processes have inherited the pipe: it ends when they do.
+        assert killed.stdout is not None and select.select([killed.stdout], [], [], 30)[0]
+        assert killed.stdout.read() == b""
+    result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path)
+    assert found(result) == found(swept[0])
+
+
+def test_a_damaged_shared_stage_is_made_again(good_study: Path, tmp_path: Path) -> None:
+    axes = sweep_axes(["reduce.cutoff=10,15"])
+    first, _ = sweep(good_study / "study.yaml", axes, (), tmp_path)
+    for path in sorted((tmp_path / "stages").glob("arm.*.h5")):
+        path.write_bytes(path.read_bytes()[:-100])
+    for path in tmp_path.glob("points/*/stages/system.verify.h5"):
+        path.unlink()
+    again, _ = sweep(good_study / "study.yaml", axes, (), tmp_path)
+    assert all("is damaged and is made again" in row.message for row in again.rows)
+    assert found(replace(again, rows=tuple(replace(row, message="") for row in again.rows))) == found(first)
+
+
+def test_clearing_leaves_results(good_study: Path, tmp_path: Path) -> None:
+    sweep(good_study / "study.yaml", sweep_axes(["reduce.cutoff=10"]), (), tmp_path)
+    entries = cache_entries(tmp_path)
+    assert {entry.stage for entry in entries} == {"reduce", "orthogonalise", "reference", "balance", "verify"}
+    assert all(len(entry.key) == 12 for entry in entries)
+    count, size = clear_cache(tmp_path)
+    assert (count, size) == (len(entries), sum(entry.size for entry in entries))
+    assert cache_entries(tmp_path) == []
+    assert (tmp_path / "points" / "cutoff=10" / "summary.json").is_file()
