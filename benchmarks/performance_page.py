@@ -75,10 +75,7 @@ page ([how to run it](../benchmarks/README.md)).
   itself, within its total; no residual is taken of its shapes. Its hexahedra are the same as here, its linear
   tetrahedra integrate the mass at one point.
 """
-FASTER: dict[tuple[str, str], str] = {
-    ("bar-3e4", "slepc-cholmod"): "Half of the search is no solve: dense algebra in short steps, between which the "
-    "threads of MKL and of numpy's BLAS wait for each other.",
-}
+FASTER: dict[tuple[str, str], str] = {}
 """Why a peer is faster on a body, by (body, peer); printed under the table where it is."""
 
 
