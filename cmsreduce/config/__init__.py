@@ -1,5 +1,6 @@
 """The grammar of the pipeline file, and how a file becomes a pipeline and a scene."""
 
+from cmsreduce.config.balance_keys import BalanceKeys, KeepKeys, RankingKeys
 from cmsreduce.config.component import Component
 from cmsreduce.config.files import MatrixFile
 from cmsreduce.config.grammar import Pipeline, json_schema
@@ -8,10 +9,7 @@ from cmsreduce.config.load import load_pipeline
 from cmsreduce.config.project_keys import ProjectKeys
 from cmsreduce.config.scene import build_scene
 from cmsreduce.config.stages import (
-    BalanceKeys,
-    KeepKeys,
     ModeSetKeys,
-    RankingKeys,
     ReduceKeys,
     VerifyKeys,
     WriteKeys,

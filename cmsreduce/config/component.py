@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
+from cmsreduce.config.balance_keys import RankingKeys
 from cmsreduce.config.damping import DampingKeys
 from cmsreduce.config.files import GeometryFile, MatrixFile, RowOrder
 from cmsreduce.config.interface import InterfaceKeys, InterfaceName
@@ -16,7 +17,7 @@ from cmsreduce.config.keys import DataPath, Flag, Keys, Number, Positive, UnitSy
 from cmsreduce.config.located import Text
 from cmsreduce.config.quantities import Quantity
 from cmsreduce.config.rotation import Rotations, rotation_matrix
-from cmsreduce.config.stages import RankingKeys, ReduceKeys
+from cmsreduce.config.stages import ReduceKeys
 from cmsreduce.errors import MatrixError
 from cmsreduce.model.body import RigidBody
 from cmsreduce.model.scene import Placement

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from cmsreduce.config.articulation import Articulation
+from cmsreduce.config.balance_keys import KeepKeys
 from cmsreduce.config.channels import ActuatorKeys, SensorKeys, parse_row
 from cmsreduce.config.component import FLEXIBLE_ONLY
 from cmsreduce.config.grammar import Pipeline
 from cmsreduce.config.joint_motion import free_dof, free_dof_named, setting
 from cmsreduce.config.keys import parse_point
 from cmsreduce.config.quantities import Quantity
-from cmsreduce.config.stages import KeepKeys
 from cmsreduce.config.suggestion import not_among
 from cmsreduce.errors import SceneError, UnitsError
 from cmsreduce.model.scene import Point

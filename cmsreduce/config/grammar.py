@@ -7,12 +7,13 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, WithJsonSchema
 
+from cmsreduce.config.balance_keys import BalanceKeys, KeepKeys
 from cmsreduce.config.component import Component
 from cmsreduce.config.keys import DataPath, Keys, Name, OneOrMore
 from cmsreduce.config.project_keys import ProjectKeys
 from cmsreduce.config.scene_keys import SceneKeys
 from cmsreduce.config.solver import SolverKeys
-from cmsreduce.config.stages import BalanceKeys, KeepKeys, ReduceKeys, VerifyKeys, WriteKeys
+from cmsreduce.config.stages import ReduceKeys, VerifyKeys, WriteKeys
 from cmsreduce.model.units import Units
 
 __all__ = ["Pipeline", "json_schema"]
