@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable
 from functools import partial
 from math import prod
@@ -16,13 +15,13 @@ from cmsreduce.errors import ReadError
 from cmsreduce.read.array_matrix import from_array, kind_of
 from cmsreduce.read.labelled_matrix import LabelledMatrix, StoredMatrix
 from cmsreduce.read.library_errors import reading
+from cmsreduce.read.matlab_layout import check_layout
 
-__all__ = ["is_level_4", "stored_matrices"]
+__all__ = ["stored_matrices"]
 
 _NUMERIC = {"double", "single", "sparse", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"}
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HDF5_STARTS = (0, 512)  # MATLAB writes its own 512 bytes before the HDF5 part
-_LEVEL_5_HEADER = 128
 # HDF5 shrinks by deflate at most so much; a data set that claims more was never written.
 _LARGEST_RATIO = 1032
 
@@ -49,27 +48,11 @@ def stored_matrices(path: Path) -> list[StoredMatrix]:
         head = file.read(_HDF5_STARTS[-1] + len(_HDF5))
     if any(head[at:].startswith(_HDF5) for at in _HDF5_STARTS):
         return _hdf5_matrices(path)
-    if head.startswith(b"MATLAB"):
-        _check_level_5(path)
+    check_layout(path, head)
     from scipy.io import whosmat
 
     variables = _by_scipy(path, "the MATLAB file", lambda: whosmat(str(path)))
     return [_stored(path, name, shape, kind) for name, shape, kind in variables]
-
-
-def is_level_4(head: bytes) -> bool:
-    """Whether a file opens with the header of a level 4 matrix: five integers, then a name that closes with a zero."""
-    if len(head) < 22:
-        return False
-    for order in "<>":
-        kind, rows, cols, imaginary, length = struct.unpack_from(order + "5i", head)
-        machine, zero, precision, storage = (kind // 10**k % 10 for k in (3, 2, 1, 0))
-        codes = 0 <= kind < 5000 and machine < 5 and zero == 0 and precision < 6 and storage < 3
-        if codes and rows >= 0 and cols >= 0 and imaginary in (0, 1) and 2 <= length <= 64:
-            name = head[20 : 20 + length]
-            if name.endswith(b"\0") and name[:-1].replace(b"_", b"a").isalnum():
-                return True
-    return False
 
 
 def _by_scipy(path: Path, what: str, call: Callable[[], Any]) -> Any:
@@ -81,31 +64,6 @@ def _by_scipy(path: Path, what: str, call: Callable[[], Any]) -> Any:
             return call()
         except MatReadError as error:
             raise ValueError(str(error)) from error
-
-
-def _check_level_5(path: Path) -> None:
-    """Walk over the variables, each of which says its length.
-
-    Raises
-    ------
-    ReadError
-        If the file ends inside one.
-    """
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        head = file.read(_LEVEL_5_HEADER)
-        order = ">" if head[-2:] == b"MI" else "<"
-        at = len(head)
-        while at < size or at < _LEVEL_5_HEADER:
-            file.seek(at)
-            tag = file.read(8)
-            end = at + 8 + (struct.unpack(order + "2i", tag)[1] if len(tag) == 8 else 0)
-            if end > size or end < at + 8 or len(tag) < 8:
-                raise ReadError(
-                    f"{path}: the MATLAB file is truncated: the variable at byte {at} needs {end} bytes up to its end "
-                    f"and the file has {size}; save it again, or copy it again in binary mode"
-                )
-            at = end
 
 
 def _stored(path: Path, name: str, shape: tuple[int, ...], kind: str) -> StoredMatrix:

@@ -69,6 +69,8 @@ def _by_meshio(path: Path) -> Nodes:
         said = " ".join(complaint.getvalue().split()) or str(error)
         known = "NASTRAN bulk data, .frd, .inp and the formats of meshio (.msh, .vtu, .vtk, .xdmf, .med and others)"
         raise ReadError(f"{path}: no geometry in a format that is known: {known}. {said}") from error
+    if points.ndim != 2 or points.shape[1] > 3:
+        raise ReadError(f"{path}: its points have no coordinates x, y, z that could be read; write the mesh again")
     xyz = np.zeros((len(points), 3))
     xyz[:, : points.shape[1]] = points
     spread = xyz[:: max(1, len(xyz) // _SAMPLE)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import zipfile
 from collections.abc import Callable
 from functools import partial
@@ -22,6 +23,8 @@ __all__ = ["npy_matrices", "npz_matrices"]
 
 # Deflate cannot shrink anything more than this; a member that claims more is damaged or made to exhaust memory.
 _LARGEST_RATIO = 1032
+# Bytes of a header; numpy writes some hundred.
+_LONGEST_HEADER = 1 << 16
 _SPARSE = {"format", "shape", "data"}  # members that save_npz writes for every layout
 
 
@@ -89,8 +92,12 @@ def _size(shape: tuple[int, ...]) -> str:
 def _header(file: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """Shape and type of the array that follows."""
     version = npy.read_magic(file)
-    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-    shape, _, dtype = read(file)
+    narrow = version == (1, 0)
+    length = file.read(2 if narrow else 4)
+    if int.from_bytes(length, "little") > _LONGEST_HEADER:
+        raise ValueError(f"a header of {int.from_bytes(length, 'little')} bytes")
+    file.seek(-len(length), os.SEEK_CUR)
+    shape, _, dtype = npy.read_array_header_1_0(file) if narrow else npy.read_array_header_2_0(file)
     if any(length < 0 for length in shape):
         raise ValueError(f"a header with the shape {shape}")
     return shape, dtype

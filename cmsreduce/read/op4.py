@@ -12,7 +12,6 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.errors import ReadError
 from cmsreduce.read.cards import real_number
 from cmsreduce.read.labelled_matrix import LabelledMatrix, StoredMatrix, canonical, mirrored
 from cmsreduce.read.library_errors import reading
@@ -142,7 +141,6 @@ def _put_printed(found: _Strings, row: int, column: int, text: str, count: int, 
         values = [real_number(number) for number in numbers]
         if None in values:
             bad = numbers[values.index(None)].strip()
-            raise ReadError(
-                f"'{bad}' in column {column + 1}, row {row + values.index(None) + 1} is not a number"
-            ) from None
+            place = f"column {column + 1}, row {row + values.index(None) + 1}"
+            raise ValueError(f"'{bad}' in {place} is not a number") from None
         found.add(row, column, [value for value in values if value is not None])

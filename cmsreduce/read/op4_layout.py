@@ -214,7 +214,8 @@ class _AsciiWalk:
     def matrix(self, line: str, file_bytes: int) -> Op4Header:
         """Walk over one matrix whose header is given."""
         match = _WIDE_ASCII_HEADER.fullmatch(line) or _ASCII_HEADER.fullmatch(line)
-        if match is None:
+        # A blank among the digits of a field is not seen by its pattern.
+        if match is None or any(" " in match[key].strip() for key in ("rows", "cols", "form", "type")):
             raise ReadError(
                 f"{self.path}, line {self.number}: '{line[:40]}' should be the header of an OP4 matrix; the file is "
                 "damaged: write or copy it again"
