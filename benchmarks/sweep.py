@@ -1,7 +1,7 @@
-"""A sweep of 200 points: in one process, in two, and as separate runs that share nothing.
+"""A sweep of 200 points: on one core, on several, and as separate runs that share nothing.
 
 Methods x angles x cutoffs x orders of the Galileo sample; an order is the least share of the largest coefficient that
-is kept. Each way starts in a new process from an empty folder, with as many threads of algebra as the machine gives it,
+is kept. Each way starts in a new process from an empty folder, with as many threads of algebra as its cores give it,
 and every point writes its component files in all of them. Separate runs are timed on a sample of points, evenly spread,
 and scaled up; ``--separate 200`` times them all.
 """
@@ -35,11 +35,16 @@ OVER = {
 _QUIET = 0.3
 
 
-def seconds_of(*arguments: str) -> NDArray[np.float64]:
+def seconds_of(*arguments: str, cores: int | None = None) -> NDArray[np.float64]:
     """Wall time and processor time of a command and its processes; a broken limit is a result, too."""
+    kept = sorted(os.sched_getaffinity(0))[:cores]
     started = np.array([time.perf_counter(), processor_time()])
     done = subprocess.run(
-        [sys.executable, "-m", "cmsreduce.cli", *arguments, "--quiet"], cwd=ROOT, capture_output=True, check=False
+        [sys.executable, "-m", "cmsreduce.cli", *arguments, "--quiet"],
+        cwd=ROOT,
+        capture_output=True,
+        check=False,
+        preexec_fn=lambda: os.sched_setaffinity(0, kept),
     )
     if done.returncode not in (0, 1):
         raise SystemExit(done.stderr.decode())
@@ -52,11 +57,11 @@ def processor_time() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def swept(folder: Path, jobs: int) -> NDArray[np.float64]:
-    """Wall and processor time of the sweep in so many processes."""
+def swept(folder: Path, jobs: int, cores: int | None = None) -> NDArray[np.float64]:
+    """Wall and processor time of the sweep in so many processes, on all cores or on some."""
     over = [word for key, values in OVER.items() for word in ("--over", f"{key}={','.join(values)}")]
     sets = [word for text in SET for word in ("--set", text)]
-    return seconds_of("sweep", str(PIPELINE), *sets, *over, "--jobs", str(jobs), "--out", str(folder))
+    return seconds_of("sweep", str(PIPELINE), *sets, *over, "--jobs", str(jobs), "--out", str(folder), cores=cores)
 
 
 def alone(folder: Path, values: tuple[str, ...], number: int) -> NDArray[np.float64]:
@@ -88,8 +93,10 @@ def main() -> None:
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        one = swept(folder / "one", 1)
-        print(f"{len(points)} points in one process: {said(one)} ({statuses(folder / 'one')})", flush=True)
+        one = swept(folder / "one", 1, 1)
+        print(f"{len(points)} points on one core: {said(one)} ({statuses(folder / 'one')})", flush=True)
+        threaded = swept(folder / "threaded", 1)
+        print(f"in one process on all cores: {said(threaded)}, {one[0] / threaded[0]:.2f} times as fast", flush=True)
         several = swept(folder / "several", asked.jobs)
         print(f"in {asked.jobs} processes: {said(several)}, {one[0] / several[0]:.2f} times as fast", flush=True)
         print(f"with the cores to themselves: at most {asked.jobs * one[1] / several[1]:.2f}, by the processor times")
@@ -98,7 +105,7 @@ def main() -> None:
         each = np.mean([alone(folder / "alone", values, k) for k, values in enumerate(sample)], axis=0)
     whole = each * len(points)
     print(f"separate runs: {said(each)} each ({len(sample)} timed), {said(whole)} for all")
-    for what, found in (("one process", one), (f"{asked.jobs} processes", several)):
+    for what, found in (("one process on one core", one), (f"{asked.jobs} processes", several)):
         wall, processor = whole / found
         print(f"the sweep in {what} is {wall:.1f} times as fast, and takes {processor:.1f} times less processor time")
     other = "quiet" if load < _QUIET else f"not quiet: a load of {load:.1f} before the first run"

@@ -52,45 +52,45 @@ def _step(kind: Any, key: str | int) -> list[Any]:
     return []
 
 
-def _kinds_at(keys: Sequence[str | int]) -> list[Any]:
+def _kinds_at(keys: Sequence[str | int], grammar: type[Keys]) -> list[Any]:
     """Kinds of value that keys lead to; names that a validator puts among the keys lead nowhere."""
-    kinds: list[Any] = [Pipeline]
+    kinds: list[Any] = [grammar]
     for key in keys:
         kinds = [further for kind in kinds for further in _step(kind, key)] or kinds
     return kinds
 
 
-def models_at(keys: Sequence[str | int]) -> list[type[Keys]]:
+def models_at(keys: Sequence[str | int], grammar: type[Keys] = Pipeline) -> list[type[Keys]]:
     """Mappings of the grammar that may stand where keys lead to."""
-    return [kind for kind in _kinds_at(keys) if _is_model(kind) and issubclass(kind, Keys)]
+    return [kind for kind in _kinds_at(keys, grammar) if _is_model(kind) and issubclass(kind, Keys)]
 
 
 def is_mapping_of_values(keys: Sequence[str | int]) -> bool:
     """Whether keys lead to a mapping of the user's own names to single values."""
-    mappings = [kind for kind in _kinds_at(keys) if get_origin(kind) is dict]
+    mappings = [kind for kind in _kinds_at(keys, Pipeline) if get_origin(kind) is dict]
     return bool(mappings) and not any(_is_model(value) for kind in mappings for value in _step(kind, ""))
 
 
-def known_keys(keys: Sequence[str | int]) -> list[str]:
+def known_keys(keys: Sequence[str | int], grammar: type[Keys] = Pipeline) -> list[str]:
     """Keys that may be written in the mapping that keys lead to; those of later versions are not among them."""
     return [
         _field_names(name, field)[0]
-        for model in models_at(keys)
+        for model in models_at(keys, grammar)
         for name, field in model.model_fields.items()
         if field.annotation is not NoneType
     ]
 
 
-def field_at(keys: Sequence[str | int]) -> FieldInfo | None:
+def field_at(keys: Sequence[str | int], grammar: type[Keys] = Pipeline) -> FieldInfo | None:
     """Description and examples of the key that keys lead to."""
     for end in range(len(keys), 0, -1):
         above, key = keys[: end - 1], keys[end - 1]
-        for model in models_at(above):
+        for model in models_at(above, grammar):
             for name, field in model.model_fields.items():
                 if key in _field_names(name, field):
                     return field
         # Items of a list, and names that a validator adds, share the description of what holds them.
-        if isinstance(key, str) and any(_step(kind, key) for kind in _kinds_at(above)):
+        if isinstance(key, str) and any(_step(kind, key) for kind in _kinds_at(above, grammar)):
             return None
     return None
 
@@ -108,7 +108,7 @@ def _walk(model: type[Keys], path: str, above: tuple[type[Keys], ...]) -> Iterat
                     yield from _walk(below, at, (*above, below))
 
 
-def places_of(key: str) -> list[str]:
+def places_of(key: str, grammar: type[Keys] = Pipeline) -> list[str]:
     """Mappings of the grammar that know a key, outermost first; NAME stands for a name of the user's."""
-    places = {place for known, place in _walk(Pipeline, "", (Pipeline,)) if known == key}
+    places = {place for known, place in _walk(grammar, "", (grammar,)) if known == key}
     return sorted(places, key=lambda place: (place.count("."), place))

@@ -9,7 +9,9 @@ from typing import Any
 
 from pydantic_core import ErrorDetails
 
+from cmsreduce.config.grammar import Pipeline
 from cmsreduce.config.grammar_tree import field_at, known_keys, places_of
+from cmsreduce.config.keys import Keys
 from cmsreduce.config.located import Entry, Location, find
 from cmsreduce.config.suggestion import closest
 from cmsreduce.errors import ConfigError
@@ -76,8 +78,21 @@ def located(root: Entry, keys: Sequence[str | int], message: str) -> Problem:
     return Problem(entry.where, f"key '{path_text(followed)}': {message}" if followed else message)
 
 
-def problems_of(root: Entry, errors: Sequence[ErrorDetails]) -> list[Problem]:
-    """Word the errors of the validator."""
+def problems_of(
+    root: Entry, errors: Sequence[ErrorDetails], grammar: type[Keys] = Pipeline, whole: str = "the pipeline"
+) -> list[Problem]:
+    """Word the errors of the validator.
+
+    Parameters
+    ----------
+    root : Entry
+        What was validated.
+    errors : sequence of ErrorDetails
+    grammar : type of Keys
+        The mapping that the file is.
+    whole : str
+        What it is called.
+    """
     places = [error["loc"] for error in errors]
 
     def follows_from_another(error: ErrorDetails) -> bool:
@@ -85,7 +100,7 @@ def problems_of(root: Entry, errors: Sequence[ErrorDetails]) -> list[Problem]:
         loc = error["loc"]
         return error["type"] == "too_short" and any(len(place) > len(loc) == _shared(place, loc) for place in places)
 
-    return [_problem_of(root, error) for error in errors if not follows_from_another(error)]
+    return [_problem_of(root, error, grammar, whole) for error in errors if not follows_from_another(error)]
 
 
 def _shared(a: tuple[int | str, ...], b: tuple[int | str, ...]) -> int:
@@ -93,31 +108,31 @@ def _shared(a: tuple[int | str, ...], b: tuple[int | str, ...]) -> int:
     return next((k for k, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
 
 
-def _problem_of(root: Entry, error: ErrorDetails) -> Problem:
+def _problem_of(root: Entry, error: ErrorDetails, grammar: type[Keys], whole: str) -> Problem:
     loc = error["loc"]
     kind = error["type"]
     if kind == "missing":
-        return _missing(root, loc)
+        return _missing(root, loc, grammar, whole)
     if kind == "extra_forbidden":
-        return _unknown(root, loc)
-    return located(root, loc, _wording(error))
+        return _unknown(root, loc, grammar)
+    return located(root, loc, _wording(error, grammar))
 
 
-def _missing(root: Entry, loc: tuple[int | str, ...]) -> Problem:
+def _missing(root: Entry, loc: tuple[int | str, ...], grammar: type[Keys], whole: str) -> Problem:
     entry, followed = find(root, loc[:-1])
     lacking = str(loc[-1])
-    example = _example(loc)
-    who = f"key '{path_text(followed)}'" if followed else "the pipeline"
+    example = _example(loc, grammar)
+    who = f"key '{path_text(followed)}'" if followed else whole
     near = closest(lacking, entry.value) if isinstance(entry.value, dict) else None
-    hint = f"; is '{near}' meant to be it?" if near and near not in known_keys(loc[:-1]) else ""
+    hint = f"; is '{near}' meant to be it?" if near and near not in known_keys(loc[:-1], grammar) else ""
     return Problem(entry.where, f"{who} lacks '{lacking}'" + (f", e.g. {lacking}: {example}" if example else "") + hint)
 
 
-def _unknown(root: Entry, loc: tuple[int | str, ...]) -> Problem:
+def _unknown(root: Entry, loc: tuple[int | str, ...], grammar: type[Keys]) -> Problem:
     entry, followed = find(root, loc)
-    known, word = known_keys(loc[:-1]), str(loc[-1])
+    known, word = known_keys(loc[:-1], grammar), str(loc[-1])
     meant = closest(word, known)
-    places = [place for place in places_of(word) if place]
+    places = [place for place in places_of(word, grammar) if place]
     if meant:
         guess = f": did you mean '{meant}'?"
     elif places:
@@ -127,7 +142,7 @@ def _unknown(root: Entry, loc: tuple[int | str, ...]) -> Problem:
     return Problem(entry.where, f"key '{path_text(followed)}' is unknown{guess} Known keys: {', '.join(known)}")
 
 
-def _wording(error: ErrorDetails) -> str:
+def _wording(error: ErrorDetails, grammar: type[Keys]) -> str:
     context: Mapping[str, Any] = error.get("ctx", {})
     kind, found = error["type"], _found(error["input"])
     if kind in ("value_error", "assertion_error"):
@@ -140,23 +155,23 @@ def _wording(error: ErrorDetails) -> str:
     limits = {"greater_than": "gt", "greater_than_equal": "ge", "less_than": "lt", "less_than_equal": "le"}
     if kind in limits:
         sign = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}[limits[kind]]
-        return f"found {found}, expected a number {sign} {context[limits[kind]]:g}{_for_example(error['loc'])}"
+        return f"found {found}, expected a number {sign} {context[limits[kind]]:g}{_for_example(error['loc'], grammar)}"
     if kind in ("too_short", "string_too_short"):
-        return f"is empty{_for_example(error['loc'])}"
+        return f"is empty{_for_example(error['loc'], grammar)}"
     if kind in _EXPECTED:
-        known = known_keys(error["loc"]) if kind == "model_type" else []
+        known = known_keys(error["loc"], grammar) if kind == "model_type" else []
         keys = f" with keys {', '.join(known)}" if known else ""
-        return f"found {found}, expected {_EXPECTED[kind]}{keys}{_for_example(error['loc'])}"
+        return f"found {found}, expected {_EXPECTED[kind]}{keys}{_for_example(error['loc'], grammar)}"
     return f"{error['msg']}, found {found}"
 
 
-def _for_example(loc: tuple[int | str, ...]) -> str:
-    example = _example(loc)
+def _for_example(loc: tuple[int | str, ...], grammar: type[Keys]) -> str:
+    example = _example(loc, grammar)
     return f", e.g. {example}" if example else ""
 
 
-def _example(loc: tuple[int | str, ...]) -> str:
-    field = field_at(loc)
+def _example(loc: tuple[int | str, ...], grammar: type[Keys]) -> str:
+    field = field_at(loc, grammar)
     return _flow(field.examples[0]) if field is not None and field.examples else ""
 
 

@@ -126,6 +126,11 @@ class Ledger:
         self._add(stage, what, time.perf_counter() - started, settings.work)
         return result
 
+    def share_memory(self, most: float | None) -> None:
+        """Let a factor take no more than so many bytes, unless the pipeline says how many: others work beside."""
+        if self.solver.memory is None and most is not None:
+            self.solver = replace(self.solver, memory=most)
+
     def note(self, text: str) -> None:
         """Keep something a reader must know, and say it."""
         if text not in self.notes:

@@ -8,37 +8,33 @@ import os
 import platform
 import time
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, nullcontext
+from concurrent.futures import Executor, Future, as_completed
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
-from multiprocessing import get_context, parent_process
 from pathlib import Path
-from threading import Thread
-from typing import Any
-
-from threadpoolctl import threadpool_limits
+from typing import Any, NamedTuple
 
 from cmsreduce import __version__
 from cmsreduce.errors import CmsReduceError, ConfigError
+from cmsreduce.linalg.factorise import InsufficientMemoryError
 from cmsreduce.model import RunResult
 from cmsreduce.model.sweep_result import SweepResult, SweepRow
 from cmsreduce.pipeline.code_version import code_version
+from cmsreduce.pipeline.dask_workers import chosen_workers
 from cmsreduce.pipeline.execute import execute
 from cmsreduce.pipeline.progress import Progress, Silent
 from cmsreduce.pipeline.stage_store import STAGES_FOLDER, share_stages
 from cmsreduce.pipeline.sweep_points import SweepAxis, SweepPoint, sweep_points
 from cmsreduce.pipeline.sweep_run import CommonWork, SweepRun
+from cmsreduce.pipeline.workers import Workers
 
 __all__ = ["POINTS_FOLDER", "default_folder", "sweep"]
 
 POINTS_FOLDER = "points"
 """Folder of a sweep with a run directory for each point."""
 
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 # Batches that each process is given on average: more keep all processes busy to the end.
 _BATCHES = 8
 
@@ -55,6 +51,7 @@ def sweep(
     folder: Path | None = None,
     jobs: int = 1,
     progress: Progress | None = None,
+    cluster: str | None = None,
 ) -> tuple[SweepResult, Path]:
     """Run every combination of values.
 
@@ -72,6 +69,8 @@ def sweep(
         Processes. They share the cores: each is given its part of the threads.
     progress : Progress, optional
         Told after each point.
+    cluster : str, optional
+        Address of a Dask scheduler, or a cluster file, whose processes are taken instead.
 
     Returns
     -------
@@ -88,17 +87,12 @@ def sweep(
         raise ConfigError(f"--jobs {jobs}: a sweep needs at least one process")
     started, tell = time.perf_counter(), progress or Silent()
     rows: dict[int, SweepRow] = {}
-    # Processes start while the points are checked.
-    with _pool(jobs, _threads_each(jobs)) if jobs > 1 else nullcontext() as pool:
-        points = sweep_points(path, axes, overrides)
-        good = next(point.pipeline for point in points if point.pipeline is not None)
-        folder = default_folder(good.output) if folder is None else folder
+    points = sweep_points(path, axes, overrides)
+    good = next(point.pipeline for point in points if point.pipeline is not None)
+    folder = default_folder(good.output) if folder is None else folder
+    with chosen_workers(jobs, cluster, path) as workers:
         tell.stage("sweep", f"{len(points)} points")
-        if pool is None:
-            found = _one_by_one(points, path, folder, CommonWork())
-        else:
-            found = _in_processes(points, path, folder, jobs, pool)
-        for row in found:
+        for row in _rows(points, path, folder, workers):
             rows[row.point] = row
             if row.message:
                 tell.note(f"point {row.point}, {row.label}: {row.message}")
@@ -108,19 +102,38 @@ def sweep(
         {axis.key: axis.values for axis in axes},
         tuple(rows[point.number] for point in points),
         time.perf_counter() - started,
-        _provenance(path, overrides, jobs, good.model_dump(mode="json", exclude_none=True)),
+        _provenance(path, overrides, workers, good.model_dump(mode="json", exclude_none=True)),
     )
     return result, folder
 
 
-def _one_by_one(points: Sequence[SweepPoint], path: Path, folder: Path, common: CommonWork) -> Iterator[SweepRow]:
+class _Outcome(NamedTuple):
+    """The row of a point; none where a factor of it needs more memory than there is beside other points."""
+
+    point: SweepPoint
+    row: SweepRow | None
+
+
+def _rows(points: Sequence[SweepPoint], path: Path, folder: Path, workers: Workers) -> Iterator[SweepRow]:
+    if workers.here:
+        for outcome in _one_by_one(points, path, folder, CommonWork()):
+            assert outcome.row is not None
+            yield outcome.row
+    else:
+        # Processes elsewhere have working directories of their own.
+        yield from _in_processes(points, path.resolve(), folder.resolve(), workers)
+
+
+def _one_by_one(
+    points: Sequence[SweepPoint], path: Path, folder: Path, common: CommonWork, memory: float | None = None
+) -> Iterator[_Outcome]:
     # Those of one full system one after the other, so that it is made once.
     for point in sorted(points, key=lambda point: point.system):
-        yield _run_point(point, path, folder, common)
+        yield _run_point(point, path, folder, common, memory)
 
 
-def _run_batch(points: Sequence[SweepPoint], path: Path, folder: Path) -> list[SweepRow]:
-    return list(_one_by_one(points, path, folder, _common_of_process()))
+def _run_batch(points: Sequence[SweepPoint], path: Path, folder: Path, memory: float | None) -> list[_Outcome]:
+    return list(_one_by_one(points, path, folder, _common_of_process(), memory))
 
 
 @cache
@@ -129,55 +142,54 @@ def _common_of_process() -> CommonWork:
     return CommonWork()
 
 
-def _in_processes(
-    points: Sequence[SweepPoint], path: Path, folder: Path, jobs: int, pool: ProcessPoolExecutor
-) -> Iterator[SweepRow]:
-    lost = yield from _side_by_side(_batches(points, jobs), path, folder, pool)
+def _in_processes(points: Sequence[SweepPoint], path: Path, folder: Path, workers: Workers) -> Iterator[SweepRow]:
+    with workers.start(workers.count) as pool:
+        lost = yield from _side_by_side(_batches(points, workers.count), path, folder, workers, pool)
     if lost:
         # Which of them it was that a process died of is not known: another process may simply have been killed.
-        with _pool(jobs, _threads_each(jobs)) as fresh:
-            lost = yield from _side_by_side([(point,) for point in lost], path, folder, fresh)
+        with workers.start(workers.count) as fresh:
+            lost = yield from _side_by_side([(point,) for point in lost], path, folder, workers, fresh)
     while lost:
-        with _pool(1, _threads_each(jobs)) as alone:
+        with workers.start(1) as alone:
             while lost:
                 point = lost.pop(0)
                 try:
-                    yield from alone.submit(_run_batch, (point,), path, folder).result()
-                except BrokenProcessPool:
+                    # Nothing else is done meanwhile: its factors may take all the memory there is.
+                    (outcome,) = workers.submit(alone, _run_batch, (point,), path, folder, None).result()
+                except workers.lost:
                     yield _failed(point, "its process was killed, even alone: probably too little memory for it")
                     break
+                assert outcome.row is not None
+                yield outcome.row
 
 
 def _side_by_side(
-    batches: Sequence[tuple[SweepPoint, ...]], path: Path, folder: Path, pool: ProcessPoolExecutor
+    batches: Sequence[tuple[SweepPoint, ...]], path: Path, folder: Path, workers: Workers, pool: Executor
 ) -> Generator[SweepRow, None, list[SweepPoint]]:
-    """Rows of batches as they are finished; the points that were lost with a killed process are returned."""
+    """Rows of batches as they are finished.
+
+    The points that were lost with a killed process, and those that need more than their share of the memory, are
+    returned.
+    """
     lost: list[SweepPoint] = []
-    futures: dict[Future[list[SweepRow]], tuple[SweepPoint, ...]] = {}
+    futures: dict[Future[list[_Outcome]], tuple[SweepPoint, ...]] = {}
     for batch in batches:
         try:
-            futures[pool.submit(_run_batch, batch, path, folder)] = batch
-        except BrokenProcessPool:
+            futures[workers.submit(pool, _run_batch, batch, path, folder, workers.memory)] = batch
+        except workers.lost:
             lost += batch
     for future in as_completed(futures):
         try:
-            yield from future.result()
-        except BrokenProcessPool:
+            outcomes = future.result()
+        except workers.lost:
             lost += futures[future]
+            continue
+        for outcome in outcomes:
+            if outcome.row is None:
+                lost.append(outcome.point)
+            else:
+                yield outcome.row
     return lost
-
-
-@contextmanager
-def _pool(jobs: int, threads: int) -> Iterator[ProcessPoolExecutor]:
-    # Started afresh, not forked: threads of the libraries do not survive a fork.
-    pool = ProcessPoolExecutor(jobs, get_context("spawn"), _begin_process, (threads,))
-    try:
-        for _ in range(jobs):
-            pool.submit(_common_of_process)
-        yield pool
-    finally:
-        # An interrupted sweep does not wait for the points that have not begun.
-        pool.shutdown(cancel_futures=True)
 
 
 def _batches(points: Sequence[SweepPoint], jobs: int) -> list[tuple[SweepPoint, ...]]:
@@ -189,9 +201,9 @@ def _batches(points: Sequence[SweepPoint], jobs: int) -> list[tuple[SweepPoint, 
     return [tuple(group[at : at + most]) for group in systems.values() for at in range(0, len(group), most)]
 
 
-def _run_point(point: SweepPoint, path: Path, folder: Path, common: CommonWork) -> SweepRow:
+def _run_point(point: SweepPoint, path: Path, folder: Path, common: CommonWork, memory: float | None) -> _Outcome:
     if point.pipeline is None:
-        return _failed(point, point.message)
+        return _Outcome(point, _failed(point, point.message))
     started = time.perf_counter()
     own = folder / POINTS_FOLDER / point.folder
     try:
@@ -199,15 +211,24 @@ def _run_point(point: SweepPoint, path: Path, folder: Path, common: CommonWork) 
         # What an earlier sweep found here must not stand beside a point that now fails.
         (own / "summary.json").unlink(missing_ok=True)
         run = SweepRun(point.pipeline, own, Silent(), common)
+        run.ledger.share_memory(memory)
         result = execute(run, path, point.overrides, report=False)
     except CmsReduceError as error:
-        return _failed(point, str(error), started)
+        if memory is not None and _lacks_memory(error):
+            return _Outcome(point, None)
+        return _Outcome(point, _failed(point, str(error), started))
     except Exception as error:
         # Hours of other points must not be lost for one that nobody thought of.
-        return _failed(point, f"{type(error).__name__}: {error}", started)
+        return _Outcome(point, _failed(point, f"{type(error).__name__}: {error}", started))
     assert result is not None
     said = "; ".join(run.ledger.store.damaged)
-    return replace(_measured(point, result), message=said, point_s=time.perf_counter() - started)
+    return _Outcome(point, replace(_measured(point, result), message=said, point_s=time.perf_counter() - started))
+
+
+def _lacks_memory(error: BaseException | None) -> bool:
+    while error is not None and not isinstance(error, InsufficientMemoryError):
+        error = error.__cause__
+    return error is not None
 
 
 def _failed(point: SweepPoint, message: str, started: float | None = None) -> SweepRow:
@@ -238,30 +259,7 @@ def _row_folder(point: SweepPoint) -> str:
     return f"{POINTS_FOLDER}/{point.folder}"
 
 
-def _threads_each(jobs: int) -> int:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    allowed = os.environ.get(_THREADS[0], "")
-    most = min(cores, int(allowed)) if allowed.isdigit() and int(allowed) else cores
-    return max(1, min(most, cores // jobs))
-
-
-def _begin_process(threads: int) -> None:
-    # Libraries that are loaded by now are told; those to come, and our own solver settings, read the environment.
-    for name in _THREADS:
-        os.environ[name] = str(threads)
-    threadpool_limits(threads)
-    Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    """Leave when the sweep is killed, instead of waiting for points for ever; files are whole or not there."""
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
-def _provenance(path: Path, overrides: Sequence[str], jobs: int, settings: Mapping[str, Any]) -> dict[str, Any]:
+def _provenance(path: Path, overrides: Sequence[str], workers: Workers, settings: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "program": f"cmsreduce {__version__}",
         "code": code_version("verify"),
@@ -270,8 +268,8 @@ def _provenance(path: Path, overrides: Sequence[str], jobs: int, settings: Mappi
         "pipeline_sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
         "overrides": list(overrides),
         "settings_of_first_point": dict(settings),
-        "jobs": jobs,
-        "threads": _threads_each(jobs),
+        "jobs": workers.count,
+        "threads": workers.threads,
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, {platform.system()}",
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
     }

@@ -9,8 +9,12 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import Executor, Future
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,6 +24,7 @@ from cmsreduce.pipeline import Run, execute, reopen, run_result
 from cmsreduce.pipeline.stage_cache import cache_entries, clear_cache
 from cmsreduce.pipeline.sweep import sweep
 from cmsreduce.pipeline.sweep_points import sweep_axes
+from cmsreduce.pipeline.workers import Workers
 from tests.pipeline.study import Log
 from tests.pipeline.test_reuse import untimed
 
@@ -102,6 +107,32 @@ def test_a_point_can_be_opened_again(swept: tuple[SweepResult, Path]) -> None:
 def test_processes_find_the_same_as_one(swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path) -> None:
     result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path, jobs=2)
     assert found(result) == found(swept[0])
+
+
+class Inline(Executor):
+    """Runs a task when it is submitted."""
+
+    def submit(self, work: Any, /, *arguments: Any, **named: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(work(*arguments))
+        return future
+
+
+def test_what_needs_more_than_its_share_of_the_memory_is_run_alone(
+    swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes: list[int] = []
+
+    def start(jobs: int) -> AbstractContextManager[Executor]:
+        sizes.append(jobs)
+        return nullcontext(Inline())
+
+    # No factor fits into one byte.
+    workers = Workers(2, 0, 1.0, start, (BrokenProcessPool,))
+    monkeypatch.setattr("cmsreduce.pipeline.sweep.chosen_workers", lambda *named: nullcontext(workers))
+    result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path, jobs=2)
+    assert found(result) == found(swept[0])
+    assert sizes == [2, 2, 1]
 
 
 def test_a_killed_process_loses_nothing(swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path) -> None:
