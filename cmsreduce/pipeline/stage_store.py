@@ -180,7 +180,9 @@ def _shared_folder(stages: Path) -> Path | None:
     except (OSError, ValueError, KeyError, TypeError):
         # Without it the run finishes by itself what it would have shared.
         return None
-    return (stages / str(named)).resolve()
+    shared = (stages / str(named)).resolve()
+    # A run directory that came from elsewhere must not have files written where it likes.
+    return shared if stages.resolve().is_relative_to(shared.parent) else None
 
 
 def _wait_for(handle: IO[str]) -> None:

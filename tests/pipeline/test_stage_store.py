@@ -158,3 +158,8 @@ def test_a_claim_of_what_is_not_shared_is_no_claim(shared: Path, tmp_path: Path)
 def test_a_pointer_that_cannot_be_read_leaves_the_run_on_its_own(shared: Path) -> None:
     (shared / "stages" / "shared.json").write_text(json.dumps(["no", "folder"]))
     assert StageStore(shared).shared is None
+
+
+def test_a_pointer_to_anywhere_else_is_not_followed(shared: Path, tmp_path: Path) -> None:
+    (shared / "stages" / "shared.json").write_text(json.dumps({"shared": str(tmp_path / "elsewhere" / "stages")}))
+    assert StageStore(shared).shared is None
