@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factorise import BLOCK, factorise
 from cmsreduce.linalg.flexibility import ElasticFlexibility, Solve
+from cmsreduce.linalg.multilevel import multilevel_modes
+from cmsreduce.linalg.parted_factor import PartedFactor
 from cmsreduce.linalg.pencil import UndeterminedError, elastic_pairs
 from cmsreduce.linalg.products import symmetric_product
 from cmsreduce.linalg.repeated import REPEATED, repeated_groups
@@ -140,7 +142,13 @@ def certified_modes(
             return CertifiedModes(np.empty(0), np.empty((n, 0)), np.empty(0))
         if solve is None:
             solve = factorise(K, what="the stiffness") if not none.size else ElasticFlexibility(K, M, none)
-        modes = counted_modes(K, M, _reach(omega), wanted, rigid=none, solve=solve, start=start, tolerance=tolerance)
+        modes = None
+        if isinstance(solve, PartedFactor) and not none.size:
+            modes = multilevel_modes(K, M, _reach(omega), wanted, solve, tolerance)
+        if modes is None:
+            modes = counted_modes(
+                K, M, _reach(omega), wanted, rigid=none, solve=solve, start=start, tolerance=tolerance
+            )
         found = CertifiedModes(np.sqrt(modes.lam), modes.X, modes.bound)
     w, X, bound = found
     kept = int(np.count_nonzero(w <= omega * (1 + _AT_CUTOFF)))

@@ -124,3 +124,10 @@ class Factor(ABC):
         """Pivot over size of the diagonal entry: what is left of a dof's stiffness when those before it are free."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.diagonal != 0, self.pivots / abs(self.diagonal), 0.0)
+
+    @property
+    def weakest(self) -> tuple[int, float]:
+        """Row of the smallest pivot ratio, and that ratio; 0 and 1 for a matrix without rows."""
+        ratio = self.pivot_ratio
+        row = int(np.argmin(ratio)) if ratio.size else 0
+        return row, float(ratio[row]) if ratio.size else 1.0

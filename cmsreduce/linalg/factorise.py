@@ -5,17 +5,23 @@ from __future__ import annotations
 import importlib.util
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
+from math import ceil, log2
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.cholmod import cholmod_factor
 from cmsreduce.linalg.factor import BLOCK, Admit, Factor, FactorCost, SingularFactorError
+from cmsreduce.linalg.mumps import Mumps, mumps_lacks
 from cmsreduce.linalg.pardiso import Pardiso, mkl_library
+from cmsreduce.linalg.parted_factor import PartedFactor
+from cmsreduce.linalg.partition import partition
 from cmsreduce.linalg.refined_factor import RefinedFactor, UnrefinableError
-from cmsreduce.linalg.solver_settings import BACKENDS, Backend, SolverSettings, current_settings
+from cmsreduce.linalg.solver_settings import BACKENDS, Backend, SolverSettings, current_settings, solver_settings
 from cmsreduce.linalg.superlu import SuperLU
 from cmsreduce.model import Factorisation
 
@@ -32,6 +38,9 @@ _LEFT_BY_ARITHMETIC = 5.0
 _RAISED = 1e-8
 # Below this size SuperLU is done before another library is loaded.
 _SMALL = 5000
+# A matrix is cut into parts of so many rows at least: as many parts as the factor is times too large, or up to so many
+# doublings of that. More would only move the memory to the rows between them.
+_LEAST_ROWS, _DOUBLED = 50, 4
 
 
 class NotPositiveDefiniteError(MatrixError):
@@ -43,7 +52,15 @@ class NotPositiveDefiniteError(MatrixError):
 
 
 class InsufficientMemoryError(MatrixError):
-    """A factor would not fit in the memory that it may take; nothing was allocated."""
+    """A factor would not fit in the memory that it may take: it needs so many ``bytes``; nothing was allocated."""
+
+    def __init__(self, message: str, needed: float = 0.0) -> None:
+        super().__init__(message)
+        self.bytes = needed
+
+    def __reduce__(self) -> tuple[type[InsufficientMemoryError], tuple[str, float]]:
+        """For a process that hands it to another."""
+        return type(self), (str(self), self.bytes)
 
 
 def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix") -> Factor:
@@ -76,7 +93,7 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
     backend = _chosen(settings.backend, A.shape[0])
     started, admit = time.perf_counter(), _admission(settings, what, A.shape[0])
     try:
-        factor, precision = _in_precision(A, definite, backend, admit, settings)
+        factor, precision = _made(A, definite, what, backend, admit, settings)
     except UnrefinableError:
         raise MatrixError(
             f"{what} ({A.shape[0]} rows) is too ill conditioned for a factor in single precision; set "
@@ -86,18 +103,68 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
         row = _singular_row(A)
         raise NotPositiveDefiniteError(f"{what} is singular: nothing holds row {row + 1}", row) from None
     seconds, cost = time.perf_counter() - started, factor.cost
+    parts = len(factor.cut.interiors) if isinstance(factor, PartedFactor) else 1
     settings.work.append(
-        Factorisation(factor.backend, factor.n, cost.nnz, cost.flops / 1e9, cost.bytes / 2**20, seconds, precision)
+        Factorisation(
+            factor.backend, factor.n, cost.nnz, cost.flops / 1e9, cost.bytes / 2**20, seconds, precision, parts
+        )
     )
     if definite:
         limit = min(max(A.shape[0], _FEWEST_ROUNDINGS) * np.finfo(float).eps, _LARGEST_SINGULAR)
-        ratio = factor.pivot_ratio
-        row = int(np.argmin(ratio)) if ratio.size else 0
-        if not factor.inertia_known or (ratio.min(initial=1.0) <= limit and not _resists(A, factor, row)):
+        row, ratio = factor.weakest
+        if not factor.inertia_known or (ratio <= limit and not _resists(A, factor, row)):
             raise NotPositiveDefiniteError(
-                f"{what} is not positive definite: pivot ratio {ratio.min():.1e} at row {row + 1}", row
+                f"{what} is not positive definite: pivot ratio {ratio:.1e} at row {row + 1}", row
             )
     return factor
+
+
+def _made(
+    A: sp.csc_array, definite: bool, what: str, backend: Backend, admit: Admit, settings: SolverSettings
+) -> tuple[Factor, str]:
+    """The factor, as a whole or by parts, and its precision."""
+    n, parts = A.shape[0], settings.parts
+    if parts == "auto":
+        try:
+            return _in_precision(A, definite, backend, admit, settings)
+        except InsufficientMemoryError as refused:
+            fewest = ceil(refused.bytes / settings.memory_limit)
+            tried = [2 ** ceil(log2(max(fewest, 2))) * 2**doubled for doubled in range(_DOUBLED)]
+            possible = [count for count in tried if n >= _LEAST_ROWS * count]
+            for count in possible:
+                try:
+                    return _by_parts(A, definite, what, count, settings), "double"
+                except InsufficientMemoryError:
+                    if count == possible[-1]:
+                        raise
+            raise
+    if parts > 1 and n >= _LEAST_ROWS * parts:
+        return _by_parts(A, definite, what, parts, settings), "double"
+    return _in_precision(A, definite, backend, admit, settings)
+
+
+def _by_parts(A: sp.csc_array, definite: bool, what: str, parts: int, settings: SolverSettings) -> PartedFactor:
+    # Separators are nearly full, which the solver for small sparse matrices is slow at.
+    backend = next(each for each in BACKENDS if _installed(each)) if settings.backend == "auto" else settings.backend
+
+    def inner(
+        block: sp.csc_array, rows: NDArray[np.int64], what_of_it: str, *, kept: float, again: bool, last: bool
+    ) -> Factor:
+        memory = None if settings.memory is None else max(settings.memory - kept, 1.0)
+        # What is made again is the same work.
+        work: list[Factorisation] = [] if again else settings.work
+        own = replace(settings, backend=backend, parts=1, memory=memory, work=work)
+        try:
+            with solver_settings(own):
+                # Whether the whole is singular is seen in the last pivots, against the whole's diagonal.
+                return factorise(block, definite=definite and not last, what=f"{what}, {what_of_it}")
+        except NotPositiveDefiniteError as error:
+            row = int(rows[error.row])
+            raise NotPositiveDefiniteError(f"{what} is not positive definite at row {row + 1} ({error})", row) from None
+
+    cut = partition(A, parts)
+    admit = _admission(settings, f"{what}, the rows between its {parts} parts", cut.separator.size)
+    return PartedFactor(A, cut, inner, admit, settings.memory_limit)
 
 
 def _in_precision(
@@ -134,7 +201,7 @@ def _definite_first(
 
 def _resists(A: sp.csc_array, factor: Factor, row: int) -> bool:
     """Whether a matrix of positive pivots resists its weakest motion, that of the row with the smallest pivot."""
-    if factor.pivots.min() <= 0:
+    if factor.weakest[1] <= 0:
         return False
     x = factor(np.eye(1, A.shape[0], row)[0])
     x = factor(factor.diagonal * x / abs(x).max())
@@ -148,7 +215,7 @@ def _singular_row(A: sp.csc_array) -> int:
     if not diagonal.all():
         return int(np.argmin(diagonal))
     raised = factorise(sp.csc_array(A + _RAISED * sp.diags_array(diagonal)), definite=False)
-    return int(np.argmin(abs(raised.pivot_ratio)))
+    return raised.weakest[0]
 
 
 def installed_backends() -> tuple[Backend, ...]:
@@ -162,14 +229,15 @@ def _installed(backend: Backend) -> bool:
         return mkl_library() is not None
     if backend == "cholmod":
         return importlib.util.find_spec("sksparse") is not None
-    return True
+    return backend != "mumps" or not mumps_lacks()
 
 
 def _chosen(wanted: Backend, n: int) -> Backend:
     """The solver to use: the one asked for, or the quickest for the size."""
     if wanted == "auto":
-        return "superlu" if n < _SMALL else installed_backends()[0]
-    if not _installed(wanted):
+        # Whether MUMPS can run takes a second to find out, and is not asked here: it is the last.
+        return "superlu" if n < _SMALL else next(backend for backend in BACKENDS if _installed(backend))
+    if wanted != "mumps" and not _installed(wanted):
         raise MatrixError(
             f"the sparse solver '{wanted}' is not installed here; installed: {', '.join(installed_backends())}"
         )
@@ -182,8 +250,9 @@ def _admission(settings: SolverSettings, what: str, n: int) -> Admit:
         if cost.bytes > limit:
             raise InsufficientMemoryError(
                 f"{what} ({n} rows): its factor has {cost.nnz:.3g} entries and needs {cost.bytes / 2**30:.3g} GiB, "
-                f"{limit / 2**30:.3g} GiB may be used; close other programs, raise `solver.memory`, or split the body "
-                "into components"
+                f"{limit / 2**30:.3g} GiB may be used; close other programs, raise `solver.memory`, let it be "
+                "done in parts (`solver.parts: auto`), or split the body into components",
+                cost.bytes,
             )
 
     return admit
@@ -193,4 +262,5 @@ _TYPES: dict[str, Callable[[sp.csc_array, bool, Admit], Factor]] = {
     "pardiso": Pardiso,
     "cholmod": cholmod_factor,
     "superlu": SuperLU,
+    "mumps": Mumps,
 }

@@ -233,7 +233,7 @@ def only_motions(K: sp.csc_array, R: NDArray[np.float64] | None, rounding: float
         factor = factorise(sp.csc_array(K[free][:, free]), what="the stiffness held against its rigid motions")
     except NotPositiveDefiniteError:
         return None
-    sound = factor.pivot_ratio.min(initial=1.0) > max(_SOUND_PIVOT, _SOUND_ROUNDINGS * rounding)
+    sound = factor.weakest[1] > max(_SOUND_PIVOT, _SOUND_ROUNDINGS * rounding)
     return shapes if sound else None
 
 

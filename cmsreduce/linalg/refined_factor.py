@@ -12,7 +12,7 @@ from cmsreduce.linalg.factor import Admit, Factor
 from cmsreduce.linalg.pardiso import Pardiso
 from cmsreduce.linalg.products import symmetric_product
 
-__all__ = ["RefinedFactor", "UnrefinableError"]
+__all__ = ["RefinedFactor", "UnrefinableError", "powers_of_two"]
 
 # A step of refinement leaves at most this share of the error: then it converges, and the inertia is the matrix's own.
 _CONTRACTS = 0.1
@@ -60,7 +60,7 @@ class RefinedFactor(Factor):
     backend = Pardiso.backend
 
     def __init__(self, A: sp.csc_array, definite: bool, admit: Admit) -> None:
-        self._scale = _powers_of_two(A.diagonal())
+        self._scale = powers_of_two(A.diagonal())
         self._rough = Pardiso(A, definite, admit, self._scale)
         super().__init__(A, self._rough.cost)
         self._product = symmetric_product(A)
@@ -120,7 +120,7 @@ class RefinedFactor(Factor):
         return share
 
 
-def _powers_of_two(diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
+def powers_of_two(diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
     """1 / sqrt(|diagonal|), rounded so that scaling by it loses no digit; 1 where the diagonal is zero."""
     size = np.where(diagonal != 0, abs(diagonal), 1.0)
     return np.asarray(2.0 ** -np.round(np.log2(size) / 2))

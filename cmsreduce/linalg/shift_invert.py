@@ -12,7 +12,7 @@ from cmsreduce.linalg.block_lanczos import BlockLanczos, Operator
 from cmsreduce.linalg.factor import BLOCK
 from cmsreduce.linalg.pencil import refine
 
-__all__ = ["CONVERGED", "ShiftedModes", "Window", "combine_columns", "modes_about", "refined"]
+__all__ = ["CONVERGED", "ShiftedModes", "Window", "combine_columns", "modes_about", "polished", "refined"]
 
 CONVERGED = 1e-9
 """Residual of a Ritz value that is an eigenvalue, relative to it: a frequency is then right to half of that, and the
@@ -132,7 +132,7 @@ def modes_about(
     if not complete or not theta.size:
         lam = np.sort(_squared_frequencies(theta, window.sigma))
         return ShiftedModes(lam, np.empty((deflated.shape[0], 0)), np.full(lam.size, np.inf), complete)
-    return _polished(found.pop() if len(found) == 1 else np.hstack(found), theta, window.sigma, solve, mass, deflated)
+    return polished(found.pop() if len(found) == 1 else np.hstack(found), theta, window.sigma, solve, mass, deflated)
 
 
 def _run(
@@ -219,23 +219,41 @@ def _stuck(window: Window, lam: NDArray[np.float64], settled: NDArray[np.bool_])
     return bool(settled[: in_view + 1].all())
 
 
-def _polished(
+def polished(
     X: NDArray[np.float64],
     theta: NDArray[np.float64],
     sigma: float,
     solve: Operator,
     mass: Operator,
     deflated: NDArray[np.float64],
+    at_once: int = BLOCK,
 ) -> ShiftedModes:
     """Modes after one inverse iteration, which smooths them, with the bound that this iteration proves.
 
+    Parameters
+    ----------
+    X : (n, k) float64
+        Ritz vectors, orthonormal in M; overwritten.
+    theta : (k,) float64
+        Their Ritz values, of (K - sigma M)^-1 M.
+    sigma, solve, mass, deflated
+        As `modes_about` takes them.
+    at_once : int
+        Columns that are solved for at a time.
+
+    Returns
+    -------
+    ShiftedModes
+
+    Notes
+    -----
     A X - theta X is the residual of the operator A = (K - sigma M)^-1 M, which is self-adjoint in M: in that norm it
     bounds the distance to an eigenvalue 1 / (lam - sigma) of A.
     """
     k = theta.size
     stiffness, gram, away = np.zeros((k, k)), np.zeros((k, k)), np.empty(k)
-    for first in range(0, k, BLOCK):
-        part, known = slice(first, min(first + BLOCK, k)), slice(0, min(first + BLOCK, k))
+    for first in range(0, k, at_once):
+        part, known = slice(first, min(first + at_once, k)), slice(0, min(first + at_once, k))
         B = mass(X[:, part])
         Y = solve(B)
         MY = mass(Y)

@@ -17,6 +17,7 @@ from cmsreduce.model import Factorisation
 __all__ = [
     "BACKENDS",
     "Backend",
+    "Parts",
     "Precision",
     "SolverSettings",
     "available_memory",
@@ -25,9 +26,10 @@ __all__ = [
 ]
 
 Precision = Literal["auto", "double", "single"]
-Backend = Literal["auto", "pardiso", "cholmod", "superlu"]
-BACKENDS: tuple[Backend, ...] = ("pardiso", "cholmod", "superlu")
-"""Sparse solvers, the quickest first."""
+Parts = int | Literal["auto"]
+Backend = Literal["auto", "pardiso", "cholmod", "superlu", "mumps"]
+BACKENDS: tuple[Backend, ...] = ("pardiso", "cholmod", "superlu", "mumps")
+"""Sparse solvers, the quickest first; the last is only taken where it is asked for."""
 
 # Share of the memory that is free which a factor may take: the rest is for the basis.
 _SHARE = 0.9
@@ -41,7 +43,8 @@ class SolverSettings:
     Parameters
     ----------
     backend : str
-        ``pardiso``, ``cholmod``, ``superlu``; ``auto`` takes the quickest that is installed.
+        ``pardiso``, ``cholmod``, ``superlu``; ``auto`` takes the quickest of them that is installed. ``mumps`` works on
+        several processes.
     memory : float, optional
         Bytes that a factor may take; most of what is free if absent.
     threads : int, optional
@@ -49,6 +52,13 @@ class SolverSettings:
     precision : str
         ``double``; ``single`` for factors in float32, whose solutions are refined to double precision; ``auto`` takes
         single where a factor in double precision would not fit in memory.
+    ranks : int
+        Processes of ``mumps``.
+    python : str, optional
+        Interpreter of ``mumps``, which has petsc4py; this one or the system's if absent.
+    parts : int or str
+        Parts in which a matrix is factorised, one after the other; ``auto`` for as many as it takes where the factor
+        as a whole does not fit in memory.
     work : list of Factorisation
         Every factorisation that was done under these settings, in order.
     """
@@ -57,6 +67,9 @@ class SolverSettings:
     memory: float | None = None
     threads: int | None = None
     precision: Precision = "auto"
+    ranks: int = 2
+    python: str | None = None
+    parts: Parts = 1
     work: list[Factorisation] = field(default_factory=list, compare=False)
 
     @property

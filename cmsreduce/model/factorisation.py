@@ -23,6 +23,8 @@ class Factorisation:
         Wall time of both phases.
     precision : str
         ``double``, or ``single`` where the factor is in float32 and its solutions are refined.
+    parts : int
+        Parts in which it was done, the factor of one in memory at a time; 1 for a matrix taken as a whole.
     """
 
     backend: str
@@ -32,3 +34,4 @@ class Factorisation:
     mib: float
     seconds: float
     precision: str = "double"
+    parts: int = 1

@@ -153,8 +153,8 @@ def _undetermined_motions(
     rest = np.flatnonzero(~empty)
     inner = sp.csc_array(A[rest][:, rest])
     try:
-        pivot = factorise(inner, definite=False).pivot_ratio
-        sound = bool(pivot.min(initial=1.0) > max(_SOUND_PIVOT, 1e3 * body.rounding))
+        ratio = factorise(inner, definite=False).weakest[1]
+        sound = bool(ratio > max(_SOUND_PIVOT, 1e3 * body.rounding))
     except NotPositiveDefiniteError:
         sound = False
     found = np.empty((rest.size, 0)) if sound else stiffness_null_space(inner, body.rounding)

@@ -69,7 +69,8 @@ def clamped(body: FEModel, rows: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "backend", [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ("pardiso", "cholmod")] + ["superlu"]
+    "backend",
+    [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ("pardiso", "cholmod", "mumps")] + ["superlu"],
 )
 def test_each_solver_finds_the_modes_that_dense_algebra_finds(run, bar, backend):
     code, output, summary = run(f"backend: {backend}, threads: 1")
@@ -87,6 +88,30 @@ def test_each_solver_finds_the_modes_that_dense_algebra_finds(run, bar, backend)
     assert certificate["cutoff_hz"] == CUTOFF_HZ and 0 < certificate["frequency_bound"] < 1e-8
     found = summary["system"][0]["frequencies_hz"][:6]
     np.testing.assert_allclose(found, clamped(bar, np.arange(27, bar.n))[:6], rtol=1e-5)
+
+
+@pytest.mark.parametrize("where", ["solver", "reduce"])
+def test_a_body_is_reduced_in_parts(files, tmp_path, where):
+    text = BAR.format(output=tmp_path / "out", solver="backend: superlu, threads: 1")
+    here = {"solver": "solver: {parts: 4, ", "reduce": "reduce: {parts: 4, "}[where]
+    path = files / f"parts-{where}.yaml"
+    path.write_text(text.replace(f"{where}: {{", here))
+    result = CliRunner().invoke(main, ["run", str(path)])
+    assert result.exit_code == 0, result.output
+    part = json.loads((tmp_path / "out" / "summary.json").read_text())["components"]["bar"]
+    assert "parts" in part["solver"]["backends"]
+    # Only the reduction of the body is done in parts where the key is its own.
+    assert part["solver"]["largest"]["parts"] == (4 if where == "solver" else 1)
+    certificate = part["certificate"]
+    assert certificate["counted"] == certificate["found"] > 10
+    assert 0 < certificate["frequency_bound"] < 1e-8
+
+
+def test_mumps_without_its_interpreter_is_refused(run):
+    code, output, _ = run("backend: mumps, python: /nowhere/python3")
+    assert code == 2
+    assert "there is no interpreter /nowhere/python3" in " ".join(output.split())
+    assert "solver.python" in output
 
 
 def test_a_factor_that_does_not_fit_is_refused(run):
