@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.assemble.coupled_modes import CoupledModes, CoupledTerms
 from cmsreduce.assemble.modal_terms import Change, Columns, Kept, ModalTable, ModalTerms, term_sum
 from cmsreduce.assemble.points import PointStack
-from cmsreduce.assemble.receptance import Receptance, is_diagonal, modal_weights, receptance, resonant
+from cmsreduce.assemble.receptance import Receptance, modal_weights, resonant
 from cmsreduce.assemble.system import Wiring
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.dynamic_stiffness import ResonanceError
 from cmsreduce.linalg.flexibility_model import frequency_blocks
 from cmsreduce.linalg.null_space import row_basis
-from cmsreduce.model import Matrix, Substructure
+from cmsreduce.model import Substructure
 
 __all__ = ["ModalReceptance"]
 
@@ -27,14 +26,17 @@ Complex = NDArray[np.complex128]
 
 # Memory of the flexibilities of the frequencies taken at a time.
 _BLOCK_BYTES = 2**27
+# Changes of modes by themselves, of modes of one cluster, and all others.
+_SINGLE, _COUPLED, _MIXED = range(3)
 
 
 class ModalReceptance:
     """Response in one configuration at fixed frequencies, for any choice of the bodies' modes.
 
     What a mode adds to its body's receptance does not depend on the other modes kept. It is tabulated once, and a
-    choice of modes costs a sum and a solve with as many unknowns as there are joint forces. Bodies whose damping
-    couples their modes have no such terms: their receptance is solved anew for every choice.
+    choice of modes costs a sum and a solve with as many unknowns as there are joint forces. Modes that a body couples,
+    by a damping matrix or as directions of clusters, have no such terms: their receptance is solved anew for every
+    choice, cluster by cluster.
 
     Parameters
     ----------
@@ -68,7 +70,7 @@ class ModalReceptance:
         self._right = np.vstack([wiring.A, wiring.B])
         self._c = wiring.A.shape[0]
         self._tables: dict[str, ModalTable] = {}
-        self._coupled: dict[str, tuple[Real, Real, Real]] = {}
+        self._coupled: dict[str, CoupledModes] = {}
         self._motions = {name: dense(stack.motions(name)) for name in substructures}
         self._columns = {name: stack.body_columns(name) for name in substructures}
         self._always = {name: _always(sub) for name, sub in substructures.items()}
@@ -78,24 +80,19 @@ class ModalReceptance:
             left, right = self._left[:, here], self._right[:, here]
             if sub.omega is None:
                 self._base += left @ whole[name](omega) @ right.T
-            elif is_diagonal(sub):
-                try:
-                    weights = modal_weights(sub, omega)
-                except ResonanceError as error:
-                    raise resonant(sub, error) from None
-                table = ModalTable(left @ L, right @ L, np.stack([weights.real, weights.imag]))
-                self._tables[name] = table
-                self._base += term_sum(table, np.flatnonzero(self._always[name]), slice(None))
             else:
-                self._coupled[name] = left, right, L
+                self._coupled[name] = CoupledModes.of(sub, left @ L, right @ L)
+                table = ModalTable(left @ L, right @ L, _parts(sub, self._single(name), omega))
+                self._tables[name] = table
+                self._base += term_sum(table, self._single(name, self._always[name]), slice(None))
         self._basis = self._row_basis({name: np.arange(sub.m) for name, sub in substructures.items()})
         # Joints that the motions present in every choice already tell apart need no look at each choice.
         alone = self._row_basis({name: np.empty(0, dtype=np.int64) for name in substructures})
         self._same_joints = alone.shape[0] == self._basis.shape[0]
 
     def is_coupled(self, body: str) -> bool:
-        """Whether damping couples a body's modes."""
-        return body in self._coupled
+        """Whether a body couples some of its modes."""
+        return body in self._coupled and bool(self._coupled[body].clusters)
 
     def response(self, kept: Kept, at: NDArray[np.int64] | None = None) -> Complex:
         """Response with some of the modes, rigid-body part included.
@@ -136,14 +133,14 @@ class ModalReceptance:
         dH : (g, outputs, inputs, n) complex128
             NaN where it is not known.
         known : (n,) bool
-            False for changes of a body whose damping couples its modes, and for those that take away what a joint
-            rests on: ``response`` has to be asked.
+            False for changes that take away what a joint rests on, and for those of several modes of which some are
+            coupled to others and some are not: ``response`` has to be asked.
 
         Notes
         -----
         Modes with weights 1/Z and motions v are put in (s = 1) or left out (s = -1) by an update of low rank of the
         joined flexibility, dH = (C Y v) (s Z + v^T Y v)^-1 (B Y v)^T, where Y is that of the joined bodies: Sherman,
-        Morrison and Woodbury.
+        Morrison and Woodbury. Coupled modes take those beside them along, so that their v depends on the frequency.
         """
         U = self._joints(kept)
         inputs = self._right.shape[0] - self._c
@@ -151,10 +148,14 @@ class ModalReceptance:
         dH = np.full((at.size, self._outputs, inputs, len(changes)), np.nan + 0j)
         # A change may join what the modes kept leave apart.
         known = np.full(len(changes), U.shape[0] == self._basis.shape[0])
-        known &= [body in self._tables for body, _ in changes]
-        terms = ModalTerms.of(self._tables, changes, np.flatnonzero(known), kept)
+        present = {name: self._present(name, kept) for name in self._coupled}
+        sort = np.array([self._sort(body, columns, present) for body, columns in changes], dtype=np.int64)
+        known &= sort != _MIXED
+        terms = ModalTerms.of(self._tables, changes, np.flatnonzero(known & (sort == _SINGLE)), kept)
         alpha, gamma, beta = U @ terms.left[: self._c], terms.left[self._c :], terms.right[self._c :]
-        for part, points in self._blocks(at, (3 + inputs) * alpha.shape[1] * (self._c + self._outputs)):
+        coupled = np.flatnonzero(known & (sort == _COUPLED))
+        columns = alpha.shape[1] + sum(changes[int(k)][1].size for k in coupled)
+        for part, points in self._blocks(at, (3 + inputs) * columns * (self._c + self._outputs) + columns**2):
             AYA, AYB, CYA, CYB = self._joined(kept, U, points)
             S = np.linalg.inv(AYA)
             H[part] = CYB - CYA @ (S @ AYB)
@@ -162,12 +163,18 @@ class ModalReceptance:
             P = self._output_rows(np.broadcast_to(gamma, (points.size, *gamma.shape)), points) - CYA @ Sv
             Q = beta - AYB.transpose(0, 2, 1) @ Sv
             terms.update(dH, known, part, 1 / terms.weights(points), alpha, Sv, P, Q)
+            for more in CoupledTerms.of(self._coupled, changes, coupled, present, self.omega[points]):
+                own = U @ more.left[:, : self._c]
+                Sv = S @ own
+                P = self._output_rows(more.left[:, self._c :], points) - CYA @ Sv
+                Q = more.right[:, self._c :] - AYB.transpose(0, 2, 1) @ Sv
+                more.update(dH, known, part, own, Sv, P, Q)
         dH[..., ~known] = np.nan
         return H, dH, known
 
     def _blocks(self, points: NDArray[np.int64], more: int = 0) -> Iterator[tuple[slice, NDArray[np.int64]]]:
         entries = 3 * self._left.shape[0] * self._right.shape[0] + more
-        entries += sum(left.shape[1] ** 2 for left, _, _ in self._coupled.values())
+        entries += sum(3 * cluster.size**2 for body in self._coupled.values() for cluster in body.clusters)
         for part in frequency_blocks(points.size, 16 * entries, _BLOCK_BYTES):
             yield part, points[part]
 
@@ -187,16 +194,29 @@ class ModalReceptance:
         present[kept[name] if name in kept else slice(None)] = True
         return present
 
+    def _single(self, name: str, among: NDArray[np.bool_] | None = None) -> Columns:
+        """Coordinates that nothing couples, all or some."""
+        single = np.ones(self._substructures[name].m, dtype=bool) if among is None else among.copy()
+        single[self._coupled[name].columns] = False
+        return np.flatnonzero(single)
+
+    def _sort(self, body: str, columns: Columns, present: Mapping[str, NDArray[np.bool_]]) -> int:
+        """Whether a change is one of modes by themselves, of a cluster, or something else."""
+        if body not in self._coupled:
+            return _MIXED
+        clusters = [cluster for cluster in self._coupled[body].clusters if np.isin(columns, cluster).any()]
+        if not clusters:
+            return _SINGLE
+        alike = present[body][columns]
+        return _COUPLED if np.isin(columns, clusters[0]).all() and alike.all() == alike.any() else _MIXED
+
     def _joined(self, kept: Kept, U: Real, points: NDArray[np.int64]) -> tuple[Complex, Complex, Complex, Complex]:
         """Flexibilities between joint forces and inputs, and joint motions and outputs, at some frequencies."""
         G = self._base[points]
         for name, table in self._tables.items():
-            columns = kept[name] if name in kept else np.flatnonzero(~self._always[name])
-            G += term_sum(table, columns, points)
-        for name, (left, right, L) in self._coupled.items():
-            part = _restricted(self._substructures[name], np.flatnonzero(self._present(name, kept)))
-            Y = receptance(part, self.omega[points], L[:, self._present(name, kept)])(self.omega[points])
-            G += left @ Y @ right.T
+            present = self._present(name, kept)
+            G += term_sum(table, self._single(name, present & ~self._always[name]), points)
+            G += self._coupled[name].flexibility(present, self.omega[points])
         c = self._c
         C = self._output_rows(G[:, c:], points)
         AYA, AYB = U @ G[:, :c, :c] @ U.T, U @ G[:, :c, c:]
@@ -222,25 +242,15 @@ def _times(S: NDArray[Any], alpha: Real) -> Complex:
     """Complex matrices at every frequency times one real matrix."""
     f, c = S.shape[:2]
     rows = S.reshape(f * c, c)
-    return np.asarray((rows.real @ alpha + 1j * (rows.imag @ alpha)).reshape(f, c, -1))
+    return np.asarray((rows.real @ alpha + 1j * (rows.imag @ alpha)).reshape(f, c, alpha.shape[1]))
 
 
-def _restricted(sub: Substructure, columns: Columns) -> Substructure:
-    """A body in modes with some of them."""
-
-    def square(A: Matrix | None) -> Matrix | None:
-        return None if A is None else sp.csc_array(sp.csc_array(A)[:, columns][columns])
-
-    M, K = square(sub.M), square(sub.K)
-    assert M is not None and K is not None and sub.omega is not None
-    rigid = sub.rigid[columns]
-    return replace(
-        sub,
-        M=M,
-        K=K,
-        D=square(sub.D),
-        loss=square(sub.loss),
-        rigid=rigid,
-        motion={label: dense(rows)[:, columns] for label, rows in sub.motion.items()},
-        omega=sub.omega[columns],
-    )
+def _parts(sub: Substructure, columns: Columns, omega: Real) -> Real:
+    """Real and imaginary parts of the amplitudes of modes by themselves (2, f, m), and zeros for the others."""
+    parts = np.zeros((2, omega.size, sub.m))
+    try:
+        weights = modal_weights(sub, omega, columns)
+    except ResonanceError as error:
+        raise resonant(sub, error) from None
+    parts[:, :, columns] = np.stack([weights.real, weights.imag])
+    return parts

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Change", "Kept", "ModalTable", "ModalTerms", "term_sum"]
+__all__ = ["SINGULAR", "Change", "Kept", "ModalTable", "ModalTerms", "term_sum"]
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -20,8 +20,8 @@ Change = tuple[str, Columns]
 
 # Memory, in numbers, of the products of ports in one multiplication.
 _PRODUCTS = 2**20
-# A change that brings the joined flexibility this near to singular, relative to its terms, has no figure of its own.
-_SINGULAR = 1e-10
+SINGULAR = 1e-10
+"""A change that brings the joined flexibility this near to singular, relative to its terms, has no figure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ class ModalTerms:
         alone = self.start[:-1][sizes == 1]
         W = np.einsum("ck,fck->fk", alpha[:, alone], Sv[:, :, alone])
         pivot = Z[:, alone] + W
-        regular = np.all(abs(pivot) > _SINGULAR * (abs(Z[:, alone]) + abs(W)), axis=0)
+        regular = np.all(abs(pivot) > SINGULAR * (abs(Z[:, alone]) + abs(W)), axis=0)
         number = self.which[sizes == 1]
         known[number[~regular]] = False
         good = alone[regular]
@@ -109,7 +109,7 @@ class ModalTerms:
             own = slice(self.start[k], self.start[k + 1])
             W = alpha[:, own].T @ Sv[:, :, own]
             pivots = W + Z[:, :, None][:, own] * np.eye(sizes[k])
-            if np.linalg.cond(pivots).max() * _SINGULAR > 1:
+            if np.linalg.cond(pivots).max() * SINGULAR > 1:
                 known[self.which[k]] = False
             else:
                 dH[part, :, :, self.which[k]] = P[:, :, own] @ np.linalg.solve(pivots, Q[:, :, own].transpose(0, 2, 1))

@@ -130,17 +130,18 @@ def resonant(sub: Substructure, error: ResonanceError) -> MatrixError:
     )
 
 
-def modal_weights(sub: Substructure, omega: Real) -> Complex:
-    """Amplitudes of the modes of a body under unit modal forces (f, m).
+def modal_weights(sub: Substructure, omega: Real, columns: NDArray[np.int64] | None = None) -> Complex:
+    """Amplitudes of the modes of a body under unit modal forces (f, m), or of some that nothing couples (f, k).
 
     Raises
     ------
     ResonanceError
         If a frequency hits a mode without damping.
     """
-    m, k = _diagonal(sub.M), _diagonal(sub.K)
-    d = _diagonal(sub.D) if sub.D is not None else np.zeros(sub.m)
-    g = _diagonal(sub.loss) if sub.loss is not None else np.zeros(sub.m)
+    own = slice(None) if columns is None else columns
+    m, k = _diagonal(sub.M)[own], _diagonal(sub.K)[own]
+    d = _diagonal(sub.D)[own] if sub.D is not None else np.zeros(m.size)
+    g = _diagonal(sub.loss)[own] if sub.loss is not None else np.zeros(m.size)
     w = omega[:, None]
     Z = (k - w**2 * m) + 1j * (g + w * d)
     if (Z == 0).any():

@@ -98,7 +98,7 @@ def keep_directions_bound(component: DirectedComponent, channels: ModalChannels,
         If a mode has no damping.
     """
     room, spent = limit * elastic_norm(channels), 0.0
-    steps = [_Steps(members, component, channels) for members in _clusters(component.Q)]
+    steps = [_Steps(members, component, channels) for members in _clusters(component)]
     while True:
         price, index, there = min(
             ((cost / saved, k, to) for k, each in enumerate(steps) for to, cost, saved in each.open(room - spent)),
@@ -147,9 +147,10 @@ class _Steps:
         return cost
 
 
-def _clusters(Q: Array) -> list[Columns]:
-    """Candidates that are combinations of the same modes."""
-    count, number = connected_components(abs(Q).T @ abs(Q) > 0, directed=False)
+def _clusters(component: DirectedComponent) -> list[Columns]:
+    """Candidates that are combinations of the same modes, or stay or go together."""
+    Q, tie = abs(component.Q), component.tie
+    count, number = connected_components((Q.T @ Q > 0) | (tie[:, None] == tie), directed=False)
     return [np.flatnonzero(number == k) for k in range(count)]
 
 

@@ -9,7 +9,10 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from cmsreduce.balance.cluster_error import ClusterError
+from cmsreduce.balance.nested_directions import interchangeable, nested_directions
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.graded import weighted_singular_values
 from cmsreduce.linalg.gramians import Band, controllability, observability
 from cmsreduce.model import ModalChannels, ModalComponent
 
@@ -31,20 +34,28 @@ class Directions:
     ----------
     Q : (e, e) float64
         Columns; orthogonal. Those of a cluster stand in the columns of its modes, most important first.
-    gain : (e,) float64
-        Singular value of each: its share of the cluster's inputs and outputs, between 0 and sqrt(2); sqrt(2) for a mode
-        by itself.
+    error : (e,) float64
+        What is lost of a cluster that keeps each direction and those before it, relative to its H2 norm; 0 for a mode
+        by itself and for the last direction of a cluster.
+    alike : (e,) bool
+        Whether a direction and the one before it may be turned in their plane at no cost: any two others would do.
     cluster : (e,) int64
         Cluster of each column.
     """
 
     Q: Array
-    gain: Array
+    error: Array
+    alike: NDArray[np.bool_]
     cluster: NDArray[np.int64]
 
 
-def cluster_directions(channels: ModalChannels, cluster: NDArray[np.int64], band: Band | None = None) -> Directions:
-    """Rotate the shapes of each cluster to where its inputs act and its outputs look.
+def cluster_directions(
+    channels: ModalChannels,
+    cluster: NDArray[np.int64],
+    band: Band | None = None,
+    importance: NDArray[np.float64] | None = None,
+) -> Directions:
+    """Rotate the shapes of each cluster to where its inputs act and its outputs look, and least of it is lost.
 
     Parameters
     ----------
@@ -54,32 +65,41 @@ def cluster_directions(channels: ModalChannels, cluster: NDArray[np.int64], band
         From `cmsreduce.balance.clusters`; a cluster of one is left as it is.
     band : (float, float), optional
         Limits of the Gramians in rad/s.
+    importance : (e,) float64, optional
+        Coefficients of the modes. The first k directions of a cluster lose no more of it, for every k, than the k modes
+        of the largest coefficients; without them, those of the largest H2 norms.
 
     Returns
     -------
     Directions
 
+    Raises
+    ------
+    DampingError
+        If a mode has no damping.
+
     Notes
     -----
-    For modes of one frequency these are the left singular vectors of the cluster's input and output rows side by side,
-    [B / |B|, C^T / |C|], C = [C1; w C2] (Williams and Gawronski group modes so). Frequencies that differ by a share of
-    the half-power width are less alike than their rows: each product of two rows is therefore weighed by the
-    correlation that the Gramians leave of it, so that modes apart are not mixed. Displacements are never mixed with
-    rates: the mean of the Gramians' blocks of either is taken.
+    The search of `nested_directions` starts at the singular vectors of the cluster's input and output rows, side by
+    side, and of either by themselves (Williams and Gawronski group modes so), which are best where next to nothing is
+    lost. For modes of one frequency these are the left singular vectors of [B / |B|, C^T / |C|], C = [C1; w C2].
+    Frequencies that differ by a share of the half-power width are less alike than their rows: each product of two rows
+    is therefore weighed by the correlation that the Gramians leave of it, so that modes apart are not mixed.
+    Displacements are never mixed with rates: the sum of the Gramians' blocks of either is taken.
     """
     W, V, e = controllability(channels, band), observability(channels, band), channels.count
-    Q, gain = np.eye(e), np.full(e, np.sqrt(2.0))
+    Q, left, alike = np.eye(e), np.zeros(e), np.zeros(e, dtype=np.bool_)
     for number in np.flatnonzero(np.bincount(cluster) > 1):
         members = np.flatnonzero(cluster == number)
-        total = np.zeros((members.size, members.size))
-        for G in (W, V):
-            mean = G[np.ix_(members, members)] + G[np.ix_(e + members, e + members)]
-            trace = np.trace(mean)
-            total += mean / trace if trace > 0 else 0.0
-        power, vectors = la.eigh(total)
-        Q[np.ix_(members, members)] = vectors[:, ::-1]
-        gain[members] = np.sqrt(np.maximum(power[::-1], 0.0))
-    return Directions(Q, gain, cluster)
+        error = ClusterError(channels.only(members), band)
+        sides = [G[np.ix_(members, members)] + G[np.ix_(e + members, e + members)] for G in (W, V)]
+        sides = [side / np.trace(side) if np.trace(side) > 0 else side for side in sides]
+        orders = [la.eigh(total)[1][:, ::-1] for total in (sides[0] + sides[1], *sides)]
+        own = sides[0].diagonal() * sides[1].diagonal() if importance is None else importance[members]
+        directions, errors = nested_directions(error, np.argsort(-own, kind="stable"), orders)
+        Q[np.ix_(members, members)], left[members] = directions, [*errors[1:-1], 0.0]
+        alike[members[1:]] = interchangeable(error, directions)
+    return Directions(Q, left, alike, cluster)
 
 
 def keep_directions(
@@ -118,9 +138,8 @@ def keep_directions(
             f"{component.elastic_count} elastic modes"
         )
     w, d = component.omega[e], 2 * component.zeta[e] * component.omega[e]
-    squared, X = la.eigh(Q.T @ (w[:, None] ** 2 * Q)) if Q.shape[1] else (np.zeros(0), np.zeros((0, 0)))
+    omega, X = weighted_singular_values(w, Q)
     Y = Q @ X
-    omega = np.sqrt(squared)
     like = abs(Y).argmax(axis=0) if Y.size else np.zeros(0, dtype=np.int64)
     # A mode that is kept as it was keeps its sign, too.
     Y = Y * np.sign(Y[like, np.arange(like.size)])

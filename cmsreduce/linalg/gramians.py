@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DampingError
 from cmsreduce.model import ModalChannels
 
-__all__ = ["Band", "check_damped", "controllability", "observability", "state_space"]
+__all__ = ["Band", "band_shares", "check_damped", "controllability", "observability", "state_space"]
 
 Array = NDArray[np.float64]
 Band = tuple[float, float]
@@ -98,7 +98,7 @@ def controllability(channels: ModalChannels, band: Band | None = None) -> Array:
     beta = (channels.B @ channels.B.T) / pair.delta
     upper = beta * pair.wi * pair.D
     W = np.block([[beta * pair.wi * pair.wj * pair.s, upper], [upper.T, beta * pair.E]])
-    return W if band is None else _limited(W, _limits(channels, band))
+    return W if band is None else _limited(W, band_shares(channels.omega, channels.zeta, band))
 
 
 def observability(channels: ModalChannels, band: Band | None = None, *, summed: bool = False) -> Array:
@@ -137,7 +137,7 @@ def observability(channels: ModalChannels, band: Band | None = None, *, summed: 
     V = np.block([[first, upper], [upper.T, last]])
     if band is None:
         return V
-    s11, s12, s21, s22 = _limits(channels, band)
+    s11, s12, s21, s22 = band_shares(channels.omega, channels.zeta, band)
     return _limited(V, (s11, s21, s12, s22))
 
 
@@ -164,17 +164,29 @@ class _Pairs:
         return cls(wi, wj, di, dj, s, D, E, D**2 + s * E)
 
 
-def _limits(channels: ModalChannels, band: Band) -> tuple[Array, Array, Array, Array]:
-    """Diagonals of the blocks of S = (1 / 2 pi) int (j v - A)^-1 dv over the band and its negative (e,) each."""
-    low, high = (_integral(channels, end) for end in band)
+def band_shares(omega: Array, zeta: Array, band: Band) -> tuple[Array, Array, Array, Array]:
+    """Diagonals of the blocks of S = (1 / 2 pi) int (j v - A)^-1 dv over a band and its negative.
+
+    Parameters
+    ----------
+    omega, zeta : (..., e) float64
+        Frequencies in rad/s and damping ratios.
+    band : (float, float)
+        In rad/s.
+
+    Returns
+    -------
+    s11, s12, s21, s22 : (..., e) float64
+        S W + W S^T is the part of a Gramian W that the band makes.
+    """
+    low, high = (_integral(omega, zeta, end) for end in band)
     return tuple(b - a for a, b in zip(low, high, strict=True))  # type: ignore[return-value]
 
 
-def _integral(channels: ModalChannels, end: float) -> tuple[Array, Array, Array, Array]:
+def _integral(w: Array, zeta: Array, end: float) -> tuple[Array, Array, Array, Array]:
     """The same from -end to end: a I + b A_i for each mode, of its two eigenvalues' arctan(end / -lambda) / pi."""
-    w, zeta = channels.omega, channels.zeta
     if np.isinf(end):
-        return np.full(w.size, 0.5), np.zeros(w.size), np.zeros(w.size), np.full(w.size, 0.5)
+        return np.full(w.shape, 0.5), np.zeros(w.shape), np.zeros(w.shape), np.full(w.shape, 0.5)
     # Half the distance of the eigenvalues: along the imaginary axis below critical damping, the real one above.
     apart = w * np.sqrt(abs(1 - zeta**2))
     under = zeta < 1

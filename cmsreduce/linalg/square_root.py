@@ -9,6 +9,8 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.sparse.linalg import svds
 
+from cmsreduce.linalg.singular_values import singular_values
+
 __all__ = ["Balancing", "balancing", "hankel_norm", "hankel_singular_values", "semidefinite_root"]
 
 Array = NDArray[np.float64]
@@ -67,7 +69,7 @@ def hankel_singular_values(Lc: NDArray[np.float64], Lo: NDArray[np.float64]) -> 
     """
     values = np.zeros(Lc.shape[0])
     if Lc.shape[1] and Lo.shape[1]:
-        found = la.svdvals(Lo.T @ Lc)
+        found = singular_values(Lo.T @ Lc)
         values[: found.size] = found
     return values
 

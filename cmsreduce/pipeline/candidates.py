@@ -181,7 +181,7 @@ def _gram(trial: _Trial, selection: Selection, changes: Sequence[Change]) -> NDA
     gram = np.zeros((1 + len(changes), 1 + len(changes)))
     for part in frequency_blocks(coarse.size, 2 * 16 * trial.channel.size * len(gram)):
         at = coarse[part]
-        H, dH, known = _effects(trial.response, selection, changes, at)
+        H, dH, known = trial.response.effects(selection, changes, at)
         for k in map(int, np.flatnonzero(~known)):
             body, columns = changes[k]
             changed = {**selection, body: np.setxor1d(selection[body], columns)}
@@ -191,16 +191,6 @@ def _gram(trial: _Trial, selection: Selection, changes: Sequence[Change]) -> NDA
         real, imaginary = np.ascontiguousarray(rows.real), np.ascontiguousarray(rows.imag)
         gram += real.T @ real + imaginary.T @ imaginary
     return gram
-
-
-def _effects(
-    response: ModalReceptance, selection: Selection, changes: Sequence[Change], at: NDArray[np.int64]
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.bool_]]:
-    """Response at some frequencies, what each change adds to it, and of which changes that is known."""
-    if not all(response.is_coupled(body) for body, _ in changes):
-        return response.effects(selection, changes, at)
-    H = response.response(selection, at)
-    return H, np.full((*H.shape, len(changes)), np.nan + 0j), np.zeros(len(changes), dtype=bool)
 
 
 def _trapezoid(omega: NDArray[np.float64]) -> NDArray[np.float64]:

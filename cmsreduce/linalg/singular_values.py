@@ -1,0 +1,152 @@
+"""Singular values of large dense matrices, without vectors, in products of matrices instead of matrix and vector."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+from scipy.linalg import cython_lapack
+
+from cmsreduce.errors import MatrixError
+
+__all__ = ["singular_values"]
+
+Array = NDArray[np.float64]
+
+# From this size on a matrix no longer fits a cache, and what LAPACK takes one column at a time waits for memory.
+_LARGE = 1500
+# Bandwidth in between: wider bands are quicker to reach and slower to leave.
+_BAND = 64
+# Rows of the matrix that are updated at a time, for the sake of memory.
+_ROWS = 1024
+
+
+def singular_values(A: NDArray[np.float64]) -> Array:
+    """Singular values of a matrix, largest first, to a few roundings of the largest.
+
+    Rows and columns are put in order of their size first: in a matrix that is graded, as products of square-root
+    factors are, small values then keep digits of their own. A large matrix is brought to a band by blocks of
+    Householder reflections, the band to two diagonals by rotations, and these to their values by differences of
+    quotients.
+
+    Parameters
+    ----------
+    A : (p, q) float64
+
+    Returns
+    -------
+    (min(p, q),) float64
+
+    Raises
+    ------
+    MatrixError
+        If the iteration of the last step does not end.
+
+    Notes
+    -----
+    Source: Grosser and Lang (1999) for the two steps, LAPACK's DGBBRD and DLASQ1 for the second and the last.
+    """
+    p, q = A.shape
+    rows, columns = (np.argsort(-np.linalg.norm(A, axis=axis), kind="stable") for axis in (1, 0))
+    if min(p, q) < _LARGE or not _available():
+        return np.asarray(la.svdvals(A[np.ix_(rows, columns)]))
+    square = np.zeros((max(p, q), max(p, q)))
+    square[:p, :q] = A[np.ix_(rows, columns)]
+    return _band_values(_banded(square))[: min(p, q)]
+
+
+def _banded(A: Array) -> Array:
+    """Upper band of a square matrix with the same singular values, as LAPACK stores it (b + 1, n); A is used up."""
+    n = A.shape[0]
+    band = np.zeros((_BAND + 1, n), order="F")
+    product = np.empty((_ROWS, n))
+    for k in range(0, n, _BAND):
+        c = min(_BAND, n - k)
+        V, T, R = _reflections(A[k:, k : k + c])
+        rest = A[k:, k + c :]
+        # The rows of this block after the reflections from the left, and the band's after those from the right.
+        Y = (rest.T @ V) @ T
+        W, S, L = _reflections((rest[:c] - V[:c] @ Y.T).T)
+        strip = np.hstack([np.triu(R[:c]), np.tril(L[:c].T)])
+        for offset in range(min(_BAND, strip.shape[1] - 1) + 1):
+            diagonal = strip.diagonal(offset)
+            band[_BAND - offset, k + offset : k + offset + diagonal.size] = diagonal
+        # Both at once, since the matrix is too large to be read twice.
+        Z = (rest[c:] @ W - V[c:] @ (Y.T @ W)) @ S
+        left, right = np.hstack([V[c:], Z]), np.ascontiguousarray(np.hstack([Y, W]).T)
+        for first in range(0, left.shape[0], _ROWS):
+            rows = left[first : first + _ROWS]
+            change = np.matmul(rows, right, out=product[: rows.shape[0], : right.shape[1]])
+            rest[c + first : c + first + rows.shape[0]] -= change
+    return band
+
+
+def _reflections(X: Array) -> tuple[Array, Array, Array]:
+    """V, T, R of X = (I - V T V^T) R, for a block of columns (m, c): V (m, k), T (k, k), k = min(m, c)."""
+    if 0 in X.shape:
+        none = np.zeros((X.shape[0], 0))
+        return none, np.zeros((0, 0)), np.zeros(X.shape)
+    found: Any = la.qr(X, mode="raw", check_finite=False)
+    (H, tau), R = found
+    k = tau.size
+    V = np.tril(H[:, :k], -1)
+    np.fill_diagonal(V, 1.0)
+    overlap, T = V.T @ V, np.zeros((k, k))
+    for j in range(k):
+        T[:j, j] = -tau[j] * (T[:j, :j] @ overlap[:j, j])
+        T[j, j] = tau[j]
+    return V, T, R
+
+
+def _band_values(band: Array) -> Array:
+    """Singular values of an upper band matrix (b + 1, n), which is used up."""
+    n, width = band.shape[1], band.shape[0] - 1
+    d, e, none = np.zeros(n), np.zeros(n), np.zeros(1)
+    info = _call(
+        "dgbbrd", b"N", n, n, 0, 0, width, band, width + 1, d, e, none, 1, none, 1, none, 1, np.zeros(2 * n)
+    ) or _call("dlasq1", n, d, e, np.zeros(4 * n))
+    if info:
+        raise MatrixError(f"the singular values of a matrix of size {n} did not converge (LAPACK: {info})")
+    return d
+
+
+def _call(name: str, *arguments: bytes | int | Array) -> int:
+    """Call a routine of LAPACK with its arguments in order, and return its last one, INFO."""
+    info = ctypes.c_int(0)
+    held = [
+        ctypes.c_char(each) if isinstance(each, bytes) else ctypes.c_int(each) if isinstance(each, int) else each
+        for each in arguments
+    ]
+    where = [each.ctypes.data if isinstance(each, np.ndarray) else ctypes.addressof(each) for each in held]
+    _routine(name, len(held) + 1)(*where, ctypes.addressof(info))
+    return info.value
+
+
+@cache
+def _routine(name: str, count: int) -> Callable[..., None]:
+    """A routine that scipy links and lends to compiled code, but has no function for."""
+    capsule, pointer = _lent()[name], ctypes.pythonapi.PyCapsule_GetPointer
+    pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * count)(pointer(capsule, _signature(capsule)))
+
+
+def _signature(capsule: object) -> bytes:
+    name = ctypes.pythonapi.PyCapsule_GetName
+    name.restype, name.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    return bytes(name(capsule))
+
+
+def _lent() -> Mapping[str, object]:
+    return getattr(cython_lapack, "__pyx_capi__", {})
+
+
+@cache
+def _available() -> bool:
+    """Whether scipy lends both routines, with integers of the size that is assumed here."""
+    lent = _lent()
+    return all(name in lent and b"int *" in _signature(lent[name]) for name in ("dgbbrd", "dlasq1"))

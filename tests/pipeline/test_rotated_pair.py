@@ -1,0 +1,105 @@
+"""A pair of close modes that nearly cancel, in a pipeline: what is reported of its direction is what it does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.balance import DirectedComponent
+from cmsreduce.config import load_pipeline
+from cmsreduce.model import Damping
+from cmsreduce.pipeline import Run
+from tests.frames import frame
+from tests.pipeline.study import Log, write_body
+
+# Two whips from one root, of lengths that differ by half a thousandth: frequencies a thousandth apart in each plane.
+FORK = """\
+name: fork
+output: {output}
+components:
+  fork:
+    stiffness: {{file: fork.op4, matrix: KAA}}
+    mass: {{file: fork.op4, matrix: MAA}}
+    geometry: fork.bdf
+    interfaces: {{root: {{node: 1}}}}
+    damping: {{modal: 0.005}}
+  base:
+    rigid: {{mass: 2000.0, cg: [0, 0, 0], inertia: [200, 200, 300, 0, 0, 0]}}
+    interfaces: {{face: {{position: [0, 0, 0]}}}}
+scene:
+  band: 8 Hz
+  joints: {{weld: {{connect: [base.face, fork.root]}}}}
+  actuators: {{shaker: {{at: base.cg, force: [0, 0, 1]}}}}
+  sensors: {{split: {{rows: {{fork.2.z: 1.0, fork.3.z: -0.9}}, rate: true}}}}
+reduce: {{method: craig-bampton, cutoff: 1}}
+balance: {{keep: all}}
+verify: {{frf: {{points: 60}}}}
+"""
+
+
+@pytest.fixture(scope="module")
+def fork(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Run]:
+    folder = tmp_path_factory.mktemp("fork")
+    body = frame(
+        "fork",
+        [[0, 0, 0], [1.5, 0, 0], [-1.50075, 0, 0]],
+        [(1, 2), (1, 3)],
+        {"root": 1},
+        damping=Damping(modal=0.005),
+    )
+    # A root so heavy that both whips are as if clamped.
+    heavy = np.zeros(body.n)
+    heavy[:6] = 1e4
+    write_body(folder, replace(body, M=sp.csc_array(body.M + sp.diags_array(heavy))))
+    path = folder / "fork.yaml"
+    path.write_text(FORK.format(output=folder / "out"))
+
+    def make(balance: str) -> Run:
+        return Run(load_pipeline(path, [f"balance={balance}"]), folder / "out", Log())
+
+    return make
+
+
+def measured(run: Run, whole: Run, bare: Run) -> float:
+    """The frf_error of one input and one output, by a grid of its own; the bare model is the rigid part."""
+    w = 2 * np.pi * np.unique(np.concatenate([np.linspace(0.01, 8, 2000), np.linspace(6.1, 6.6, 8000)]))
+    (configuration,) = whole.scene.configurations
+    H, kept, rigid = (each.model.assembled.response(configuration, w)[:, 0, 0] for each in (whole, run, bare))
+    return float(np.sqrt(np.trapezoid(abs(H - kept) ** 2, w) / np.trapezoid(abs(H - rigid) ** 2, w)))
+
+
+@pytest.mark.parametrize(
+    ("keep", "modes"),
+    [
+        ("{modes: 1}", 1),
+        # One direction would do for 1.3, none for 1.1, and anything less takes both.
+        ("{frf_error: 1.1}", 0),
+        ("{frf_error: 0.9}", 2),
+    ],
+)
+def test_the_error_that_is_reported_is_the_one_that_is_measured(
+    fork: Callable[[str], Run], keep: str, modes: int
+) -> None:
+    whole, bare = fork("{keep: all}"), fork("{keep: {modes: 0}}")
+    run = fork(f"{{keep: {keep}, clusters: {{rotate: true}}}}")
+    assert isinstance(run.ranked["fork"], DirectedComponent)
+    assert run.selection["fork"].size == modes
+    (result,) = run.verified.configurations
+    reported = result.errors["reduced"].frf_error
+    # All modes themselves miss 2.7e-4 of the body in its matrices.
+    assert reported == pytest.approx(measured(run, whole, bare), rel=5e-3, abs=5e-4)
+    if run.choice.search is not None:
+        assert run.choice.search.frf_error == pytest.approx(reported, rel=1e-2, abs=1e-5)
+
+
+def test_one_direction_errs_less_than_one_mode(fork: Callable[[str], Run]) -> None:
+    """Between all inputs and outputs of the body a direction beats nothing; for one sensor that need not be so."""
+    runs = [fork(f"{{keep: {{modes: 1}}, clusters: {{rotate: {turn}}}}}") for turn in ("true", "false")]
+    turned, plain = (run.comparison.candidate_error(run.model) for run in runs)
+    assert 4 * turned < plain
+    found = runs[0].ranked["fork"]
+    assert isinstance(found, DirectedComponent) and 0.5 < found.left.max() < 0.7
