@@ -12,8 +12,9 @@ from cmsreduce.balance.gregory import Gregory
 from cmsreduce.balance.hankel import Hankel, balanced, hankel_values
 from cmsreduce.balance.judge import Effects, Judge
 from cmsreduce.balance.modal_gain import ModalGain, PeakAmplitude, modal_gains
+from cmsreduce.balance.physical_states import PhysicalStates, choose_coordinates, physical_states
 from cmsreduce.balance.ranking import CLOSE, GramianRanking, Ranking, mode_spacing
-from cmsreduce.balance.scaling import Turning, characteristic_length, scaled, turning_rows
+from cmsreduce.balance.scaling import Sized, Turning, characteristic_length, scaled, sized, turning_rows
 from cmsreduce.balance.search import Found, keep_error
 from cmsreduce.balance.truncation import Selection, keep_all, keep_fraction, keep_modes, keep_total, whole_groups
 from cmsreduce.balance.weighting import BandPass, LowPass, TransferFunction, Weighting
@@ -36,14 +37,17 @@ __all__ = [
     "LowPass",
     "ModalGain",
     "PeakAmplitude",
+    "PhysicalStates",
     "Ranking",
     "Selection",
+    "Sized",
     "TransferFunction",
     "Turning",
     "Weighting",
     "balanced",
     "balanced_bound",
     "characteristic_length",
+    "choose_coordinates",
     "cluster_directions",
     "cluster_groups",
     "component_costs",
@@ -65,7 +69,9 @@ __all__ = [
     "modal_gains",
     "mode_bounds",
     "mode_spacing",
+    "physical_states",
     "scaled",
+    "sized",
     "turning_rows",
     "whole_groups",
     "with_rankings",

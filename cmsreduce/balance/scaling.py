@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel, ModalChannels, rigid_body_shapes
 
-__all__ = ["Turning", "characteristic_length", "scaled", "turning_rows"]
+__all__ = ["Sized", "Turning", "characteristic_length", "scaled", "sized", "turning_rows"]
 
 # A row of direction cosines that cancel leaves this share of its parts.
 _NO_MOTION = 1e-6
+# Directions of unit length that span less than this beyond others are taken for the same.
+_SAME = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +31,22 @@ class Turning:
     inputs: NDArray[np.bool_]
     displacements: NDArray[np.bool_]
     rates: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Sized:
+    """Channels that the user gave a size, among the inputs or the outputs of a body.
+
+    Parameters
+    ----------
+    among : (k, c) float64
+        Each of them as a combination of the body's c inputs, or of its c outputs.
+    modal : (k, e) float64
+        What each does to the body's elastic modes: its force at its size, or the motion it measures in sizes.
+    """
+
+    among: NDArray[np.float64]
+    modal: NDArray[np.float64]
 
 
 def characteristic_length(body: FEModel) -> float:
@@ -119,3 +137,45 @@ def scaled(channels: ModalChannels, turning: Turning, length: float) -> ModalCha
         C1=channels.C1 * factor(turning.displacements)[:, None],
         C2=channels.C2 * factor(turning.rates)[:, None],
     )
+
+
+def sized(
+    channels: ModalChannels, inputs: Sized, displacements: Sized, rates: Sized, turning: Turning, length: float
+) -> ModalChannels:
+    """Scale rotations at an arm, and let the channels that have a size count by that alone.
+
+    Parameters
+    ----------
+    channels : ModalChannels
+        A body's modes between its inputs and outputs.
+    inputs, displacements, rates : Sized
+        Channels of the scene that have a size.
+    turning : Turning
+        Which of the body's inputs and outputs are rotations.
+    length : float
+        The arm, in the unit of length of the channels; 1 for none.
+
+    Returns
+    -------
+    ModalChannels
+        The direction in which a sized channel acts, or looks, is taken out of what the body's inputs or outputs stand
+        for, and the channel at its size put beside them: whatever else happens there counts as before.
+    """
+    plain = scaled(channels, turning, length)
+    return replace(
+        plain,
+        B=_with_sizes(plain.B.T, inputs, turning.inputs, length).T,
+        C1=_with_sizes(plain.C1, displacements, turning.displacements, length),
+        C2=_with_sizes(plain.C2, rates, turning.rates, length),
+    )
+
+
+def _with_sizes(rows: NDArray[np.float64], own: Sized, turns: NDArray[np.bool_], length: float) -> NDArray[np.float64]:
+    if not own.among.shape[0]:
+        return rows
+    # In scaled rows a rotation is as many times smaller as the row is larger: so no unit of length decides.
+    along = own.among / np.where(turns, length, 1.0)
+    size = np.linalg.norm(along, axis=1)
+    U, s, _ = np.linalg.svd((along[size > 0] / size[size > 0, None]).T, full_matrices=False)
+    Q = U[:, s > _SAME]
+    return np.vstack([rows - Q @ (Q.T @ rows), own.modal])

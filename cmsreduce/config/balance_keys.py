@@ -17,8 +17,8 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from cmsreduce.config.keys import Count, Keys, Name, Positive
-from cmsreduce.config.ranking_options import ClusterKeys, Scaling, WeightingKeys
+from cmsreduce.config.keys import Count, Flag, Keys, Name, Positive
+from cmsreduce.config.ranking_options import ClusterKeys, ScalingKeys, WeightingKeys
 
 __all__ = ["BalanceKeys", "KeepKeys", "RankingKeys"]
 
@@ -145,11 +145,11 @@ class RankingKeys(Keys):
         "frequency or by system-cost takes no notice.",
         examples=["band"],
     )
-    scaling: Scaling = Field(
-        default="auto",
-        description="Arm at which rotations count as arcs and moments as forces, so that the unit of length does not "
-        "decide: auto for the body's radius of gyration, a length, or none to take radians beside the scene's unit.",
-        examples=["auto"],
+    scaling: ScalingKeys = Field(
+        default=ScalingKeys(),
+        description="What counts as one: an arm for rotations, and where wanted the size of each actuator's effort and "
+        "of each sensor's motion.",
+        examples=["auto", {"inputs": {"motor": "2 Nm"}, "outputs": {"gyro": "10 arcsec"}}],
     )
     clusters: ClusterKeys = Field(
         default=ClusterKeys(),
@@ -170,3 +170,20 @@ class RankingKeys(Keys):
 
 class BalanceKeys(RankingKeys):
     """Rank the modes by their influence in the scene, and keep those that matter."""
+
+    sensitivity: Flag = Field(
+        default=False,
+        description="Also choose with the bodies' damping times 0.2 and 5, and without each sensor, and mark the modes "
+        "on the edge: those that some of these cases keep and the run does not, or the reverse. With frf_error each "
+        "case is a search of its own.",
+        examples=[True],
+    )
+
+    @model_validator(mode="after")
+    def _compares_modes(self) -> BalanceKeys:
+        if self.sensitivity and self.clusters.rotate:
+            raise ValueError(
+                "sensitivity compares sets of modes, but the directions of rotated clusters are others with every "
+                "damping: take `rotate` or `sensitivity` out"
+            )
+        return self

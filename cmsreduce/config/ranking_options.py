@@ -6,11 +6,12 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, PlainSerializer, Strict, WithJsonSchema, model_validator
 
-from cmsreduce.config.keys import Flag, Frequency, Keys, Number, exactly_one, reported
+from cmsreduce.config.channel_sizes import ChannelSize
+from cmsreduce.config.keys import Flag, Frequency, Keys, Number, Plain, exactly_one, reported
 from cmsreduce.config.quantities import Quantity, parse_quantity
 from cmsreduce.config.scene_keys import Band
 
-__all__ = ["ClusterKeys", "ClusterLimit", "Scaling", "WeightingKeys"]
+__all__ = ["Arm", "ClusterKeys", "ClusterLimit", "ScalingKeys", "WeightingKeys"]
 
 
 class WeightingKeys(Keys):
@@ -59,7 +60,7 @@ class WeightingKeys(Keys):
         return self
 
 
-def _parse_scaling(value: object) -> object:
+def _parse_arm(value: object) -> object:
     if value in ("auto", "none"):
         return value
     length = parse_quantity(value)
@@ -72,13 +73,47 @@ def _plainly(value: Quantity | str) -> str | float:
     return value if isinstance(value, str) else str(value) if value.unit else value.value
 
 
-Scaling = Annotated[
+Arm = Annotated[
     Quantity | Literal["auto", "none"],
-    BeforeValidator(reported(_parse_scaling)),
+    BeforeValidator(reported(_parse_arm)),
     PlainSerializer(_plainly),
     WithJsonSchema({"anyOf": [{"enum": ["auto", "none"]}, {"type": "number"}, {"type": "string"}]}),
 ]
 """Arm at which angles count as displacements: a length, the body's own, or none."""
+
+
+class ScalingKeys(Keys):
+    """What counts as one in a ranking; a length, auto or none alone stands for the first key."""
+
+    short_schema: ClassVar[tuple[dict[str, Any], ...]] = (
+        {"enum": ["auto", "none"]},
+        {"type": "number", "exclusiveMinimum": 0},
+        {"type": "string"},
+    )
+
+    length: Arm = Field(
+        default="auto",
+        description="Arm at which rotations count as arcs and moments as forces, so that the unit of length does not "
+        "decide: auto for the body's radius of gyration, a length, or none to take radians beside the scene's unit.",
+        examples=["auto", "300 mm"],
+    )
+    inputs: dict[Plain, ChannelSize] = Field(
+        default={},
+        description="Effort of an actuator that counts as one, such as the largest it can give. A number alone is in "
+        "the scene's units. What an actuator has no size for counts as `length` has it.",
+        examples=[{"motor": "2 Nm"}],
+    )
+    outputs: dict[Plain, ChannelSize] = Field(
+        default={},
+        description="Motion of a sensor that counts as one, such as the largest that may be wrong; SENSOR for all it "
+        "measures, or SENSOR.DOF for one of them. A number alone is in the scene's units, radians, per second.",
+        examples=[{"gyro": "10 arcsec"}],
+    )
+
+    @classmethod
+    def written_out(cls, value: object) -> object:
+        """A length, auto or none is short for a scaling without sizes."""
+        return value if isinstance(value, (dict, Keys)) else {"length": value}
 
 
 def _parse_limit(value: object) -> object:

@@ -5,33 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import product
-from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cmsreduce.config.channels import ActuatorKeys, SensorKeys, parse_row
 from cmsreduce.config.consistency import findings
 from cmsreduce.config.grammar import Pipeline
-from cmsreduce.config.joint_motion import free_dof, free_dof_named, setting
+from cmsreduce.config.joint_motion import free_dof_named, setting
 from cmsreduce.config.keys import parse_point
 from cmsreduce.config.quantities import Quantity
+from cmsreduce.config.scene_channels import actuator_channel, sensor_channels
 from cmsreduce.errors import SceneError
 from cmsreduce.model.scene import (
-    Channel,
     Configuration,
     Joint,
-    JointTerm,
-    PointTerm,
     Scene,
-    StrutTerm,
     dof_index,
 )
 
 __all__ = ["build_scene"]
 
 _FIRST_ROTATION = 3
-_Quantity = Literal["translation", "rotation", "combination"]
 
 
 def build_scene(pipeline: Pipeline) -> Scene:
@@ -61,8 +52,10 @@ def build_scene(pipeline: Pipeline) -> Scene:
         band=keys.band,
         joints=tuple(_joints(pipeline)),
         configurations=tuple(_configurations(pipeline)),
-        actuators=tuple(_actuator(pipeline, name, actuator) for name, actuator in keys.actuators.items()),
-        sensors=tuple(channel for name, sensor in keys.sensors.items() for channel in _sensor(pipeline, name, sensor)),
+        actuators=tuple(actuator_channel(pipeline, name, actuator) for name, actuator in keys.actuators.items()),
+        sensors=tuple(
+            channel for name, sensor in keys.sensors.items() for channel in sensor_channels(pipeline, name, sensor)
+        ),
         base=keys.base or next(iter(pipeline.components)),
         ground=tuple(parse_point(text) for text in keys.ground),
         floating=keys.floating,
@@ -112,53 +105,3 @@ def _configuration(pipeline: Pipeline, settings: dict[str, Quantity], name: str 
         # Adding zero turns -0 into 0; six digits hide the round-off of degrees.
         labels.append(f"{key}={(math.degrees(value) if dof >= _FIRST_ROTATION else value) + 0.0:.6g}")
     return Configuration(name or " ".join(labels) or "as built", angles)
-
-
-def _actuator(pipeline: Pipeline, name: str, actuator: ActuatorKeys) -> Channel:
-    if actuator.at is None:
-        return _shared_form(pipeline, name, actuator, rate=False)
-    vector = np.zeros(6)
-    quantity: _Quantity
-    if actuator.force is not None:
-        vector[:_FIRST_ROTATION], quantity = actuator.force, "translation"
-    else:
-        vector[_FIRST_ROTATION:], quantity = actuator.torque, "rotation"
-    return Channel(name, (PointTerm(parse_point(actuator.at), vector),), quantity)
-
-
-def _sensor(pipeline: Pipeline, name: str, sensor: SensorKeys) -> Iterator[Channel]:
-    """One channel for each motion measured."""
-    if sensor.at is None:
-        yield _shared_form(pipeline, name, sensor, sensor.rate)
-        return
-    point, motions = parse_point(sensor.at), sensor.measure or ()
-    for motion in motions:
-        index = dof_index(motion)
-        label = name if len(motions) == 1 else f"{name}.{motion}"
-        yield Channel(label, (PointTerm(point, _along(index)),), _kind({index}), sensor.rate)
-
-
-def _shared_form(pipeline: Pipeline, name: str, keys: ActuatorKeys | SensorKeys, rate: bool) -> Channel:
-    """Channel on a joint, between two points, or of rows: the same for actuators and sensors."""
-    if keys.joint is not None:
-        dof = free_dof(pipeline.scene, keys.joint, keys.dof)
-        return Channel(name, (JointTerm(keys.joint, dof),), _kind({dof}), rate)
-    if keys.between is not None:
-        a, b = (parse_point(text) for text in keys.between)
-        return Channel(name, (StrutTerm(a, b),), "translation", rate)
-    rows = [(*parse_row(row), weight) for row, weight in (keys.rows or {}).items()]
-    terms = tuple(PointTerm(point, _along(dof, weight)) for point, dof, weight in rows)
-    return Channel(name, terms, _kind({dof for _, dof, _ in rows}), rate)
-
-
-def _along(dof: int, weight: float = 1.0) -> NDArray[np.float64]:
-    direction = np.zeros(6)
-    direction[dof] = weight
-    return direction
-
-
-def _kind(dofs: set[int]) -> _Quantity:
-    rotations = {dof >= _FIRST_ROTATION for dof in dofs}
-    if len(rotations) > 1:
-        return "combination"
-    return "rotation" if True in rotations else "translation"

@@ -74,6 +74,16 @@ class Damping:
                 return name
         return "none"
 
+    def scaled(self, factor: float) -> Damping:
+        """The same law with so many times the damping; ``factor`` above zero."""
+        return Damping(
+            None if self.modal is None else factor * self.modal,
+            None if self.table is None else tuple((hz, factor * ratio) for hz, ratio in self.table),
+            None if self.per_mode is None else tuple(factor * ratio for ratio in self.per_mode),
+            None if self.rayleigh is None else (factor * self.rayleigh[0], factor * self.rayleigh[1]),
+            None if self.structural is None else factor * self.structural,
+        )
+
     @property
     def acts_on_modes(self) -> bool:
         """Whether the law is stated mode by mode, so that the unreduced body needs all its modes."""

@@ -3,28 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from functools import cached_property, partial
+from dataclasses import asdict, replace
+from functools import cache, cached_property, partial
+from typing import Protocol
 
 from cmsreduce.balance import DirectedComponent, Selection, keep_all
 from cmsreduce.config import ModeSetKeys, Pipeline, RankingKeys
 from cmsreduce.errors import ConfigError, DampingError, MatrixError
-from cmsreduce.model import ModalChannels, ModalComponent, Scene
+from cmsreduce.model import ModalChannels, ModalComponent, Scene, SensitivityCase, SensitivityRecord
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.candidates import system_errors
 from cmsreduce.pipeline.comparison import Comparison, ReducedModel
 from cmsreduce.pipeline.ledger import Ledger
-from cmsreduce.pipeline.mode_sets import ModeSets
-from cmsreduce.pipeline.ranked import candidates, ranked, ranking_channels
+from cmsreduce.pipeline.paths import off_every_path
+from cmsreduce.pipeline.ranked import candidates, ranked, ranking_channels, scaling_words
 from cmsreduce.pipeline.selection import Choice, choice_from, choice_to, select, truncate
+from cmsreduce.pipeline.sensitivity import Change, ChangedBodies, changed_comparison, changed_model, sensitivity
+from cmsreduce.pipeline.sized_channels import SizedRows, sized_rows
 from cmsreduce.pipeline.system_ranking import SYSTEM_COST, with_system_cost
 
 __all__ = ["Balancing"]
 
 Components = Mapping[str, ModalComponent]
 
+# Rules that say how many, and look at no error.
+_TAKEN_AS_IT_IS = ("modes", "total", "fraction")
 # Costs in a system of more modes take minutes; a search goes without them.
 _MOST_COSTED = 400
+
+
+class ModalBodies(Protocol):
+    """Where bodies in orthonormal modes come from."""
+
+    @property
+    def bodies(self) -> Mapping[str, FlexibleBody]:
+        """Flexible bodies, as read."""
+
+    def modal(self, name: str, other: ModeSetKeys | None = None) -> ModalComponent:
+        """One body in the modes of the run, or of another mode set."""
 
 
 class Balancing:
@@ -36,7 +52,7 @@ class Balancing:
         Rankings and rules.
     scene : Scene
         Inputs, outputs, configurations.
-    mode_sets : ModeSets
+    mode_sets : ModalBodies
         Gives the bodies in orthonormal modes.
     ledger : Ledger
         Keeps what is finished.
@@ -52,7 +68,7 @@ class Balancing:
         self,
         pipeline: Pipeline,
         scene: Scene,
-        mode_sets: ModeSets,
+        mode_sets: ModalBodies,
         ledger: Ledger,
         model: Callable[[Components], ReducedModel],
         comparison: Callable[[], Comparison],
@@ -93,6 +109,41 @@ class Balancing:
         )
         for note in found.notes:
             self.ledger.note(note)
+        for name, component in self.ranked.items():
+            # A search, or a bound, has looked at what fewer directions do.
+            if isinstance(component, DirectedComponent) and self.pipeline.keep_of(name).rule in _TAKEN_AS_IT_IS:
+                for note in component.notes(found.selection[name]):
+                    self.ledger.note(note)
+        return found
+
+    def scaling(self, name: str) -> str:
+        """How a body's inputs and outputs were made comparable for its ranking, in words; empty without a ranking."""
+        keys = self.pipeline.balance_of(name)
+        return "" if keys is None else scaling_words(self.bodies[name].body, keys, self.scene)
+
+    @cached_property
+    def sensitivity(self) -> SensitivityRecord | None:
+        """What the run would keep with another damping, and without each sensor; None where it is not asked for."""
+        if self.pipeline.balance is None or not self.pipeline.balance.sensitivity:
+            return None
+        found = self.ledger.once(
+            "balance",
+            "system.sensitivity",
+            self._key(),
+            lambda: sensitivity(
+                self.choice.selection, self.scene, self._changed_selection, self.ledger.progress.advance
+            ),
+            lambda record: ({}, asdict(record)),
+            lambda _, facts: SensitivityRecord(
+                _tuples(facts["chosen"]),
+                tuple(
+                    SensitivityCase(c["change"], None if c["kept"] is None else _tuples(c["kept"]), c["failure"])
+                    for c in facts["cases"]
+                ),
+            ),
+            prepare=lambda: self.choice,
+        )
+        self.ledger.note(found.note)
         return found
 
     @cached_property
@@ -111,30 +162,60 @@ class Balancing:
         """Bodies whose shapes have changed, with the coefficients of the shapes that they have now."""
         keys = {name: self.pipeline.balance_of(name) for name in components}
         found = {
-            name: component if (own := keys[name]) is None else self._by_itself(ranked, component, own)
+            name: component if (own := keys[name]) is None else self._by_itself(ranked, component, own, components)
             for name, component in components.items()
         }
         return self._in_the_system(found, keys)
 
+    def _changed_selection(self, change: Change) -> Selection:
+        """What the rules of the run choose of the same modes if one thing is otherwise."""
+        there = Balancing(
+            self.pipeline,
+            change.scene,
+            ChangedBodies(self.bodies, self.mode_sets.modal, change),
+            self.ledger,
+            lambda components: changed_model(self._model(components), components, change),
+            cache(lambda: changed_comparison(self._comparison(), change)),
+            self._key,
+        )
+        off = off_every_path(change.scene)
+        kept = there._chosen().selection
+        # A body that no response depends on any more is kept rigid, unless a number of modes is asked for.
+        rigid = {
+            name
+            for name in kept
+            if name in off and self.bodies[name].rigid.shape[1] and self.pipeline.keep_of(name).rule != "modes"
+        }
+        return {name: columns[:0] if name in rigid else columns for name, columns in kept.items()}
+
     def _ranked(
         self, keys: Mapping[str, RankingKeys | None], other: ModeSetKeys | None = None
     ) -> dict[str, ModalComponent]:
-        found = {}
-        for name, own in keys.items():
-            component = self.mode_sets.modal(name, other)
-            found[name] = component if own is None else self._by_itself(candidates, component, own)
+        modal = {name: self.mode_sets.modal(name, other) for name in keys}
+        found = {
+            name: modal[name] if own is None else self._by_itself(candidates, modal[name], own, modal)
+            for name, own in keys.items()
+        }
         return self._in_the_system(found, keys)
 
     def _by_itself(
-        self, ranking: Callable[..., ModalComponent], component: ModalComponent, keys: RankingKeys
+        self, ranking: Callable[..., ModalComponent], component: ModalComponent, keys: RankingKeys, every: Components
     ) -> ModalComponent:
-        return ranking(component, self.bodies[component.name].ports, keys, self.scene)
+        flexible = self.bodies[component.name]
+        return ranking(component, flexible.ports, keys, self.scene, self._sized(component.name, keys, every))
+
+    def _sized(self, name: str, keys: RankingKeys, every: Components) -> SizedRows | None:
+        """Channels that the user gave a size, on one body; None without any."""
+        if not (keys.scaling.inputs or keys.scaling.outputs):
+            return None
+        return sized_rows(keys.scaling, self._model(every).assembled, self.bodies[name])
 
     def _in_the_system(self, found: Components, keys: Mapping[str, RankingKeys | None]) -> dict[str, ModalComponent]:
         """Coefficients that only the assembled system can give, where they are asked for or a search follows them."""
         asked = {name: found[name] for name, own in keys.items() if own is not None and own.rank == SYSTEM_COST}
         if asked:
-            costed = with_system_cost(asked, self._model(found).assembled)
+            scaling = next(own.scaling for own in keys.values() if own is not None and own.rank == SYSTEM_COST)
+            costed = with_system_cost(asked, self._model(found).assembled, scaling)
             ranked_now = {name: replace(c, sigma=c.rankings[SYSTEM_COST]) for name, c in costed.items()}
             return {**found, **ranked_now}
         searched = {name: found[name] for name, own in keys.items() if own is not None and own.keep.rule == "frf_error"}
@@ -142,7 +223,8 @@ class Balancing:
         if not (searched and few and self.scene.actuators and self.scene.sensors):
             return dict(found)
         try:
-            return {**found, **with_system_cost(searched, self._model(found).assembled)}
+            scaling = next(own.scaling for own in keys.values() if own is not None and own.keep.rule == "frf_error")
+            return {**found, **with_system_cost(searched, self._model(found).assembled, scaling)}
         except (DampingError, MatrixError):
             # A system with structural damping, undamped modes or dampers without springs has no such coefficients.
             return dict(found)
@@ -168,7 +250,8 @@ class Balancing:
         if keys.keep.rule == "bound":
             for name, component in found.items():
                 modes = component.modes if isinstance(component, DirectedComponent) else component
-                channels[name] = ranking_channels(modes, self.bodies[name].ports, keys, self.scene)
+                rows = self._sized(name, keys, self.ranked)
+                channels[name] = ranking_channels(modes, self.bodies[name].ports, keys, self.scene, rows)
         # Bodies with a rule of their own are as that left them.
         settled = {name: self.ranked[name].truncated(columns) for name, columns in fixed.items()}
         system = partial(system_errors, {**self.ranked, **settled, **found}, self._model, self._comparison)
@@ -187,3 +270,7 @@ def _reason(body: str, keys: RankingKeys | None) -> str:
     if rule == "bound":
         return f"needed for a bound of {keys.keep.bound:g}"
     return f"among the first by {keys.rank}"
+
+
+def _tuples(numbers: Mapping[str, list[int]]) -> dict[str, tuple[int, ...]]:
+    return {name: tuple(each) for name, each in numbers.items()}

@@ -22,21 +22,27 @@ from cmsreduce.balance import (
     cluster_groups,
     directed,
     scaled,
+    sized,
     turning_rows,
     with_rankings,
 )
 from cmsreduce.config import RankingKeys
 from cmsreduce.errors import DampingError
-from cmsreduce.model import ModalChannels, ModalComponent, Scene
+from cmsreduce.model import FEModel, ModalChannels, ModalComponent, Scene
 from cmsreduce.pipeline.selection import modal_channels
+from cmsreduce.pipeline.sized_channels import SizedRows, channel_sizes, sized_in
 
-__all__ = ["candidates", "ranked", "ranking_channels"]
+__all__ = ["arm", "candidates", "ranked", "ranking_channels", "scaling_words"]
 
 # Gramians of more modes are made only for the ranking that is asked for.
 _MOST_COMPARED = 1000
+# Components of a node from 1: those beyond turn.
+_TRANSLATIONS = 3
 
 
-def ranked(component: ModalComponent, ports: Ports, keys: RankingKeys, scene: Scene) -> ModalComponent:
+def ranked(
+    component: ModalComponent, ports: Ports, keys: RankingKeys, scene: Scene, rows: SizedRows | None = None
+) -> ModalComponent:
     """Rank the elastic modes of a body, and give them their coefficients in every other ranking.
 
     Parameters
@@ -49,13 +55,15 @@ def ranked(component: ModalComponent, ports: Ports, keys: RankingKeys, scene: Sc
         Ranking, weighting, scaling, clusters.
     scene : Scene
         Its band and units.
+    rows : SizedRows, optional
+        Channels that ``keys`` give a size.
 
     Raises
     ------
     DampingError
         If the ranking needs damping and a mode has none.
     """
-    channels, weighting = ranking_channels(component, ports, keys, scene), _weighting(keys, scene)
+    channels, weighting = ranking_channels(component, ports, keys, scene, rows), _weighting(keys, scene)
     rankings, ranking = _rankings(keys)
     found = ranking.rank(component, channels, weighting)
     if channels.count > _MOST_COMPARED:
@@ -71,7 +79,9 @@ def ranked(component: ModalComponent, ports: Ports, keys: RankingKeys, scene: Sc
     return replace(found, cluster=numbered)
 
 
-def candidates(component: ModalComponent, ports: Ports, keys: RankingKeys, scene: Scene) -> ModalComponent:
+def candidates(
+    component: ModalComponent, ports: Ports, keys: RankingKeys, scene: Scene, rows: SizedRows | None = None
+) -> ModalComponent:
     """Rank what may be kept of a body: its modes, or where ``keys`` says so, the directions of its clusters.
 
     Raises
@@ -79,10 +89,10 @@ def candidates(component: ModalComponent, ports: Ports, keys: RankingKeys, scene
     DampingError
         If the ranking or the rotation needs damping and a mode has none.
     """
-    found = ranked(component, ports, keys, scene)
+    found = ranked(component, ports, keys, scene, rows)
     if not keys.clusters.rotate:
         return found
-    channels, weighting = ranking_channels(component, ports, keys, scene), _weighting(keys, scene)
+    channels, weighting = ranking_channels(component, ports, keys, scene, rows), _weighting(keys, scene)
     band = None if weighting is None else weighting.band
     rankings, ranking = _rankings(keys)
     cluster = cluster_groups(channels, keys.clusters.correlation, band)
@@ -102,23 +112,48 @@ def _clusters_only(cluster: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.array([number.get(each, 0) for each in cluster.tolist()], dtype=np.int64)
 
 
-def ranking_channels(component: ModalComponent, ports: Ports, keys: RankingKeys, scene: Scene) -> ModalChannels:
-    """A body's elastic modes between its inputs and outputs, rotations scaled against translations as asked."""
+def ranking_channels(
+    component: ModalComponent, ports: Ports, keys: RankingKeys, scene: Scene, rows: SizedRows | None = None
+) -> ModalChannels:
+    """A body's elastic modes between its inputs and outputs, scaled as asked."""
     channels = modal_channels(component, ports)
-    if keys.scaling == "none":
+    length = arm(component.body, keys, scene)
+    if length is None and rows is None:
         return channels
-    body = component.body
-    length = characteristic_length(body) if isinstance(keys.scaling, str) else keys.scaling.length_in(scene.units)
-    at_interface = body.dofs.component[ports.interface] > 3
-    return scaled(
-        channels,
-        Turning(
-            np.concatenate([at_interface, turning_rows(ports.loads.T, body)]),
-            np.concatenate([at_interface, turning_rows(ports.displacements, body)]),
-            np.concatenate([at_interface, turning_rows(ports.rates, body)]),
-        ),
-        length,
+    body, at_interface = component.body, component.body.dofs.component[ports.interface] > _TRANSLATIONS
+    turning = Turning(
+        np.concatenate([at_interface, turning_rows(ports.loads.T, body)]),
+        np.concatenate([at_interface, turning_rows(ports.displacements, body)]),
+        np.concatenate([at_interface, turning_rows(ports.rates, body)]),
     )
+    if rows is None:
+        return scaled(channels, turning, length or 1.0)
+    return sized(channels, *sized_in(component, ports, rows), turning, length or 1.0)
+
+
+def arm(body: FEModel, keys: RankingKeys, scene: Scene) -> float | None:
+    """Length at which rotations of a body count as arcs, in the scene's unit; None where they count as radians."""
+    stated = keys.scaling.length
+    if stated == "none":
+        return None
+    return characteristic_length(body) if isinstance(stated, str) else stated.length_in(scene.units)
+
+
+def scaling_words(body: FEModel, keys: RankingKeys, scene: Scene) -> str:
+    """How the inputs and outputs of a body are made comparable, in one line."""
+    length, unit, stated = arm(body, keys, scene), scene.units.name.partition("-")[0], keys.scaling
+    if length is None:
+        words = f"a radian counts as one {unit}"
+    else:
+        own = ", its radius of gyration" if stated.length == "auto" else ""
+        words = f"rotations count as arcs at {length:.4g} {unit}{own}"
+    efforts, motions = channel_sizes(stated, scene)
+    sizes = [
+        f"{channel.name} as one at {size:.4g}"
+        for channel, size in zip((*scene.actuators, *scene.sensors), [*efforts, *motions], strict=True)
+        if np.isfinite(size)
+    ]
+    return "; ".join([words, *sizes])
 
 
 def _weighting(keys: RankingKeys, scene: Scene) -> Weighting | None:

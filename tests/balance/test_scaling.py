@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.balance import RANKINGS, Turning, characteristic_length, scaled, turning_rows
+from cmsreduce.balance import RANKINGS, Sized, Turning, characteristic_length, scaled, sized, turning_rows
 from cmsreduce.model import SCALAR, Damping, DofTable, FEModel
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
@@ -90,3 +90,45 @@ def test_a_moment_is_a_force_at_the_arm():
     np.testing.assert_array_equal(found.B, ch.B * [0.25, 1])
     np.testing.assert_array_equal(found.C1, ch.C1 * np.array([[1], [0.25], [1]]))
     np.testing.assert_array_equal(found.C2, ch.C2 * np.array([[1], [1], [0.25]]))
+
+
+def test_sizes_along_mixed_directions_by_hand():
+    """Two channels at an angle: what is at right angles to both counts as before, they count by their sizes alone."""
+    rng = np.random.default_rng(7)
+    ch = replace(mixed(0), B=rng.standard_normal((mixed(0).count, 3)))
+    plain = Turning(np.zeros(3, dtype=bool), np.zeros(3, dtype=bool), np.zeros(3, dtype=bool))
+    among = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0]])
+    size = np.array([2.0, 30.0])
+    own = Sized(among, size[:, None] * (among @ ch.B.T))
+    none = Sized(np.zeros((0, 3)), np.zeros((0, ch.count)))
+    found = sized(ch, own, none, none, plain, 1.0)
+    x, y, z = ch.B.T
+    expected = np.outer(z, z) + 4 * np.outer(x, x) + 900 * np.outer(x + y, x + y)
+    np.testing.assert_allclose(found.B @ found.B.T, expected, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(found.C1, ch.C1)
+
+
+def test_two_channels_in_one_direction_are_both_counted():
+    ch = mixed(0)
+    plain = Turning(np.zeros(2, dtype=bool), np.zeros(3, dtype=bool), np.zeros(3, dtype=bool))
+    among = np.array([[1.0, 0.0], [-2.0, 0.0]])
+    none = Sized(np.zeros((0, 3)), np.zeros((0, ch.count)))
+    found = sized(ch, Sized(among, among @ ch.B.T), none, none, plain, 1.0)
+    b, other = ch.B.T
+    np.testing.assert_allclose(found.B @ found.B.T, 5 * np.outer(b, b) + np.outer(other, other), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e3])
+def test_a_mixed_direction_is_taken_out_in_arcs(unit):
+    """A force with a moment, in metres or millimetres: what is left of the inputs is the same but for a factor."""
+    ch = mixed(0)
+    turning = Turning(np.array([False, True]), np.zeros(3, dtype=bool), np.zeros(3, dtype=bool))
+    # Shapes per unit of length: displacements grow by the unit, rotations stay; a moment has the unit of length in it.
+    here = replace(ch, B=ch.B * [unit, 1.0])
+    among = np.array([[1.0, 0.3 * unit]])
+    none = Sized(np.zeros((0, 3)), np.zeros((0, ch.count)))
+    found = sized(here, Sized(among, np.zeros((1, ch.count))), none, none, turning, 0.5 * unit).B / unit
+    d = np.array([1.0, 0.6]) / np.hypot(1.0, 0.6)
+    whole = ch.B * [1.0, 0.5]
+    expected = whole @ (np.eye(2) - np.outer(d, d)) @ whole.T
+    np.testing.assert_allclose(found @ found.T, expected, rtol=1e-12, atol=1e-12)

@@ -4,6 +4,7 @@ import pytest
 from pydantic import ValidationError
 
 from cmsreduce.config import RankingKeys
+from cmsreduce.model.units import Units
 
 DEFAULT = RankingKeys()
 
@@ -30,15 +31,48 @@ def test_weighting(written, found):
 )
 def test_scaling_by_a_length(written, value, unit, plain):
     keys = RankingKeys(scaling=written)
-    assert (keys.scaling.value, keys.scaling.unit) == (value, unit)
-    assert keys.model_dump(mode="json")["scaling"] == plain
+    length = keys.scaling.length
+    assert (length.value, length.unit) == (value, unit)
+    assert keys.model_dump(mode="json")["scaling"] == {"length": plain, "inputs": {}, "outputs": {}}
+    assert RankingKeys.model_validate(keys.model_dump(mode="json")) == keys
 
 
 def test_defaults_and_words():
-    assert (DEFAULT.weighting, DEFAULT.scaling) == (None, "auto")
+    assert (DEFAULT.weighting, DEFAULT.scaling.length) == (None, "auto")
     assert (DEFAULT.clusters.correlation, DEFAULT.clusters.rotate) == (0.1, False)
-    assert (RankingKeys(scaling="none").scaling, RankingKeys(clusters="none").clusters.correlation) == ("none", 1.0)
-    assert DEFAULT.model_dump(mode="json")["scaling"] == "auto"
+    assert (RankingKeys(scaling="none").scaling.length, RankingKeys(clusters="none").clusters.correlation) == (
+        "none",
+        1.0,
+    )
+    assert DEFAULT.model_dump(mode="json")["scaling"]["length"] == "auto"
+
+
+@pytest.mark.parametrize(
+    ("written", "units", "kind", "worth"),
+    [
+        (2, "mm-t-s", None, 2.0),
+        # A newton is the force unit of m-kg-s and of mm-t-s; its metre is a thousand of the latter's.
+        ("5 N", "m-kg-s", "force", 5.0),
+        ("5 N", "mm-t-s", "force", 5.0),
+        ("0.5kN", "m-kg-s", "force", 500.0),
+        ("1 lbf", "m-kg-s", "force", 4.4482216152605),
+        ("2 Nm", "m-kg-s", "torque", 2.0),
+        ("2 N m", "mm-t-s", "torque", 2000.0),
+        ("2 N*m", "m-g-s", "torque", 2000.0),
+        ("3 mNm", "m-kg-s", "torque", 0.003),
+        ("1 mm", "m-kg-s", "length", 1e-3),
+        ("1 in", "mm-t-s", "length", 25.4),
+        ("180 deg", "m-kg-s", "angle", 3.141592653589793),
+        ("1 mm/s", "mm-t-s", "velocity", 1.0),
+        ("1 deg/s", "m-kg-s", "angular velocity", 0.017453292519943295),
+        ("60 rpm", "m-kg-s", "angular velocity", 6.283185307179586),
+    ],
+)
+def test_sizes_of_channels(written, units, kind, worth):
+    keys = RankingKeys(scaling={"outputs": {"gyro.rx": written}})
+    assert keys.scaling.outputs["gyro.rx"].worth(kind, Units.parse(units)) == pytest.approx(worth, rel=1e-12)
+    assert keys.model_dump(mode="json")["scaling"]["outputs"] == {"gyro.rx": written}
+    assert RankingKeys.model_validate(keys.model_dump(mode="json")) == keys
 
 
 @pytest.mark.parametrize(
@@ -62,6 +96,11 @@ def test_clusters(written, correlation, rotate):
         ({"scaling": "45 deg"}, "a length above zero"),
         ({"scaling": 0}, "a length above zero"),
         ({"scaling": "automatic"}, "is not a number"),
+        ({"scaling": {"inputs": {"motor": "0 Nm"}}}, "above zero"),
+        ({"scaling": {"inputs": {"motor": -1}}}, "above zero"),
+        ({"scaling": {"outputs": {"gyro": "1 s"}}}, "no size of an effort or a motion"),
+        ({"scaling": {"outputs": {"gyro": "5 /s"}}}, "no size of an effort or a motion"),
+        ({"scaling": {"outputs": {"gyro": True}}}, "is not a number"),
         ({"clusters": 1.5}, "between 0 and 1"),
         ({"clusters": True}, "between 0 and 1"),
         ({"clusters": {"correlation": 0}}, "between 0 and 1"),

@@ -26,6 +26,8 @@ def test_ratios(law, ratios, on_modes):
     assert damping.law == next(iter(law), "none")
     assert damping.acts_on_modes is on_modes
     np.testing.assert_allclose(damping.ratios(OMEGA), ratios, rtol=1e-13)
+    np.testing.assert_allclose(damping.scaled(5.0).ratios(OMEGA), 5 * np.array(ratios), rtol=1e-13)
+    assert damping.scaled(5.0).law == damping.law
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,11 @@
 """Rankings as a pipeline asks for them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from cmsreduce.balance import RANKINGS, Hankel, characteristic_length
+from cmsreduce.balance import RANKINGS, Hankel, characteristic_length, component_costs
 from cmsreduce.config import RankingKeys
 from cmsreduce.pipeline.ranked import ranked, ranking_channels
 
@@ -69,3 +71,26 @@ def test_an_undamped_body_has_the_rankings_that_need_no_damping(opened):
     run = opened("balance={rank: modal-gain, keep: all}", "components.arm.damping=null")
     found = given(run, rank="modal-gain")
     assert set(found.rankings) == {"modal-gain", "frequency"}
+
+
+@pytest.mark.parametrize("rank", ["hankel", "component-cost"])
+@pytest.mark.parametrize(
+    ("weighting", "band"), [("band", (0.0, 60.0)), ({"band_pass": ["20 Hz", "40 Hz"]}, (20.0, 40.0))]
+)
+def test_a_band_limits_the_gramians_of_a_body(run, rank, weighting, band):
+    """Of the scene, or another: not the gain at each mode's frequency, but what happens within."""
+    component, ports = run.modal("panel"), run.bodies["panel"].ports
+    channels = ranking_channels(component, ports, RankingKeys(), run.scene)
+    limits = (2 * np.pi * band[0], 2 * np.pi * band[1])
+    plain, found = given(run, "panel", rank=rank), given(run, "panel", rank=rank, weighting=weighting)
+    e = found.elastic
+    np.testing.assert_array_equal(found.sigma[e], RANKINGS[rank].band_coefficients(channels, limits))
+    if rank == "component-cost":
+        # Mean square of one output under white noise in the band: the shares sum to the integral of |H|^2.
+        w = np.linspace(*limits, 200001)
+        receptance = 1 / (channels.omega**2 - w[:, None] ** 2 + 2j * channels.zeta * channels.omega * w[:, None])
+        b, c = channels.B[:, 0], channels.C1[2]
+        alone = replace(channels, B=channels.B[:, :1], C1=channels.C1[2:3], C2=channels.C2[:0])
+        power = np.trapezoid(abs(receptance @ (b * c)) ** 2, w) / np.pi
+        assert component_costs(alone, limits).sum() == pytest.approx(power, rel=1e-5)
+    assert not np.allclose(found.sigma[e] / plain.sigma[e], found.sigma[e][0] / plain.sigma[e][0], rtol=0.01)

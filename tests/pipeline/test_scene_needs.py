@@ -93,3 +93,23 @@ def test_a_channel_less_makes_galileo_smaller(tmp_path: Path, boom: int, without
     probed = [probing_loads(run.bodies["rotor"], run.scene, joints=False)[1].shape[1] for run in runs]
     less = (static[0] - static[1], probed[0] - probed[1])
     assert less == ((1, 0) if without == 0 else (0, 1))
+
+
+def test_what_nobody_asked_for_is_not_formed(
+    opened: Callable[..., Run], study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without component files no modal integrals; without verify no full system; only the settings of the scene."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("formed, although nothing asks for it")
+
+    monkeypatch.setattr("cmsreduce.write.integrals.modal_integrals", refuse)
+    monkeypatch.setattr("cmsreduce.pipeline.run.Run.unreduced", refuse)
+    settings = ("balance.keep={modes: 3}", "verify=null", "scene.articulation={hinge: [50 deg]}")
+    run = opened("write=null", *settings)
+    execute(run, study, report=False)
+    assert (run.folder / "summary.json").is_file() and not list(run.folder.glob("*.h5"))
+    assert list(run.model.assembled._systems) == ["hinge=50"]
+    # Shapes are those of the points that the scene names, and of no other node.
+    assert set(run.model.assembled.substructures["arm"].motion) == {"1", "5"}
+    assert set(run.model.assembled.substructures["panel"].motion) == {"1", "6"}

@@ -1,0 +1,99 @@
+"""Actuators and sensors of a pipeline as the channels that stages take."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.config.channels import ActuatorKeys, SensorKeys, parse_row
+from cmsreduce.config.grammar import Pipeline
+from cmsreduce.config.joint_motion import free_dof
+from cmsreduce.config.keys import parse_point
+from cmsreduce.model.scene import Channel, JointTerm, PointTerm, StrutTerm, dof_index
+
+__all__ = ["actuator_channel", "sensor_channels", "sized_names"]
+
+_FIRST_ROTATION = 3
+_Quantity = Literal["translation", "rotation", "combination"]
+
+
+def actuator_channel(pipeline: Pipeline, name: str, actuator: ActuatorKeys) -> Channel:
+    """One input of the scene.
+
+    Raises
+    ------
+    SceneError
+        If its joint is unknown, or locked in the motion named.
+    """
+    if actuator.at is None:
+        return _shared_form(pipeline, name, actuator, rate=False)
+    vector = np.zeros(6)
+    quantity: _Quantity
+    if actuator.force is not None:
+        vector[:_FIRST_ROTATION], quantity = actuator.force, "translation"
+    else:
+        vector[_FIRST_ROTATION:], quantity = actuator.torque, "rotation"
+    return Channel(name, (PointTerm(parse_point(actuator.at), vector),), quantity)
+
+
+def sensor_channels(pipeline: Pipeline, name: str, sensor: SensorKeys) -> Iterator[Channel]:
+    """Outputs of one sensor, one for each motion measured.
+
+    Raises
+    ------
+    SceneError
+        If its joint is unknown, or locked in the motion named.
+    """
+    if sensor.at is None:
+        yield _shared_form(pipeline, name, sensor, sensor.rate)
+        return
+    point, motions = parse_point(sensor.at), sensor.measure or ()
+    for motion in motions:
+        index = dof_index(motion)
+        label = name if len(motions) == 1 else f"{name}.{motion}"
+        yield Channel(label, (PointTerm(point, _along(index)),), _kind({index}), sensor.rate)
+
+
+def sized_names(pipeline: Pipeline) -> tuple[dict[str, list[Channel]], dict[str, list[Channel]]]:
+    """Inputs and outputs of the scene by the names that a size is stated for.
+
+    An actuator has one channel; a sensor of several motions has several, and each of them its own name as well.
+
+    Raises
+    ------
+    SceneError
+        If the joint of a channel is unknown, or locked in the motion named.
+    """
+    keys = pipeline.scene
+    inputs = {name: [actuator_channel(pipeline, name, actuator)] for name, actuator in keys.actuators.items()}
+    outputs = {name: list(sensor_channels(pipeline, name, sensor)) for name, sensor in keys.sensors.items()}
+    return inputs, {**{c.name: [c] for channels in outputs.values() for c in channels}, **outputs}
+
+
+def _shared_form(pipeline: Pipeline, name: str, keys: ActuatorKeys | SensorKeys, rate: bool) -> Channel:
+    """Channel on a joint, between two points, or of rows: the same for actuators and sensors."""
+    if keys.joint is not None:
+        dof = free_dof(pipeline.scene, keys.joint, keys.dof)
+        return Channel(name, (JointTerm(keys.joint, dof),), _kind({dof}), rate)
+    if keys.between is not None:
+        a, b = (parse_point(text) for text in keys.between)
+        return Channel(name, (StrutTerm(a, b),), "translation", rate)
+    rows = [(*parse_row(row), weight) for row, weight in (keys.rows or {}).items()]
+    terms = tuple(PointTerm(point, _along(dof, weight)) for point, dof, weight in rows)
+    return Channel(name, terms, _kind({dof for _, dof, _ in rows}), rate)
+
+
+def _along(dof: int, weight: float = 1.0) -> NDArray[np.float64]:
+    direction = np.zeros(6)
+    direction[dof] = weight
+    return direction
+
+
+def _kind(dofs: set[int]) -> _Quantity:
+    rotations = {dof >= _FIRST_ROTATION for dof in dofs}
+    if len(rotations) > 1:
+        return "combination"
+    return "rotation" if True in rotations else "translation"
