@@ -1,6 +1,6 @@
 """Join bodies: joints, articulation, constraint null space, frequency response, state space."""
 
-from cmsreduce.assemble.closed_loop import closed_loop_modes
+from cmsreduce.assemble.closed_loop import check_closed_loop, closed_loop_modes
 from cmsreduce.assemble.damped_modes import damped_modes
 from cmsreduce.assemble.elastic_states import ElasticStates, elastic_states
 from cmsreduce.assemble.frequency_response import (
@@ -12,7 +12,7 @@ from cmsreduce.assemble.joint_elements import with_joint_bodies
 from cmsreduce.assemble.modal_receptance import ModalReceptance
 from cmsreduce.assemble.modal_terms import Change
 from cmsreduce.assemble.neighbours import grounded_rows, joined_to, joint_rows, neighbour_loading
-from cmsreduce.assemble.outboard import outboard_loading
+from cmsreduce.assemble.outboard import outboard_loading, outboard_masses
 from cmsreduce.assemble.placement import place_bodies
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.ports import Ports, body_points, body_ports
@@ -39,6 +39,7 @@ __all__ = [
     "Receptance",
     "Wiring",
     "assemble",
+    "check_closed_loop",
     "closed_loop_modes",
     "couple",
     "damped_modes",
@@ -51,6 +52,7 @@ __all__ = [
     "modal_substructure",
     "neighbour_loading",
     "outboard_loading",
+    "outboard_masses",
     "physical_substructure",
     "place_bodies",
     "receptance",

@@ -8,20 +8,28 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.pencil import elastic_pairs
 from cmsreduce.model import System
 
-__all__ = ["closed_loop_modes"]
+__all__ = ["check_closed_loop", "closed_loop_modes"]
 
 # The state matrix has (2 N)^2 entries, of which all eigenvalues are computed.
 _LARGEST = 1500
 # A root of this size, relative to the highest frequency, is rigid motion that no feedback holds: twice zero, it is
 # known to the root of rounding only.
 _AT_REST = 1e-6
+# Newton's step on a root is trusted up to this share of it; a larger one belongs to a multiple root, which has none.
+_TRUSTED = 1e-3
+# Each step squares the error, of 1e-6 at most to begin with.
+_STEPS = 2
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 
 def closed_loop_modes(
-    system: System, gain: NDArray[np.float64], omega: float
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    system: System, gain: Real, omega: float, undamped: tuple[Real, Real] | None = None
+) -> tuple[Complex, Complex]:
     """Roots and shapes of M x'' + D x' + K x = B u with u = -gain y, y = C1 x + C2 x'.
 
     Parameters
@@ -29,9 +37,12 @@ def closed_loop_modes(
     system : System
         Reduced; every coordinate has mass.
     gain : (inputs, outputs) float64
-        Feedback gain.
+        Feedback gain; zeros for the damped modes of the system as it is.
     omega : float
         Roots up to this size in rad/s are given, motion at rest left out.
+    undamped : ((e,), (N, e)) float64, optional
+        All elastic modes of the system without damping or feedback, frequencies in rad/s and shapes orthonormal in M,
+        where they are known already.
 
     Returns
     -------
@@ -44,35 +55,65 @@ def closed_loop_modes(
     ------
     MatrixError
         If the system is too large for a dense state matrix, has massless coordinates, or a complex stiffness.
+
+    Notes
+    -----
+    The equations are solved in the undamped modes, in which the stiffness is diagonal, so that soft motions keep their
+    digits beside stiff ones; each root is then improved by itself.
     """
+    check_closed_loop(system)
     n = system.N
-    if n > _LARGEST:
-        raise MatrixError(
-            f"modes under feedback are those of a reduced system; this one has {n} coordinates, more than {_LARGEST}: "
-            "take `of: reduced`, or fewer modes of the bodies"
-        )
-    if system.loss is not None:
-        raise MatrixError("structural damping is a complex stiffness and has no modes in time; use modal damping")
-    M, K = dense(system.M), dense(system.K)
-    D = np.zeros_like(M) if system.D is None else dense(system.D)
-    try:
-        R = la.cholesky(M)
-    except la.LinAlgError:
+    if undamped is None:
+        lam, Phi = elastic_pairs(dense(system.K), dense(system.M), system.rigid, system.rounding)
+        undamped = np.sqrt(lam), Phi
+    L = np.hstack([system.rigid, undamped[1]])
+    if L.shape[1] < n:
         raise MatrixError(
             "modes under feedback need a mass for every coordinate; static modes have none: take a mode set without "
             "them, or no feedback"
-        ) from None
-
-    def balanced(A: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(la.solve_triangular(R, la.solve_triangular(R, A, trans="T").T, trans="T").T)
-
-    stiff = balanced(K + system.B @ gain @ system.C1)
-    damped = balanced(D + system.B @ gain @ system.C2)
+        )
+    w = np.concatenate([np.zeros(system.rigid.shape[1]), undamped[0]])
+    B = L.T @ system.B
+    stiff = np.diag(w**2) + B @ gain @ (system.C1 @ L)
+    damped = B @ gain @ (system.C2 @ L) + (0.0 if system.D is None else L.T @ dense(system.D) @ L)
     # Rates are counted in units of the highest frequency, so that both halves of the state are alike.
     A = np.block([[np.zeros((n, n)), omega * np.eye(n)], [-stiff / omega, -damped]])
     s, Z = la.eig(A)
     chosen = np.flatnonzero((abs(s) <= omega) & (abs(s) > _AT_REST * omega) & (s.imag >= 0))
-    chosen = chosen[np.argsort(abs(s[chosen]), kind="stable")]
-    X = la.solve_triangular(R, Z[:n, chosen])
-    size = np.linalg.norm(Z[:n, chosen], axis=0)
-    return s[chosen], np.asarray(X / np.where(size > 0, size, 1.0))
+    found = [_improved(s[k], Z[:n, k], w, stiff, damped) for k in chosen]
+    found.sort(key=lambda pair: abs(pair[0]))
+    X = np.column_stack([shape / np.linalg.norm(shape) for _, shape in found]) if found else np.zeros((n, 0))
+    return np.array([root for root, _ in found], dtype=np.complex128), np.asarray(L @ X, dtype=np.complex128)
+
+
+def check_closed_loop(system: System) -> None:
+    """Refuse a system of which closed-loop modes are not computed, before anything else is.
+
+    Raises
+    ------
+    MatrixError
+        If it is too large for a dense state matrix, or has a complex stiffness.
+    """
+    if system.N > _LARGEST:
+        raise MatrixError(
+            f"modes under feedback are those of a reduced system; this one has {system.N} coordinates, more than "
+            f"{_LARGEST}: take `of: reduced`, or fewer modes of the bodies"
+        )
+    if system.loss is not None:
+        raise MatrixError("structural damping is a complex stiffness and has no modes in time; use modal damping")
+
+
+def _improved(s: complex, x: Complex, w: Real, stiff: Real, damped: Real) -> tuple[complex, Complex]:
+    """A root and its shape after Newton's steps on (s^2 + s damped + stiff) x = 0, x of fixed length."""
+    unit = 1 / np.maximum(w, abs(s))
+    both = np.outer(unit, unit)
+    first, y = s, x / unit
+    for _ in range(_STEPS):
+        slope = both * (damped + 2 * s * np.eye(w.size))
+        T = both * (stiff + s * damped + s**2 * np.eye(w.size))
+        border = np.block([[T, (slope @ y)[:, None]], [y.conj()[None], np.zeros((1, 1))]])
+        step = la.solve(border, np.append(-T @ y, 0.0))
+        if not abs(step[-1]) <= _TRUSTED * abs(first):
+            return first, x
+        s, y = s + step[-1], y + step[:-1]
+    return s, unit * y

@@ -32,8 +32,7 @@ class SystemModeKeys(Keys):
     count: Count | None = Field(
         default=None,
         ge=1,
-        description="So many elastic modes, the first by Gregory's coefficient between actuators and sensors, at each "
-        "configuration.",
+        description="So many elastic modes, the first by `rank` between actuators and sensors, at each configuration.",
         examples=[20],
     )
 
@@ -74,6 +73,12 @@ class ProjectKeys(Keys):
         description="Which modes of the system: auto takes as few as frf_error allows.",
         examples=["auto"],
     )
+    rank: Literal["hankel", "gregory"] = Field(
+        default="hankel",
+        description="What orders the system's modes for count and auto: exact Hankel values of what leaving them out "
+        "costs, or Gregory's coefficient, their value where modes lie far apart.",
+        examples=["hankel"],
+    )
     configurations: Sampled = Field(
         default="all",
         description="Where the system's modes are taken: at all configurations of the scene, at those named, or auto: "
@@ -102,6 +107,12 @@ class ProjectKeys(Keys):
         description="Gains from sensors to actuators, effort = -gain x measurement, in the scene's units: the modes "
         "are then those of the closed loop, with all damping, and their real and imaginary parts are projected.",
         examples=[{"motor": {"gyro.rz": 12.0}}],
+    )
+    damped: Flag = Field(
+        default=False,
+        description="Take the complex modes of the system with all its damping, without feedback, too; their real and "
+        "imaginary parts are projected.",
+        examples=[True],
     )
     suppress: Flag = Field(
         default=False,

@@ -26,6 +26,9 @@ class AxisCompleteness:
         What all modes of the reduced model leave.
     whole : float
         What all modes of the mode sets leave: the inertia of the hinge nodes themselves, and what the cutoff left out.
+    locked : float
+        Share of the inertia at the hinge that all modes of the reduced model hold with every hinge locked: 0 without
+        any mode; NaN if it was not measured.
     """
 
     axis: str
@@ -33,6 +36,7 @@ class AxisCompleteness:
     band: float
     kept: float
     whole: float
+    locked: float = float("nan")
 
     @property
     def missing(self) -> float:

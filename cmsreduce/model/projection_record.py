@@ -78,13 +78,16 @@ class SampledModes:
     error : (n_R,) float64
         Relative error of each in the reassembled system.
     extraneous : int
-        Modes that came along, counted: shapes of all bodies, less constraints, rigid motions and chosen modes.
+        Modes that came along: elastic modes of the reassembled system, less those that were chosen.
+    predicted : int, optional
+        The same number by sum r_i - rank(A_R) - n_R, with a rank of the reduced constraints that is found by itself.
     """
 
     configuration: str
     hz: NDArray[np.float64]
     error: NDArray[np.float64]
     extraneous: int
+    predicted: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,9 +107,13 @@ class ProjectionRecord:
     suppressed : mapping of body to int
         Static shapes that were added to move them out; empty if none were.
     between : mapping of str to float
-        frf_error halfway between neighbouring angles, if measured.
+        frf_error where no modes were taken, if measured: at other configurations, halfway between neighbouring angles.
     limit : float, optional
         frf_error that was asked for there.
+    tolerance : float
+        Singular values up to this were taken for dependent.
+    outputs : tuple of str
+        What the weights of extraneous modes belong to.
     """
 
     sampled: tuple[SampledModes, ...]
@@ -116,14 +123,21 @@ class ProjectionRecord:
     suppressed: Mapping[str, int] = field(default_factory=dict)
     between: Mapping[str, float] = field(default_factory=dict)
     limit: float | None = None
+    tolerance: float = 0.0
+    outputs: tuple[str, ...] = ()
+
+    @property
+    def worst_return(self) -> float:
+        """Largest relative error of a chosen frequency in the reassembled system, in any sampled configuration."""
+        return max((float(each.error.max(initial=0.0)) for each in self.sampled), default=0.0)
 
     @property
     def worst_between(self) -> tuple[str, float] | None:
-        """Where the error halfway between angles is largest, and how large; None if it was not measured."""
+        """Where the error between the angles sampled is largest, and how large; None if it was not measured."""
         return max(self.between.items(), key=lambda each: each[1], default=None)
 
     @property
     def passed(self) -> bool:
-        """Whether the error asked for holds halfway between the angles, as far as it was measured."""
+        """Whether the error asked for holds between the angles sampled, as far as it was measured."""
         worst = self.worst_between
         return self.limit is None or worst is None or worst[1] <= self.limit

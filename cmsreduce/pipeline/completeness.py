@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import system_modes
+from cmsreduce.assemble import assemble, system_modes
 from cmsreduce.linalg.dense import dense
 from cmsreduce.model import AxisCompleteness, Channel, Configuration, Scene, Substructure
 from cmsreduce.model.completeness import MISSING_INERTIA
 from cmsreduce.pipeline.assembled import AssembledModel
-from cmsreduce.verify import articulation_sensors, free_index
+from cmsreduce.verify import articulation_sensors, free_index, hinges_locked, locked_index
 
 __all__ = ["axis_completeness", "completeness_note"]
 
@@ -56,11 +56,11 @@ def axis_completeness(kept: AssembledModel, whole: AssembledModel) -> tuple[Axis
         for model in (kept, whole):
             axes = _free_axes(model, sensors, configuration)
             both.append(_indices(model, axes, configuration))
+        locked = _locked(kept, _free_axes(kept, sensors, configuration), configuration)
         for a, axis in enumerate(axes):
             (band, own), (_, all_modes) = both
-            found.append(
-                AxisCompleteness(axis.name, configuration.name, float(band[a]), float(own[a]), float(all_modes[a]))
-            )
+            shares = (band[a], own[a], all_modes[a], locked[a])
+            found.append(AxisCompleteness(axis.name, configuration.name, *map(float, shares)))
     return tuple(sorted(found, key=lambda each: [axis.name for axis in sensors].index(each.axis)))
 
 
@@ -90,6 +90,15 @@ def _indices(model: AssembledModel, axes: Sequence[Channel], configuration: Conf
     index = np.vstack([np.ones(len(axes)), free_index(system, Phi)])
     inside = int(np.count_nonzero(w <= 2 * np.pi * model.scene.band[1]))
     return index[inside], index[-1]
+
+
+def _locked(model: AssembledModel, axes: Sequence[Channel], configuration: Configuration) -> Real:
+    """What all modes with locked hinges hold."""
+    sensing = _sensing(model, axes)
+    system = sensing.system(configuration)
+    locked = assemble(sensing.substructures, hinges_locked(sensing.scene), configuration)
+    _, Phi = system_modes(replace(locked, K=dense(locked.K), M=dense(locked.M)), np.inf)
+    return np.asarray(np.vstack([np.zeros(len(axes)), locked_index(system, locked, Phi)])[-1])
 
 
 def _sensing(model: AssembledModel, axes: Sequence[Channel]) -> AssembledModel:

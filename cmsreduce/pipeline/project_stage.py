@@ -13,11 +13,13 @@ from cmsreduce.errors import ConfigError
 from cmsreduce.model import Configuration, ExtraneousMode, ModalComponent, ProjectionRecord, Scene
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.comparison import ReducedModel
+from cmsreduce.pipeline.feedback import feedback_gain
 from cmsreduce.pipeline.halfway import halfway
 from cmsreduce.pipeline.projected import Projected
+from cmsreduce.pipeline.projected_body import attachment_amplitudes, remade
 from cmsreduce.pipeline.returned_modes import extraneous_in_band, sampled_modes
 from cmsreduce.pipeline.system_mode_choice import POOL, SystemModeChoice
-from cmsreduce.pipeline.system_projection import ModesOfSystem, SystemModes, attachment_amplitudes, remade
+from cmsreduce.pipeline.system_projection import ModesOfSystem, SystemModes
 from cmsreduce.project import Projection
 
 __all__ = ["PROJECTED_ERROR", "Measures", "ProjectStage"]
@@ -85,7 +87,8 @@ class ProjectStage:
         self.keys, self.scene, self.bodies, self.kept = keys, scene, bodies, kept
         self.source, self.measures = source, measures
         omega = 2 * np.pi * scene.band[1] * (keys.modes.cutoff or POOL)
-        self._modes = ModesOfSystem(source, omega, feedback_gain(keys.feedback, scene))
+        gain = feedback_gain(keys.feedback, scene) if keys.feedback or keys.damped else None
+        self._modes = ModesOfSystem(source, omega, gain)
         self._choice = SystemModeChoice(keys, self._modes, measures.limit)
 
     def run(self) -> Projected:
@@ -117,15 +120,18 @@ class ProjectStage:
             components, model, attached = self._suppressed(chosen, components, model, found, notes)
             found = extraneous_in_band(model, self._modes, chosen, self.scene)
         sampled = sampled_modes(model, self._modes, chosen)
-        notes += self._remarks(parts, found)
+        worst_return = max(float(each.error.max(initial=0.0)) for each in sampled)
+        notes += self._remarks(parts, found, worst_return)
         record = ProjectionRecord(
             sampled,
             {name: part.singular for name, part in parts.items()},
             {name: part.rank for name, part in parts.items()},
             found,
             attached,
-            self._between(model, notes),
+            self._between(model, chosen, notes),
             self.measures.limit if self.measures.asked else None,
+            self.keys.tolerance,
+            tuple(channel.name for channel in self.scene.sensors),
         )
         return Projected(components, record, tuple(notes))
 
@@ -220,35 +226,46 @@ class ProjectStage:
         k = int(np.argmax(errors))
         return errors[k], configurations[k]
 
-    def _between(self, model: ReducedModel, notes: list[str]) -> dict[str, float]:
-        if not self.keys.between or self.measures.error is None:
+    def _between(self, model: ReducedModel, chosen: Mapping[str, SystemModes], notes: list[str]) -> dict[str, float]:
+        """Errors where no modes were taken: at configurations left out, and halfway between neighbouring angles."""
+        if self.measures.error is None:
             return {}
-        settings = halfway(self.scene)
+        settings = [configuration for configuration in self.scene.configurations if configuration.name not in chosen]
+        settings += halfway(self.scene) if self.keys.between else []
         errors = {setting.name: self.measures.error(setting, model) for setting in settings}
         if errors:
             name = max(errors, key=lambda each: errors[each])
-            notes.append(f"project: halfway between the angles, the worst frf_error is {errors[name]:.3g} at '{name}'")
+            notes.append(f"project: between the angles sampled, the worst frf_error is {errors[name]:.3g} at '{name}'")
         return errors
 
-    def _remarks(self, parts: Mapping[str, Projection], found: Sequence[ExtraneousMode]) -> list[str]:
+    def _remarks(
+        self, parts: Mapping[str, Projection], found: Sequence[ExtraneousMode], worst_return: float
+    ) -> list[str]:
         notes = []
         for name, part in parts.items():
             if part.left_out > self.keys.tolerance / 10 and self.keys.tolerance > ProjectKeys().tolerance:
                 notes.append(
                     f"{name}: compressed to {part.rank} shapes; what was left out holds {part.left_out:.2g} of the "
-                    "amplitude of a system mode, so that the chosen modes return with an error"
+                    f"amplitude of a system mode, and the chosen modes return to {worst_return:.2g} at worst"
                 )
         foreign = _spurious(found)
         for mode in foreign[:_EXTRANEOUS_SHOWN]:
             where = f", at {mode.share.interface}" if mode.share.interface else ""
+            weights = zip((sensor.name for sensor in self.scene.sensors), mode.weight, strict=True)
+            peaks = ", ".join(f"{name} {weight:.2g}" for name, weight in weights)
             notes.append(
                 f"project: extraneous mode at {mode.hz:.4g} Hz in '{mode.configuration}', in the band: "
-                f"{mode.share.energy[mode.share.body]:.0%} of its energy in {mode.share.body}{where}; its largest peak "
-                f"is {mode.weight.max(initial=0.0):.2g} of the largest of any mode"
+                f"{mode.share.energy[mode.share.body]:.0%} of its energy in {mode.share.body}{where}; its peaks, of "
+                f"the largest of any mode: {peaks or 'no output'}"
             )
-        if len(found) > _EXTRANEOUS_SHOWN:
+        if len(foreign) > _EXTRANEOUS_SHOWN:
             notes.append(
-                f"project: {len(found) - _EXTRANEOUS_SHOWN} more extraneous modes in the band: see summary.json"
+                f"project: {len(foreign) - _EXTRANEOUS_SHOWN} more extraneous modes in the band: see summary.json"
+            )
+        if len(found) > len(foreign):
+            notes.append(
+                f"project: {len(found) - len(foreign)} times a mode of the system that was not chosen came along in "
+                "the band: see summary.json"
             )
         return notes
 
@@ -256,30 +273,3 @@ class ProjectStage:
 def _spurious(found: Sequence[ExtraneousMode]) -> list[ExtraneousMode]:
     """Those that no mode of the system is like, the strongest first."""
     return sorted((mode for mode in found if mode.spurious), key=lambda mode: -mode.weight.max(initial=0.0))
-
-
-def feedback_gain(feedback: Mapping[str, Mapping[str, float]], scene: Scene) -> NDArray[np.float64] | None:
-    """Gain matrix from sensors to actuators (inputs, outputs); None without feedback.
-
-    Raises
-    ------
-    ConfigError
-        If an actuator or sensor is not in the scene.
-    """
-    if not feedback:
-        return None
-    inputs, outputs = ([channel.name for channel in channels] for channels in (scene.actuators, scene.sensors))
-    gain = np.zeros((len(inputs), len(outputs)))
-    for actuator, gains in feedback.items():
-        if actuator not in inputs:
-            raise ConfigError(
-                f"project.feedback: there is no actuator '{actuator}' (there are: {', '.join(inputs) or 'none'})"
-            )
-        for sensor, value in gains.items():
-            if sensor not in outputs:
-                raise ConfigError(
-                    f"project.feedback.{actuator}: there is no sensor '{sensor}' (there are: "
-                    f"{', '.join(outputs) or 'none'})"
-                )
-            gain[inputs.index(actuator), outputs.index(sensor)] = value
-    return gain

@@ -52,12 +52,14 @@ def projected_to(projected: Projected) -> tuple[Arrays, dict[str, Any]]:
     facts = {
         "bodies": bodies,
         "notes": list(projected.notes),
-        "sampled": [[sample.configuration, sample.extraneous] for sample in record.sampled],
+        "sampled": [[sample.configuration, sample.extraneous, sample.predicted] for sample in record.sampled],
         "rank": dict(record.rank),
         "extraneous": [[mode.configuration, mode.hz, asdict(mode.share), mode.likeness] for mode in record.extraneous],
         "suppressed": dict(record.suppressed),
         "between": dict(record.between),
         "limit": record.limit,
+        "tolerance": record.tolerance,
+        "outputs": list(record.outputs),
     }
     return arrays, facts
 
@@ -72,8 +74,8 @@ def projected_from(
         part = {key[start:]: np.asarray(values) for key, values in arrays.items() if key.startswith(f"{name}.")}
         components[name] = modal_from(bodies[name], part, own)
     sampled = tuple(
-        SampledModes(name, arrays[f"{k}.hz"], arrays[f"{k}.error"], extraneous)
-        for k, (name, extraneous) in enumerate(facts["sampled"])
+        SampledModes(name, arrays[f"{k}.hz"], arrays[f"{k}.error"], extraneous, predicted)
+        for k, (name, extraneous, predicted) in enumerate(facts["sampled"])
     )
     extraneous = tuple(
         ExtraneousMode(name, hz, ModeShare(**share), arrays[f"{k}.weight"], likeness)
@@ -87,5 +89,7 @@ def projected_from(
         facts["suppressed"],
         facts["between"],
         facts["limit"],
+        facts["tolerance"],
+        tuple(facts["outputs"]),
     )
     return Projected(components, record, tuple(facts["notes"]))

@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.dense import dense
 from cmsreduce.model import ExtraneousMode, SampledModes, Scene
 from cmsreduce.pipeline.assembled import cross_orthogonality
 from cmsreduce.pipeline.comparison import ReducedModel
 from cmsreduce.pipeline.system_projection import ModesOfSystem, SystemModes, all_modes
-from cmsreduce.project import extraneous_modes, returned
+from cmsreduce.project import extraneous_count, extraneous_modes, project_shapes, returned
 
 __all__ = ["extraneous_in_band", "sampled_modes"]
 
 Real = NDArray[np.float64]
+
+# Rows of constraints of unit length are dependent below this; those of a loop that closes round to 1e-15.
+_DEPENDENT = 1e-9
 
 
 def sampled_modes(
@@ -45,8 +50,12 @@ def sampled_modes(
             roots = again_of.at(modes.configuration).s
             assert roots is not None
             error = abs(roots[None, :] - modes.s[:, None]).min(axis=1, initial=np.inf) / abs(modes.s)
-        came_along = everything.count - modes.count
-        found.append(SampledModes(name, modes.omega / (2 * np.pi), error, came_along))
+        # Real and imaginary parts of complex modes may depend on each other.
+        real = modes.s is None
+        chosen_count = modes.count if real else project_shapes("the system", [modes.Phi], modes.system.M).rank
+        hz = modes.omega / (2 * np.pi)
+        predicted = _predicted(model, everything, chosen_count)
+        found.append(SampledModes(name, hz, error, everything.count - chosen_count, predicted))
     return tuple(found)
 
 
@@ -74,6 +83,19 @@ def extraneous_in_band(
             (own**2).max(axis=0, initial=0.0),
         )
     return tuple(found)
+
+
+def _predicted(model: ReducedModel, modes: SystemModes, chosen: int) -> int:
+    """Modes that come along by counting the shapes of the bodies, their constraints, and what was asked for."""
+    system, stack = modes.system, model.assembled.stack
+    A = dense(stack.spread(model.assembled.wiring(modes.configuration).A))
+    size = np.linalg.norm(A, axis=1, keepdims=True)
+    singular = la.svdvals(A / np.where(size > 0, size, 1.0)) if A.size else np.zeros(1)
+    constrained = int(np.count_nonzero(singular > _DEPENDENT * singular.max()))
+    rigid = system.rigid.shape[1]
+    # Shapes without mass follow the others and make no modes.
+    followers = system.N - rigid - modes.count
+    return int(extraneous_count(list(system.sizes.values()), constrained, chosen + rigid) - followers)
 
 
 def _products(model: ReducedModel, source: ReducedModel, modes: SystemModes, again: SystemModes) -> Real:

@@ -42,12 +42,23 @@ def system_key(stage: str, pipeline: Pipeline, points: int, bodies: Mapping[str,
         "components": {"__all__": {"stiffness", "mass", "geometry", "extseout", "rows", "damping"}}
     }
     elsewhere = dict.fromkeys(("name", "output", "include", "write"), True)
+    # A controller closes loops around what was found.
+    files["scene"] = {"controller"}
     settings = pipeline.model_dump(mode="json", exclude=files | elsewhere)
     compared = settings.pop("verify") or {}
-    asked = [points, compared.get("compare") if stage == "verify" else None]
+    asked: list[Any] = [points, [compared.get("compare"), *_checks(pipeline)] if stage == "verify" else None]
+    if settings["balance"] is not None:
+        # Whether other choices are looked at changes nothing in this one.
+        settings["balance"].pop("sensitivity")
     if stage == "balance":
         settings.pop("project")
     elif pipeline.project is not None:
         # A limit may be the error that projection goes for.
         asked.append(projected_error(pipeline))
     return stage_key(stage, __version__, settings, asked, dict(bodies))
+
+
+def _checks(pipeline: Pipeline) -> tuple[list[str], bool]:
+    """Checks that are required, and whether the usual ones are done."""
+    keys = pipeline.verify
+    return ([], True) if keys is None else (sorted(keys.required_checks), keys.checks is None)

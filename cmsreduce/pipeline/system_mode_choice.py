@@ -67,7 +67,7 @@ class SystemModeChoice:
                         f"{found.count} elastic modes below {POOL:g} times the band"
                     )
             return {name: found.only(wanted) for name, found in modes.items()}
-        sigma = {name: _coefficients(found) for name, found in modes.items()}
+        sigma = {name: _coefficients(found, self._keys.rank) for name, found in modes.items()}
         if keys.count is not None:
             return {name: found.only(_first(sigma[name], keys.count)) for name, found in modes.items()}
         assert error is not None
@@ -96,8 +96,8 @@ class SystemModeChoice:
         return above(levels[high])
 
 
-def _coefficients(modes: SystemModes) -> Real:
-    """Gregory's coefficients of system modes between actuators and sensors (k,)."""
+def _coefficients(modes: SystemModes, rank: str) -> Real:
+    """Coefficients of system modes between actuators and sensors, by a ranking (k,)."""
     system, Phi, w = modes.system, modes.Phi, modes.omega
     zeta = np.zeros(w.size)
     if modes.s is not None:
@@ -112,7 +112,7 @@ def _coefficients(modes: SystemModes) -> Real:
     G = ((abs(C1) + w * abs(C2)) / w**2) @ abs(B)
     row, column = (1 / np.where(size > 0, size, 1.0) for size in (_largest(G.T), _largest(G)))
     channels = ModalChannels("the system", w, zeta, B * column, C1 * row[:, None], C2 * row[:, None])
-    return RANKINGS["gregory"].coefficients(channels)
+    return RANKINGS[rank].coefficients(channels)
 
 
 def _largest(G: Real) -> Real:

@@ -1,32 +1,25 @@
-"""Bodies that make chosen modes of the whole system again: their part of these modes, freed of what is dependent."""
+"""Modes of the whole system in any configuration, with or without feedback, and their part in each body."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import closed_loop_modes, system_modes
-from cmsreduce.balance import keep_directions
+from cmsreduce.assemble import check_closed_loop, closed_loop_modes, system_modes
 from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.dense import dense
-from cmsreduce.model import Configuration, ModalComponent, ModeBlock, ModeSet, System
-from cmsreduce.orthogonalise import orthogonalise
-from cmsreduce.pipeline.bodies import FlexibleBody
+from cmsreduce.linalg.strain import energies
+from cmsreduce.model import Configuration, System
 from cmsreduce.pipeline.comparison import ReducedModel
-from cmsreduce.project import Projection, project_shapes
-from cmsreduce.reduce import project
 
-__all__ = ["ModesOfSystem", "SystemModes", "all_modes", "attachment_amplitudes", "remade"]
+__all__ = ["ModesOfSystem", "SystemModes", "all_modes"]
 
 Real = NDArray[np.float64]
 
 # The imaginary part of a mode, of unit length in the mass, that is none: the mode is real.
 _NO_PART = 1e-9
-# A static shape that the others hold but for this amplitude, of one, is none of its own.
-_NEW = 1e-6
 # All modes of a system are found by dense algebra, in seconds, up to so many coordinates.
 _DENSE = 4000
 
@@ -99,7 +92,8 @@ class ModesOfSystem:
                 w, Phi = system_modes(system, self.omega)
                 found = _sharpened(self.model, SystemModes(configuration, w, Phi, system))
             else:
-                found = _under_feedback(configuration, system, self.gain, self.omega)
+                check_closed_loop(system)
+                found = _under_feedback(all_modes(self.model, configuration), self.gain, self.omega)
             self._found[configuration.name] = found
         return self._found[configuration.name]
 
@@ -126,21 +120,24 @@ def _sharpened(model: ReducedModel, modes: SystemModes) -> SystemModes:
     """Frequencies as quotients of the energies of the bodies.
 
     In the modes of a body the strain energy is a sum of squares. Assembled, it is a difference of large numbers, in
-    which a mode of 0.1 Hz beside one of 1 kHz loses eight digits.
+    which a mode of 0.1 Hz beside one of 1 kHz loses eight digits; so it is over the dofs of a body, where more digits
+    are carried.
     """
     strain, kinetic = np.zeros(modes.count), np.zeros(modes.count)
     for name, X in modes.by_body.items():
-        sub = model.assembled.substructures.get(name)
-        if sub is None or (sub.omega is None and name in model.shapes):
-            return modes
-        strain += np.einsum("ij,ij->j", X, np.asarray(sub.K @ X))
+        sub = model.assembled.substructures[name]
         kinetic += np.einsum("ij,ij->j", X, np.asarray(sub.M @ X))
+        if sub.omega is None and name in model.shapes:
+            strain += energies(sub.K, X - sub.rigid @ (sub.rigid.T @ (sub.M @ X)))
+        else:
+            strain += np.einsum("ij,ij->j", X, np.asarray(sub.K @ X))
     return replace(modes, omega=np.sqrt(strain / kinetic))
 
 
-def _under_feedback(configuration: Configuration, system: System, gain: Real, omega: float) -> SystemModes:
+def _under_feedback(modes: SystemModes, gain: Real, omega: float) -> SystemModes:
     """Real and imaginary parts of the modes of the closed loop, turned to be orthogonal in the mass."""
-    roots, X = closed_loop_modes(system, gain, omega)
+    system = modes.system
+    roots, X = closed_loop_modes(system, gain, omega, (modes.omega, modes.Phi))
     columns, s = [], []
     for root, x in zip(roots, X.T, strict=True):
         # The phase at which both parts are orthogonal in M makes the first as large as it can be.
@@ -152,87 +149,4 @@ def _under_feedback(configuration: Configuration, system: System, gain: Real, om
                 columns.append(part / np.sqrt(mass))
                 s.append(root)
     Phi = np.column_stack(columns) if columns else np.zeros((system.N, 0))
-    return SystemModes(configuration, abs(np.array(s)), Phi, system, np.array(s, dtype=np.complex128))
-
-
-def attachment_amplitudes(component: ModalComponent, rows: NDArray[np.int64]) -> Real:
-    """Elastic modes' share of a body's displacement under unit forces on some dofs (e, i), of unit modal mass.
-
-    Parameters
-    ----------
-    component : ModalComponent
-        Orthonormal modes.
-    rows : (i,) int64
-        Dofs, such as the i-set.
-    """
-    e = component.elastic
-    amplitudes = component.Phi[rows, e].T / component.omega[e, None] ** 2
-    size = np.linalg.norm(amplitudes, axis=0)
-    return np.asarray(amplitudes[:, size > 0] / size[size > 0])
-
-
-def remade(
-    flexible: FlexibleBody,
-    own: ModalComponent,
-    amplitudes_of: ModalComponent | None,
-    shapes: Sequence[Real],
-    tolerance: float,
-    attached: Real | None = None,
-) -> tuple[ModalComponent, Projection]:
-    """Reduce a body to its rigid motion and its part of system modes.
-
-    Parameters
-    ----------
-    flexible : FlexibleBody
-        The body as read.
-    own : ModalComponent
-        Its modes as the stages before left them.
-    amplitudes_of : ModalComponent, optional
-        Modes that the shapes are amplitudes of: ``own``, or others; they are displacements of its dofs if absent.
-    shapes : sequence of (m, n_R) float64
-        Chosen system modes on the body, of unit modal mass in the system, for each sampled configuration.
-    tolerance : float
-        Amplitude up to which a shape is dependent on the others.
-    attached : (e, i) float64, optional
-        Further shapes that are to be in the basis, as amplitudes of the elastic modes of ``own``.
-
-    Returns
-    -------
-    ModalComponent
-        Rigid modes first, as ever: a multibody code moves the body by them. Static modes stay.
-    Projection
-        Shapes and singular values of the elastic part.
-    """
-    body, rigid = flexible.body, flexible.rigid
-    if amplitudes_of is not None and amplitudes_of is own:
-        # In a body's own modes nothing of a soft mode is lost beside stiff ones, as it would be over its dofs.
-        e = own.elastic
-        unit = np.eye(own.elastic_count)
-        found = project_shapes(body.name, [X[e] for X in shapes], unit, tolerance)
-        Q = found.Q
-        if attached is not None:
-            Q = np.hstack([Q, project_shapes(body.name, [attached - Q @ (Q.T @ attached)], unit, _NEW).Q])
-        Q = np.linalg.qr(Q)[0] if Q.shape[1] else Q
-        return keep_directions(own, Q, ("projected system modes",) * own.elastic_count), found
-    blocks = [_displacements(flexible, amplitudes_of, X) for X in shapes]
-    found = project_shapes(body.name, blocks, body.M, tolerance)
-    kinds = [
-        ModeBlock("rigid", rigid, [f"rigid {motion + 1}" for motion in range(rigid.shape[1])]),
-        ModeBlock("system", found.Q, [str(number + 1) for number in range(found.rank)]),
-    ]
-    if attached is not None:
-        static = own.Phi[:, own.elastic] @ attached
-        static = static - found.Q @ (found.Q.T @ (body.M @ static))
-        added = project_shapes(body.name, [static], body.M, _NEW)
-        kinds.append(ModeBlock("residual", added.Q, [f"attached {number + 1}" for number in range(added.rank)]))
-    modes = ModeSet.of("projection", kinds)
-    return orthogonalise(project(body, modes, rigid)), found
-
-
-def _displacements(flexible: FlexibleBody, amplitudes_of: ModalComponent | None, X: Real) -> Real:
-    """Displacements (n, k) of a body's dofs without its rigid motion."""
-    if amplitudes_of is not None:
-        e = slice(amplitudes_of.rigid_count, None)
-        return np.asarray(amplitudes_of.Phi[:, e] @ X[e])
-    rigid = flexible.rigid
-    return np.asarray(X - rigid @ (rigid.T @ (flexible.body.M @ X)))
+    return SystemModes(modes.configuration, abs(np.array(s)), Phi, system, np.array(s, dtype=np.complex128))

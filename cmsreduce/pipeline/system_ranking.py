@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.balance import whole_groups
+from cmsreduce.config import ScalingKeys
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import Configuration, ModalComponent
 from cmsreduce.pipeline.assembled import AssembledModel
+from cmsreduce.pipeline.sized_channels import channel_sizes
 from cmsreduce.project import cost_shares, system_cost
 from cmsreduce.verify import channel_scales, frequency_grid
 
@@ -24,7 +26,9 @@ SYSTEM_COST = "system-cost"
 _POINTS = 100
 
 
-def with_system_cost(components: Mapping[str, ModalComponent], model: AssembledModel) -> dict[str, ModalComponent]:
+def with_system_cost(
+    components: Mapping[str, ModalComponent], model: AssembledModel, scaling: ScalingKeys | None = None
+) -> dict[str, ModalComponent]:
     """Give modes their share in the mean square response of the assembled system, at the worst configuration.
 
     Parameters
@@ -33,6 +37,9 @@ def with_system_cost(components: Mapping[str, ModalComponent], model: AssembledM
         Bodies to rank.
     model : AssembledModel
         The system with all their modes.
+    scaling : ScalingKeys, optional
+        Sizes of channels. Inputs, if each of them has one, are scaled by these, and so are outputs; else by the
+        response, which says nothing of a few.
 
     Returns
     -------
@@ -46,7 +53,7 @@ def with_system_cost(components: Mapping[str, ModalComponent], model: AssembledM
     DampingError
         If a mode of the system has no damping.
     MatrixError
-        If damping is structural, or a damper resists a motion that no spring holds.
+        If damping is structural.
 
     Notes
     -----
@@ -58,9 +65,14 @@ def with_system_cost(components: Mapping[str, ModalComponent], model: AssembledM
         raise ConfigError(
             "balance.rank: system-cost needs a response: name at least one actuator and one sensor in the scene"
         )
+    efforts, motions = channel_sizes(scaling or ScalingKeys(), scene)
     costs = []
     for configuration in scene.configurations:
         row, column = _scales(model, configuration)
+        if np.isfinite(efforts).all():
+            column = efforts
+        if np.isfinite(motions).all():
+            row = 1 / motions
         costs.append(system_cost(model.system(configuration), model.substructures, column**2, row**2))
     found = {}
     for name, component in components.items():

@@ -22,20 +22,22 @@ Array = NDArray[np.float64]
 
 # Damping that couples two system modes by less than this share of their own leaves the closed form all digits shown.
 _UNCOUPLED = 1e-10
-# Damping couples rigid motions to elastic ones when it resists them by more than this share of its largest entry.
+# Damping resists a rigid motion when its power there is more than this share of what its largest entry could take.
 _BRAKES = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class SystemCost:
-    """Mean square of a system's outputs under white noise, rigid motions left out, and its parts.
+    """Mean square of a system's outputs under white noise, free rigid motions left out, and its parts.
 
     Parameters
     ----------
     total : float
-        V = tr(C X C^T) of the elastic part.
+        V = tr(C X C^T) of the stable part.
     modes : (e,) float64
-        Share of each elastic mode of the system; they sum to V.
+        Share of each elastic mode of the system; with ``braked`` they sum to V.
+    braked : (b,) float64
+        Share of each rigid motion that dampers resist, by its rate.
     coordinates : mapping of body to (m_i,) float64
         Share of each coordinate of each body; they sum to V. A share is negative where a coordinate moves against
         what the outputs see.
@@ -43,6 +45,7 @@ class SystemCost:
 
     total: float
     modes: Array
+    braked: Array
     coordinates: Mapping[str, Array]
 
 
@@ -70,7 +73,7 @@ def system_cost(
     DampingError
         If an elastic mode has no damping: its response to noise is infinite.
     MatrixError
-        If damping is a complex stiffness, or brakes the rigid motions, whose mean square is then infinite.
+        If damping is a complex stiffness.
 
     Notes
     -----
@@ -78,27 +81,36 @@ def system_cost(
     coordinates q of joined bodies depend on each other, so that many rows C give the same outputs; the one taken here
     is C Phi Phi^T M q, Phi the elastic modes: a coordinate counts by its share in the modal mass of each mode, in any
     scale and whichever side of a joint the sensor is on. With uncoupled damping X has a closed form.
+
+    A rigid motion that dampers resist and no spring holds, such as a hinge with drag, has a rate whose mean square is
+    finite and a displacement that wanders without bound. Its rate is a state like the others, with all that damping
+    couples it to; its displacement, which nothing else depends on, is left out of the outputs, as are the motions that
+    nothing resists.
     """
-    w, Phi, modal = _elastic_modes(system)
+    w, Phi, braked, modal = _stable_motions(system)
+    e = w.size
     noise = np.ones(len(system.inputs)) if noise is None else np.asarray(noise, dtype=np.float64)
     weight = np.ones(len(system.outputs)) if weight is None else np.asarray(weight, dtype=np.float64)
     channels = ModalChannels(
         "the assembled system",
         w,
-        modal.diagonal() / (2 * w),
+        modal.diagonal()[:e] / (2 * w),
         Phi.T @ system.B * np.sqrt(noise),
         np.sqrt(weight)[:, None] * (system.C1 @ Phi),
         np.sqrt(weight)[:, None] * (system.C2 @ Phi),
     )
     check_damped(channels, "component cost analysis")
-    e = w.size
-    C = np.hstack([channels.C1 / w, channels.C2])
-    XQ = _noise_covariance(channels, modal) @ C.T @ C
+    rates = np.sqrt(weight)[:, None] * (system.C2 @ braked)
+    C = np.hstack([channels.C1 / w, channels.C2, rates])
+    XQ = _noise_covariance(channels, modal, braked.T @ system.B * np.sqrt(noise)) @ C.T @ C
     shares = XQ.diagonal()
+    of_pairs = XQ[e:, e:].copy()
+    of_pairs[:e, :e] += XQ[:e, :e] * (w / w[:, None])
     return SystemCost(
         float(shares.sum()),
-        np.asarray(shares[:e] + shares[e:]),
-        _by_coordinate(system, substructures, Phi, XQ[:e, :e] * (w / w[:, None]) + XQ[e:, e:]),
+        np.asarray(shares[:e] + shares[e : 2 * e]),
+        np.asarray(shares[2 * e :]),
+        _by_coordinate(system, substructures, np.hstack([Phi, braked]), of_pairs),
     )
 
 
@@ -153,35 +165,36 @@ def costliest(costs: Sequence[SystemCost], components: Mapping[str, ModalCompone
     return {name: np.sort(np.concatenate(parts)) for name, parts in kept.items()}
 
 
-def _elastic_modes(system: System) -> tuple[Array, Array, Array]:
-    """Elastic frequencies (e,) in rad/s, modes (N, e), and the damping between them (e, e)."""
+def _stable_motions(system: System) -> tuple[Array, Array, Array, Array]:
+    """Elastic frequencies (e,) in rad/s, modes (N, e), braked rigid motions (N, b), damping of both (e + b, e + b)."""
     if system.loss is not None:
         raise MatrixError("structural damping is a complex stiffness, under which white noise has no state space")
-    K, M = dense(system.K), dense(system.M)
+    K, M, rigid = dense(system.K), dense(system.M), system.rigid
     D = np.zeros_like(K) if system.D is None else dense(system.D)
-    if abs(D @ system.rigid).max(initial=0.0) > _BRAKES * abs(D).max(initial=0.0):
-        raise MatrixError(
-            "a damper resists a motion of the system that no spring holds: under white noise it wanders without bound, "
-            "and no mean square can be shared out. Rank by component-cost or gregory, or give that joint a stiffness"
-        )
-    squared, Phi, _ = elastic_and_massless(K, M, system.rigid, system.rounding)
-    return np.sqrt(squared), Phi, Phi.T @ D @ Phi
+    drag, V = la.eigh(rigid.T @ D @ rigid) if rigid.shape[1] else (np.zeros(0), np.zeros((0, 0)))
+    braked = rigid @ V[:, drag > _BRAKES * abs(D).max(initial=0.0) * float((rigid**2).sum(axis=0).max(initial=0.0))]
+    squared, Phi, _ = elastic_and_massless(K, M, rigid, system.rounding)
+    motions = np.hstack([Phi, braked])
+    return np.sqrt(squared), Phi, braked, motions.T @ D @ motions
 
 
-def _noise_covariance(channels: ModalChannels, modal: Array) -> Array:
-    """X of A X + X A^T + B B^T = 0 in the states [w q; q'] (2e, 2e)."""
+def _noise_covariance(channels: ModalChannels, modal: Array, braked_B: Array) -> Array:
+    """X of A X + X A^T + B B^T = 0 in the states [w q; q'; v], v the rates of braked motions (2e + b, 2e + b)."""
+    e, b = channels.count, braked_B.shape[0]
     own = np.sqrt(modal.diagonal())
-    if (abs(modal - np.diag(modal.diagonal())) <= _UNCOUPLED * np.outer(own, own)).all():
+    if not b and (abs(modal - np.diag(modal.diagonal())) <= _UNCOUPLED * np.outer(own, own)).all():
         return controllability(channels)
     A, B, _ = state_space(channels, summed=True)
-    A[channels.count :, channels.count :] = -modal
+    A = la.block_diag(A, np.zeros((b, b)))
+    A[e:, e:] = -modal
+    B = np.vstack([B, braked_B])
     return np.asarray(la.solve_continuous_lyapunov(A, -B @ B.T))
 
 
 def _by_coordinate(
     system: System, substructures: Mapping[str, Substructure], Phi: Array, shares: Array
 ) -> dict[str, Array]:
-    """Share out costs of pairs of modes (e, e) to the coordinates of the bodies."""
+    """Share out costs of pairs of motions (k, k) to the coordinates of the bodies."""
     shapes = np.split(dense(system.T @ Phi), np.cumsum(list(system.sizes.values()))[:-1])
     return {
         name: np.asarray(((own @ shares) * (substructures[name].M @ own)).sum(axis=1))

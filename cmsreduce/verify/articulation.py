@@ -167,10 +167,21 @@ def locked_index(system: System, locked: System, Phi: Array) -> Array:
     inertia = articulation_inertia(system)
     turn = system.rigid @ (system.C1 @ system.rigid).T @ inertia
     # Locked motions are some of the free ones, and the columns of T are orthonormal.
-    shapes = dense(system.T.T @ (locked.T @ Phi))
+    shapes = dense(system.T.T @ _in_stack(system, locked, dense(locked.T @ Phi)))
     h = shapes.T @ (system.M @ turn)
     coupled = np.cumsum(np.einsum("ma,mb->mab", h, h), axis=0)
     return _diagonals(coupled @ np.linalg.inv(inertia))
+
+
+def _in_stack(system: System, locked: System, X: Array) -> Array:
+    """Motions of the locked bodies as those of the free ones: what strains a joint's spring is nothing then."""
+    parts, at = [], 0
+    for name, size in system.sizes.items():
+        own = locked.sizes.get(name, 0)
+        # The coordinates of a joint's springs come before those of its inertias.
+        parts += [np.zeros((size - own, X.shape[1])), X[at : at + own]]
+        at += own
+    return np.vstack(parts)
 
 
 def _diagonals(A: Array) -> Array:

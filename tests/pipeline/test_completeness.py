@@ -34,6 +34,8 @@ def test_what_all_modes_leave_is_the_rigid_inertia_against_the_mobility_of_the_h
         rigid = float(((system.rigid.T @ c) ** 2).sum())
         assert each.kept == pytest.approx(rigid / mobility, rel=1e-8)
         assert each.whole < each.kept < each.band <= 1
+        # Of all modes both indices leave the same.
+        assert each.locked == pytest.approx(1 - each.kept, abs=1e-9)
 
 
 def test_all_modes_of_the_mode_sets_miss_nothing(opened: Callable[..., Run]) -> None:

@@ -100,3 +100,21 @@ def test_a_column_is_added_and_nothing_else_changes(opened: Callable[..., Run]) 
     for name, component in run.ranked.items():
         np.testing.assert_array_equal(found[name].sigma, component.sigma)
         assert set(found[name].rankings) - set(component.rankings) == {"system-cost"}
+
+
+def test_a_hinge_with_drag_alone_is_ranked(opened: Callable[..., Run]) -> None:
+    """A little drag is none; much of it is a weld."""
+    by_drag = [
+        opened(
+            BY_COST, "scene.articulation={hinge: [50 deg]}", "scene.sensors={probe: {at: panel.6, measure: z}}", *more
+        )
+        for more in (
+            (),
+            ("scene.joints.hinge.damping={ry: 1e-9 N*m*s/rad}",),
+            ("scene.joints.hinge.damping={ry: 0.05 N*m*s/rad}",),
+        )
+    ]
+    for name in ("arm", "panel"):
+        none, little, some = (run.ranked[name].sigma[6:] for run in by_drag)
+        np.testing.assert_allclose(little, none, rtol=0, atol=1e-3 * none.max())
+        assert np.isfinite(some).all() and abs(some - none).max() > 1e-2 * none.max()

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from cmsreduce.assemble import assemble, elastic_states, modal_substructure, rigid_substructure
 from cmsreduce.balance import component_costs
 from cmsreduce.errors import DampingError, MatrixError
+from cmsreduce.linalg.dense import dense
 from cmsreduce.model import Configuration, Damping, ModalChannels, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.project import SystemCost, cost_shares, costliest, system_cost
@@ -119,19 +120,64 @@ def test_the_costliest_modes_of_all_bodies_are_chosen():
 
 def test_a_group_of_coordinates_counts_by_the_sum_of_its_shares_at_the_worst_configuration():
     costs = [
-        SystemCost(2.0, np.ones(1), {"a": np.array([1.5, -0.5, 1.0])}),
-        SystemCost(0.0, np.ones(1), {"a": np.ones(3)}),
+        SystemCost(2.0, np.ones(1), np.zeros(0), {"a": np.array([1.5, -0.5, 1.0])}),
+        SystemCost(0.0, np.ones(1), np.zeros(0), {"a": np.ones(3)}),
     ]
-    costs.append(SystemCost(10.0, np.ones(1), {"a": np.array([0.0, 4.0, 6.0])}))
+    costs.append(SystemCost(10.0, np.ones(1), np.zeros(0), {"a": np.array([0.0, 4.0, 6.0])}))
     np.testing.assert_allclose(cost_shares(costs, "a", [np.array([0, 1]), np.array([2])]), [0.5, 0.6])
 
 
-def test_a_damper_without_a_spring_has_no_mean_square():
-    """A hinge that only drag resists is driven off by white noise, further and further."""
-    system, subs, _ = study(LAWS["coupled"])
-    momentum = system.M @ system.rigid[:, :1]
-    with pytest.raises(MatrixError, match="no spring holds: under white noise it wanders without bound"):
-        system_cost(replace(system, D=system.D + 5.0 * momentum @ momentum.T), subs)
+def dragged(law: str, drag: tuple[float, ...]):
+    """A hinge with drag and no spring; further figures resist rigid motions of the whole."""
+    sensors = (*SENSORS, in_joint("hinge", "ry", rate=True))
+    system, subs, _ = study(LAWS[law], sensors)
+    hinge = system.C2[[2]].T
+    rows = [hinge, *(dense(system.M @ system.rigid[:, [k]]) for k in range(len(drag) - 1))]
+    return replace(system, D=dense(system.D) + sum(d * row @ row.T for d, row in zip(drag, rows, strict=True))), subs
+
+
+def stable_mean_square(system) -> float:
+    """By scipy, of the equations of motion without the states that wander: rigid displacements, free rates."""
+    M, K, D = dense(system.M), dense(system.K), dense(system.D)
+    drag, V = la.eigh(system.rigid.T @ D @ system.rigid)
+    rigid, b = system.rigid @ V[:, ::-1], np.count_nonzero(drag > 1e-9 * drag[-1])
+    rest = la.null_space(rigid.T @ M)
+    w2, X = la.eigh(rest.T @ K @ rest, rest.T @ M @ rest)
+    Phi, e = rest @ X, w2.size
+    rates = np.hstack([Phi, rigid[:, :b]])
+    damped, w = rates.T @ D @ rates, np.sqrt(w2)
+    A = np.zeros((2 * e + b, 2 * e + b))
+    A[:e, e : 2 * e], A[e : 2 * e, :e], A[e:, e:] = np.diag(w), -np.diag(w), -damped
+    B = np.vstack([np.zeros((e, system.B.shape[1])), rates.T @ system.B])
+    C = np.hstack([system.C1 @ Phi / w, system.C2 @ rates])
+    assert la.eigvals(A).real.max() < 0
+    return float(np.trace(C @ la.solve_continuous_lyapunov(A, -B @ B.T) @ C.T))
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("drag", [(0.4,), (1e-4,), (0.4, 3.0), (0.4, 3.0, 0.02)], ids=str)
+def test_rates_that_drag_resists_count_and_displacements_that_wander_do_not(law, drag):
+    system, subs = dragged(law, drag)
+    cost = system_cost(system, subs)
+    V = stable_mean_square(system)
+    assert cost.braked.size == len(drag) and cost.braked.sum() > 0
+    assert cost.total == pytest.approx(V, rel=1e-8)
+    assert cost.modes.sum() + cost.braked.sum() == pytest.approx(V, rel=1e-8)
+    assert sum(share.sum() for share in cost.coordinates.values()) == pytest.approx(V, rel=1e-8)
+
+
+def test_a_rigid_wheel_with_drag_has_the_mean_square_of_brownian_motion():
+    """By hand: J v' + d v = u under unit noise has <v^2> = 1 / (2 d J)."""
+    J, d = 0.3, 0.07
+    wheel = rigid_body("wheel", 1.0, [0, 0, 0], [1, 1, J], {"face": [0, 0, 0]})
+    subs = {"wheel": rigid_substructure(wheel)}
+    sensors = (at("wheel.cg", "rz", "rate", rate=True), at("wheel.cg", "rz", "angle"))
+    scene = Scene(("wheel",), (0.0, 1.0), (), actuators=(at("wheel.cg", "rz"),), sensors=sensors)
+    system = assemble(subs, scene, AS_BUILT)
+    turn = system.B
+    cost = system_cost(replace(system, D=d * turn @ turn.T), subs)
+    assert cost.total == pytest.approx(1 / (2 * d * J), rel=1e-12)
+    np.testing.assert_allclose(cost.coordinates["wheel"], [0, 0, 0, 0, 0, cost.total], rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize(
