@@ -6,6 +6,7 @@ __all__ = [
     "ConstraintError",
     "DampingError",
     "DofMapError",
+    "FloatingFrameError",
     "MatrixError",
     "ReadError",
     "SceneError",
@@ -50,6 +51,10 @@ class ConstraintError(CmsReduceError):
 
 class SingularInterfaceError(CmsReduceError):
     """An interface that does not hold the body where the mode set needs it held."""
+
+
+class FloatingFrameError(CmsReduceError):
+    """A floating frame that the motions of a body do not determine."""
 
 
 class DampingError(CmsReduceError):

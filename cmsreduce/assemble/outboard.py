@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import scipy.linalg as la
@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble.placement import joint_tree
 from cmsreduce.errors import SceneError
+from cmsreduce.linalg.rigid_fit import best_fit
 from cmsreduce.model import (
     FEModel,
     InterfaceLoading,
     Joint,
+    OutboardMass,
     Placement,
     RigidBody,
     Scene,
@@ -21,10 +23,7 @@ from cmsreduce.model import (
     rigid_body_shapes,
 )
 
-__all__ = ["outboard_loading"]
-
-# Rigid motions that an interface shows less than this share of, relative to the largest, it cannot carry mass in.
-_SHOWN = 1e-8
+__all__ = ["outboard_loading", "outboard_masses"]
 
 
 def outboard_loading(
@@ -56,9 +55,53 @@ def outboard_loading(
     """
     i = rows.size
     M = np.zeros((i, i))
+    found = list(_joined(body, bodies, scene))
+    for face, mass, _ in found:
+        at, motion = _carried(body, rows, face)
+        M[np.ix_(at, at)] += motion.T @ mass @ motion
+    return InterfaceLoading(np.zeros((i, i)), M, tuple(name for _, _, names in found for name in names))
+
+
+def outboard_masses(body: FEModel, bodies: Mapping[str, FEModel | RigidBody], scene: Scene) -> tuple[OutboardMass, ...]:
+    """Rigid mass of everything outboard of each interface of a body, as the scene is built.
+
+    Parameters
+    ----------
+    body : FEModel
+        The body.
+    bodies : mapping of name to FEModel or RigidBody
+        All bodies of the scene.
+    scene : Scene
+        Joints, placements; the base body decides what is outboard.
+
+    Returns
+    -------
+    tuple of OutboardMass
+        Of each interface that carries something, in the order of the body's interfaces.
+
+    Raises
+    ------
+    SceneError
+        If a body has no geometry, so that its mass cannot be carried along an arm.
+    """
+    found = list(_joined(body, bodies, scene))
+    carried = []
+    for face, interface in body.interfaces.items():
+        parts = [(mass, names) for name, mass, names in found if name == face]
+        if parts:
+            mass = sum((mass for mass, _ in parts), np.zeros((6, 6)))
+            names = tuple(name for _, names in parts for name in names)
+            carried.append(OutboardMass(face, interface.position[0], mass, names))
+    return tuple(carried)
+
+
+def _joined(
+    body: FEModel, bodies: Mapping[str, FEModel | RigidBody], scene: Scene
+) -> Iterator[tuple[str, NDArray[np.float64], list[str]]]:
+    """Interface, mass matrix about its first node along the body's axes (6, 6), and bodies, of each joint outwards."""
     _, inboard_of = joint_tree(scene)
     placed = {name: scene.placements.get(name, Placement()) for name in bodies}
-    names: list[str] = []
+    here = placed[body.name]
     for joint in scene.joints:
         outer = next((name for name, inner in inboard_of.items() if inner is joint), None)
         ends = {joint.first.body: joint.first, joint.second.body: joint.second}
@@ -66,26 +109,20 @@ def outboard_loading(
             continue
         group = _beyond(outer, inboard_of)
         face = body.interfaces[ends[body.name].name]
-        here = placed[body.name]
         pivot = here.rotation @ face.position[0] + here.translation
         mass = sum((_mass_about(bodies[name], placed[name], pivot, here) for name in group), np.zeros((6, 6)))
         held = (link for link in scene.joints if link.first.body in group and link.elements)
-        mass = sum((_spin(bodies, placed, link, here) for link in held), mass)
-        at, motion = _carried(body, rows, face.name)
-        M[np.ix_(at, at)] += motion.T @ mass @ motion
-        names += group
+        yield face.name, sum((_spin(bodies, placed, link, here) for link in held), mass), group
     for joint in scene.joints:
         if joint.first.body == body.name and joint.elements:
-            at, motion = _carried(body, rows, joint.first.name)
-            M[np.ix_(at, at)] += motion.T @ _spin(bodies, placed, joint, placed[body.name]) @ motion
-    return InterfaceLoading(np.zeros((i, i)), M, tuple(names))
+            yield joint.first.name, _spin(bodies, placed, joint, here), []
 
 
 def _carried(body: FEModel, rows: NDArray[np.int64], face: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Where the dofs of an interface stand in the i-set, and its best-fitting rigid motion (6, dofs)."""
     own = body.interface_rows(face)
     at = np.array([int(np.flatnonzero(rows == row)[0]) for row in own])
-    return at, _best_fit(body, own, body.interfaces[face].position)
+    return at, best_fit(body, own, body.interfaces[face].position)
 
 
 def _spin(
@@ -99,16 +136,6 @@ def _spin(
         if element.inertia:
             J[3:, 3:] += element.inertia * np.outer(axes[element.dof - 3], axes[element.dof - 3])
     return J
-
-
-def _best_fit(body: FEModel, rows: NDArray[np.int64], position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rigid motion of an interface about its first node that fits its dofs best (6, rows)."""
-    # Rotations count by what they move at the edge of the interface, so that units do not matter.
-    edge = float(np.linalg.norm(position - position[0], axis=1).max()) or 1.0
-    row = np.where(np.isin(body.dofs.component[rows], (4, 5, 6)), edge, 1.0)
-    column = np.array([1.0, 1.0, 1.0, edge, edge, edge])
-    R = _rigid_rows(body, rows, position[0])
-    return np.asarray(la.pinv(row[:, None] * R / column, rtol=_SHOWN) * row / column[:, None])
 
 
 def _beyond(outer: str, inboard_of: Mapping[str, Joint]) -> list[str]:

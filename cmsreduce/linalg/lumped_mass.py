@@ -7,6 +7,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
+from cmsreduce.linalg.untied import untied_body
 from cmsreduce.model import FEModel, Lumping, rigid_body_shapes
 
 __all__ = ["lumped_mass", "total_mass"]
@@ -29,7 +30,8 @@ def lumped_mass(body: FEModel, lumping: Lumping) -> sp.csc_array:
     (n, n) sparse array
         A point mass at every node, the same in all the directions in which the node can move, and a 3 x 3 inertia of
         its rotations: the sum of their own rows, or their own block scaled like the masses. What couples translations
-        with rotations is left out. Scalar dofs keep their diagonal, or row sum, unscaled.
+        with rotations is left out. Scalar dofs keep their diagonal, or row sum, unscaled. Of a body with tied nodes:
+        the mass at its nodes as they were, in the rows that these follow.
 
     Raises
     ------
@@ -45,6 +47,9 @@ def lumped_mass(body: FEModel, lumping: Lumping) -> sp.csc_array:
         return body.M
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so its mass cannot be gathered at its nodes")
+    if body.untied is not None:
+        whole, T = untied_body(body)
+        return sp.csc_array(T.T @ lumped_mass(whole, lumping) @ T)
     M, component = body.M, body.dofs.component
     translations, rotations = np.flatnonzero((component >= 1) & (component <= 3)), np.flatnonzero(component > 3)
     if lumping == "row-sum":

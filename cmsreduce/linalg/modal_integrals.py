@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.lumped_mass import lumped_mass
+from cmsreduce.linalg.untied import untied_body
 from cmsreduce.model import FEModel, Lumping, ModalIntegrals, rigid_body_shapes
 
-__all__ = ["modal_integrals", "rigid_mass"]
+__all__ = ["MassBlocks", "modal_integrals", "nodal_motion", "rigid_mass"]
 
 Array = NDArray[np.float64]
 
@@ -72,11 +73,15 @@ def modal_integrals(
     cubic shapes, in which a rotation moves what is beside the node. What stretches and bends at once is integrated over
     the mean of the two interpolations, and a polar inertia without the inertia of bending that a section has with it
     (Bernoulli beams) is taken as it stands, as a body's that is no body. For any matrix the trace of int phi phi'^T is
-    phi^T M phi', and what is skew in int r phi^T is R^T M phi. Nodes that follow others have their mass in the rows of
-    those, as rigid lumps. A direction in which a node is held has no mass.
+    phi^T M phi', and what is skew in int r phi^T is R^T M phi. Nodes that are tied are integrated where they are, as
+    before they were tied. A direction in which a node is held has no mass.
     """
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so there is nothing to integrate over")
+    if body.untied is not None:
+        whole, T = untied_body(body)
+        modes = np.arange(shapes.shape[1]) if modes is None else modes
+        return modal_integrals(whole, T @ shapes, origin=origin, axes=axes, lumping=lumping, modes=modes)
     origin = np.asarray(origin, dtype=np.float64)
     axes = np.eye(3) if axes is None else np.asarray(axes, dtype=np.float64)
     M = lumped_mass(body, lumping)
@@ -84,12 +89,12 @@ def modal_integrals(
     rigid = R.T @ (M @ R)
     mass, first_moment = _mass_and_moment(body, rigid)
     momentum = (M @ R).T @ shapes
-    to_axes = _nodal_motion(body, axes)
+    to_axes = nodal_motion(body, axes)
     at = np.unique(body.dofs.node[body.dofs.component > 0])
     r = (body.nodes.xyz[body.nodes.index(at)] - origin) @ axes.T
     nodal = sp.csr_array(to_axes @ M @ to_axes.T)
     u, t = (to_axes @ shapes).reshape(2, 3, at.size, shapes.shape[1])
-    pairs = _Blocks(nodal, at.size)
+    pairs = MassBlocks(nodal, at.size)
     return ModalIntegrals(
         origin=origin,
         axes=axes,
@@ -130,7 +135,7 @@ def _mass_and_moment(body: FEModel, rigid: Array) -> tuple[float, Array]:
     return mass, mass * twice / across
 
 
-def _nodal_motion(body: FEModel, axes: Array) -> sp.csr_array:
+def nodal_motion(body: FEModel, axes: Array) -> sp.csr_array:
     """From rows to translations x y z, then rotations x y z, of all nodes along the axes (6 N, n)."""
     assert body.nodes is not None
     moving = np.flatnonzero(body.dofs.component > 0)
@@ -145,7 +150,7 @@ def _nodal_motion(body: FEModel, axes: Array) -> sp.csr_array:
     return motion
 
 
-class _Blocks:
+class MassBlocks:
     """Mass matrix between motions of nodes, in blocks of one direction with another."""
 
     def __init__(self, nodal: sp.csr_array, count: int) -> None:
@@ -158,6 +163,10 @@ class _Blocks:
         half = (J[0][0] + J[1][1] + J[2][2]) * 0.5
         # E of the axes k and l, between nodes.
         self.spread = [[half - J[k][k] if k == m else -J[m][k] for m in range(3)] for k in range(3)]
+
+    def part(self, a: int, b: int) -> sp.csr_array:
+        """From rotations about axis b to translations along axis a, between nodes (N, N)."""
+        return self.coupling[a * self.count : (a + 1) * self.count, b * self.count : (b + 1) * self.count]
 
     def _product(self, A: sp.csr_array, motion: Array) -> Array:
         return np.asarray(A @ motion.reshape(3 * self.count, -1)).reshape(motion.shape)
@@ -178,11 +187,10 @@ class _Blocks:
         """Integrals of r_i phi_j dm (3, 3, k), nodes at r (N, 3); skew in it is ``turning``, int r x phi dm (3, k)."""
         force = self._product(self.translation, u) + self._product(self.coupling, t)
         found = np.einsum("pi,jpk->ijk", r, force)
-        C, N = self.coupling, self.count
         for i in range(3):
             a, b = (i + 1) % 3, (i + 2) % 3
             # Of C = -c [s]x, rows are translations: s_i = (C_ab - C_ba) / 2 of the two other directions.
-            arm = C[a * N : (a + 1) * N, b * N : (b + 1) * N] - C[b * N : (b + 1) * N, a * N : (a + 1) * N]
+            arm = self.part(a, b) - self.part(b, a)
             found[i] += np.einsum("p,jpk->jk", np.asarray(arm.sum(axis=1)).ravel() / 2, u)
         if t.any():
             for i, m in product(range(3), repeat=2):

@@ -17,6 +17,7 @@ from cmsreduce.model.interface import Interface
 from cmsreduce.model.nodes import Nodes
 from cmsreduce.model.recovery import Recovery
 from cmsreduce.model.units import SI, Units
+from cmsreduce.model.untied import UntiedMass
 
 __all__ = ["FEModel", "RigidBody", "Source"]
 
@@ -75,6 +76,8 @@ class FEModel:
         have no rows.
     tied : Recovery, optional
         Dofs that follow others, as those of a node tied to an interface point; they have no rows either.
+    untied : UntiedMass, optional
+        Mass over the dofs that the body was read with, where some of them are tied: M = T^T M_untied T.
     grounded : bool
         Whether the user says that the body is held to the ground, so that K resists rigid motion.
     sources : tuple of Source
@@ -100,6 +103,7 @@ class FEModel:
     sets: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
     constrained: DofTable | None = None
     tied: Recovery | None = None
+    untied: UntiedMass | None = None
     grounded: bool = False
     sources: tuple[Source, ...] = ()
 

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError
-from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Recovery, cross_matrix, rigid_body_shapes
+from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Recovery, UntiedMass, cross_matrix, rigid_body_shapes
 
 __all__ = ["Tie", "tie_nodes"]
 
@@ -236,6 +236,7 @@ def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str
         },
         sets=whole,
         tied=Recovery(DofTable(every.dofs.node[follow], every.dofs.component[follow]), every.T[follow] @ T),
+        untied=body.untied or UntiedMass(body.dofs, body.M),
     )
 
 

@@ -18,7 +18,12 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from truss import Material, Truss
 
-MATERIALS = {"graphite": Material(1.2e11, 1700.0), "aluminium": Material(7.0e10, 2700.0)}
+MATERIALS = {
+    "graphite": Material(1.2e11, 1700.0),
+    "aluminium": Material(7.0e10, 2700.0),
+    # The mass of the legs is in that of the modules that they carry.
+    "aluminium without mass": Material(7.0e10, 0.0),
+}
 SECTIONS = {
     "longeron": ("graphite", 4.0e-4, 0.0),
     "batten": ("graphite", 2.5e-4, 0.0),
@@ -29,7 +34,7 @@ SECTIONS = {
     "mast longeron": ("graphite", 2.0e-5, 0.0),
     "mast web": ("graphite", 6.0e-6, 0.0),
     "root strut": ("aluminium", 1.0e-4, 0.0),
-    "leg": ("aluminium", 4.0e-3, 4.0e-5),
+    "leg": ("aluminium without mass", 4.0e-3, 4.0e-5),
 }
 HALF, BAY = 2.5, 5.0
 # The arrays face the sun: their masts lean from z by the angle of a 3-4-5 triangle.

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import scipy.linalg as la
 
-from cmsreduce.model import FEModel, ModalComponent, rigid_body_shapes
+from cmsreduce.model import FEModel, FloatingFrame, IntegralFrame, ModalComponent, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
 from cmsreduce.write import write_component
@@ -50,10 +50,22 @@ def clamped(component: ModalComponent, interface: str) -> ModalComponent:
     )
 
 
-def npz(folder: Path, component: ModalComponent) -> Path:
-    """Component file, and from it alone the one that Exudyn loads; mesh nodes are all nodes, in order of their ids."""
+def npz(folder: Path, component: ModalComponent, frame: FloatingFrame | None = None) -> Path:
+    """Component file, and from it alone the one that Exudyn loads; mesh nodes are all nodes, in order of their ids.
+
+    With a floating frame the integrals are about its place, along its axes.
+    """
     path = folder / f"{component.name}.h5"
     write_component(
-        path, component, nodes=(), inputs={}, outputs={}, checks=(), provenance={"settings": {}}, all_nodes=True
+        path,
+        component,
+        nodes=(),
+        inputs={},
+        outputs={},
+        checks=(),
+        provenance={"settings": {}},
+        all_nodes=True,
+        frame=frame,
+        about=None if frame is None else IntegralFrame("frame", frame.origin, frame.axes),
     )
     return convert(path, path.with_suffix(".npz"), "exudyn")[0]

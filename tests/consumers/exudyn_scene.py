@@ -21,6 +21,7 @@ from exudyn.itemInterface import (
     ObjectGround,
     SensorNode,
     SensorSuperElement,
+    SphericalJoint,
 )
 
 __all__ = ["Body", "ExudynScene"]
@@ -48,8 +49,8 @@ class ExudynScene:
         # The container owns the system and must outlive it.
         self._container = exu.SystemContainer()
         self.mbs: Any = self._container.AddSystem()
-        item = self.mbs.AddObject(ObjectGround())
-        self.ground: int = self.mbs.AddMarker(MarkerBodyRigid(bodyNumber=item))
+        self._ground_item: int = self.mbs.AddObject(ObjectGround())
+        self.ground: int = self.ground_at((0, 0, 0))
 
     def add(self, file: Path, **initial: object) -> Body:
         """Load a body; ``initial`` are places and velocities of its frame by Exudyn's names."""
@@ -59,6 +60,22 @@ class ExudynScene:
         frame = made["nRigidBody"]
         marker = self.mbs.AddMarker(MarkerNodeRigid(nodeNumber=frame))
         return Body(made["oFFRFreducedOrder"], frame, made["nGenericODE2"], marker)
+
+    def ground_at(self, place: Sequence[float]) -> int:
+        """Marker of the ground at a place (3,)."""
+        return int(self.mbs.AddMarker(MarkerBodyRigid(bodyNumber=self._ground_item, localPosition=list(place))))
+
+    def marker_at(self, body: Body, mesh_node: int) -> int:
+        """Marker that moves with one mesh node; it has no rotation."""
+        return int(
+            self.mbs.AddMarker(
+                MarkerSuperElementPosition(bodyNumber=body.item, meshNodeNumbers=[mesh_node], weightingFactors=[1])
+            )
+        )
+
+    def ball(self, first: int, second: int) -> None:
+        """Hold two markers at one point."""
+        self.mbs.AddObject(SphericalJoint(markerNumbers=[first, second]))
 
     def marker_on(self, body: Body, mesh_nodes: Sequence[int]) -> int:
         """Marker that moves and turns with the mean of some mesh nodes, all with one weight."""
@@ -89,9 +106,7 @@ class ExudynScene:
 
     def pull(self, body: Body, mesh_node: int, force: Sequence[float]) -> None:
         """Constant force (3,) on one mesh node."""
-        marker = self.mbs.AddMarker(
-            MarkerSuperElementPosition(bodyNumber=body.item, meshNodeNumbers=[mesh_node], weightingFactors=[1])
-        )
+        marker = self.marker_at(body, mesh_node)
         self.mbs.AddLoad(LoadForceVector(markerNumber=marker, loadVector=list(force)))
 
     def frequencies(self) -> np.ndarray:

@@ -11,9 +11,19 @@ import scipy.sparse as sp
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.lumped_mass import lumped_mass, total_mass
 from cmsreduce.linalg.modal_integrals import modal_integrals
-from cmsreduce.model import DofTable, FEModel, Nodes, cross_matrix, rigid_body_shapes
+from cmsreduce.model import (
+    DofTable,
+    FEModel,
+    Interface,
+    Nodes,
+    Units,
+    cross_matrix,
+    in_units,
+    rigid_body_shapes,
+)
+from cmsreduce.read import Tie, tie_nodes
 from tests.frames import BAR, Section, frame, line, rotation
-from tests.solids import RHO, block
+from tests.solids import RHO, block, face
 
 TURN = rotation([1, -2, 0.5], 0.7)
 SIDES = np.array([2.0, 0.6, 0.4])
@@ -248,6 +258,49 @@ def test_integrals_of_another_program(shared_data):
     # A solid 1 x 1.5 x 8: int x x dm = m / 3, and the lumps miss it by 7.5 %.
     assert modal_integrals(body, shapes).second_moment[0, 0] == pytest.approx(31200, rel=1e-11)
     assert found.second_moment[0, 0] == pytest.approx(33540, rel=1e-11)
+
+
+@pytest.mark.parametrize("kind", ["rigid", "average"])
+@pytest.mark.parametrize("lumping", ["consistent", "row-sum", "diagonal"])
+@pytest.mark.parametrize("axes", [None, TURN], ids=["basic", "turned"])
+def test_a_tied_body_has_the_integrals_of_the_body(kind, lumping, axes):
+    """Any motion that a tie allows, over the bricks as they were before: in other units, too."""
+    cells = (4, 2, 2)
+    body = block("block", SIDES, cells, origin=(1, 2, 3), axes=axes)
+    ids = np.array(face(cells, 4))
+    end = Interface("end", ids, ((1, 2, 3),) * 9, body.nodes.xyz[ids - 1], np.eye(3))
+    tied = tie_nodes(replace(body, interfaces={"end": end}), "end", Tie(kind))
+    shapes = np.random.default_rng(2).normal(size=(tied.n, 3))
+    motion = tied.recovery.T[tied.recovery.dofs.rows(body.dofs.node, body.dofs.component)] @ shapes
+    whole, found = (modal_integrals(b, x, lumping=lumping, origin=AWAY) for b, x in ((body, motion), (tied, shapes)))
+    for name in ("mass", "first_moment", "inertia", "phi", "r_cross_phi", "r_phi", "phi_phi"):
+        expected = np.asarray(getattr(whole, name))
+        np.testing.assert_allclose(getattr(found, name), expected, rtol=0, atol=1e-13 * abs(expected).max())
+    small = in_units(tied, Units.parse("mm-t-s"))
+    scale = np.where(small.dofs.component <= 3, 1e3, 1.0)[:, None]
+    again = modal_integrals(small, scale * shapes, lumping=lumping, origin=1e3 * AWAY)
+    for name, factor in (("mass", 1e-3), ("inertia", 1e3), ("phi", 1.0), ("r_phi", 1e3), ("phi_phi", 1e3)):
+        expected = factor * np.asarray(getattr(found, name))
+        np.testing.assert_allclose(getattr(again, name), expected, rtol=0, atol=1e-12 * abs(expected).max())
+
+
+def test_a_disk_on_a_cantilever_turns_with_its_tip():
+    """The tip of a massless beam moves by 1 and turns; a mass m with an inertia J stands on it."""
+    L, n, m, J, turn = 2.0, 4, 3.0, 0.7, 0.4
+    body = line("beam", [0, 0, 0], [L, 0, 0], n, section=replace(THREAD, rho=1e-9))
+    M = body.M.tolil()
+    tip = body.dofs.rows_of(n + 1, (1, 2, 3, 4, 5, 6))
+    M[tip, tip] = M[tip, tip].toarray() + np.array([m, m, m, 2 * J, J, J])
+    body = replace(body, M=sp.csc_array(M))
+    shape = np.zeros((body.n, 1))
+    shape[tip[[1, 5]], 0] = 1.0, turn
+    found = modal_integrals(body, shape)
+    assert np.einsum("iiab->ab", found.phi_phi)[0, 0] == pytest.approx(m + J * turn**2, rel=1e-6)
+    np.testing.assert_allclose(found.r_cross_phi[:, 0], [0, 0, m * L + J * turn], atol=1e-6)
+    np.testing.assert_allclose(np.diag(found.inertia), [2 * J, m * L**2 + J, m * L**2 + J], rtol=1e-6)
+    # A disk square with x spreads J along y and z each, and nothing along x: u_x = -y turn.
+    np.testing.assert_allclose(found.phi_phi[:, :, 0, 0], np.diag([J * turn**2, m, 0]), atol=1e-6)
+    np.testing.assert_allclose(found.r_phi[:, :, 0], [[0, m * L, 0], [-J * turn, 0, 0], [0, 0, 0]], atol=1e-6)
 
 
 def test_without_geometry_there_is_nothing_to_integrate_over():

@@ -46,8 +46,9 @@ def test_lumped_integrals_come_with_the_modal_mass_of_the_same_lumping() -> None
             particles().integrals,
             "the motion of node 2 is not known",
         ),
+        (replace(particles().file, rigid_count=7), particles().integrals, "has 7 motions without strain.* a mechanism"),
     ],
-    ids=["modes", "mass", "geometry", "loss", "motion"],
+    ids=["modes", "mass", "geometry", "loss", "motion", "mechanism"],
 )
 def test_what_does_not_fit_is_refused(file: ComponentFile, integrals: ModalIntegrals, message: str) -> None:
     with pytest.raises(WriteError, match=message):

@@ -1,0 +1,94 @@
+"""The mass that a deck states, by hand; a deck whose elements are not all counted states none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cmsreduce.model import Nodes
+from cmsreduce.read import deck_mass
+
+# A bent line, and the corners of a block of 2 x 1 x 3 with a corner aside.
+BLOCK = [[x, y, z] for z in (0.0, 3.0) for x, y in ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0))]
+NODES = Nodes.in_basic(range(1, 13), [[0.0, 0, 0], [3, 4, 0], [3, 4, 12], *BLOCK, [2.4, 1.2, 0]])
+MATERIAL = "MAT1,1,7.+10,,0.3,2700."
+ENDS = {"5 m": (5.0, [1.5, 2, 0]), "12 m": (12.0, [3, 4, 6])}
+
+
+def stated(tmp_path: Path, *cards: str):
+    path = tmp_path / "deck.bdf"
+    path.write_text("\n".join(["BEGIN BULK", "GRID,1", *cards, "ENDDATA"]) + "\n")
+    return deck_mass(path, NODES)
+
+
+@pytest.mark.parametrize(
+    ("cards", "parts"),
+    [
+        ((MATERIAL, "PBAR,7,1,.01,1.,1.,1.", "CBAR,1,7,1,2,0.,0.,1."), [(2700 * 0.01 * 5, [1.5, 2, 0])]),
+        ((MATERIAL, "PBAR,7,1,.01,1.,1.,1.,2.", "CBAR,1,7,1,2,0.,0.,1."), [(29 * 5, [1.5, 2, 0])]),
+        ((MATERIAL, "PROD,7,1,.02,,,4.", "CROD,1,7,2,3"), [(58 * 12, [3, 4, 6])]),
+        ((MATERIAL, "CONROD,1,1,2,1,.03,0.,0.,5."), [(86 * 5, [1.5, 2, 0])]),
+        ((MATERIAL, "PBEAM,7,1,.01,1.,1.,0.,1.,3.", "CBEAM,1,7,2,3,0.,1.,0."), [(30 * 12, [3, 4, 6])]),
+        (("CONM2,1,3,,6.5",), [(6.5, [3, 4, 12])]),
+        (("CONM2,1,3,0,6.5,.1,.2,.3", "CONM2,2,1,-1,2.,1.,1.,1."), [(6.5, [3.1, 4.2, 12.3]), (2, [1, 1, 1])]),
+        # Sections by shape: area times density, and what is no structure.
+        ((MATERIAL, "PBARL,7,1,,BAR,,,,,", ",.1,.2,3.", "CBAR,1,7,1,2,0.,0.,1."), [(57 * 5, [1.5, 2, 0])]),
+        ((MATERIAL, "PBARL,7,1,,BOX,,,,,", ",.4,.3,.05,.1", "CBAR,1,7,1,2,0.,0.,1."), [(216 * 5, [1.5, 2, 0])]),
+        ((MATERIAL, "PBARL,7,1,,ROD,,,,,", ",.1", "CBAR,1,7,1,2,0.,0.,1."), [(27 * np.pi * 5, [1.5, 2, 0])]),
+        ((MATERIAL, "PBEAML,7,1,,TUBE,,,,,", ",.2,.1", "CBEAM,1,7,2,3,0.,1.,0."), [(81 * np.pi * 12, [3, 4, 6])]),
+        # Both ends one metre up; one end pulled in.
+        ((MATERIAL, "PBAR,7,1,.01", "CBAR,1,7,1,2,0.,0.,1.", ",,,0.,0.,1.,0.,0.,1."), [(27 * 5, [1.5, 2, 1])]),
+        ((MATERIAL, "PROD,7,1,.01", "PBAR,7,1,.01", "CBAR,1,7,2,3,1.,0.,0.", ",,,,,2."), [(27 * 10, [3, 4, 7])]),
+        # Plates and solids on 3, 4, 6 and 8 corners.
+        ((MATERIAL, "PSHELL,7,1,.1,,,,,5.", "CTRIA3,1,7,4,5,7"), [(275 * 1, [2 / 3, 1 / 3, 0])]),
+        ((MATERIAL, "PSHELL,7,1,.1", "CQUAD4,1,7,4,5,6,7,30."), [(270 * 2, [1, 0.5, 0])]),
+        ((MATERIAL, "PSOLID,7,1", "CTETRA,1,7,4,5,7,8"), [(2700, [0.5, 0.25, 0.75])]),
+        ((MATERIAL, "PSOLID,7,1", "CPENTA,1,7,4,5,7,8,9,11"), [(2700 * 3, [2 / 3, 1 / 3, 1.5])]),
+        ((MATERIAL, "PSOLID,7,1", "CHEXA,1,7,4,5,6,7,8,9", ",10,11"), [(2700 * 6, [1, 0.5, 1.5])]),
+        (("CONM1,1,3,,4.,0.,4.,0.,0.", ",4.,0.,0.,0.,2."), [(4, [3, 4, 12])]),
+        # Properties named like their elements by default, and a rod without density.
+        (("MAT1,1,7.+10,,0.3", "CONM2,9,2,,1.", "PROD,4,1,.02", "CROD,4,,1,2"), [(1.0, [3, 4, 0]), (0, [0, 0, 0])]),
+    ],
+)
+@pytest.mark.parametrize("weight", [1.0, 0.00259])
+def test_bars_and_points_weigh_what_their_cards_say(tmp_path: Path, cards, parts, weight: float) -> None:
+    found = stated(tmp_path, *cards, f"PARAM,WTMASS,{weight}")
+    masses = np.array([mass for mass, _ in parts])
+    assert found is not None and found.mass == pytest.approx(weight * masses.sum(), rel=1e-14)
+    np.testing.assert_allclose(found.centre, masses @ np.array([at for _, at in parts]) / masses.sum(), rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    "cards",
+    [
+        (),
+        ("CONM2,1,3,,0.",),
+        ("CONM2,1,3,,6.5", "CQUAD4,1,1,1,2,3,4"),
+        ("CONM2,1,3,,6.5", "CMASS2,1,5.,1,1"),
+        ("CONM2,1,3,4,6.5,.1",),
+        ("CONM2,1,99,,6.5",),
+        ("CONM2,1,3,,six",),
+        (MATERIAL, "CROD,1,7,2,3"),
+        ("PROD,7,1,.02", "CROD,1,7,2,3", "CONM2,1,3,,6.5"),
+        (MATERIAL, "PBARL,7,1,,HAT", ",.1,.1,.1,.1", "CBAR,1,7,1,2,0.,0.,1."),
+        (MATERIAL, "PBEAML,7,1,,ROD", ",.1,,YES,1.,.2", "CBEAM,1,7,1,2,0.,0.,1."),
+        (MATERIAL, "PBAR,7,1,.01", "CBAR,1,7,1,2,0.,0.,1.,GOO", ",,,.1"),
+        (MATERIAL, "PSHELL,7,1,.1", "CQUAD4,1,7,4,5,12,7"),
+        (MATERIAL, "PSHELL,7,1,.1", "CQUAD4,1,7,4,5,6,7,,.1"),
+        (MATERIAL, "PSOLID,7,1", "CHEXA,1,7,4,5,12,7,8,9", ",10,11"),
+        (MATERIAL, "PSOLID,7,1", "CTETRA,1,7,4,5,7,8,6,9", ",10,11,12"),
+        ("CONM2,1,3,,6.5", "PCOMP,7", "CTRIA3,1,7,4,5,7"),
+        ("CONM1,1,3,,4.,0.,5.",),
+    ],
+)
+def test_a_deck_that_is_not_counted_whole_states_none(tmp_path: Path, cards) -> None:
+    assert stated(tmp_path, *cards) is None
+
+
+def test_a_file_that_is_no_deck_states_none(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.frd"
+    path.write_bytes(bytes(range(256)))
+    assert deck_mass(path, NODES) is None
+    assert deck_mass(tmp_path / "none.bdf", NODES) is None
