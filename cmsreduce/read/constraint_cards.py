@@ -12,7 +12,7 @@ from cmsreduce.read.cards import Card
 from cmsreduce.read.case_control import selected_set
 from cmsreduce.read.point_ids import Points, dof_keys, drop_trailing_reals, id_ranges
 
-__all__ = ["CONSTRAINT_CARDS", "constrained_dofs", "dependent_dofs", "named_sets"]
+__all__ = ["CONSTRAINT_CARDS", "cards_in_force", "constrained_dofs", "dependent_dofs", "dependent_of", "named_sets"]
 
 Keys = NDArray[np.int64]
 Cards = Mapping[str, Sequence[Card]]
@@ -43,8 +43,8 @@ def named_sets(cards: Cards, points: Points) -> dict[str, Keys]:
     return {letter: _join(found) for letter, found in parts.items()}
 
 
-def _in_force(cards: Cards, case: Sequence[str] | None, keyword: str) -> tuple[set[int] | None, list[str]]:
-    """Set numbers that are selected, None for all of them, and remarks."""
+def cards_in_force(cards: Cards, case: Sequence[str] | None, keyword: str) -> tuple[set[int] | None, list[str]]:
+    """Numbers of the SPC or MPC sets that are selected, None for all of them, and remarks."""
     if case is None:
         return None, []
     number, remark = selected_set(case, keyword)
@@ -73,7 +73,7 @@ def constrained_dofs(cards: Cards, case: Sequence[str] | None, points: Points) -
     points : Points
         Points of the deck.
     """
-    numbers, remarks = _in_force(cards, case, "SPC")
+    numbers, remarks = cards_in_force(cards, case, "SPC")
     parts = [
         dof_keys(card, points, 1, 2, stride=3)
         for card in cards.get("SPC", ())
@@ -92,8 +92,8 @@ def dependent_dofs(cards: Cards, case: Sequence[str] | None, points: Points) -> 
 
     RBE1, RBE2, RBE3, RBAR, RBAR1, RJOINT, RROD and MPC are read; other rigid elements are named in a remark.
     """
-    parts = [_dependent(card, points) for name in _RIGID for card in cards.get(name, ())]
-    numbers, remarks = _in_force(cards, case, "MPC")
+    parts = [dependent_of(card, points) for name in _RIGID for card in cards.get(name, ())]
+    numbers, remarks = cards_in_force(cards, case, "MPC")
     parts += [
         dof_keys(card, points, 1, 1) for card in cards.get("MPC", ()) if numbers is None or card.integer(0) in numbers
     ]
@@ -105,8 +105,14 @@ def dependent_dofs(cards: Cards, case: Sequence[str] | None, points: Points) -> 
     return _join(parts), remarks
 
 
-def _dependent(card: Card, points: Points) -> Keys:
-    """Dependent dofs of one rigid element."""
+def dependent_of(card: Card, points: Points) -> Keys:
+    """Keys of the dependent dofs of one rigid element.
+
+    Raises
+    ------
+    ReadError
+        If the card does not name them, or names points that are not there.
+    """
     if card.name == "RBE2":
         return points.keys(id_ranges(card, 3, drop_trailing_reals(card)), card.text(2), card)
     if card.name in {"RBAR1", "RJOINT"}:

@@ -1,0 +1,48 @@
+"""Elastic members of a deck: bars, rods and springs, with all that their stiffness depends on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Members"]
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """Straight bars and rods between two nodes each, and springs between two dofs.
+
+    Parameters
+    ----------
+    node : (b, 2) int64
+        Ends of the bars.
+    offset : (b, 2, 3) float64
+        From each node to the bar's end, along the basic axes.
+    up : (b, 3) float64
+        Vector in the bar's first plane of bending, basic axes; not along the bar. Any for a rod.
+    EA, GJ : (b,) float64
+        Axial and torsional stiffness, in units of force and of force times area.
+    EI : (b, 2, 2) float64
+        Stiffness of bending in the two planes, and between them; zero for rods.
+    shear : (b, 2) float64
+        One over the shear stiffness in each plane, 1 / (k G A); zero where the bar does not shear.
+    released : (b, 12) bool
+        Motions of the ends that the bar is free in, along its own axes, end by end.
+    spring : (s,) float64
+        Stiffness of the springs.
+    between : (s, 2, 2) int64
+        Node and component of the two dofs that each joins; node 0 is the ground.
+    """
+
+    node: NDArray[np.int64]
+    offset: NDArray[np.float64]
+    up: NDArray[np.float64]
+    EA: NDArray[np.float64]
+    GJ: NDArray[np.float64]
+    EI: NDArray[np.float64]
+    shear: NDArray[np.float64]
+    released: NDArray[np.bool_]
+    spring: NDArray[np.float64]
+    between: NDArray[np.int64]

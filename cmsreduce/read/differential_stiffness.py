@@ -1,0 +1,115 @@
+"""A user's geometric (differential) stiffness matrix, put in the rows of the body and checked against its stiffness."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import DofMapError, MatrixError
+from cmsreduce.model import FEModel, rigid_body_shapes
+from cmsreduce.read.matrix import read_matrix
+from cmsreduce.read.row_order import is_condensed
+from cmsreduce.read.sources import MatrixSource
+
+__all__ = ["read_differential_stiffness"]
+
+# Of the largest entry: symmetric to ten thousand roundings of the file, as stiffness is asked to be.
+_SYMMETRY_FACTOR = 1e4
+# Of the largest sum of a row: what stresses computed to six digits leave of forces that balance.
+_BALANCED = 1e-6
+
+
+def read_differential_stiffness(source: MatrixSource, body: FEModel, label: str) -> tuple[sp.csc_array, str]:
+    """Read the geometric stiffness of a body under one unit of a load.
+
+    Parameters
+    ----------
+    source : MatrixSource
+        Where it is.
+    body : FEModel
+        n dofs, as read, before dofs are tied or held.
+    label : str
+        The load, for messages.
+
+    Returns
+    -------
+    matrix : (n, n) sparse array
+        Symmetric, in the rows of the body.
+    remark : str
+        What could not be proven of the order of its rows; empty if all was.
+
+    Raises
+    ------
+    MatrixError
+        If it is not of the body's size, not finite or not symmetric.
+    DofMapError
+        If nodes act on each other by it that the stiffness matrix does not join, or moving the whole body costs force:
+        its rows are in another order, or it holds more than stress.
+    """
+    found = read_matrix(source.path, source.matrix, source.format)
+    what = f"body '{body.name}': geometric stiffness '{found.name}' of {found.path} ({label})"
+    A = found.A
+    if A.shape[0] != A.shape[1] or (found.dofs is None and A.shape[0] != body.n):
+        raise MatrixError(
+            f"{what} is {A.shape[0]} x {A.shape[1]}, but the stiffness has {body.n} rows; check that both are of one "
+            "model and one dof set"
+        )
+    A = found.A if found.dofs is None else found.on(body.dofs).A
+    if not np.isfinite(A.data).all():
+        raise MatrixError(f"{what} holds entries that are not finite; write it again")
+    largest = float(abs(A.data).max(initial=0.0))
+    skew = float(abs(A - A.T).max()) if A.nnz else 0.0
+    if skew > _SYMMETRY_FACTOR * found.rounding * largest:
+        raise MatrixError(
+            f"{what} is not symmetric: it differs from its transpose by {skew / largest:.2e} of its largest entry; "
+            "leave out what follows the load (unsymmetric load stiffness), and mark a single triangle as symmetric"
+        )
+    A = sp.csc_array((A + A.T) * 0.5)
+    _refuse_strangers(A, body, what)
+    return A, _refuse_unbalanced(A, body, what, found.rounding)
+
+
+def _refuse_strangers(A: sp.csc_array, body: FEModel, what: str) -> None:
+    """Elements that are stressed between two nodes are stiff between them, too."""
+    ids, node = np.unique(body.dofs.node, return_inverse=True)
+    strange = np.setdiff1d(_joined(A, node), _joined(body.K, node))
+    if strange.size:
+        first = ids[list(divmod(int(strange[0]), ids.size))]
+        raise DofMapError(
+            f"{what}: {strange.size} pairs of nodes act on each other by it that the stiffness matrix does not join, "
+            f"such as {first[0]} and {first[1]}: its rows are in another order than those of the stiffness, or it is "
+            "of another model; write both in one run and one dof set"
+        )
+
+
+def _joined(A: sp.csc_array, node: NDArray[np.intp]) -> NDArray[np.int64]:
+    """Pairs of nodes that have an entry, as one number each."""
+    entries = sp.coo_array(A)
+    there = entries.data != 0
+    count = int(node.max(initial=-1)) + 1
+    return np.unique(node[entries.row[there]].astype(np.int64) * count + node[entries.col[there]])
+
+
+def _refuse_unbalanced(A: sp.csc_array, body: FEModel, what: str, rounding: float) -> str:
+    """A body under stress resists no translation, as no body does."""
+    if body.nodes is None:
+        return f"{what}: without coordinates the order of its rows is not proven"
+    if body.grounded or (body.constrained is not None and (body.constrained.component <= 3).any()):
+        return f"{what}: the body is held, so that the order of its rows is not proven"
+    force = abs(A @ rigid_body_shapes(body.dofs, body.nodes)[:, :3]).max(axis=1)
+    scale = float(np.asarray(abs(A).sum(axis=1)).max(initial=0.0))
+    limit = max(_BALANCED, _SYMMETRY_FACTOR * rounding) * scale
+    if force.max(initial=0.0) > limit:
+        at = int(force.argmax())
+        cause = (
+            "stress was condensed with other dofs than the stiffness"
+            if is_condensed(body)
+            else "its rows are in another order than those of the stiffness, or in other units"
+        )
+        raise DofMapError(
+            f"{what}: moving the whole body costs {force[at] / scale:.1e} of its largest row at "
+            f"{body.dofs.labels[at]}, and stress resists no translation. Likely cause: {cause}; or it holds more than "
+            "stress, such as the softening by spin (- omega^2 M), which a multibody code adds from the mass"
+        )
+    return ""
