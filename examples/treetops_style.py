@@ -88,7 +88,6 @@ def load(path: Path) -> Body:
             at = ids.index(face["node"][0])
             shapes = (axes @ file[f"nodes/{kind}"][at][:, columns] for kind in ("translation", "rotation"))
             nodes[name] = (axes @ (file["nodes/xyz"][at] - over["origin"]), *shapes, axes @ face["frame"][()].T)
-        square = np.ix_(columns, columns)
         return Body(
             str(file.attrs["name"]),
             float(over["mass"]),
@@ -97,7 +96,7 @@ def load(path: Path) -> Body:
             over["phi"][:, massive],
             over["r_phi"][:, :, massive],
             over["phi_phi"][:, :, massive][:, :, :, massive],
-            *(file[f"modes/{name}"][()][square] for name in ("mass", "stiffness", "damping")),
+            *(file[f"modes/{name}"][()][np.ix_(columns, columns)] for name in ("mass", "stiffness", "damping")),
             nodes,
         )
 
@@ -126,16 +125,14 @@ class Tree:
     """Bodies and hinges; the first body is the base, and every hinge's child stands behind its parent.
 
     Speeds u give all motions: of each body's frame and modes, V = B u, and their rates, B u' + c. Hinges do no work, so
-    that B^T takes them out of the equations of motion.
+    that B^T takes them out of the equations of motion. ``gravity`` is an acceleration.
     """
 
-    def __init__(self, bodies: Sequence[Body], hinges: Sequence[Hinge]) -> None:
-        self.bodies, self.hinges = list(bodies), list(hinges)
+    def __init__(self, bodies: Sequence[Body], hinges: Sequence[Hinge], gravity: Sequence[float] = (0, 0, 0)) -> None:
+        self.bodies, self.hinges, self.gravity = list(bodies), list(hinges), np.array(gravity, dtype=float)
         index = {body.name: at for at, body in enumerate(bodies)}
-        self.links = [
-            (index[hinge.parent.split(".")[0]], hinge.parent.split(".")[1], hinge.child.split(".")[1])
-            for hinge in hinges
-        ]
+        ends = [(*hinge.parent.split("."), hinge.child.split(".")[1]) for hinge in hinges]
+        self.links = [(index[parent], outboard, inboard) for parent, outboard, inboard in ends]
         starts = np.cumsum([6 + len(hinges), *(body.k for body in bodies)])
         self.modal = [slice(start, stop) for start, stop in pairwise(starts)]
         self.size = int(starts[-1])
@@ -158,16 +155,15 @@ class Tree:
             R, (_, _, slope, frame) = s.axes[parent], self.bodies[parent].nodes[outboard]
             a, own = frame[:, self.hinges[child - 1].axis], self.modal[parent]
             bend, rate = slope @ s.q[self._own(parent)], slope @ s.u[own]
-            axis, turn = R @ (a + np.cross(bend, a)), s.u[5 + child]
+            axis, turn = R @ (a + cross(bend) @ a), s.u[5 + child]
             spin = found[parent][1][3:] @ s.u
             B[3:, 5 + child] = axis
-            c[3:] += turn * (np.cross(spin, axis) + R @ np.cross(rate, a))
+            c[3:] += turn * (cross(spin) @ axis + R @ (cross(rate) @ a))
             found.append(self._carried(s, child, inboard, place, B, c, -1))
         return found
 
     def _own(self, body: int) -> slice:
-        shift = 6 + len(self.hinges)
-        return slice(self.modal[body].start - shift, self.modal[body].stop - shift)
+        return slice(*(end - 6 - len(self.hinges) for end in (self.modal[body].start, self.modal[body].stop)))
 
     def _carried(
         self, s: State, body: int, interface: str, place: Array, B: Array, c: Array, way: int
@@ -181,12 +177,12 @@ class Tree:
         there[3:, columns] += way * turned
         # The frame is where the way starts, or where it ends; its node turns against it.
         frame = (B if way > 0 else there)[3:]
-        spin = frame @ s.u
-        bias[3:] += way * np.cross(spin, turned @ rate)
+        W = cross(frame @ s.u)
+        bias[3:] += way * (W @ (turned @ rate))
         alpha = (c if way > 0 else bias)[3:]
         there[:3] -= way * cross(arm) @ frame
         there[:3, columns] += way * moved
-        flung = np.cross(alpha, arm) + np.cross(spin, np.cross(spin, arm)) + 2 * np.cross(spin, moved @ rate)
+        flung = cross(alpha) @ arm + W @ (W @ arm + 2 * (moved @ rate))
         bias[:3] += way * flung
         return place + way * arm, there, bias
 
@@ -197,15 +193,19 @@ class Tree:
         moment, grown, pulled = b.first_moment + b.phi @ q, b.r_phi @ q, b.phi_phi @ q
         xx = b.rr + grown + grown.T + pulled @ q
         x_phi = b.r_phi + np.swapaxes(pulled, 0, 1)
-        J, S = np.trace(xx) * np.eye(3) - xx, cross(moment)
+        J, S, W = np.trace(xx) * np.eye(3) - xx, cross(moment), cross(w)
         momentum = np.array([x_phi[1, 2] - x_phi[2, 1], x_phi[2, 0] - x_phi[0, 2], x_phi[0, 1] - x_phi[1, 0]])
         M = np.block([[b.mass * np.eye(3), -S, b.phi], [S, J, momentum], [b.phi.T, momentum.T, b.M]])
         flow, P = x_phi @ rate, b.phi_phi @ rate
         between = np.array([P[1, 2] - P[2, 1], P[2, 0] - P[0, 2], P[0, 1] - P[1, 0]])
-        force = np.cross(w, np.cross(w, moment)) + 2 * np.cross(w, b.phi @ rate)
-        torque = np.cross(w, J @ w) + 2 * (np.trace(flow) * w - flow.T @ w)
+        force = W @ (W @ moment + 2 * (b.phi @ rate))
+        torque = W @ (J @ w) + 2 * (np.trace(flow) * w - flow.T @ w)
         modal = np.einsum("i,ijk,j->k", w, x_phi, w) - w @ w * np.einsum("iik->k", x_phi) - 2 * w @ between
         return M, np.concatenate([force, torque, modal])
+
+    def accelerations(self, s: State, A: Array, f: Array) -> Array:
+        """Rates of u; bodies that form loops have constraints of their own here."""
+        return np.linalg.solve(A, f)
 
     def rate(self, s: State, torques: Array) -> State:
         """Rates of the state under torques in the hinges."""
@@ -216,7 +216,7 @@ class Tree:
         for body, (_, B, c) in enumerate(self.motions(s)):
             R, own, b = s.axes[body].T, self.modal[body], self.bodies[body]
             along = np.vstack([R @ B[:3], R @ B[3:], np.eye(n)[own]])
-            bias = np.concatenate([R @ c[:3], R @ c[3:], np.zeros(b.k)])
+            bias = np.concatenate([R @ (c[:3] - self.gravity), R @ c[3:], np.zeros(b.k)])
             M, h = self.inertia(s, body, along @ s.u)
             A += along.T @ M @ along
             f -= along.T @ (M @ bias + h)
@@ -225,26 +225,29 @@ class Tree:
             lost += s.u[own] @ damping
             axes[body] = cross(B[3:] @ s.u) @ s.axes[body]
         work = float(torques @ s.u[6 : 6 + hinges] - lost)
-        return State(s.u[:3], axes, s.u[6 : 6 + hinges], s.u[6 + hinges :], np.linalg.solve(A, f), work)
+        return State(s.u[:3], axes, s.u[6 : 6 + hinges], s.u[6 + hinges :], self.accelerations(s, A, f), work)
+
+    def _momenta(self, s: State, body: int, B: Array) -> tuple[Array, Array]:
+        """Motion of a body along its own axes, and its momenta (6 + k,)."""
+        R = s.axes[body].T
+        V = np.concatenate([R @ (B[:3] @ s.u), R @ (B[3:] @ s.u), s.u[self.modal[body]]])
+        return V, self.inertia(s, body, V)[0] @ V
 
     def energy(self, s: State) -> float:
-        """Kinetic and strain energy."""
+        """Kinetic and strain energy, and that of gravity."""
         total = 0.0
-        for body, (_, B, _) in enumerate(self.motions(s)):
-            R = s.axes[body].T
-            V = np.concatenate([R @ (B[:3] @ s.u), R @ (B[3:] @ s.u), s.u[self.modal[body]]])
-            strain = s.q[self._own(body)] @ self.bodies[body].K @ s.q[self._own(body)]
-            total += 0.5 * float(V @ self.inertia(s, body, V)[0] @ V + strain)
+        for body, (place, B, _) in enumerate(self.motions(s)):
+            (V, p), b, q = self._momenta(s, body, B), self.bodies[body], s.q[self._own(body)]
+            moment = b.mass * place + s.axes[body] @ (b.first_moment + b.phi @ q)
+            total += 0.5 * float(V @ p + q @ b.K @ q) - float(self.gravity @ moment)
         return total
 
     def momentum(self, s: State) -> Array:
         """Linear momentum, and angular momentum about the origin (6,)."""
         total = np.zeros(6)
         for body, (place, B, _) in enumerate(self.motions(s)):
-            R = s.axes[body]
-            V = np.concatenate([R.T @ (B[:3] @ s.u), R.T @ (B[3:] @ s.u), s.u[self.modal[body]]])
-            p = self.inertia(s, body, V)[0][:6] @ V
-            total += np.concatenate([R @ p[:3], R @ p[3:] + np.cross(place, R @ p[:3])])
+            R, p = s.axes[body], self._momenta(s, body, B)[1]
+            total += np.concatenate([R @ p[:3], R @ p[3:6] + cross(place) @ (R @ p[:3])])
         return total
 
     def step(self, s: State, t: float, h: float, torques: Callable[[float, State], Array]) -> State:
@@ -260,19 +263,17 @@ class Tree:
         for column in range(1, 4):
             for row in range(3, column - 1, -1):
                 ratio = ((row + 1) / (row + 1 - column)) ** 2 - 1
-                change = rows[row].moved(rows[row - 1], -1.0)
-                rows[row] = rows[row].moved(change, 1 / ratio)
+                rows[row] = rows[row].moved(rows[row].moved(rows[row - 1], -1.0), 1 / ratio)
         return rows[3]
 
 
 def slew(tree: Tree, angle: float, duration: float, steps: int) -> list[State]:
     """Turn every hinge by about an angle: a sine of one period of torque, sized for rigid bodies as built."""
-    s = tree.rest()
     hinges = slice(6, 6 + len(tree.hinges))
     rigid = Tree([body.cut(0) for body in tree.bodies], tree.hinges)
     response = np.column_stack([rigid.rate(rigid.rest(), unit).u[hinges] for unit in np.eye(len(tree.hinges))])
     peak = np.linalg.solve(response, np.full(len(tree.hinges), 2 * np.pi * angle / duration**2))
-    states, h = [s], duration / steps
+    states, h = [tree.rest()], duration / steps
     for number in range(steps):
         states.append(tree.step(states[-1], number * h, h, lambda t, _: peak * np.sin(2 * np.pi * t / duration)))
     return states
@@ -284,8 +285,7 @@ def main() -> None:
     parser.add_argument("files", nargs="+", type=Path, help="component files, the base first")
     parser.add_argument("--hinge", nargs=2, action="append", metavar=("PARENT.FACE", "CHILD.FACE"), required=True)
     parser.add_argument("--axis", type=int, default=0)
-    parser.add_argument("--turn", type=float, default=90.0, help="degrees")
-    for name, kind, value in (("duration", float, 10.0), ("steps", int, 2000)):
+    for name, kind, value in (("turn", float, 90.0), ("duration", float, 10.0), ("steps", int, 2000)):
         parser.add_argument(f"--{name}", type=kind, default=value)
     options = parser.parse_args()
     tree = Tree([load(path) for path in options.files], [Hinge(*ends, options.axis) for ends in options.hinge])

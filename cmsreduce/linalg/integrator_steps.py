@@ -7,40 +7,75 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from scipy.optimize import brentq
 
-__all__ = ["INTEGRATORS", "STABLE", "step_limit"]
+__all__ = ["ACCURACIES", "INTEGRATORS", "SPECTRAL_RADIUS", "STABLE", "advised_steps", "numerical_damping", "step_limit"]
+
+ACCURACIES: Mapping[str, float] = {"1_percent": 1e-2, "0.1_percent": 1e-3}
+"""Relative errors of a frequency for which steps are advised, by name."""
+
+SPECTRAL_RADIUS = 0.9
+"""Of generalised alpha at infinite frequency: what multibody codes start with (Exudyn's default)."""
 
 
-def _central_difference(x: float) -> float:
-    # x_{n+1} - 2 x_n + x_{n-1} = -(w h)^2 x_n: sin(w' h / 2) = w h / 2.
-    return 2 * float(np.arcsin(x / 2)) / x
+def _central_difference(x: float) -> complex:
+    # x_{n+1} - 2 x_n + x_{n-1} = -(w h)^2 x_n: sin(w' h / 2) = w h / 2, and no damping below the limit of stability.
+    return complex(np.exp(2j * np.arcsin(x / 2)))
 
 
-def _trapezoidal(x: float) -> float:
-    # (1 - i w h / 2) x_{n+1} = (1 + i w h / 2) x_n: tan(w' h / 2) = w h / 2, whatever the step.
-    return 2 * float(np.arctan(x / 2)) / x
+def _trapezoidal(x: float) -> complex:
+    # (1 - i w h / 2) x_{n+1} = (1 + i w h / 2) x_n, whatever the step.
+    return (1 + 0.5j * x) / (1 - 0.5j * x)
 
 
-def _adams_bashforth_2(x: float) -> float:
+def _adams_bashforth_2(x: float) -> complex:
     # z^2 - (1 + 3 i w h / 2) z + i w h / 2 = 0, of whose roots the larger is the motion.
     roots = np.roots([1.0, -(1 + 1.5j * x), 0.5j * x])
-    return float(np.angle(roots[abs(roots).argmax()])) / x
+    return complex(roots[abs(roots).argmax()])
 
 
-INTEGRATORS: Mapping[str, Callable[[float], float]] = {
+def _runge_kutta_4(x: float) -> complex:
+    # The exponential series of i w h up to its fourth power.
+    return complex(np.polyval([1 / 24, 1 / 6, 1 / 2, 1, 1], 1j * x))
+
+
+def _generalised_alpha(x: float) -> complex:
+    rho = SPECTRAL_RADIUS
+    of_mass, of_force = (2 * rho - 1) / (rho + 1), rho / (rho + 1)
+    gamma = 0.5 - of_mass + of_force
+    beta = 0.25 * (1 - of_mass + of_force) ** 2
+    # Displacement, velocity / w and acceleration / w^2: Newmark's formulas, and equilibrium between the two instants.
+    new = np.array([[1, 0, -beta * x**2], [0, 1, -gamma * x], [1 - of_force, 0, 1 - of_mass]])
+    change = np.array([[0, -x, -0.5 * x**2], [0, 0, -x], [1, 0, 1]])
+    # Roots less one, which for short steps keep the digits that the roots themselves would lose.
+    roots = -np.linalg.eigvals(np.linalg.solve(new, change))
+    # The oscillation is the pair; the third root is real and fades.
+    return complex(1 + roots[roots.imag.argmax()])
+
+
+INTEGRATORS: Mapping[str, Callable[[float], complex]] = {
     "central_difference": _central_difference,
     "modified_euler": _central_difference,
     "trapezoidal": _trapezoidal,
     "ab2": _adams_bashforth_2,
+    "rk4": _runge_kutta_4,
+    "generalised_alpha": _generalised_alpha,
 }
-"""Frequency that each gives over the true one, of w h; modified Euler, the velocity first and the displacement with the
-new one, steps through the same displacements as central differences."""
+"""Factor of one step on exp(i w t), of w h; modified Euler, the velocity first and the displacement with the new one,
+steps through the same displacements as central differences. Generalised alpha is Chung and Hulbert's (1993)."""
 
-STABLE: Mapping[str, float] = {"central_difference": 2.0, "modified_euler": 2.0, "trapezoidal": np.inf, "ab2": 0.0}
+STABLE: Mapping[str, float] = {
+    "central_difference": 2.0,
+    "modified_euler": 2.0,
+    "trapezoidal": np.inf,
+    "ab2": 0.0,
+    "rk4": 2 * np.sqrt(2),
+    "generalised_alpha": np.inf,
+}
 """Largest w h at which an undamped oscillation does not grow; AB-2 lets it grow at any."""
 
 # Below this the phase errors are those of their leading terms, and round-off of a ratio near 1 begins to show.
 _SMALLEST = 1e-5
-_LARGEST = 1.0
+# Factor from one trial step to the next: errors grow by less than their order's power of it.
+_WIDER = 1.25
 
 
 def step_limit(integrator: str, accuracy: float) -> float:
@@ -51,16 +86,60 @@ def step_limit(integrator: str, accuracy: float) -> float:
     integrator : str
         One of ``INTEGRATORS``.
     accuracy : float
-        Relative error of the frequency, from 1e-8 to 0.04.
+        Relative error of the frequency, from 1e-8 to 0.01.
 
     Examples
     --------
-    >>> [round(step_limit(name, 0.01), 3) for name in ("modified_euler", "trapezoidal", "ab2")]
-    [0.483, 0.35, 0.154]
+    >>> [round(step_limit(name, 0.01), 3) for name in ("modified_euler", "trapezoidal", "ab2", "rk4")]
+    [0.483, 0.35, 0.154, 1.233]
 
     Notes
     -----
-    Leading terms: (w h)^2 / 24, / 12, and 5 / 12 (w h)^2 for AB-2, which alone make 0.490, 0.346 and 0.155 of 1 %.
+    Leading terms: (w h)^2 / 24, / 12, and 5 / 12 (w h)^2 for AB-2, which alone make 0.490, 0.346 and 0.155 of 1 %;
+    (w h)^4 / 120 for the Runge-Kutta method of fourth order, which damps more than it shifts (`numerical_damping`);
+    (w h)^2 (1 / 12 + 3 e^2 / 8), e = (1 - rho) / (1 + rho), for generalised alpha.
     """
-    ratio = INTEGRATORS[integrator]
-    return float(brentq(lambda x: abs(ratio(x) - 1) - accuracy, _SMALLEST, _LARGEST, xtol=1e-12))
+
+    def excess(x: float) -> float:
+        return abs(_frequency_ratio(integrator, x) - 1) - accuracy
+
+    x = _SMALLEST
+    while excess(_WIDER * x) < 0:
+        x *= _WIDER
+    return float(brentq(excess, x, _WIDER * x, xtol=1e-12))
+
+
+def advised_steps(highest: float) -> dict[str, dict[str, float]]:
+    """Longest steps for a highest frequency.
+
+    Parameters
+    ----------
+    highest : float
+        In rad per unit of time.
+
+    Returns
+    -------
+    dict
+        Of each integrator, in the unit of time: ``stable``, beyond which an undamped oscillation grows (infinite if
+        none does, 0 if all do), and a step for each of ``ACCURACIES``; empty if nothing oscillates.
+    """
+    if highest <= 0:
+        return {}
+    return {
+        name: {
+            "stable": STABLE[name] / highest,
+            **{label: step_limit(name, accuracy) / highest for label, accuracy in ACCURACIES.items()},
+        }
+        for name in INTEGRATORS
+    }
+
+
+def numerical_damping(integrator: str, x: float) -> float:
+    """Damping ratio that an integrator gives an undamped oscillation at w h = x; negative where it lets it grow."""
+    z = INTEGRATORS[integrator](x)
+    return float(-np.log(abs(z)) / np.angle(z))
+
+
+def _frequency_ratio(integrator: str, x: float) -> float:
+    """Frequency of the oscillation as integrated over the true one."""
+    return float(np.angle(INTEGRATORS[integrator](x))) / x

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.integrator_steps import INTEGRATORS, step_limit
-from cmsreduce.linalg.modal_integrals import modal_integrals
-from cmsreduce.model import Check, FEModel, Interface, ModalComponent, rigid_body_shapes
+from cmsreduce.linalg.integrator_steps import ACCURACIES, advised_steps, numerical_damping
+from cmsreduce.model import (
+    Check,
+    CostlyModes,
+    FEModel,
+    FloatingFrame,
+    GeometricStiffness,
+    IntegralFrame,
+    Interface,
+    ModalComponent,
+    OutboardMass,
+)
 from cmsreduce.write.datasets import hdf5_file, put, put_texts, put_units
+from cmsreduce.write.integrals import put_augmented, put_frame, put_integrals, support
 from cmsreduce.write.nodal_mass import lumps_of_nodes
 from cmsreduce.write.shapes import basic_shapes
+from cmsreduce.write.stiffening import put_stiffening
 
 __all__ = ["FORMAT", "FORMAT_VERSION", "write_component"]
 
@@ -37,6 +49,11 @@ def write_component(
     checks: Sequence[Check],
     provenance: Mapping[str, Any],
     all_nodes: bool = False,
+    frame: FloatingFrame | None = None,
+    about: IntegralFrame | None = None,
+    augmented: Sequence[OutboardMass] = (),
+    costly: CostlyModes | None = None,
+    stiffening: GeometricStiffness | None = None,
 ) -> None:
     """Write a component file.
 
@@ -58,6 +75,16 @@ def write_component(
         ``settings`` and ``notes`` of the run, and anything else that is JSON.
     all_nodes : bool
         Write the shapes at every node.
+    frame : FloatingFrame, optional
+        Frame that the deforming modes are written in; by default as they are.
+    about : IntegralFrame, optional
+        Frame and mass of the integrals; by default the basic frame and the consistent mass.
+    augmented : sequence of OutboardMass
+        What hangs on the interfaces.
+    costly : CostlyModes, optional
+        Modes that set an integrator's step without serving the band.
+    stiffening : GeometricStiffness, optional
+        What stress adds to the stiffness.
 
     Raises
     ------
@@ -65,49 +92,52 @@ def write_component(
         If the file cannot be written.
     """
     body = component.body
+    T = np.eye(component.omega.size) if frame is None else frame.change
+    # A mode that is treated statically has no share in any integral over the mass.
+    inertial = replace(component, Phi=component.inertial_shapes @ T)
+    if frame is not None:
+        component = replace(component, Phi=component.Phi @ T)
     with hdf5_file(path) as file:
         file.attrs["format"] = FORMAT
         file.attrs["format_version"] = FORMAT_VERSION
         file.attrs["name"] = component.name
         file.attrs["method"] = component.method
         file.attrs["frame"] = "basic frame of the body"
-        file.attrs["support"] = _support(component)
+        file.attrs["support"] = support(component, frame)
         file.attrs["created_utc"] = datetime.now(UTC).isoformat(timespec="seconds")
         _provenance(file.create_group("provenance"), body, provenance)
         put_units(file.create_group("units"), body.units)
-        _modes(file.create_group("modes"), component)
+        _modes(file.create_group("modes"), component, T)
+        put_frame(file.create_group("frame"), frame)
         chosen = _chosen(body, nodes, all_nodes)
         _dofs(file.create_group("dofs"), component, chosen)
         if body.nodes is not None:
             _nodes(file.create_group("nodes"), component, chosen)
             if all_nodes:
                 _lumps(file["nodes"], body)
-            _integrals(file.create_group("integrals"), component)
+            put_integrals(file.create_group("integrals"), inertial, about or IntegralFrame.basic())
+        if augmented:
+            put_augmented(file.create_group("augmented"), augmented)
+        if stiffening is not None:
+            put_stiffening(file.create_group("geometric_stiffness"), stiffening, component.Phi)
         faces = file.create_group("interfaces")
         for name, face in body.interfaces.items():
             _interface(faces.create_group(name), component, face, name)
         m = component.omega.size
         into = file.create_group("inputs")
         put_texts(into, "name", inputs)
-        put(into, "B", np.array(list(inputs.values())).reshape(len(inputs), m).T, about="modal force of a unit effort")
+        forces = np.array(list(inputs.values())).reshape(len(inputs), m) @ T
+        put(into, "B", forces.T, about="modal force of a unit effort")
         out = file.create_group("outputs")
         put_texts(out, "name", outputs)
-        put(
-            out, "C1", np.array([d for d, _ in outputs.values()]).reshape(len(outputs), m), about="displacement outputs"
-        )
-        put(out, "C2", np.array([v for _, v in outputs.values()]).reshape(len(outputs), m), about="rate outputs")
-        _integration(file.create_group("integration"), component)
+        for number, name in enumerate(("C1", "C2")):
+            rows = np.array([pair[number] for pair in outputs.values()]).reshape(len(outputs), m) @ T
+            put(out, name, rows, about=f"{('displacement', 'rate')[number]} outputs")
+        _integration(file.create_group("integration"), component, costly)
         done = file.create_group("checks")
         put_texts(done, "name", [check.name for check in checks])
         put(done, "value", np.array([check.value for check in checks], dtype=np.float64))
         put(done, "limit", np.array([check.limit for check in checks], dtype=np.float64))
-
-
-def _support(component: ModalComponent) -> str:
-    """How the body was held when its modes were computed: their rigid motion is what a floating frame brings itself."""
-    if not component.rigid_count:
-        return "held: no rigid motion is left in the modes"
-    return f"floating: the first {component.rigid_count} modes are its rigid motions"
 
 
 def _provenance(group: Any, body: FEModel, provenance: Mapping[str, Any]) -> None:
@@ -132,7 +162,7 @@ def _provenance(group: Any, body: FEModel, provenance: Mapping[str, Any]) -> Non
     put_texts(group, "holds", [source.holds for source in body.sources], about="what was taken from each file")
 
 
-def _modes(group: Any, component: ModalComponent) -> None:
+def _modes(group: Any, component: ModalComponent, T: Row) -> None:
     # A static mode has no frequency.
     omega = np.where(np.isinf(component.omega), np.nan, component.omega)
     group.attrs["rigid_count"] = component.rigid_count
@@ -142,9 +172,10 @@ def _modes(group: Any, component: ModalComponent) -> None:
     put(group, "omega", omega, "rad/time", "natural frequencies; rigid first and zero, static last and NaN")
     put(group, "frequency_hz", omega / (2 * np.pi), "cycles/time")
     put(group, "zeta", component.zeta, "", "damping ratios; half the loss factor for structural damping")
-    put(group, "mass", np.diag(component.mass), "", "modal mass: 1, and 0 of a static mode")
+    mass = T.T @ np.diag(component.mass) @ T
+    put(group, "mass", mass, "", "modal mass: 1, and 0 of a static mode, but for what the frame moves with")
     put(group, "stiffness", np.diag(component.stiffness), "rad^2/time^2", "omega^2, and 1 of a static mode")
-    damping = np.diag(component.viscous) if component.D is None else component.D
+    damping = np.diag(component.viscous) if component.D is None else T.T @ component.D @ T
     put(group, "damping", damping, "rad/time", "viscous damping")
     if component.damping.structural is not None:
         put(group, "loss", np.diag(component.loss), "rad^2/time^2", "imaginary part of a complex stiffness")
@@ -205,49 +236,19 @@ def _interface(group: Any, component: ModalComponent, face: Interface, name: str
     put(group, "shapes", component.Phi[rows], "", "rows: interface dofs in displacement frames; columns: modes")
 
 
-def _integrals(group: Any, component: ModalComponent) -> None:
-    body = component.body
-    assert body.nodes is not None
-    R = rigid_body_shapes(body.dofs, body.nodes)
-    MR = body.M @ R
-    rigid, coupling = R.T @ MR, MR.T @ component.Phi
-    mass = rigid.diagonal()[:3]
-    # A coordinate shows in the two motions across it; a body held in some directions lacks one or both.
-    across = np.where(mass.sum() - mass > 0, mass.sum() - mass, 1.0)
-    moment = np.array([rigid[5, 1] - rigid[4, 2], rigid[3, 2] - rigid[5, 0], rigid[4, 0] - rigid[3, 1]])
-    group.attrs["mass_matrix"] = "consistent: as given"
-    group.attrs["about"] = "origin of the body's basic frame"
-    put(group, "mass", mass.max(), "mass")
-    put(group, "first_moment", mass.max() * moment / across, "mass length", "int r dm")
-    put(group, "inertia", rigid[3:, 3:], "mass length^2")
-    put(group, "rigid_mass", rigid, "", "R^T M R, 6 x 6")
-    put(group, "int_phi", coupling[:3], "", "int phi dm, one column per mode")
-    put(group, "int_r_x_phi", coupling[3:], "", "int r x phi dm, one column per mode")
-    if mass.max() > 0:
-        _second_order(group, component)
-
-
-def _second_order(group: Any, component: ModalComponent) -> None:
-    """Integrals over the modes that deform the body, as floating-frame codes take them."""
-    modes = np.arange(component.rigid_count, component.omega.size)
-    found = modal_integrals(component.body, component.Phi[:, modes], modes=modes)
-    group.attrs["lumping"] = found.lumping
-    put(group, "origin", found.origin, "length", "of the frame of the integrals, in basic")
-    put(group, "axes", found.axes, "", "of that frame as rows, in basic")
-    put(group, "modes", found.modes, "", "columns of the shapes that phi stands for below: elastic and static modes")
-    put(group, "phi", found.phi, "", "int phi dm")
-    put(group, "r_cross_phi", found.r_cross_phi, "", "int r x phi dm")
-    put(group, "r_phi", found.r_phi, "", "int r_i phi_j dm, entry [i, j, mode]")
-    put(group, "phi_phi", found.phi_phi, "", "int phi_i phi_j dm, entry [i, j, a, b] of modes a and b")
-
-
-def _integration(group: Any, component: ModalComponent) -> None:
-    """Largest steps (theory section 8)."""
+def _integration(group: Any, component: ModalComponent, costly: CostlyModes | None) -> None:
+    """Largest steps (theory section 8), and the modes that set them without serving the band."""
     top = float(component.omega[component.elastic].max(initial=0.0))
     group.attrs["highest_omega"] = top
     group.attrs["highest_hz"] = top / (2 * np.pi)
-    if top > 0:
-        group.attrs["central_difference_stable_step"] = 2 / top
-        for name in INTEGRATORS:
-            group.attrs[f"{name}_step_1_percent"] = step_limit(name, 1e-2) / top
-            group.attrs[f"{name}_step_0.1_percent"] = step_limit(name, 1e-3) / top
+    for name, steps in advised_steps(top).items():
+        if 0 < steps["stable"] < np.inf:
+            group.attrs[f"{name}_stable_step"] = steps["stable"]
+        for accuracy in ACCURACIES:
+            group.attrs[f"{name}_step_{accuracy}"] = steps[accuracy]
+            group.attrs[f"{name}_damping_{accuracy}"] = numerical_damping(name, top * steps[accuracy])
+    if costly is not None:
+        group.attrs["serving_hz"] = costly.serving_hz
+        columns = np.array([each.mode for each in costly.modes], dtype=np.int64)
+        put(group, "costly", columns, "", "columns that set steps in vain")
+        put(group, "share", np.array([each.share for each in costly.modes]), "", "of flexibility in the band, of each")

@@ -72,7 +72,7 @@ class ComponentFile:
         return found
 
 
-def read_component(path: Path) -> ComponentFile:
+def read_component(path: Path | str) -> ComponentFile:
     """Read a component file.
 
     Raises
@@ -82,6 +82,7 @@ def read_component(path: Path) -> ComponentFile:
     """
     import h5py
 
+    path = Path(path)
     if not path.is_file():
         raise ReadError(f"{path}: there is no such file")
     arrays: dict[str, NDArray[Any]] = {}

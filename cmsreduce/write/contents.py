@@ -62,6 +62,25 @@ _SECOND_ORDER: Mapping[str, tuple[str | int, ...]] = {
 }
 """Integrals of the modes that deform the body; files that were written before there were any have none of them."""
 
+_FRAME: Mapping[str, tuple[str | int, ...]] = {
+    "frame/origin": (3,),
+    "frame/axes": (3, 3),
+    "frame/node": ("f",),
+    "frame/component": ("f",),
+    "frame/removed": (6, "e"),
+}
+"""The floating frame, where one was asked for."""
+
+_AUGMENTED: Mapping[str, tuple[str | int, ...]] = {
+    "point": (3,),
+    "mass": (),
+    "first_moment": (3,),
+    "inertia": (3, 3),
+    "rigid_mass": (6, 6),
+    "bodies": ("b",),
+}
+"""What hangs on an interface; the letter is its own."""
+
 _INTERFACE: Mapping[str, tuple[str | int, ...]] = {
     "node": ("i",),
     "component": ("i",),
@@ -70,6 +89,14 @@ _INTERFACE: Mapping[str, tuple[str | int, ...]] = {
     "shapes": ("i", "m"),
 }
 """Datasets of every interface; the letters but m are its own."""
+
+_STIFFENING: Mapping[str, tuple[str | int, ...]] = {
+    "geometric_stiffness/load": ("g",),
+    "geometric_stiffness/source": ("g",),
+    "geometric_stiffness/K": ("g", "m", "m"),
+    "geometric_stiffness/origin": (3,),
+}
+"""Datasets of a body with geometric stiffness."""
 
 _GROUPS = ("modes", "dofs", "inputs", "outputs", "checks", "provenance", "units", "interfaces", "integration")
 
@@ -98,11 +125,16 @@ def fault(groups: Iterable[str], shapes: Mapping[str, tuple[int, ...]]) -> str |
         wanted |= _WITH_GEOMETRY
     if any(path in shapes for path in _SECOND_ORDER):
         wanted |= _SECOND_ORDER
+    if any(path in shapes for path in _FRAME):
+        wanted |= _FRAME
     wanted |= {path: ("m",) for path in shapes if path.startswith("modes/rankings/")}
+    if "geometric_stiffness" in groups:
+        wanted |= _STIFFENING
     for group in groups:
-        if group.startswith("interfaces/"):
-            own = {name: tuple(_owned(size, group) for size in shape) for name, shape in _INTERFACE.items()}
-            wanted |= {f"{group}/{name}": shape for name, shape in own.items()}
+        for above, parts in (("interfaces", _INTERFACE), ("augmented", _AUGMENTED)):
+            if group.startswith(f"{above}/"):
+                own = {name: tuple(_owned(size, group) for size in shape) for name, shape in parts.items()}
+                wanted |= {f"{group}/{name}": shape for name, shape in own.items()}
     length: dict[str | int, int] = {}
     for path, shape in wanted.items():
         if path not in shapes:

@@ -17,6 +17,9 @@ __all__ = ["FlexibleBody", "flexible_body", "require_mass"]
 # nodes; integrals over another mass differ by per cents (theory section 8).
 _SAME_MASS = 1e-9
 
+# Rigid motions that a floating frame carries.
+_SIX = 6
+
 Array = NDArray[np.float64]
 
 
@@ -93,6 +96,12 @@ def flexible_body(component: ComponentFile, integrals: ModalIntegrals) -> Flexib
         raise WriteError(
             f"component '{component.name}': a body of scalar points without geometry has no place in a floating "
             "frame; write it as nastran or matlab"
+        )
+    if component.rigid_count > _SIX:
+        raise WriteError(
+            f"component '{component.name}': it has {component.rigid_count} motions without strain, six of which are "
+            "the frame's: the others are a mechanism, which a floating-frame code would lose; lock it, or write the "
+            "body as nastran or matlab"
         )
     if "modes/loss" in arrays:
         raise WriteError(

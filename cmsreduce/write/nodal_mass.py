@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.lumped_mass import lumped_mass
+from cmsreduce.linalg.untied import untied_body
 from cmsreduce.model import FEModel, Lumping
 
 __all__ = ["lumps_of_nodes"]
@@ -29,7 +30,7 @@ def lumps_of_nodes(
     Returns
     -------
     mass : (k,) float64
-        0 of a node that follows others, whose mass is in the rows of those, or that does not move.
+        0 of a point that nodes are tied to, whose mass stays at these, and of a node that does not move.
     inertia : (k, 3, 3) float64
         About the node itself.
 
@@ -40,9 +41,10 @@ def lumps_of_nodes(
     """
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so its mass cannot be gathered at its nodes")
-    M = lumped_mass(body, lumping)
+    whole, _ = untied_body(body)
+    M = lumped_mass(whole, lumping)
     axes = body.nodes.frame[body.nodes.index(chosen)]
-    rows = body.dofs.rows(np.repeat(chosen, 6), np.tile(np.arange(1, 7), chosen.size)).reshape(-1, 2, 3)
+    rows = whole.dofs.rows(np.repeat(chosen, 6), np.tile(np.arange(1, 7), chosen.size)).reshape(-1, 2, 3)
     along = np.where(rows[:, 0] >= 0, M.diagonal()[rows[:, 0]], 0.0)
     turning = rows[:, 1]
     known = (turning >= 0)[:, :, None] & (turning >= 0)[:, None, :]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cmsreduce.model import ModalIntegrals, cross_matrix
 from cmsreduce.write.component_file import ComponentFile
 from cmsreduce.write.flexible_body import FlexibleBody, flexible_body, require_mass
+from cmsreduce.write.stored_stiffening import FrameStiffening, frame_stiffening
 from cmsreduce.write.text import put_lines
 
 __all__ = ["SidDialect", "write_sid"]
@@ -60,10 +61,10 @@ def write_sid(path: Path, component: ComponentFile, integrals: ModalIntegrals, d
     """
     body = flexible_body(component, integrals)
     require_mass(body, "a code that reads SID inverts Me")
-    put_lines(path, _lines(body, dialect))
+    put_lines(path, _lines(body, frame_stiffening(component, integrals), dialect))
 
 
-def _lines(body: FlexibleBody, dialect: SidDialect) -> Iterator[str]:
+def _lines(body: FlexibleBody, stiffening: FrameStiffening | None, dialect: SidDialect) -> Iterator[str]:
     yield f"    {body.node.size}   {body.k}    :No. nodes, No. modes: {body.name}, columns of Gr {dialect}"
     yield " part"
     yield _value(6, "new modal", body.name)
@@ -77,46 +78,60 @@ def _lines(body: FlexibleBody, dialect: SidDialect) -> Iterator[str]:
     for index, node in enumerate(body.node):
         yield _value(16, "new node", f"{node:9d}")
         yield _value(21, "rframe", " body ref")
-        for part in _node(body, index):
+        for part in _node(body, index, stiffening):
             yield from _taylor(part, body.k, 21)
         yield f"{'':16}end node"
     yield f"{'':11}end frame"
-    for part in _body(body, dialect):
+    for part in _body(body, stiffening, dialect):
         yield from _taylor(part, body.k, 11)
     yield f"{'':6}end modal"
     yield " end part"
 
 
-def _node(body: FlexibleBody, index: int) -> Sequence[_Taylor]:
+def _node(body: FlexibleBody, index: int, stiffening: FrameStiffening | None) -> Sequence[_Taylor]:
     phi, psi = body.translation[index], body.rotation[index]
     # A node turns with the slope of each mode: AP = 1 + S(psi q).
     turned = np.moveaxis(cross_matrix(psi.T), 0, 1)
     return (
         _Taylor("origin", body.position[index][:, None], phi[:, :, None]),
-        _Taylor("phi", phi),
-        _Taylor("psi", psi),
+        _Taylor("phi", phi, None if stiffening is None else _taken(stiffening.force.get(int(body.node[index])))),
+        _Taylor("psi", psi, None if stiffening is None else _taken(stiffening.moment.get(int(body.node[index])))),
         _Taylor("AP", np.eye(3), turned),
     )
 
 
-def _body(body: FlexibleBody, dialect: SidDialect) -> Sequence[_Taylor]:
+def _taken(per_force: Array | None) -> Array | None:
+    """What a load at a node (3, k, k) takes from its own generalised force: entry [axis, mode, mode]."""
+    return None if per_force is None else -per_force
+
+
+def _body(body: FlexibleBody, stiffening: FrameStiffening | None, dialect: SidDialect) -> Sequence[_Taylor]:
     integrals = body.integrals
     inertia, growth, second = _centrifugal(integrals)
     turning = _turning(integrals)
-    none = np.zeros((body.k, body.k, 3))
+    pull, drag, spin = _stressed(stiffening, body.k)
     return (
         _Taylor("mdCM", integrals.first_moment[:, None], integrals.phi[:, :, None]),
         _Taylor("J", inertia, growth[:, :, None]),
-        _Taylor("Ct", integrals.phi.T, none),
-        _Taylor("Cr", integrals.r_cross_phi.T, turning),
+        _Taylor("Ct", integrals.phi.T, pull),
+        _Taylor("Cr", integrals.r_cross_phi.T, turning + drag),
         _Taylor("Me", body.mass, symmetric=True),
         _Taylor("Gr", _columns(_gyroscopic(integrals), dialect)),
         _Taylor("Ge", _columns(2 * np.moveaxis(turning, 1, 2), dialect)),
-        _Taylor("Oe", _products(-0.5 * growth.T), second),
+        _Taylor("Oe", _products(-0.5 * growth.T), second + spin),
         _Taylor("ksigma", np.zeros((body.k, 1))),
         _Taylor("Ke", body.stiffness, symmetric=True),
         _Taylor("De", body.damping, symmetric=True),
     )
+
+
+def _stressed(stiffening: FrameStiffening | None, k: int) -> tuple[Array, Array, Array]:
+    """Geometric stiffness [row, mode, column] per acceleration, angular acceleration and product of velocities."""
+    if stiffening is None:
+        return np.zeros((k, k, 3)), np.zeros((k, k, 3)), np.zeros((k, k, len(_SQUARES)))
+    parts = (stiffening.acceleration, stiffening.turning, stiffening.spinning)
+    pull, drag, spin = (np.moveaxis(part, 0, -1) for part in parts)
+    return pull, drag, spin
 
 
 def _centrifugal(integrals: ModalIntegrals) -> tuple[Array, Array, Array]:

@@ -11,18 +11,30 @@ from typing import Any
 
 import numpy as np
 
+from cmsreduce.linalg.integrator_steps import advised_steps
 from cmsreduce.model import (
     DOF_NAMES,
     ERRORS,
     ComponentResult,
     Configuration,
+    CostlyModes,
     Factorisation,
     ModeCertificate,
     ModelErrors,
     ProjectionRecord,
     RunResult,
+    SensitivityRecord,
 )
 from cmsreduce.write.atomic import atomic_path
+from cmsreduce.write.summary_checks import (
+    basis,
+    channels,
+    controller,
+    figures,
+    pole_pairs,
+    static_lack,
+    system_checks,
+)
 
 __all__ = ["angles", "summary", "write_summary"]
 
@@ -38,7 +50,8 @@ def summary(run: RunResult) -> dict[str, Any]:
     -------
     dict
         The keys of the contract, and beside them ``comparisons``, ``limits``, ``reference``, ``band_hz``,
-        ``system``, ``projection``, ``search``, ``completeness`` and ``notes``. What has no finite value is None.
+        ``system``, ``projection``, ``search``, ``sensitivity``, ``completeness``, ``figures``,
+        ``controller``, ``not_checked`` and ``notes``. What has no finite value is None.
     """
     labels = dict.fromkeys(label for result in run.configurations for label in result.errors)
     speed = run.speed
@@ -46,7 +59,7 @@ def summary(run: RunResult) -> dict[str, Any]:
         {
             "name": run.name,
             "version": run.version,
-            "components": {name: _component(part) for name, part in run.components.items()},
+            "components": {name: _component(part, run) for name, part in run.components.items()},
             "configurations": _configurations(run, run.model, sizes=True),
             "worst": _worst(run, run.model),
             "speed": None
@@ -71,12 +84,17 @@ def summary(run: RunResult) -> dict[str, Any]:
                     "angles": angles(modes.configuration, [other.configuration for other in run.systems]),
                     "rigid_modes": modes.rigid_count,
                     "frequencies_hz": modes.frequencies_hz.tolist(),
+                    "integration": _integration(modes.highest_hz, static_highest_hz=modes.treated_hz),
                 }
                 for modes in run.systems
             ],
             "projection": None if run.projection is None else _projection(run.projection),
             "search": None if run.search is None else asdict(run.search),
+            "sensitivity": None if run.sensitivity is None else _sensitivity(run.sensitivity),
             "completeness": [{**asdict(axis), "missing": axis.missing} for axis in run.completeness],
+            "figures": figures(run),
+            "controller": controller(run),
+            "not_checked": [] if run.checks is None else list(run.checks.left_out),
             "notes": list(run.notes),
         }
     )
@@ -105,7 +123,7 @@ def _complex_modes(errors: ModelErrors | None) -> list[dict[str, float]] | None:
     return [dict(zip(names, mode, strict=True)) for mode in zip(*columns, strict=True)]
 
 
-def _component(part: ComponentResult) -> dict[str, Any]:
+def _component(part: ComponentResult, run: RunResult) -> dict[str, Any]:
     modes = part.modes
     elastic = np.arange(modes.omega.size)[modes.elastic]
     return {
@@ -123,11 +141,28 @@ def _component(part: ComponentResult) -> dict[str, Any]:
         "solver": _solver(part.factorised),
         "bound": None if part.bound is None else {**asdict(part.bound), "tightness": part.bound.tightness},
         "cutoff": None if part.cutoff is None else asdict(part.cutoff),
+        "scaling": part.scaling,
+        "integration": _integration(part.highest_hz, costly=_costly(part.costly)),
+        "single_precision": None if part.rounding is None else asdict(part.rounding),
+        "basis": basis(part),
+        "health": None if part.health is None else dict(part.health),
+        "static_lack": None if run.checks is None else static_lack(run.checks.static.get(part.name)),
         "checks": [
             {"name": check.name, "value": check.value, "limit": check.limit, "passed": check.passed}
             for check in part.checks
         ],
     }
+
+
+def _integration(highest_hz: float | None, **more: Any) -> dict[str, Any] | None:
+    """Steps that a highest frequency asks for; None where it is not known."""
+    if highest_hz is None:
+        return None
+    return {"highest_hz": highest_hz, "steps": advised_steps(2 * math.pi * highest_hz), **more}
+
+
+def _costly(found: CostlyModes | None) -> dict[str, Any] | None:
+    return None if found is None else {**asdict(found), "gain": found.gain}
 
 
 def _certificate(certificate: ModeCertificate | None) -> dict[str, Any] | None:
@@ -152,11 +187,14 @@ def _projection(record: ProjectionRecord) -> dict[str, Any]:
                 "frequencies_hz": each.hz.tolist(),
                 "worst_return": float(each.error.max(initial=0.0)),
                 "extraneous": each.extraneous,
+                "extraneous_by_count": each.predicted,
             }
             for each in record.sampled
         ],
         "rank": dict(record.rank),
+        "tolerance": record.tolerance,
         "singular_values": {name: values.tolist() for name, values in record.singular.items()},
+        "outputs": list(record.outputs),
         "extraneous_in_band": [
             {
                 "configuration": mode.configuration,
@@ -172,6 +210,22 @@ def _projection(record: ProjectionRecord) -> dict[str, Any]:
         "static_shapes_added": dict(record.suppressed),
         "between": dict(record.between),
     }
+
+
+def _sensitivity(record: SensitivityRecord) -> dict[str, Any]:
+    """What would be kept otherwise, and the modes on the edge; modes are numbered as in the tables."""
+    cases = []
+    for case in record.cases:
+        more, less = case.against(record.chosen)
+        counts = None if case.kept is None else {body: len(modes) for body, modes in case.kept.items()}
+        cases.append(
+            {"change": case.change, "kept_modes": counts, "added": more, "left_out": less, "failure": case.failure}
+        )
+    edges = {
+        body: [{"mode": number, "cases": list(changes)} for number, changes in record.edge(body).items()]
+        for body in record.chosen
+    }
+    return {"cases": cases, "on_the_edge": edges}
 
 
 def _solver(done: Sequence[Factorisation]) -> dict[str, Any]:
@@ -194,6 +248,11 @@ def _configurations(run: RunResult, label: str, *, sizes: bool) -> list[dict[str
         row |= {name: None if errors is None else getattr(errors, name) for name in ERRORS}
         if sizes:
             row["complex_modes"] = _complex_modes(errors)
+            row |= {
+                "channels": channels(run, errors),
+                "modes": pole_pairs(errors),
+                "checks": system_checks(run, result),
+            }
             row |= {"n_full": result.n_full, "n_reduced": result.n_reduced}
             row |= {"modes_full": result.modes_full, "modes_reduced": result.modes_reduced}
         rows.append(row)

@@ -15,8 +15,9 @@ from cmsreduce.write.mbsim import write_mbsim
 from cmsreduce.write.nastran import write_nastran
 from cmsreduce.write.nodal import write_nodal
 from cmsreduce.write.sid import write_sid
+from cmsreduce.write.state_space import write_abcd, write_states
 from cmsreduce.write.stored_integrals import stored_integrals
-from cmsreduce.write.treetops import write_treetops
+from cmsreduce.write.treetops import write_treetops, write_treetops_h5
 
 __all__ = ["TARGETS", "Target", "convert"]
 
@@ -52,6 +53,16 @@ def _with_integrals(write: Callable[..., None], *, dialect: bool = False) -> Wri
     return one
 
 
+def _alone(write: Callable[[Path, ComponentFile], None]) -> Writer:
+    """A writer of one file that takes the component and nothing else."""
+
+    def one(path: Path, component: ComponentFile, _: str) -> tuple[Path, ...]:
+        write(path, component)
+        return (path,)
+
+    return one
+
+
 TARGETS: Mapping[str, Target] = {
     "nastran": Target(".op4", lambda path, component, _: write_nastran(path, component)),
     "42": Target(".42.txt", _with_integrals(write_42)),
@@ -62,6 +73,9 @@ TARGETS: Mapping[str, Target] = {
     "discos": Target(".discos.txt", _with_integrals(write_nodal)),
     "dads": Target(".dads.txt", _with_integrals(write_nodal)),
     "treetops": Target(".treetops.txt", _with_integrals(write_treetops)),
+    "treetops-h5": Target(".treetops.h5", _with_integrals(write_treetops_h5)),
+    "matlab": Target(".mat", _alone(write_states)),
+    "abcd": Target(".abcd.txt", _alone(write_abcd)),
 }
 """By the name that ``write.formats`` and ``convert --format`` know."""
 
@@ -101,6 +115,10 @@ def convert(source: Path, destination: Path, target: str | None = None, dialect:
         known = f"its dialects: {', '.join(chosen.dialects)}" if chosen.dialects else "it has none"
         raise WriteError(f"'{dialect}' is no dialect of {name} ({known})")
     path = destination / f"{component.name}{chosen.suffix}" if destination.is_dir() else destination
+    if path.suffix.lower() == ".flx":
+        raise WriteError(
+            f"{path}: .FLX names TREETOPS's own file, whose layout is not public; this one needs another name"
+        )
     if path.exists() and path.samefile(source):
         raise WriteError(f"{path}: would take the place of the component file itself; choose another name")
     return chosen.write(path, component, dialect or (chosen.dialects or ("",))[0])

@@ -101,6 +101,7 @@ def test_a_folder_takes_the_name_of_the_component(finished_study: Path, tmp_path
         (["arm.h5", "arm.h5", "--format", "mbsim"], "would take the place of the component file itself"),
         (["system.h5", "x.op4"], "this HDF5 file is no component file"),
         (["none.h5", "x.op4"], "there is no such file"),
+        (["arm.h5", "arm.flx", "--format", "mbdyn"], ".FLX names TREETOPS's own file"),
     ],
 )
 def test_bad_input_ends_with_2_and_one_message(finished_study: Path, arguments: list[str], message: str) -> None:

@@ -11,7 +11,18 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import Check, Damping, DofTable, FEModel, Interface, Nodes
+from cmsreduce.model import (
+    Check,
+    CostlyMode,
+    CostlyModes,
+    Damping,
+    DofTable,
+    FEModel,
+    GeometricStiffness,
+    Interface,
+    Nodes,
+    UnitLoad,
+)
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
 from cmsreduce.write import read_component, write_component
@@ -45,6 +56,11 @@ def component():
     body = chain()
     modes = orthogonalise(CraigBampton(1e3).reduce(body, body.interface_rows("end")))
     return replace(modes, rankings={"gregory": np.arange(modes.omega.size) - 1.0, "modal-gain": 2.0 * modes.omega})
+
+
+def stressed(body):
+    """What the chain's own stiffness would be per unit of a pull."""
+    return GeometricStiffness((UnitLoad("force", "x", "3"),), (body.K,), ("by hand",), np.zeros(3), "at end")
 
 
 def written(path, component, **changes):
@@ -182,10 +198,25 @@ def test_the_lines_on_the_page_read_it(tmp_path, component, monkeypatch):
     assert found["faces"]["end"].shape == (3, component.omega.size)
 
 
+def test_stress_adds_what_it_is_in_the_modes(tmp_path, component):
+    file = read_component(written(tmp_path / "chain.h5", component, stiffening=stressed(component.body)))
+    # Of a matrix that is the stiffness itself, the modes see the squares of their frequencies.
+    K = file.arrays["geometric_stiffness/K"]
+    np.testing.assert_allclose(K, [np.diag(component.stiffness)], atol=1e-9 * component.stiffness.max())
+    assert file.texts["geometric_stiffness/load"] == ("force 3.x",)
+    assert file.attributes["geometric_stiffness"]["held"] == "at end"
+    with h5py.File(tmp_path / "chain.h5", "r+") as raw:
+        del raw["geometric_stiffness/K"]
+        raw["geometric_stiffness/K"] = K[:, :-1]
+    with pytest.raises(ReadError, match="geometric_stiffness/K"):
+        read_component(tmp_path / "chain.h5")
+
+
 def test_every_path_on_the_page_is_in_the_file(tmp_path, component):
     page, _, _ = PAGE.read_text().partition("## system.h5")
     table = [line for line in page.splitlines() if line.startswith("| `")]
-    with h5py.File(written(tmp_path / "chain.h5", component)) as file:
+    pulled, costly = stressed(component.body), CostlyModes((CostlyMode(4, 9.0, "fixed", 1e-5),), 3.0, 2.0, 1e-3)
+    with h5py.File(written(tmp_path / "chain.h5", component, stiffening=pulled, costly=costly)) as file:
         for line in table:
             folder = ""
             for item in re.findall(r"`([^`]+)`", line.split("|")[1]):

@@ -6,13 +6,14 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
 from cmsreduce.errors import WriteError
 from cmsreduce.model import cross_matrix
 from cmsreduce.write.nodal import write_nodal
-from cmsreduce.write.treetops import write_treetops
+from cmsreduce.write.treetops import write_treetops, write_treetops_h5
 from tests.write.particles import particles
 
 
@@ -91,8 +92,73 @@ def test_what_treeflx_documents(tmp_path: Path) -> None:
     assert [line.split()[2] for line in said] == ["5"]
 
 
+def test_what_treeflx_documents_as_named_arrays(tmp_path: Path) -> None:
+    """Sums over the particles themselves, and the text's tables for what is only copied."""
+    body = particles(blind=True)
+    write_treetops(tmp_path / "body.txt", body.file, body.integrals)
+    text = read(tmp_path / "body.txt")
+    for name in ("body.h5", "again.h5"):
+        write_treetops_h5(tmp_path / name, body.file, body.integrals)
+    assert (tmp_path / "body.h5").read_bytes() == (tmp_path / "again.h5").read_bytes()
+    with h5py.File(tmp_path / "body.h5") as file:
+        assert (file.attrs["format"], file.attrs["format_version"]) == ("cmsreduce-treetops", 1)
+        found: dict[str, np.ndarray] = {}
+        file.visititems(lambda name, item: found.update({name: item[()]} if isinstance(item, h5py.Dataset) else {}))
+    assert set(found) == {*DOCUMENTED, "interfaces/root", "interfaces/tip"}
+    for name, title in {
+        "frame/axes": "FRAME AXES",
+        "inertia": "INERTIA",
+        "modal/mass": "MODAL MASS",
+        "modal/stiffness": "MODAL STIFFNESS",
+        "modal/damping": "MODAL DAMPING",
+        "linear_momentum": "LINEAR MOMENTUM",
+        "angular_momentum": "ANGULAR MOMENTUM",
+        "nodes/coordinates": "COORDINATES",
+    }.items():
+        np.testing.assert_allclose(found[name], text[title], rtol=1e-14, atol=0, err_msg=name)
+    for mode in range(4):
+        expected = text[f"INERTIA DERIVATIVE {mode + 1}"]
+        np.testing.assert_allclose(found["inertia_derivative"][mode], expected, rtol=1e-14)
+    for i, j in ((0, 0), (0, 2), (2, 0)):
+        expected = text[f"SECOND ORDER {'xyz'[i]}{'xyz'[j]}"]
+        np.testing.assert_allclose(found["second_order"][i, j], expected, rtol=1e-14)
+    # What the arrays mean: momentum of a mode is that of its inertia derivative's skew part, mass the trace.
+    skew = np.cross(np.eye(3)[:, None], np.eye(3)[None])
+    momentum = np.einsum("aij,ijk->ak", found["inertia_derivative"], skew)
+    np.testing.assert_allclose(found["angular_momentum"], momentum, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(np.einsum("iiab->ab", found["second_order"]), found["modal/mass"], atol=1e-13)
+    for at, node in enumerate(found["nodes/id"]):
+        rows = np.hstack([found["nodes/translation"][at], found["nodes/slope"][at]])
+        np.testing.assert_allclose(rows, text[f"SHAPES {node}"], rtol=1e-14)
+    assert found["nodes/id"][found["nodes/slope_known"] == 0].tolist() == [5]
+
+
+DOCUMENTED = {
+    *(
+        "frame/origin",
+        "frame/axes",
+        "mass",
+        "first_moment",
+        "inertia",
+        "modal/mass",
+        "modal/stiffness",
+        "modal/damping",
+    ),
+    *("linear_momentum", "angular_momentum", "inertia_derivative", "second_order"),
+    *("nodes/id", "nodes/coordinates", "nodes/translation", "nodes/slope", "nodes/slope_known"),
+}
+
+
+def test_the_page_names_every_array() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "treetops.md").read_text()
+    for name in (*DOCUMENTED, "geometric_stiffness/load", "geometric_stiffness/K", "interfaces/NAME"):
+        assert f"`{name}`" in page, name
+
+
 def test_no_file_takes_the_name_of_treetops_own(tmp_path: Path) -> None:
     body = particles()
     with pytest.raises(WriteError, match="whose layout is not public"):
         write_treetops(tmp_path / "body.FLX", body.file, body.integrals)
+    with pytest.raises(WriteError, match="whose layout is not public"):
+        write_treetops_h5(tmp_path / "body.flx", body.file, body.integrals)
     assert not list(tmp_path.iterdir())

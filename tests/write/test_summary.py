@@ -134,10 +134,17 @@ def test_a_joint_that_turns_two_ways_anywhere_is_named_with_its_motion_everywher
 
 def test_systems_have_their_frequencies_and_the_same_angles():
     ball = [Configuration(name, {("ball", dof): np.radians(10)}) for name, dof in (("a", 3), ("b", 4))]
-    systems = tuple(SystemModes(configuration, 2, np.array([1.5, 2.5])) for configuration in ball)
+    systems = tuple(
+        SystemModes(configuration, 2, np.array([1.5, 2.5]), hz)
+        for configuration, hz in zip(ball, (None, 9.0), strict=True)
+    )
     found = summary(run(systems=systems))["system"]
     assert [row["angles"] for row in found] == [{"ball.rx": 10.0}, {"ball.ry": 10.0}]
-    assert found[0] == {"name": "a", "angles": {"ball.rx": 10.0}, "rigid_modes": 2, "frequencies_hz": [1.5, 2.5]}
+    facts = {"name": "a", "angles": {"ball.rx": 10.0}, "rigid_modes": 2, "frequencies_hz": [1.5, 2.5]}
+    # A system too large for all its modes has no advice.
+    assert found[0] == facts | {"integration": None}
+    assert found[1]["integration"]["highest_hz"] == 9.0
+    assert found[1]["integration"]["steps"]["central_difference"]["stable"] == pytest.approx(1 / (9 * np.pi))
 
 
 def test_compared_models_have_their_figures():

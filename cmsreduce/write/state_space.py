@@ -1,0 +1,123 @@
+"""State space of a reduced body, from its component file: a MATLAB file, or A B C D as text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import WriteError
+from cmsreduce.write.component_file import ComponentFile
+from cmsreduce.write.matlab import StateSpace, write_matlab
+from cmsreduce.write.text import number, put_lines
+
+__all__ = ["component_states", "write_abcd", "write_states"]
+
+Array = NDArray[np.float64]
+
+
+def component_states(component: ComponentFile) -> StateSpace:
+    """State space of a reduced body: amplitudes of its modes, then their rates.
+
+    Parameters
+    ----------
+    component : ComponentFile
+        m modes: rigid, elastic, static. Inputs are its actuators, then forces on the dofs of its interfaces; outputs
+        its sensors, then displacements of these dofs. Modes are orthonormal whatever frame the file is written in.
+
+    Raises
+    ------
+    WriteError
+        If its damping has no real state space, or a sensor measures the rate of a static mode that an input moves.
+    """
+    arrays, name = component.arrays, component.name
+    if "modes/loss" in arrays:
+        raise WriteError(
+            f"component '{name}': structural damping is a complex stiffness and has no real state space; give it "
+            "modal damping, or take `matlab` and `abcd` out of write.formats"
+        )
+    faces = sorted({path.split("/")[1] for path in arrays if path.startswith("interfaces/")})
+    labels = [label for face in faces for label in _labels(component, face)]
+    back = _to_free_modes(component)
+    shapes = [np.empty((0, back.shape[0])), *(arrays[f"interfaces/{face}/shapes"] for face in faces)]
+    at_faces = np.vstack(shapes) @ back
+    m = component.elastic.stop
+    force = np.hstack([back.T @ arrays["inputs/B"], at_faces.T])
+    C1 = np.vstack([arrays["outputs/C1"] @ back, at_faces])
+    C2 = np.vstack([arrays["outputs/C2"] @ back, np.zeros_like(at_faces)])
+    if (C2[:, m:] @ force[m:]).any():
+        raise WriteError(
+            f"component '{name}': a rate sensor feels a static mode, whose rate is the derivative of an input and no "
+            "state; measure the displacement, or take `matlab` and `abcd` out of write.formats"
+        )
+    damping = back.T @ arrays["modes/damping"] @ back
+    stiffness = np.diag(arrays["modes/stiffness"])
+    A = np.block([[np.zeros((m, m)), np.eye(m)], [-np.diag(stiffness[:m]), -damping[:m, :m]]])
+    return StateSpace(
+        A,
+        np.vstack([np.zeros((m, force.shape[1])), force[:m]]),
+        np.hstack([C1[:, :m], C2[:, :m]]),
+        C1[:, m:] @ force[m:],
+        [*component.texts["inputs/name"], *labels],
+        [*component.texts["outputs/name"], *labels],
+        {
+            "name": name,
+            "method": component.method,
+            "rigid_count": component.rigid_count,
+            "frequency_hz": component.omega[:m] / (2 * np.pi),
+            "zeta": arrays["modes/zeta"][:m],
+            "units": dict(component.attributes["units"]),
+            "states": "amplitudes of the modes, then their rates",
+        },
+    )
+
+
+def write_states(path: Path, component: ComponentFile) -> None:
+    """Write the state space of a body as a MAT 5 file.
+
+    Raises
+    ------
+    WriteError
+        If it has none (`component_states`), or the file cannot be written.
+    """
+    write_matlab(path, component_states(component).variables())
+
+
+def write_abcd(path: Path, component: ComponentFile) -> None:
+    """Write the state space of a body as text: names of channels, then A, B, C and D row by row.
+
+    Parameters
+    ----------
+    path : Path
+        Where; the file is whole or not there. Lines that begin with ``%`` say what follows, ``% A rows columns``.
+    component : ComponentFile
+        The body.
+
+    Raises
+    ------
+    WriteError
+        If it has none (`component_states`), or the file cannot be written.
+    """
+    states = component_states(component)
+    lines = [f"% STATE SPACE {component.name}: x' = A x + B u, y = C x + D u, x {states.facts['states']}"]
+    lines += [f"% INPUTS {' '.join(states.inputs)}", f"% OUTPUTS {' '.join(states.outputs)}"]
+    for letter in "ABCD":
+        matrix: Array = getattr(states, letter)
+        lines.append(f"% {letter} {matrix.shape[0]} {matrix.shape[1]}")
+        lines += [" ".join(number(value) for value in row) for row in matrix]
+    put_lines(path, lines)
+
+
+def _labels(component: ComponentFile, face: str) -> list[str]:
+    nodes, parts = (component.arrays[f"interfaces/{face}/{what}"] for what in ("node", "component"))
+    return [f"{face}.{node}.{part}" for node, part in zip(nodes, parts, strict=True)]
+
+
+def _to_free_modes(component: ComponentFile) -> Array:
+    """Modes seen from no frame, as combinations of those in the file (m, m): what a frame took off is put back."""
+    back = np.eye(component.omega.size)
+    if "frame/removed" in component.arrays:
+        r = component.rigid_count
+        back[:r, r:] = component.arrays["frame/removed"]
+    return back

@@ -1,0 +1,181 @@
+"""The part of summary.json on channels, modes, static loads, gains, zeros, steps and control."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cmsreduce.model import (
+    ComponentResult,
+    ConfigurationResult,
+    GainSum,
+    ModelErrors,
+    RunResult,
+    StaticLack,
+    StepErrors,
+    SystemChecks,
+)
+
+__all__ = ["basis", "channels", "controller", "figures", "pole_pairs", "static_lack", "system_checks"]
+
+# Steps of a running sum below this share of the whole are no more than a line's width, and with more pairs than these
+# the sums are left to the store: a summary is read by people and small programs.
+_SHOWN, _PAIRS = 0.01, 200
+
+
+def figures(run: RunResult) -> dict[str, dict[str, Any]]:
+    """Every error and check by name: worst value, where, limit, whether it passed (None without a limit)."""
+    return {
+        name: {"value": each.value, "where": each.where, "limit": each.limit, "passed": each.met}
+        for name, each in run.figures.items()
+    }
+
+
+def basis(part: ComponentResult) -> dict[str, Any]:
+    """Rank and condition of a body's mode set, and how orthogonal the modes made of it are."""
+    modes, checks = part.modes, {check.name: check.value for check in part.checks}
+    return {
+        "columns": modes.basis_size,
+        "rank": modes.basis_rank or None,
+        "condition": modes.basis_condition,
+        "orthogonality_m": checks.get("orthogonality in M"),
+        "orthogonality_k": checks.get("orthogonality in K"),
+    }
+
+
+def static_lack(loads: tuple[StaticLack, ...] | None) -> list[dict[str, Any]] | None:
+    """Strain energy that a reduced body lacks, load by load; None if not looked at."""
+    return None if loads is None else [{"load": each.load, "lack": each.lack} for each in loads]
+
+
+def channels(run: RunResult, errors: ModelErrors | None) -> list[dict[str, Any]] | None:
+    """Errors of each channel."""
+    if errors is None or errors.channel_error is None or errors.channel_peak is None:
+        return None
+    return [
+        {
+            "output": run.outputs[y],
+            "input": run.inputs[u],
+            "frf_error": errors.channel_error[y, u],
+            "peak_error": errors.channel_peak[y, u],
+            "frac": errors.frac[y, u],
+            "nrfd": None if errors.channel_shift is None else errors.channel_shift[y, u],
+        }
+        for y, u in np.ndindex(errors.frac.shape)
+    ]
+
+
+def pole_pairs(errors: ModelErrors | None) -> list[dict[str, float]] | None:
+    """Natural frequencies of the reduced system in the band, each beside the full one that it is paired with."""
+    if errors is None:
+        return None
+    columns = (errors.full_hz, errors.reduced_hz, errors.mac, errors.shift)
+    names = ("full_hz", "reduced_hz", "mac", "nrfd")
+    return [dict(zip(names, row, strict=True)) for row in np.column_stack(columns).tolist()]
+
+
+def system_checks(run: RunResult, result: ConfigurationResult) -> dict[str, Any] | None:
+    """Gains, zeros and steps in one configuration; None if none of them was looked at."""
+    every = () if run.checks is None else run.checks.systems
+    found = next((each for each in every if each.configuration == result.configuration.name), None)
+    if found is None:
+        return None
+    running = len(every) * len(run.inputs) * len(run.outputs) <= _PAIRS
+    return {
+        "gains": _gains(run, found, running=running),
+        "high_gain_modes": _high(run, found),
+        "zeros": _zeros(run, found),
+        "step": None if found.step is None else _step(run, found.step),
+    }
+
+
+def controller(run: RunResult) -> list[dict[str, Any]] | None:
+    """Spillover of the scene's controller, configuration by configuration; None without one."""
+    if not run.margins:
+        return None
+    return [
+        {
+            "configuration": each.configuration,
+            "ratio": each.ratio,
+            "margin": 1 / each.ratio if each.ratio > 0 else None,
+            "worst_hz": each.worst_hz,
+            "unstable_roots": each.unstable,
+            "proven": each.ratio < 1 and each.unstable == 0,
+        }
+        for each in run.margins
+    ]
+
+
+def _gains(run: RunResult, found: SystemChecks, *, running: bool) -> list[dict[str, Any]] | None:
+    full, reduced, errors = found.full_gains, found.reduced_gains, found.gain_errors
+    if full is None or reduced is None or errors is None:
+        return None
+    return [
+        {
+            "output": run.outputs[y],
+            "input": run.inputs[u],
+            "full": full.total[y, u],
+            "reduced": reduced.total[y, u],
+            "error": errors[y, u],
+            "running": {"full": _running(full, y, u), "reduced": _running(reduced, y, u)} if running else None,
+        }
+        for y, u in np.ndindex(errors.shape)
+    ]
+
+
+def _running(gains: GainSum, y: int, u: int) -> dict[str, list[float]]:
+    """Running sum at the modes that change it visibly, and at the last."""
+    seen = abs(gains.gain[:, y, u]) > _SHOWN * gains.size[y, u]
+    seen[-1:] = True
+    return {"hz": gains.hz[seen].tolist(), "sum": gains.running[seen, y, u].tolist()}
+
+
+def _high(run: RunResult, found: SystemChecks) -> list[dict[str, Any]] | None:
+    if found.full_gains is None or found.reduced_gains is None:
+        return None
+    return [
+        {
+            "system": system,
+            "output": run.outputs[each.output],
+            "input": run.inputs[each.input],
+            "hz": each.hz,
+            "gain": each.gain,
+            "share": each.share,
+        }
+        for system, gains in (("full", found.full_gains), ("reduced", found.reduced_gains))
+        for each in gains.high_gain_modes(run.band[1])
+    ]
+
+
+def _zeros(run: RunResult, found: SystemChecks) -> list[dict[str, Any]] | None:
+    if found.zeros is None:
+        return None
+    return [
+        {
+            "output": run.outputs[pair.output],
+            "input": run.inputs[pair.input],
+            "full_hz": _complex_hz(pair.full),
+            "reduced_hz": _complex_hz(pair.reduced),
+            "error": pair.worst,
+            "lost": pair.lost,
+        }
+        for pair in found.zeros
+    ]
+
+
+def _complex_hz(zeros: Any) -> list[list[float]]:
+    """Real and imaginary part over 2 pi: [0, f] is a zero on the frequency axis."""
+    return [[float(z.real) / (2 * np.pi), float(z.imag) / (2 * np.pi)] for z in zeros]
+
+
+def _step(run: RunResult, step: StepErrors) -> list[dict[str, Any]]:
+    return [
+        {
+            "output": run.outputs[y],
+            "input": run.inputs[u],
+            "peak_error": step.peak[y, u],
+            "rms_error": step.rms[y, u],
+        }
+        for y, u in np.ndindex(step.rms.shape)
+    ]
