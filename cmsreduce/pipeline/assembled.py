@@ -23,6 +23,9 @@ from cmsreduce.assemble import (
     wire,
     with_joint_bodies,
 )
+from cmsreduce.assemble.system_modes import undetermined
+from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.pencil import UndeterminedError, elastic_and_massless
 from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System
 from cmsreduce.verify import decibel_grid
 
@@ -35,6 +38,8 @@ _BEYOND_BAND = 1.25
 # A full mode whose reduced one lies in the band may lie a little above it. Nearer to the undamped modes' limit there
 # are too few of these to start from.
 _PARTNER_BEYOND_BAND = 1.1
+# All modes of a system of so many coordinates are kept: three megabytes a configuration.
+_KEPT_WHOLE = 600
 # Grids of one band end at the same frequency to rounding.
 _SAME_BAND = 1e-9
 
@@ -89,6 +94,7 @@ class AssembledModel:
         self._systems: dict[str, System] = {}
         self._wirings: dict[str, Wiring] = {}
         self._undamped: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+        self._whole: dict[str, tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]] = {}
         self._resonances: dict[str, Resonances] = {}
         self._damped: dict[str, DampedModes | None] = {}
         self._receptances: dict[str, Receptance] = {}
@@ -129,10 +135,41 @@ class AssembledModel:
             self._damped[configuration.name] = modes
         return self._damped[configuration.name]
 
+    def every_mode(
+        self, configuration: Configuration
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """All elastic modes of a system of moderate size.
+
+        Returns
+        -------
+        omega : (k,) float64
+            In rad/s, ascending.
+        Phi : (N, k) float64
+            Modes, orthonormal in M.
+        static : (N, s) float64
+            Shapes without mass, orthonormal in K.
+        """
+        if configuration.name in self._whole:
+            return self._whole[configuration.name]
+        system = self.system(configuration)
+        try:
+            lam, Phi, static = elastic_and_massless(dense(system.K), dense(system.M), system.rigid, system.rounding)
+        except UndeterminedError as error:
+            raise undetermined(system, error) from None
+        found = np.sqrt(lam), Phi, static
+        if system.N <= _KEPT_WHOLE:
+            self._whole[configuration.name] = found
+        return found
+
     def _modes(self, configuration: Configuration) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         if configuration.name not in self._undamped:
             top = 2 * np.pi * self.scene.band[1] * _BEYOND_BAND
-            self._undamped[configuration.name] = system_modes(self.system(configuration), top)
+            system = self.system(configuration)
+            if isinstance(system.K, np.ndarray) and system.N <= _KEPT_WHOLE:
+                w, Phi, _ = self.every_mode(configuration)
+                self._undamped[configuration.name] = w[w <= top], Phi[:, w <= top]
+            else:
+                self._undamped[configuration.name] = system_modes(system, top)
         return self._undamped[configuration.name]
 
     def receptances(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:

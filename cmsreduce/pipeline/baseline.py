@@ -94,7 +94,7 @@ def _modes(result: StoredResult, name: str) -> _Modes:
 
 
 def _run(old: Mapping[str, Any], new: Mapping[str, Any], tolerances: Tolerances) -> Iterator[Finding]:
-    was, now = old.get("worst") or {}, new.get("worst") or {}
+    was, now = ({name: each["value"] for name, each in facts["figures"].items()} for facts in (old, new))
     for key in was:
         if was[key] is not None and now.get(key) is not None:
             grown = Check(f"baseline: growth of {key}", max(now[key] - was[key], 0.0), tolerances.errors)

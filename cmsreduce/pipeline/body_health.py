@@ -33,7 +33,7 @@ class BodyHealth:
     Parameters
     ----------
     negative : mapping of ``stiffness`` and ``mass`` to int or None
-        Motions of negative energy; None where a factorisation does not tell.
+        Motions of negative energy; None where a factorisation does not tell, or none was wanted.
     light : LightDofs
         Dofs without mass, and nearly without.
     contrast : tuple of Contrast
@@ -44,7 +44,7 @@ class BodyHealth:
     principal : PrincipalInertia, optional
         By geometry, of a body whose mass is the same in all directions.
     motions : RigidMotions, optional
-        Of a body that is free in all directions.
+        Of a body that is free in all directions, if it was looked at thoroughly.
     grounding : Grounding, optional
         Under its rigid motions; rotations about the mean of its nodes.
     checks : tuple of Check
@@ -61,7 +61,7 @@ class BodyHealth:
     checks: tuple[Check, ...]
 
 
-def body_health(body: FEModel, rigid: NDArray[np.float64]) -> BodyHealth:
+def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = True) -> BodyHealth:
     """Look at a body as it was read.
 
     Parameters
@@ -70,9 +70,11 @@ def body_health(body: FEModel, rigid: NDArray[np.float64]) -> BodyHealth:
         The body.
     rigid : (n, r) float64
         Its rigid-body modes.
+    thorough : bool
+        Whether to factorise its matrices, for their definiteness and for rigid motions by other sources.
     """
-    negative = {"stiffness": negative_directions(body.K, body.rounding)}
-    negative["mass"] = negative_directions(body.M, body.rounding)
+    matrices = {"stiffness": body.K, "mass": body.M}
+    negative = {what: negative_directions(A, body.rounding) if thorough else None for what, A in matrices.items()}
     checks = [
         Check(f"{what}: motions of negative energy", float(n), 0.0) for what, n in negative.items() if n is not None
     ]
@@ -87,7 +89,9 @@ def body_health(body: FEModel, rigid: NDArray[np.float64]) -> BodyHealth:
             principal = principal_inertia(mass["geometry"])
         if rigid.shape[1] == _FREE:
             held = grounding(body, rigid_body_shapes(body.dofs, body.nodes, centre))
-            motions = rigid_motions(body, R)
+            # A stiffness that gives way has no static response to look for rigid motions in.
+            motions = rigid_motions(body, R) if thorough and not negative["stiffness"] else None
+        if motions is not None:
             for source, X in (("stiffness", motions.stiffness), ("modes", motions.eigen)):
                 mass[source] = rigid_mass_properties(X.T @ (body.M @ X))
     return BodyHealth(

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from cmsreduce.model import ERRORS, Check
+from cmsreduce.model import Check
 from cmsreduce.model.finding import Finding
 from cmsreduce.pipeline.baseline import compare
 from cmsreduce.pipeline.limits import Limits, limited
+from cmsreduce.pipeline.mass_totals import file_totals, total_findings
+from cmsreduce.pipeline.step_advice import file_rounding
 from cmsreduce.pipeline.stored_result import StoredResult, open_result
 from cmsreduce.report.junit import junit_xml
 from cmsreduce.report.markdown import markdown_summary
@@ -59,6 +61,8 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> li
         unlisted += _sizes(result, name)
         if name in result.files:
             findings += _own_word(name, result.files[name])
+            findings += _rounding(name, result.files[name])
+            findings += total_findings(name, file_totals(result.files[name]))
     if baseline is not None:
         findings += compare(open_result(baseline), result, limits.tolerances)
     return limited(findings, limits, unlisted, path)
@@ -80,14 +84,8 @@ def _errors(result: StoredResult) -> Iterator[Finding]:
     facts = result.summary
     if facts is None:
         return
-    limits = facts.get("limits", {})
-    for name, value in (facts.get("worst") or {}).items():
-        # A system without damping has no such error.
-        if name == "damping_error" and value is None:
-            continue
-        rows = [row for row in facts.get("configurations", []) if row.get(name) == value and value is not None]
-        where = f"at {rows[0]['name']}" if rows and name in ERRORS else ""
-        yield Finding("", Check(name, _number(value), _number(limits.get(name))), where)
+    for name, figure in facts["figures"].items():
+        yield Finding("", Check(name, _number(figure["value"]), _number(figure["limit"])), f"at {figure['where']}")
 
 
 def _checks(result: StoredResult, name: str) -> Iterator[Finding]:
@@ -113,9 +111,30 @@ def _own_word(name: str, file: ComponentFile) -> Iterator[Finding]:
         # A static mode has no modal mass to measure its momentum by.
         massive = slice(0, file.elastic.stop)
         momentum = np.vstack([arrays["integrals/int_phi"], arrays["integrals/int_r_x_phi"]])[:, massive]
+        # What a floating frame took off the others is what the mass matrix couples them with the rigid modes by.
+        coupled = arrays["modes/mass"][: file.rigid_count, massive].copy()
+        coupled[:, : file.rigid_count] = 0.0
+        momentum = momentum - momentum[:, : file.rigid_count] @ coupled
         carried, left = momentum_balance(rigid, momentum, file.rigid_count)
         yield Finding(name, Check("momentum of the rigid modes against the rigid mass", carried, _MOMENTUM))
         yield Finding(name, Check("momentum of the elastic modes", left, _MOMENTUM))
+
+
+def _rounding(name: str, file: ComponentFile) -> Iterator[Finding]:
+    """What single precision would do to the body: shown, and judged where a limit is set on it."""
+    effect = file_rounding(file)
+    if effect is None:
+        return
+    hz = f"lowest elastic frequency: {effect.lowest_hz:.4g} Hz"
+    figures = (
+        ("float32: change of frequencies", effect.free, ""),
+        ("float32: change of frequencies, interfaces held", effect.held, ""),
+        ("float32: rigid motion in Hz", effect.rigid_hz, hz),
+        ("float32 superelement: change of frequencies", effect.boundary_free, ""),
+        ("float32 superelement: rigid motion in Hz", effect.boundary_rigid_hz, hz),
+    )
+    for figure, value, note in figures:
+        yield Finding(name, Check(figure, value, float("inf")), note)
 
 
 def _sizes(result: StoredResult, name: str) -> Iterator[Finding]:
@@ -126,6 +145,8 @@ def _sizes(result: StoredResult, name: str) -> Iterator[Finding]:
         figures |= {key: part.get(key) for key in ("full_dofs", "basis_size", "elastic_modes", "kept_modes")}
         figures |= {"peak_mib": part.get("peak_mib"), "seconds": sum(part.get("seconds", {}).values())}
         figures["highest_hz"] = max(part.get("frequencies_hz", []), default=0.0)
+        figures["basis_condition"] = part.get("basis", {}).get("condition")
+        figures["static_lack"] = max((each["lack"] for each in part.get("static_lack") or ()), default=None)
     else:
         file = result.files[name]
         figures["basis_size"] = int(file.attributes["modes"].get("basis_size", file.omega.size))

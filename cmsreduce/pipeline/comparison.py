@@ -17,6 +17,7 @@ from cmsreduce.model import (
     FEModel,
     ModalComponent,
     ModelErrors,
+    ModeLikeness,
     Response,
     Scene,
     Speed,
@@ -25,14 +26,18 @@ from cmsreduce.pipeline.assembled import AssembledModel, Number, cross_orthogona
 from cmsreduce.pipeline.progress import Progress
 from cmsreduce.verify import (
     FrequencyPairs,
+    channel_errors,
     channel_scales,
     db_error,
     decibel_grid,
     frac,
     frequency_grid,
     frf_error,
+    heard,
     pair_complex_modes,
     pair_frequencies,
+    peak_errors,
+    peak_shifts,
 )
 
 __all__ = ["Comparison", "ReducedModel", "Target"]
@@ -133,7 +138,7 @@ class Comparison:
         """
         results = []
         for number, configuration in enumerate(self.scene.configurations):
-            results.append(self._at(configuration, models))
+            results.append(self.at(configuration, models))
             progress.advance(number + 1, len(self.scene.configurations))
         return tuple(results)
 
@@ -160,7 +165,8 @@ class Comparison:
         """Wall times of the responses so far, full and of the run's own reduced model over the same grids."""
         return Speed(reduce_s, self.full_seconds, self.reduced_seconds)
 
-    def _at(self, configuration: Configuration, models: Mapping[str, ReducedModel]) -> ConfigurationResult:
+    def at(self, configuration: Configuration, models: Mapping[str, ReducedModel]) -> ConfigurationResult:
+        """Errors and curves of several models in one configuration, the run's own first."""
         omega = self.grid(configuration, list(models.values()))
         started = time.perf_counter()
         H = self.full.response(configuration, omega)
@@ -172,19 +178,32 @@ class Comparison:
         for number, (label, model) in enumerate(models.items()):
             started = time.perf_counter()
             H_r = model.assembled.response(configuration, omega)
+            seconds = time.perf_counter() - started
             if number == 0:
-                self.reduced_seconds += time.perf_counter() - started
+                self.reduced_seconds += seconds
             elastic = H_r - model.assembled.rigid_response(configuration, omega)
-            pairs = self._pairs(configuration, model)
+            pairs, likeness = self._pairs(configuration, model)
+            shape, peak = frac(H - rigid, elastic), peak_errors(H - rigid, elastic)
+            shift = peak_shifts(omega / (2 * np.pi), H - rigid, pairs.full_hz, pairs.reduced_hz)
+            loud = heard(H - rigid, row, column)
             errors[label] = ModelErrors(
                 frf_error=frf_error(omega, H - rigid, elastic, row, column),
                 db_error=db_error(full_db, model.assembled.response(configuration, self._decibel), row, column),
                 frequency_error=pairs.worst,
-                frac=frac(H - rigid, elastic),
+                frac=shape,
                 full_hz=pairs.full_hz,
                 reduced_hz=pairs.reduced_hz,
                 mac=pairs.mac,
                 damped=self._damped_pairs(configuration, model),
+                peak_error=float(peak[loud].max(initial=0.0)),
+                frac_error=float((1 - shape[loud]).max(initial=0.0)),
+                channel_error=channel_errors(omega, H - rigid, elastic),
+                channel_peak=peak,
+                channel_shift=shift,
+                nrfd=float(np.nanmax(shift[loud], initial=0.0)),
+                likeness=likeness,
+                coordinates=model.assembled.system(configuration).N,
+                seconds=seconds,
             )
             curves[label] = H_r
         own = next(iter(models.values())).assembled
@@ -204,10 +223,12 @@ class Comparison:
             self._decibel_flexibility = self.full.tables(self._decibel)
         return self.full.response(configuration, self._decibel, self._decibel_flexibility)
 
-    def _pairs(self, configuration: Configuration, model: ReducedModel) -> FrequencyPairs:
+    def _pairs(self, configuration: Configuration, model: ReducedModel) -> tuple[FrequencyPairs, ModeLikeness]:
         full, reduced = self.full.resonances(configuration), model.assembled.resonances(configuration)
         cross = self._cross_orthogonality(full.shapes, reduced.shapes, model)
-        return pair_frequencies(full.omega, reduced.omega, cross, self.scene.band[1])
+        # Both sets are orthonormal in mass.
+        likeness = ModeLikeness(full.omega / (2 * np.pi), reduced.omega / (2 * np.pi), cross**2)
+        return pair_frequencies(full.omega, reduced.omega, cross, self.scene.band[1]), likeness
 
     def _damped_pairs(self, configuration: Configuration, model: ReducedModel) -> DampedPairs | None:
         full, reduced = self.full.damped_modes(configuration), model.assembled.damped_modes(configuration)

@@ -81,6 +81,7 @@ def _figures(path: Path) -> dict[str, Any]:
         facts: Mapping[str, Any] = json.loads(file.read_text(encoding="utf-8"))
         found: dict[str, Any] = {"passed": facts["passed"]}
         found |= {f"worst {name}": value for name, value in (facts["worst"] or {}).items()}
+        found |= {f"worst {name}": figure["value"] for name, figure in facts.get("figures", {}).items()}
         for name, part in facts["components"].items():
             found |= {f"{name}: {key}": part[key] for key in _COMPONENT}
             found |= _frequencies(name, part["frequencies_hz"])

@@ -64,10 +64,27 @@ def open_result(path: Path) -> StoredResult:
     try:
         facts: dict[str, Any] = json.loads(summary.read_text(encoding="utf-8"))
         whole = all(facts["components"][name].keys() >= _COMPONENT_KEYS for name in facts["components"])
-        whole &= isinstance(facts.get("worst") or {}, dict)
+        # Summaries of earlier versions have errors only.
+        facts["figures"] = _figures(facts)
+        whole &= all({"value", "where", "limit"} <= figure.keys() for figure in facts["figures"].values())
     except (ValueError, KeyError, TypeError, AttributeError):
         whole = False
     if not whole:
         raise ReadError(f"{summary}: this is no summary of a run; run the pipeline again")
     beside = {name: summary.parent / f"{name}.h5" for name in facts["components"]}
     return StoredResult(path, facts, {name: read_component(file) for name, file in beside.items() if file.is_file()})
+
+
+def _figures(facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Figures of a summary, or what its errors and limits say of them."""
+    if "figures" in facts:
+        return dict(facts["figures"])
+    limits, rows = facts.get("limits", {}), facts.get("configurations", [])
+    found = {}
+    for name, value in (facts.get("worst") or {}).items():
+        # A system without damping has no such error.
+        if name == "damping_error" and value is None:
+            continue
+        where = next((row["name"] for row in rows if value is not None and row.get(name) == value), "")
+        found[name] = {"value": value, "where": where, "limit": limits.get(name)}
+    return found

@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import Configuration, ConfigurationResult, DampedPairs, ModelErrors, Response
+from cmsreduce.model import (
+    Configuration,
+    ConfigurationResult,
+    DampedPairs,
+    ModelErrors,
+    ModeLikeness,
+    ReductionChecks,
+    Response,
+)
+from cmsreduce.pipeline.stored_checks import checks_from, checks_to
 
 __all__ = ["Verified", "verified_from", "verified_to"]
 
 _COUNTS = ("n_full", "n_reduced", "modes_full", "modes_reduced")
 # The damping error follows from the pairs.
-_FIGURES = ("frf_error", "db_error", "frequency_error")
-_SERIES = ("frac", "full_hz", "reduced_hz", "mac")
+_FIGURES = ("frf_error", "db_error", "frequency_error", "peak_error", "frac_error", "nrfd")
+_SERIES = ("frac", "full_hz", "reduced_hz", "mac", "channel_error", "channel_peak", "channel_shift")
 _DAMPED = ("full", "reduced", "mac", "error")
+_LIKENESS = ("full_hz", "reduced_hz", "mac")
+_COST = ("coordinates", "seconds")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +43,15 @@ class Verified:
         What stands for each unreduced body.
     full_s, reduced_s : float
         Wall times of the full and of the reduced responses over the same grids.
+    checks : ReductionChecks
+        Of the run's own model.
     """
 
     configurations: tuple[ConfigurationResult, ...]
     reference: Mapping[str, str]
     full_s: float
     reduced_s: float
+    checks: ReductionChecks = field(default_factory=ReductionChecks)
 
 
 def verified_to(verified: Verified) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
@@ -61,9 +75,12 @@ def verified_to(verified: Verified) -> tuple[dict[str, NDArray[Any]], dict[str, 
             arrays |= {f"{c}.{m}.{name}": getattr(errors, name) for name in _SERIES}
             if errors.damped is not None:
                 arrays |= {f"{c}.{m}.damped.{name}": getattr(errors.damped, name) for name in _DAMPED}
-            row["errors"].append({name: getattr(errors, name) for name in _FIGURES})
+            if errors.likeness is not None:
+                arrays |= {f"{c}.{m}.likeness.{name}": getattr(errors.likeness, name) for name in _LIKENESS}
+            row["errors"].append({name: getattr(errors, name) for name in (*_FIGURES, *_COST)})
         facts["configurations"].append(row)
-    return arrays, facts
+    kept, described = checks_to(verified.checks)
+    return arrays | kept, {**facts, "checks": described}
 
 
 def verified_from(
@@ -77,10 +94,16 @@ def verified_from(
             series = {name: np.asarray(arrays[f"{c}.{m}.{name}"]) for name in _SERIES}
             figures: dict[str, Any] = row["errors"][m]
             damped = {name: np.asarray(arrays[key]) for name in _DAMPED if (key := f"{c}.{m}.damped.{name}") in arrays}
-            errors[label] = ModelErrors(**{**figures, **series}, damped=DampedPairs(**damped) if damped else None)
+            alike = {name: np.asarray(arrays[k]) for name in _LIKENESS if (k := f"{c}.{m}.likeness.{name}") in arrays}
+            errors[label] = ModelErrors(
+                **{**figures, **series},
+                damped=DampedPairs(**damped) if damped else None,
+                likeness=ModeLikeness(**alike) if alike else None,
+            )
             curves[label] = arrays[f"{c}.{m}.response"]
         response = Response(arrays[f"{c}.frequency_hz"], arrays[f"{c}.full"], curves)
         results.append(
             ConfigurationResult(configuration, errors=errors, response=response, **{n: row[n] for n in _COUNTS})
         )
-    return Verified(tuple(results), facts["reference"], facts["full_s"], facts["reduced_s"])
+    checks = checks_from(arrays, facts["checks"])
+    return Verified(tuple(results), facts["reference"], facts["full_s"], facts["reduced_s"], checks)

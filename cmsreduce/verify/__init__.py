@@ -17,10 +17,27 @@ from cmsreduce.verify.grounding import Grounding, grounding
 from cmsreduce.verify.inertia import inertia_excess, principal_inertia
 from cmsreduce.verify.mass_properties import MassProperties, mass_disorder, mass_properties
 from cmsreduce.verify.modal_identities import carried_momentum, coupled_momentum, momentum_residual, shape_momentum
-from cmsreduce.verify.response_error import SILENT, channel_scales, db_error, frac, frf_error
+from cmsreduce.verify.peak_shift import peak_shifts
+from cmsreduce.verify.response_error import (
+    SILENT,
+    channel_errors,
+    channel_scales,
+    db_error,
+    frac,
+    frf_error,
+    heard,
+    peak_errors,
+)
 from cmsreduce.verify.rigid_motions import RigidMotions, rigid_motions
 from cmsreduce.verify.static_completeness import held_response, static_completeness
-from cmsreduce.verify.transmission_zeros import transmission_zeros, zero_shifts
+from cmsreduce.verify.step_response import step_errors, step_response
+from cmsreduce.verify.transmission_zeros import (
+    judged_zeros,
+    transmission_zeros,
+    visible_modes,
+    zero_shifts,
+    zeros_below,
+)
 
 __all__ = [
     "SILENT",
@@ -34,6 +51,7 @@ __all__ = [
     "articulation_inertia",
     "articulation_sensors",
     "carried_momentum",
+    "channel_errors",
     "channel_scales",
     "controller_response",
     "coupled_momentum",
@@ -46,9 +64,11 @@ __all__ = [
     "frf_error",
     "gain_sum",
     "grounding",
+    "heard",
     "held_response",
     "hinges_locked",
     "inertia_excess",
+    "judged_zeros",
     "locked_index",
     "lowest_frequency",
     "mass_disorder",
@@ -56,11 +76,17 @@ __all__ = [
     "momentum_residual",
     "pair_complex_modes",
     "pair_frequencies",
+    "peak_errors",
+    "peak_shifts",
     "principal_inertia",
     "rigid_motions",
     "shape_momentum",
     "stability_margin",
     "static_completeness",
+    "step_errors",
+    "step_response",
     "transmission_zeros",
+    "visible_modes",
     "zero_shifts",
+    "zeros_below",
 ]

@@ -14,6 +14,9 @@ __all__ = ["StabilityMargin", "controller_response", "stability_margin"]
 
 Complex = NDArray[np.complex128]
 
+# Entries of the matrices that are solved at a time: 64 MiB.
+_BLOCK_ENTRIES = 2**22
+
 
 @dataclass(frozen=True, eq=False)
 class StabilityMargin:
@@ -45,12 +48,16 @@ class StabilityMargin:
         """Frequency where the ratio is largest."""
         return float(self.frequency_hz[self.ratio.argmax()])
 
+    @property
+    def worst(self) -> float:
+        """Largest ratio."""
+        return float(self.ratio.max(initial=0.0))
+
     def check(self) -> Check:
         """The largest ratio, which must be below 1."""
         # One itself proves nothing.
         below = float(np.nextafter(1.0, 0.0))
-        worst = float(self.ratio.max(initial=0.0))
-        return Check("stability of the controller: sigma_max(dG K) / sigma_min(I + G_R K)", worst, below)
+        return Check("stability of the controller: sigma_max(dG K) / sigma_min(I + G_R K)", self.worst, below)
 
 
 def controller_response(
@@ -85,8 +92,11 @@ def controller_response(
             "(n, n), (n, sensors), (actuators, n) and (actuators, sensors)"
         )
     s = 2j * np.pi * frequency_hz
+    inner = np.empty((s.size, *B.shape), dtype=np.complex128)
+    some = max(1, _BLOCK_ENTRIES // max(n * n, 1))
     try:
-        inner = np.linalg.solve(s[:, None, None] * np.eye(n) - A, np.broadcast_to(B, (s.size, *B.shape)))
+        for part in (slice(start, start + some) for start in range(0, s.size, some)):
+            inner[part] = np.linalg.solve(s[part, None, None] * np.eye(n) - A, B[None])
     except np.linalg.LinAlgError:
         raise MatrixError(
             "controller: one of the frequencies is a pole of it, such as an integrator at 0 Hz; start the grid above it"

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.model import Channel
 
-__all__ = ["channel_scales", "db_error", "frac", "frf_error"]
+__all__ = ["channel_errors", "channel_scales", "db_error", "frac", "frf_error", "heard", "peak_errors"]
 
 # A channel whose elastic response is below this share of its rigid one is round-off left by the subtraction.
 _ROUND_OFF = 1e-10
@@ -100,14 +100,43 @@ def db_error(H: Response, H_r: Response, row: NDArray[np.float64], column: NDArr
     float
         99th percentile over the grid of |20 log10(|H_r| / |H|)|.
     """
-    size = np.sqrt(np.mean(abs(H) ** 2, axis=0)) * row[:, None] * column[None, :]
-    heard = size > SILENT * size.max(initial=0.0)
     worst = 0.0
     tiny = np.finfo(float).tiny
-    for i, j in zip(*np.nonzero(heard), strict=True):
+    for i, j in zip(*np.nonzero(heard(H, row, column)), strict=True):
         ratio = np.maximum(abs(H_r[:, i, j]), tiny) / np.maximum(abs(H[:, i, j]), tiny)
         worst = max(worst, float(np.percentile(abs(20 * np.log10(ratio)), _PERCENTILE)))
     return worst
+
+
+def heard(H: Response, row: NDArray[np.float64], column: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Channels (outputs, inputs) that are not silent beside the strongest of their unit; arguments of `db_error`."""
+    size = np.sqrt(np.mean(abs(H) ** 2, axis=0)) * row[:, None] * column[None, :]
+    return np.asarray(size > SILENT * size.max(initial=0.0))
+
+
+def channel_errors(omega: NDArray[np.float64], H: Response, H_r: Response) -> NDArray[np.float64]:
+    """Relative error of the response of each channel over the band.
+
+    Returns
+    -------
+    (outputs, inputs) float64
+        sqrt(int |H - H_r|^2 dw / int |H|^2 dw); NaN for a silent channel.
+    """
+    miss, size = (np.sqrt(np.trapezoid(abs(X) ** 2, omega, axis=0)) for X in (H - H_r, H))
+    return np.asarray(np.where(size > 0, miss / np.where(size > 0, size, 1.0), np.nan))
+
+
+def peak_errors(H: Response, H_r: Response) -> NDArray[np.float64]:
+    """Relative error of the height of the highest peak of each channel.
+
+    Returns
+    -------
+    (outputs, inputs) float64
+        | max|H_r| - max|H| | / max|H| over the band; NaN for a silent channel. A peak that is shifted counts for
+        nothing here, and for much in `channel_errors`.
+    """
+    high, high_r = (abs(X).max(axis=0, initial=0.0) for X in (H, H_r))
+    return np.asarray(np.where(high > 0, abs(high_r - high) / np.where(high > 0, high, 1.0), np.nan))
 
 
 def frac(H: Response, H_r: Response) -> NDArray[np.float64]:

@@ -93,6 +93,9 @@ def rigid_motions(body: FEModel, geometry: Array) -> RigidMotions:
     K, M, r = body.K, body.M, geometry.shape[1]
     _, _, order = la.qr((geometry / np.linalg.norm(geometry, axis=0)).T, mode="economic", pivoting=True)
     reference, others = np.sort(order[:r]), np.sort(order[r:])
+    if not others.size:
+        # A lump moves in no other way.
+        return RigidMotions(reference, geometry, geometry, geometry, np.zeros(r), float("inf"))
     at = geometry[reference]
     held = factorise(sp.csc_array(K[others][:, others]), what="the stiffness held at the reference dofs")
     stiffness = np.zeros_like(geometry)

@@ -7,17 +7,25 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-__all__ = ["transmission_zeros", "visible_modes", "zero_shifts"]
+__all__ = ["judged_zeros", "transmission_zeros", "visible_modes", "zero_shifts", "zeros_below"]
 
 Array = NDArray[np.float64]
 
 # Eigenvalues of the pencil beyond this many times the highest pole are at infinity: a channel has one for each
 # derivative that it lacks.
 _INFINITE = 1e4
-# A mode with less than this share of the largest c b has its zero as close to its pole, relative: they cancel.
+# A mode with less than this share of what the others are at its frequency has its zero as close to its pole, relative:
+# they cancel.
 _INVISIBLE = 1e-6
 # Modes this close are one pole, whose parts add up or cancel.
 _ONE_POLE = 1e-9
+# Modes above this many times the highest zero asked for enter by a power series in (w_zero / w)^2, cut off where its
+# rest is 4^-14 = 4e-9 of their static part.
+_FAR, _TERMS = 2.0, 14
+# Zeros this far beyond the highest one asked for are given, too.
+_BEYOND = 1.2
+# A root with less than this share of itself off the real axis is on it.
+_ON_AXIS = 1e-7
 
 
 def transmission_zeros(
@@ -66,6 +74,49 @@ def transmission_zeros(
     return np.asarray(upper[np.argsort(abs(upper))], dtype=np.complex128)
 
 
+def zeros_below(omega: Array, residue: Array, top: float, *, static: float = 0.0) -> NDArray[np.complex128]:
+    """Undamped zeros of sum residue / (s^2 + w^2) + static up to a frequency: all of them, at a fraction of the cost.
+
+    Parameters
+    ----------
+    omega : (k,) float64
+        Frequencies in rad/s, 0 of rigid modes; all different.
+    residue : (k,) float64
+        c b of each.
+    top : float
+        Highest frequency of interest in rad/s.
+    static : float
+        Gain of static modes.
+
+    Returns
+    -------
+    (z,) complex128
+        As of `transmission_zeros` without damping, up to a little above ``top``.
+
+    Notes
+    -----
+    Rosenbrock's pencil in lambda = s^2, of half the size, with the modes far above as a polynomial in lambda.
+    """
+    w2, r = (omega / top) ** 2, residue / (float(abs(residue).max(initial=0.0)) or 1.0)
+    low = omega <= _FAR * top
+    k, p = int(low.sum()), np.arange(_TERMS)
+    series = (-1.0) ** p * np.sum(r[~low, None] / w2[~low, None] ** (p + 1), axis=0)
+    series[0] += static * top**2 / (float(abs(residue).max(initial=0.0)) or 1.0)
+    A, E = np.zeros((2, k + _TERMS, k + _TERMS))
+    at = np.arange(k)
+    A[at, at], A[:k, k], E[at, at] = -w2[low], 1.0, 1.0
+    power = k + np.arange(_TERMS - 1)
+    A[power, power + 1], E[power, power] = 1.0, 1.0
+    A[-1, :k], A[-1, k:] = r[low], series
+    alpha, beta = la.eigvals(A, E, homogeneous_eigvals=True)
+    near = abs(alpha) <= _BEYOND**2 * abs(beta)
+    root = top * np.sqrt(alpha[near] / beta[near] + 0j)
+    real = abs(root.imag) <= _ON_AXIS * abs(root)
+    upper = np.where(root.imag < 0, -root, root)
+    zeros = np.concatenate([upper[~real], root.real[real], -root.real[real]])
+    return np.asarray(zeros[np.argsort(abs(zeros), kind="stable")], dtype=np.complex128)
+
+
 def visible_modes(omega: Array, residue: Array) -> tuple[Array, Array]:
     """Poles that one pair of channels sees: modes of one frequency as one, those that cancel left out.
 
@@ -85,8 +136,24 @@ def visible_modes(omega: Array, residue: Array) -> tuple[Array, Array]:
     group = np.concatenate([[0], np.cumsum(np.diff(omega) > _ONE_POLE * omega[1:])]).astype(np.int64)
     total = np.bincount(group, weights=residue)
     first = omega[np.unique(group, return_index=True)[1]]
-    seen = abs(total) > _INVISIBLE * abs(total).max(initial=0.0)
+    # Well below its frequency a mode is c b / w^2 to the others, well above c b / s^2. Rigid motion is looked at where
+    # elastic modes begin.
+    w2 = np.maximum(first, first[first > 0].min(initial=np.inf)) ** 2 if first.any() else np.ones(first.size)
+    others = (abs(total) * np.minimum(1.0, w2[:, None] / w2)).max(axis=1)
+    seen = abs(total) > _INVISIBLE * others
     return first[seen], total[seen]
+
+
+def judged_zeros(
+    full: NDArray[np.complex128], band: tuple[float, float], poles: Array | None = None, hidden: float = 0.0
+) -> NDArray[np.int64]:
+    """Zeros of a full system in a band that damping does not hide: their positions; arguments of `zero_shifts`."""
+    size = abs(full)
+    inside = np.flatnonzero((size >= band[0]) & (size <= band[1]) & (size > 0))
+    if poles is not None and poles.size and inside.size:
+        near = (abs(size[inside, None] - poles[None, :]) / size[inside, None]).min(axis=1)
+        inside = inside[near > hidden]
+    return np.asarray(inside, dtype=np.int64)
 
 
 def zero_shifts(
@@ -116,11 +183,7 @@ def zero_shifts(
         |z_r - z| / |z| of every zero that is left, paired one to one as closely as can be; infinite where the reduced
         system has none.
     """
-    size = abs(full)
-    inside = full[(size >= band[0]) & (size <= band[1]) & (size > 0)]
-    if poles is not None and poles.size and inside.size:
-        near = (abs(abs(inside)[:, None] - poles[None, :]) / abs(inside)[:, None]).min(axis=1)
-        inside = inside[near > hidden]
+    inside = full[judged_zeros(full, band, poles, hidden)]
     if not inside.size:
         return np.empty(0)
     distance = abs(reduced[None, :] - inside[:, None]) / abs(inside)[:, None]

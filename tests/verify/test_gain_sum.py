@@ -6,7 +6,7 @@ import pytest
 from cmsreduce.assemble import assemble, system_modes
 from cmsreduce.model import Configuration
 from cmsreduce.verify.gain_sum import gain_sum
-from cmsreduce.verify.transmission_zeros import transmission_zeros, visible_modes, zero_shifts
+from cmsreduce.verify.transmission_zeros import transmission_zeros, visible_modes, zero_shifts, zeros_below
 from tests.golden.test_hinge import GAIN, SPRING, joined
 
 
@@ -109,3 +109,33 @@ def test_a_pole_and_a_zero_that_damping_hides_are_no_loss():
     full, reduced = np.array([1j, 2.001j]), np.array([1j])
     assert np.isinf(zero_shifts(full, reduced, (0.0, 3.0), np.array([2.0]), 1e-4)).any()
     np.testing.assert_allclose(zero_shifts(full, reduced, (0.0, 3.0), np.array([2.0]), 1e-3), [0.0])
+
+
+@pytest.mark.parametrize("same", [True, False], ids=["collocated", "apart"])
+@pytest.mark.parametrize("static", [0.0, 0.02])
+def test_the_quick_way_finds_the_same_zeros(same: bool, static: float) -> None:
+    """Modes from below a band of 40 rad/s to a hundred times above it; apart, some zeros are off the axis."""
+    rng = np.random.default_rng(5)
+    omega = np.r_[0.0, np.sort(np.r_[rng.uniform(1, 60, 20), rng.uniform(60, 4000, 40)])]
+    b = rng.standard_normal(omega.size)
+    c = b if same else rng.standard_normal(omega.size)
+    exact = transmission_zeros(omega, b, c, static=static)
+    exact = exact[abs(exact) < 40.0]
+    quick = zeros_below(omega, b * c, 40.0, static=static)
+    assert exact.size >= 8 and np.count_nonzero(abs(quick) < 40.0) == exact.size
+    assert max(abs(quick - zero).min() / abs(zero) for zero in exact) < 1e-7
+    assert same or (abs(exact.real) > 0.1).any()
+
+
+def test_a_stiff_mode_hides_no_other():
+    """By its share of the response at its own frequency a mode is seen, not by its residue."""
+    omega, residue = np.array([0.0, 20.0, 4000.0]), np.array([3.0, 1.0, 1e7])
+    np.testing.assert_allclose(visible_modes(omega, residue)[0], omega)
+    np.testing.assert_allclose(visible_modes(np.array([0.05, 100.0]), np.array([1.0, 1.0]))[0], [0.05, 100.0])
+
+
+def test_channels_that_no_mode_joins_have_no_gain():
+    """Bending in two planes: what rounding leaves between them is none."""
+    omega, B, C = np.array([1.0, 2.0]), np.array([[1.0], [1e-14]]), np.array([[1e-13, 1.0], [1.0, 0.0]])
+    found = gain_sum(omega, B, C)
+    np.testing.assert_array_equal(found.total, [[0.0], [1.0]])

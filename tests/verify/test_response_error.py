@@ -6,7 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cmsreduce.model import Channel
-from cmsreduce.verify import channel_scales, db_error, decibel_grid, frac, frequency_grid, frf_error
+from cmsreduce.verify import (
+    channel_errors,
+    channel_scales,
+    db_error,
+    decibel_grid,
+    frac,
+    frequency_grid,
+    frf_error,
+    heard,
+    peak_errors,
+)
 
 ONE = np.ones(1)
 
@@ -189,3 +199,18 @@ def test_silent_inputs_and_no_channels():
     assert column[1] == 0 and (row > 0).all()
     row, column = channel_scales((), OUT, H[:, :, :0], H[:, :, :0])
     assert (row.size, column.size) == (3, 0)
+
+
+def test_errors_of_single_channels() -> None:
+    """A peak that is shifted keeps its height, near enough, and costs the channel its response."""
+    w0, w1, zeta = 10.0, 10.5, 0.005
+    w = frequency_grid((0.01, 1e3), 400, np.array([w0, w1]), np.full(2, zeta))
+    H, H_1 = oscillator(w, w0, zeta), oscillator(w, w1, zeta)
+    both, reduced = (np.concatenate(parts, axis=1) for parts in ((H, H, 0 * H), (1.1 * H, H_1, 0 * H)))
+    found, peaks = channel_errors(w, both, reduced).ravel(), peak_errors(both, reduced).ravel()
+    np.testing.assert_allclose(found[0], 0.1, rtol=1e-9)
+    np.testing.assert_allclose(found[1], np.sqrt(integral(w0, zeta, w1) / integral(w0, zeta)), rtol=2e-3)
+    # Peaks are 1 / (2 zeta w0^2 sqrt(1 - zeta^2)) high.
+    np.testing.assert_allclose(peaks[:2], [0.1, 1 - (w0 / w1) ** 2], rtol=1e-3)
+    assert np.isnan(found[2]) and np.isnan(peaks[2])
+    assert heard(both, np.ones(3), ONE).ravel().tolist() == [True, True, False]

@@ -1,0 +1,119 @@
+"""A controller in state space, from a matrix file with A, B, C, D or from text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import ReadError
+from cmsreduce.model import Controller
+from cmsreduce.read.matrix import matrix_names, read_matrix
+from cmsreduce.read.matrix_format import require_file
+
+__all__ = ["read_controller"]
+
+_LETTERS = ("A", "B", "C", "D")
+_COMMENTS = "#%"
+_HOW = (
+    "give A (n x n), B (n x sensors), C (actuators x n) and D (actuators x sensors; zero if left out), as variables of "
+    "a .mat file or in text: a line with the letter, then the rows"
+)
+
+Matrices = dict[str, NDArray[np.float64]]
+
+
+def read_controller(path: Path, sensors: tuple[str, ...], actuators: tuple[str, ...]) -> Controller:
+    """Read a controller whose inputs are the sensors of a scene and whose outputs are its actuators.
+
+    Parameters
+    ----------
+    path : Path
+        Matrix file of any format that names its matrices, or text: a line ``A``, the rows of A, and so on; ``#`` and
+        ``%`` start a comment. A gain without states is D alone.
+    sensors, actuators : tuple of str
+        Channels in order, for the sizes and for messages.
+
+    Raises
+    ------
+    ReadError
+        If the file is missing, is no controller, holds numbers that are not finite, or does not fit the channels.
+    """
+    require_file(path)
+    found = _from_text(path) if _is_text(path) else _from_matrices(path)
+    if "D" not in found and not {"A", "B", "C"} <= found.keys():
+        missing = [letter for letter in ("A", "B", "C") if letter not in found]
+        raise ReadError(f"{path}: the controller lacks {', '.join(missing)}; {_HOW}")
+    if "D" in found and 0 < len({"A", "B", "C"} & found.keys()) < 3:
+        missing = [letter for letter in ("A", "B", "C") if letter not in found]
+        raise ReadError(f"{path}: the controller has states but lacks {', '.join(missing)}; {_HOW}")
+    n = found["A"].shape[0] if "A" in found else 0
+    shapes = {"A": (n, n), "B": (n, len(sensors)), "C": (len(actuators), n), "D": (len(actuators), len(sensors))}
+    for letter in found:
+        if not np.isfinite(found[letter]).all():
+            raise ReadError(f"{path}: {letter} holds a number that is not finite")
+        if found[letter].shape != shapes[letter]:
+            rows, cols = found[letter].shape
+            expected = " x ".join(map(str, shapes[letter]))
+            raise ReadError(
+                f"{path}: {letter} is {rows} x {cols}, but must be {expected}: {n} states, inputs are the "
+                f"{len(sensors)} sensors ({', '.join(sensors)}), outputs the {len(actuators)} actuators "
+                f"({', '.join(actuators)})"
+            )
+    return Controller(*(found.get(letter, np.zeros(shapes[letter])) for letter in _LETTERS))
+
+
+def _is_text(path: Path) -> bool:
+    """Whether the first line that says something is one of the letters."""
+    with path.open("rb") as file:
+        head = file.read(4096)
+    if b"\0" in head:
+        return False
+    lines = (_bare(line) for line in head.decode("latin-1").splitlines())
+    first = next((line for line in lines if line), "")
+    return first.rstrip(":=").strip().upper() in _LETTERS
+
+
+def _from_matrices(path: Path) -> Matrices:
+    names = {info.name for info in matrix_names(path)}
+    chosen = [letter for letter in _LETTERS if letter in names]
+    if not chosen:
+        there = f"it holds {', '.join(sorted(filter(None, names)))}" if any(names) else "it holds no named matrix"
+        raise ReadError(f"{path}: this is no controller, {there}; {_HOW}")
+    return {letter: read_matrix(path, letter, rectangular=True).A.toarray() for letter in chosen}
+
+
+def _from_text(path: Path) -> Matrices:
+    rows: dict[str, list[list[float]]] = {}
+    letter = ""
+    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
+        text = _bare(line)
+        if not text:
+            continue
+        heading = text.rstrip(":=").strip().upper()
+        if heading in _LETTERS:
+            if heading in rows:
+                raise ReadError(f"{path}, line {number}: {heading} stands twice")
+            letter, rows[heading] = heading, []
+            continue
+        try:
+            values = [float(word) for word in text.replace(",", " ").split()]
+        except ValueError:
+            raise ReadError(f"{path}, line {number}: '{text[:40]}' is no row of numbers; {_HOW}") from None
+        if rows[letter] and len(values) != len(rows[letter][0]):
+            raise ReadError(
+                f"{path}, line {number}: this row of {letter} has {len(values)} numbers, those above have "
+                f"{len(rows[letter][0])}"
+            )
+        rows[letter].append(values)
+    return {
+        each: np.array(values, dtype=np.float64).reshape(len(values), -1) for each, values in rows.items() if values
+    }
+
+
+def _bare(line: str) -> str:
+    """The line without its comment."""
+    for mark in _COMMENTS:
+        line = line.partition(mark)[0]
+    return line.strip()
