@@ -14,7 +14,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.printed_digits import printed_rounding
 
-__all__ = ["is_abaqus_input", "read_abaqus_input"]
+__all__ = ["Block", "is_abaqus_input", "keyword_blocks", "read_abaqus_input"]
 
 _NODE_BLOCK = re.compile(r"^\*(NODE|PART|INSTANCE|HEADING|INCLUDE)\b", re.IGNORECASE | re.MULTILINE)
 # Keywords that make, move or turn nodes in ways that are not read; each would give wrong geometry in silence.
@@ -30,7 +30,7 @@ _SAMPLE = 2000
 
 
 @dataclass
-class _Block:
+class Block:
     """A keyword with its options and data lines."""
 
     keyword: str
@@ -67,8 +67,8 @@ def read_abaqus_input(path: Path) -> Nodes:
     parts: dict[str, dict[int, tuple[float, ...]]] = {}
     nodes: dict[int, tuple[float, ...]] = {}
     target = nodes
-    instance: _Block | None = None
-    for block in _blocks(path, ()):
+    instance: Block | None = None
+    for block in keyword_blocks(path, ()):
         if block.keyword in _UNREAD:
             raise ReadError(
                 f"{block.where}: {_UNREAD[block.keyword]} are not read; give the geometry as a mesh with plain nodes, "
@@ -92,7 +92,7 @@ def read_abaqus_input(path: Path) -> Nodes:
     return Nodes.in_basic(list(nodes), points, float(printed_rounding(spread).max()))
 
 
-def _blocks(path: Path, chain: tuple[Path, ...]) -> Iterator[_Block]:
+def keyword_blocks(path: Path, chain: tuple[Path, ...] = ()) -> Iterator[Block]:
     """Keyword blocks of a file and of the files it includes."""
     if path.resolve() in chain:
         raise ReadError(f"{path} includes itself")
@@ -100,7 +100,7 @@ def _blocks(path: Path, chain: tuple[Path, ...]) -> Iterator[_Block]:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError as error:
         raise ReadError(f"{path}: cannot be read: {error.strerror or error}") from error
-    block: _Block | None = None
+    block: Block | None = None
     for number, line in enumerate(lines, start=1):
         line = line.strip()
         if not line or line.startswith("**"):
@@ -113,15 +113,15 @@ def _blocks(path: Path, chain: tuple[Path, ...]) -> Iterator[_Block]:
             yield block
         head, *rest = (part.strip() for part in line[1:].split(","))
         options = {key.strip().upper(): value.strip() for key, _, value in (part.partition("=") for part in rest)}
-        block = _Block(" ".join(head.upper().split()), options, f"{path}, line {number}: *{head}", path)
+        block = Block(" ".join(head.upper().split()), options, f"{path}, line {number}: *{head}", path)
         if block.keyword == "INCLUDE":
-            yield from _blocks(path.parent / options.get("INPUT", ""), (*chain, path.resolve()))
+            yield from keyword_blocks(path.parent / options.get("INPUT", ""), (*chain, path.resolve()))
             block = None
     if block is not None:
         yield block
 
 
-def _node_lines(block: _Block) -> dict[int, tuple[float, ...]]:
+def _node_lines(block: Block) -> dict[int, tuple[float, ...]]:
     """Nodes of one *NODE block: id, x, y, z, absent coordinates zero."""
     if block.options.get("SYSTEM", "R").upper()[:1] != "R":
         raise ReadError(f"{block.where}: cylindrical and spherical coordinates are not read; write rectangular ones")
@@ -145,7 +145,7 @@ def _node_lines(block: _Block) -> dict[int, tuple[float, ...]]:
     return out
 
 
-def _placed(nodes: dict[int, tuple[float, ...]], instance: _Block) -> dict[int, tuple[float, ...]]:
+def _placed(nodes: dict[int, tuple[float, ...]], instance: Block) -> dict[int, tuple[float, ...]]:
     """Nodes of an instance moved, then turned, by its data lines."""
     try:
         numbers = [[float(text) for text in line.split(",") if text.strip()] for _, line in instance.data]

@@ -11,9 +11,10 @@ from cmsreduce.report.wording import number
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["print_difference"]
+__all__ = ["DIFFERENCE_WIDTH", "print_difference"]
 
-_PLAIN_WIDTH = 120
+DIFFERENCE_WIDTH = 120
+"""Columns in a log or a pipe."""
 
 Figure = float | int | str | bool | None
 
@@ -43,7 +44,7 @@ def print_difference(
     from rich.text import Text
 
     if console is None:
-        console = Console() if sys.stdout.isatty() else Console(width=_PLAIN_WIDTH)
+        console = Console() if sys.stdout.isatty() else Console(width=DIFFERENCE_WIDTH)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("")
     for name in names:

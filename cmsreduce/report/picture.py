@@ -10,7 +10,8 @@ import numpy as np
 from cmsreduce.errors import WriteError
 from cmsreduce.model import RunResult
 from cmsreduce.report.curves import decibels
-from cmsreduce.report.palette import FULL, INK, LIMIT, LineStyle, model_style
+from cmsreduce.report.figure import drawn, legend_above, line_of, literal, plain_axes
+from cmsreduce.report.palette import FULL, LIMIT, model_style
 from cmsreduce.report.wording import FIGURES, compared
 
 if TYPE_CHECKING:
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
 __all__ = ["response_picture"]
 
 _INCHES = (8.0, 5.2)
-_DOTS_PER_INCH = 150
-_PIXELS_PER_POINT = _DOTS_PER_INCH / 72
 # Below the smallest error an eye finds on the upper panel; keeps the logarithmic axis finite.
 _FLOOR_DB = 1e-4
 
@@ -44,11 +43,6 @@ def response_picture(run: RunResult, path: Path, configuration: int = 0, channel
     WriteError
         If the run has no such response.
     """
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import FuncFormatter
-
     o, i = channel
     counts = (len(run.configurations), len(run.outputs), len(run.inputs))
     if not all(0 <= at < count for at, count in zip((configuration, o, i), counts, strict=True)):
@@ -58,21 +52,9 @@ def response_picture(run: RunResult, path: Path, configuration: int = 0, channel
         )
     result = run.configurations[configuration]
     hz, full = result.response.frequency_hz, decibels(result.response.full[:, o, i])
-    style: Any = {
-        "font.family": "DejaVu Sans",
-        "font.size": 9,
-        "text.color": INK,
-        "axes.labelcolor": INK,
-        "axes.edgecolor": "#8c959f",
-        "xtick.color": INK,
-        "ytick.color": INK,
-        "svg.hashsalt": "cmsreduce",
-    }
-    with rc_context(style):
-        figure = Figure(figsize=_INCHES, dpi=_DOTS_PER_INCH, layout="constrained")
-        FigureCanvasAgg(figure)
+    with drawn(path, _INCHES) as figure:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
-        above.plot(hz, full, label="full", **_line(FULL))
+        above.plot(hz, full, label="full", **line_of(FULL))
         limit = run.limits.get("db_error")
         top, own = _FLOOR_DB if limit is None else max(limit, _FLOOR_DB), _FLOOR_DB
         for k, model in enumerate((run.model, *compared(run))):
@@ -81,45 +63,29 @@ def response_picture(run: RunResult, path: Path, configuration: int = 0, channel
             curve = decibels(result.response.reduced[model][:, o, i])
             error = np.maximum(abs(curve - full), _FLOOR_DB)
             # The run's own model lies on top of those it is compared with.
-            look = _line(model_style(k)) | {"zorder": 3 - 0.1 * k}
-            above.plot(hz, curve, label=_literal(model), **look)
+            look = line_of(model_style(k)) | {"zorder": 3 - 0.1 * k}
+            above.plot(hz, curve, label=literal(model), **look)
             below.plot(hz, error, **look)
             largest = float(np.max(error, initial=_FLOOR_DB, where=np.isfinite(error)))
             top, own = max(top, largest), largest if k == 0 else own
         if limit is not None:
             _draw_limit(below, limit)
         above.set(ylabel="magnitude, dB", xscale="log")
-        title = _literal(f"{run.inputs[i]} → {run.outputs[o]}, {result.configuration.name}")
-        above.set_title(title, loc="left", pad=22)
+        title = literal(f"{run.inputs[i]} → {run.outputs[o]}, {result.configuration.name}")
+        above.set_title(title, loc="left")
         below.set(xlabel="frequency, Hz", ylabel="|error|, dB", yscale="log")
         # Three decades below the run's own worst: the rest of the error is nothing anybody looks for.
         below.set_ylim(0.7 * max(own / 1e3, _FLOOR_DB), 2 * top)
-        for axis in (below.xaxis, below.yaxis):
-            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         positive = hz[hz > 0]
         if positive.size > 1:
             below.set_xlim(positive[0], positive[-1])
-        for axes in (above, below):
-            axes.grid(color="#e4e8ec", linewidth=0.6)
-            axes.spines[["top", "right"]].set_visible(False)
-        place: Any = {"loc": "lower left", "bbox_to_anchor": (0, 1), "borderaxespad": 0.2}
-        above.legend(frameon=False, ncols=4, handlelength=3.5, **place)
+        plain_axes(above)
+        plain_axes(below, x="log", y="log")
+        legend_above(figure, above)
         figure.align_ylabels()
-        metadata = {"Date": None} if path.suffix.lower() == ".svg" else {}
-        figure.savefig(path, metadata=metadata)
 
 
 def _draw_limit(axes: Axes, limit: float) -> None:
     axes.axhline(limit, color=LIMIT, linewidth=0.8)
     at: Any = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
     axes.annotate(f"limit {FIGURES[1].text(limit)}", (0, limit), (4, 3), color=LIMIT, **at)
-
-
-def _line(style: LineStyle) -> dict[str, Any]:
-    dashes = (0, style.pattern) if style.pattern else "solid"
-    return {"color": style.colour, "linestyle": dashes, "linewidth": style.width / _PIXELS_PER_POINT}
-
-
-def _literal(text: str) -> str:
-    # A dollar sign in a name starts no formula.
-    return text.replace("$", r"\$")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 from cmsreduce.errors import WriteError
 from cmsreduce.model.sweep_result import SweepResult, SweepRow
+from cmsreduce.report.page_parts import embedded, packed_plotly, part
 from cmsreduce.report.palette import INK, LineStyle, model_style
 from cmsreduce.report.pareto import Trade, trades
 from cmsreduce.report.wording import number, plural
@@ -89,6 +91,8 @@ def sweep_page(sweep: SweepResult) -> str:
     WriteError
         If no point has an error to draw.
     """
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
     from plotly.graph_objects import Scatter
     from plotly.subplots import make_subplots
 
@@ -132,10 +136,13 @@ def sweep_page(sweep: SweepResult) -> str:
     figure.update_layout(
         title_text=title, template="plotly_white", font_color=INK, legend={"orientation": "h", "y": -0.2}
     )
-    config = {"displaylogo": False, "toImageButtonOptions": {"format": "svg", "filename": "sweep"}}
-    body = figure.to_html(full_html=False, include_plotlyjs=True, config=config, default_height="80vh", div_id="sweep")
-    head = f'<meta charset="utf-8"><title>{title}</title><link rel="icon" href="data:,">'
-    return f'<!doctype html>\n<html lang="en"><head>{head}</head><body>{body}</body></html>\n'
+    page = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True).from_string(part("sweep.html.j2"))
+    return page.render(
+        title=_title(sweep),
+        data=Markup(embedded(json.loads(figure.to_json()))),
+        plotly=Markup(packed_plotly()),
+        script=Markup("\n".join([part("page_arrays.js"), part("sweep_page.js")])),
+    )
 
 
 def _trades(sweep: SweepResult, path: Path) -> tuple[Trade, ...]:

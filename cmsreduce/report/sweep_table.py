@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cmsreduce.model.sweep_result import SweepResult, SweepRow, short_keys
 from cmsreduce.report.pareto import trades
@@ -15,11 +16,13 @@ from cmsreduce.report.wording import FIGURES, plural, seconds
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["print_sweep"]
+__all__ = ["SWEEP_WIDTH", "print_sweep", "sweep_data"]
 
 _SHOWN = FIGURES[:3]
-# Columns in a log or a pipe, and those that a value of a swept key may take before it is folded.
-_PLAIN_WIDTH, _WIDEST = 160, 32
+SWEEP_WIDTH = 160
+"""Columns in a log or a pipe."""
+# Those that a value of a swept key may take before it is folded.
+_WIDEST = 32
 
 
 def print_sweep(sweep: SweepResult, files: Sequence[Path], console: Console | None = None) -> None:
@@ -39,7 +42,7 @@ def print_sweep(sweep: SweepResult, files: Sequence[Path], console: Console | No
     from rich.text import Text
 
     if console is None:
-        console = Console() if sys.stdout.isatty() else Console(width=_PLAIN_WIDTH)
+        console = Console() if sys.stdout.isatty() else Console(width=SWEEP_WIDTH)
     best = {row.point for trade in trades(sweep) for row, front in zip(trade.rows, trade.front, strict=True) if front}
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("", justify="right", no_wrap=True)
@@ -67,6 +70,34 @@ def print_sweep(sweep: SweepResult, files: Sequence[Path], console: Console | No
         _line(console, "* no other point has a smaller error at less cost in reduction time, size or response time")
     for file in files:
         _line(console, str(file))
+    if files:
+        _line(console, _ending(sweep, files))
+
+
+def sweep_data(sweep: SweepResult, files: Sequence[Path]) -> dict[str, Any]:
+    """A sweep as plain values: a row for each point, with whether it is on a Pareto front."""
+    best = {row.point for trade in trades(sweep) for row, front in zip(trade.rows, trade.front, strict=True) if front}
+    return {
+        "name": sweep.name,
+        "passed": sweep.passed,
+        "axes": {key: list(values) for key, values in sweep.axes.items()},
+        "points": [{**asdict(row), "pareto": row.point in best} for row in sweep.rows],
+        "files": list(files),
+        "seconds": sweep.seconds,
+    }
+
+
+def _ending(sweep: SweepResult, files: Sequence[Path]) -> str:
+    """What was made and where, the errors reached, and the time."""
+    figure = _SHOWN[0]
+    errors = {row.point: row.frf_error for row in sweep.rows if math.isfinite(row.frf_error)}
+    reached = "no point has a response error"
+    if errors:
+        worst, best = max(errors, key=errors.__getitem__), min(errors, key=errors.__getitem__)
+        reached = f"worst {figure.label} {figure.text(errors[worst])} at point {worst}"
+        reached += f", least {figure.text(errors[best])} at point {best}" if best != worst else ""
+    made = f"{plural(len(files), 'file')} in {files[0].parent}"
+    return f"{sweep.name}: {'PASS' if sweep.passed else 'FAIL'}; {made}; {reached}; {seconds(sweep.seconds)}"
 
 
 def _cells(row: SweepRow) -> list[str]:

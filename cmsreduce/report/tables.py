@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from cmsreduce.model import Check, ComponentResult, ConfigurationResult, RunResult
 from cmsreduce.report.wording import Figure, compared, measured, number, seconds
 
-__all__ = ["ConfigurationRow", "ModeRow", "Timings", "check_rows", "configuration_rows", "mode_rows", "timings"]
+__all__ = [
+    "ChannelRow",
+    "ConfigurationRow",
+    "ModeRow",
+    "SensitivityRow",
+    "Timings",
+    "channel_rows",
+    "check_rows",
+    "configuration_rows",
+    "mode_rows",
+    "sensitivity_rows",
+    "timings",
+]
 
 # Above this, neighbouring modes act together and a mode's own coefficient may mislead (validity of Gregory's
 # coefficient: spacing << 1).
@@ -41,6 +54,27 @@ class ConfigurationRow:
 
 
 @dataclass(frozen=True)
+class ChannelRow:
+    """One actuator and one sensor: worst errors over all configurations, as text, and where the response is worst."""
+
+    name: str
+    frf: str
+    peak: str
+    frac: str
+    nrfd: str
+    where: str
+
+
+@dataclass(frozen=True)
+class SensitivityRow:
+    """What would be kept if one thing were otherwise: for each body the modes kept, those more, and those less."""
+
+    change: str
+    failure: str
+    bodies: tuple[tuple[str, str, str], ...]
+
+
+@dataclass(frozen=True)
 class Timings:
     """Seconds of each stage for each body."""
 
@@ -61,7 +95,8 @@ def mode_rows(part: ComponentResult) -> list[ModeRow]:
             spacing=_known(modes.spacing[k], 3),
             close=bool(modes.spacing[k] > _CLOSE),
             kept=k in kept,
-            why=modes.why[k] if k in kept else "",
+            # Of a mode that is left out, only what follows: whether it is on the edge.
+            why=modes.why[k] if k in kept else modes.why[k].partition("; ")[2],
         )
         for k in range(modes.omega.size)
     ]
@@ -86,6 +121,47 @@ def check_rows(run: RunResult) -> list[tuple[str, Check]]:
     return [(name, check) for name, part in run.components.items() for check in part.checks]
 
 
+def channel_rows(run: RunResult) -> list[ChannelRow]:
+    """Errors of the run's own model, channel by channel; empty where they were not stored."""
+    results = [(c.configuration.name, c.errors[run.model]) for c in run.configurations if run.model in c.errors]
+    own = [(name, each, each.channel_error, each.channel_peak) for name, each in results]
+    if not own or any(error is None or peak is None for _, _, error, peak in own):
+        return []
+    found = []
+    for y, output in enumerate(run.outputs):
+        for u, entry in enumerate(run.inputs):
+            # A channel that is silent in every configuration has no error.
+            heard = [
+                (float(error[y, u]), name)
+                for name, _, error, _ in own
+                if error is not None and not math.isnan(error[y, u])
+            ]
+            worst, where = max(heard, default=(math.nan, ""))
+            peak = _largest(each[y, u] for _, _, _, each in own if each is not None)
+            frac = -_largest(-each.frac[y, u] for _, each, _, _ in own)
+            nrfd = _largest(each.channel_shift[y, u] for _, each, _, _ in own if each.channel_shift is not None)
+            name = f"{entry} → {output}"
+            found.append(ChannelRow(name, _share(worst), _share(peak), _known(frac, 6), _share(nrfd), where))
+    return found
+
+
+def sensitivity_rows(run: RunResult) -> list[SensitivityRow]:
+    """Every case of the sensitivity study; empty without one."""
+    record = run.sensitivity
+    if record is None:
+        return []
+    found = []
+    for case in record.cases:
+        more, less = case.against(record.chosen)
+        kept = record.chosen if case.kept is None else case.kept
+        bodies = [
+            (str(len(kept[body])), ", ".join(map(str, more[body])) or "–", ", ".join(map(str, less[body])) or "–")
+            for body in record.chosen
+        ]
+        found.append(SensitivityRow(case.change, "" if case.kept is not None else case.failure, tuple(bodies)))
+    return found
+
+
 def timings(run: RunResult) -> Timings:
     """Wall time of every stage of every body, its sum, and the peak memory."""
     stages = tuple(dict.fromkeys(stage for part in run.components.values() for stage in part.seconds))
@@ -103,6 +179,15 @@ def timings(run: RunResult) -> Timings:
 
 def _errors(result: ConfigurationResult, model: str, figures: tuple[Figure, ...]) -> tuple[str, ...]:
     return tuple(figure.text(getattr(result.errors[model], figure.name)) for figure in figures)
+
+
+def _largest(values: Iterable[float]) -> float:
+    """Of those that are numbers; NaN without any."""
+    return max((float(value) for value in values if not math.isnan(value)), default=math.nan)
+
+
+def _share(value: float) -> str:
+    return "–" if math.isnan(value) else f"{number(100 * value, 3)} %"
 
 
 def _known(value: float, digits: int) -> str:

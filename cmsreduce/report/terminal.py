@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cmsreduce.model import RunResult
-from cmsreduce.report.wording import broken, compared, headline, number, seconds, worst
+from cmsreduce.report.step_advice import step_lines
+from cmsreduce.report.system_lines import system_lines
+from cmsreduce.report.wording import Worst, broken, checked, compared, headline, number, plural, seconds, worst
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-__all__ = ["print_summary"]
+__all__ = ["print_summary", "worst_error"]
 
 # Columns in a log or a pipe, where there is no terminal to ask.
 _PLAIN_WIDTH = 100
 
 
-def print_summary(run: RunResult, folder: Path, console: Console | None = None) -> None:
+def print_summary(
+    run: RunResult,
+    folder: Path,
+    console: Console | None = None,
+    *,
+    written: Sequence[Path] = (),
+    elapsed: float | None = None,
+) -> None:
     """Print what a run found.
 
     Parameters
@@ -29,6 +39,10 @@ def print_summary(run: RunResult, folder: Path, console: Console | None = None) 
         Run directory; the files in it are named.
     console : rich.console.Console, optional
         Where to print; standard output by default, 100 columns wide and plain where that is no terminal.
+    written : sequence of Path
+        What else the run wrote: files in its folder are named, finished stages are not.
+    elapsed : float, optional
+        Wall time of the command in seconds, for the last line.
     """
     if console is None:
         console = _standard_output()
@@ -39,6 +53,8 @@ def print_summary(run: RunResult, folder: Path, console: Console | None = None) 
         console.print(_components(run))
     if run.configurations:
         console.print(_errors(run))
+    if found := checked(run):
+        console.print(_checks(found))
     for reason in broken(run):
         _line(console, f"FAIL  {reason}", "red")
     if run.speed is not None:
@@ -47,11 +63,18 @@ def print_summary(run: RunResult, folder: Path, console: Console | None = None) 
             f"responses: full {seconds(run.speed.full_frf_s)}, reduced {seconds(run.speed.reduced_frf_s)}; "
             f"reductions {seconds(run.speed.reduce_s)}",
         )
+    for line in (*step_lines(run), *system_lines(run)):
+        _line(console, line)
     for note in run.notes:
         _line(console, f"note: {note}", "yellow")
-    for path in [folder / "summary.json", folder / "report.html", *sorted(folder.glob("*.h5"))]:
-        if path.is_file():
-            _line(console, str(path))
+    every = [folder / "summary.json", folder / "report.html", *sorted(folder.glob("*.h5"))]
+    every += [path for path in written if path.parent == folder]
+    made = [path for path in dict.fromkeys(every) if path.is_file()]
+    for path in made:
+        _line(console, str(path))
+    if elapsed is not None:
+        said = f"{plural(len(made), 'file')} in {folder}; {worst_error(run)}; {seconds(elapsed)}"
+        _line(console, f"{run.name}: {verdict}; {said}", "bold green" if run.passed else "bold red")
 
 
 def _components(run: RunResult) -> Table:
@@ -96,6 +119,29 @@ def _errors(run: RunResult) -> Table:
             )
         table.add_section()
     return table
+
+
+def _checks(found: Sequence[Worst]) -> Table:
+    table = _table("check")
+    table.add_column("worst", justify="right", no_wrap=True)
+    table.add_column("limit", justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    table.add_column("where", overflow="fold")
+    for row in found:
+        limit = "" if row.limit is None else row.figure.text(row.limit)
+        verdict = "" if row.met is None else "PASS" if row.met else "FAIL"
+        table.add_row(
+            row.figure.label, row.figure.text(row.value), limit, verdict, _text(row.where if row.value else "")
+        )
+    return table
+
+
+def worst_error(run: RunResult) -> str:
+    """The largest response error and where it is, in words."""
+    found = worst(run, run.model)
+    if not found:
+        return "no response was verified"
+    return f"worst response error {found[0].figure.text(found[0].value)} at {found[0].where}"
 
 
 def _table(*names: str) -> Table:

@@ -9,9 +9,11 @@ from cmsreduce.model import Check, ProjectionRecord, RunResult
 
 __all__ = [
     "FIGURES",
+    "MORE_FIGURES",
     "Figure",
     "Worst",
     "broken",
+    "checked",
     "compared",
     "headline",
     "measured",
@@ -50,7 +52,7 @@ class Figure:
         """Value with its unit."""
         if not math.isfinite(value):
             return number(value)
-        return f"{number(self.scale * value, 3)} {self.unit}"
+        return f"{number(self.scale * value, 3)} {self.unit}".rstrip()
 
 
 FIGURES = (
@@ -60,6 +62,20 @@ FIGURES = (
     Figure("damping_error", "damping error", "%", 100.0, "largest error of a complex mode's damping ratio in the band"),
 )
 """The errors, in the order they are shown."""
+
+MORE_FIGURES = (
+    Figure("peak_error", "peak height", "%", 100.0, "largest error of the height of a channel's highest peak"),
+    Figure("frac_error", "1 - FRAC", "", 1.0, "how unlike the response of a channel is in shape"),
+    Figure("nrfd", "peak shift (NRFD)", "%", 100.0, "largest shift of a resonance that a channel shows as a peak"),
+    Figure("static_lack", "static energy lacking", "%", 100.0, "strain energy that a static load on a body misses"),
+    Figure("gain_error", "static gain", "%", 100.0, "error of a static gain, relative to its modal gains together"),
+    Figure("zero_error", "zeros", "%", 100.0, "largest shift of a transmission zero in the band"),
+    Figure("zeros_lost", "zeros lost", "", 1.0, "zeros in the band that the reduced system has not"),
+    Figure("step_error", "step response", "%", 100.0, "root mean square error of a step response"),
+    Figure("controller_ratio", "controller spillover", "", 1.0, "sigma_max(dG K) / sigma_min(I + G_R K); safe below 1"),
+    Figure("controller_unstable", "unstable loop roots", "", 1.0, "roots of the reduced closed loop that grow"),
+)
+"""What is measured of the run's own model beside them, as far as it was asked for."""
 
 
 @dataclass(frozen=True)
@@ -138,6 +154,16 @@ def worst(run: RunResult, model: str) -> tuple[Worst, ...]:
     return tuple(rows)
 
 
+def checked(run: RunResult) -> tuple[Worst, ...]:
+    """What was measured of the run's own model beside the errors of its responses."""
+    found = run.figures
+    return tuple(
+        Worst(figure, found[figure.name].value, found[figure.name].where, found[figure.name].limit)
+        for figure in MORE_FIGURES
+        if figure.name in found
+    )
+
+
 def headline(run: RunResult) -> str:
     """The run in one sentence."""
     elastic = sum(part.modes.elastic_count for part in run.components.values())
@@ -154,6 +180,11 @@ def broken(run: RunResult) -> tuple[str, ...]:
     limits = [
         f"{w.figure.label} {w.figure.text(w.value)} at {w.where} is above its limit {w.figure.text(w.limit)}"
         for w in worst(run, run.model)
+        if w.limit is not None and not w.met
+    ]
+    limits += [
+        f"{w.figure.label} {w.figure.text(w.value)} at {w.where} is above its limit {w.figure.text(w.limit)}"
+        for w in checked(run)
         if w.limit is not None and not w.met
     ]
     limits += _halfway(run.projection)

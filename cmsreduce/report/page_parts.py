@@ -1,0 +1,31 @@
+"""What a page that opens offline is made of: its scripts, its data, and the plotting library."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from cmsreduce.report.packing import compressed
+
+__all__ = ["embedded", "packed_plotly", "part"]
+
+
+@cache
+def packed_plotly() -> str:
+    """The plotting library, compressed: the page unpacks it when it opens."""
+    from plotly.offline import get_plotlyjs
+
+    return compressed(get_plotlyjs().encode("utf-8"))
+
+
+def embedded(data: Any) -> str:
+    """JSON that cannot end the script element it stands in, whatever the names in it."""
+    text = json.dumps(data, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def part(name: str) -> str:
+    """Text of a script, a style or a template that comes with the package."""
+    return files("cmsreduce.report").joinpath(name).read_text(encoding="utf-8")

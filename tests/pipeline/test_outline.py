@@ -1,0 +1,49 @@
+"""A body as points and lines."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cmsreduce.pipeline.outline import cells_of, outline
+from tests.frames import line
+
+BODY = line("bar", [0, 0, 0], [1.5, 0, 0], 30)
+
+
+def test_lines_are_the_elements() -> None:
+    ids = BODY.nodes.id
+    cells = {"line": np.column_stack([ids[:-1], ids[1:]])}
+    found = outline(BODY, cells)
+    assert found.meshed
+    assert (len(found.node), len(found.lines), found.left_out) == (31, 30, 0)
+    np.testing.assert_allclose(np.linalg.norm(np.diff(found.xyz[found.lines], axis=1), axis=2), 0.05)
+
+
+def test_without_elements_lines_join_what_the_stiffness_couples() -> None:
+    found = outline(BODY, {})
+    assert not found.meshed
+    assert len(found.lines) == 30
+
+
+def test_of_a_crowd_the_shortest_lines_are_drawn() -> None:
+    """A condensed body couples every node with every other one."""
+    full = replace(BODY, K=BODY.K + 1e-3 * np.ones(BODY.K.shape))
+    found = outline(full, {})
+    assert len(found.lines) == 30
+    np.testing.assert_allclose(np.linalg.norm(np.diff(found.xyz[found.lines], axis=1), axis=2), 0.05)
+
+
+@pytest.mark.parametrize("most", [20, 10, 5])
+def test_large_meshes_are_thinned(most: int) -> None:
+    found = outline(BODY, {}, most)
+    assert found.node.size + found.left_out == 31
+    assert most / 3 <= found.node.size <= most
+    # What is drawn still hangs together, from the first interface to the last.
+    assert {int(n) for face in BODY.interfaces.values() for n in face.node} <= set(found.node.tolist())
+    assert len(found.lines) >= found.node.size - 1
+
+
+def test_no_geometry() -> None:
+    assert cells_of(replace(BODY, nodes=None, interfaces={})) == {}
+    assert outline(replace(BODY, nodes=None, interfaces={}), {}) is None

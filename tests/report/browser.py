@@ -1,0 +1,98 @@
+"""A browser without a screen: opens a page from the disk, and tells what it complained about."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+__all__ = ["Opened", "launched", "needs_browser", "opened"]
+
+
+def _absent() -> bool:
+    try:
+        import playwright.sync_api  # noqa: F401
+    except ImportError:
+        return True
+    return shutil.which("chromium") is None
+
+
+needs_browser = pytest.mark.skipif(_absent(), reason="chromium is not on the PATH, or playwright is not installed")
+
+
+@dataclass
+class Opened:
+    """An open page.
+
+    Parameters
+    ----------
+    page : playwright.sync_api.Page
+    faults : list of str
+        Errors and warnings of the console, scripts that failed, and anything the page asked the network for.
+    """
+
+    page: Any
+    faults: list[str] = field(default_factory=list)
+
+    def draw_all(self) -> None:
+        """Draw what has not come into view."""
+        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
+        self.page.evaluate(
+            "document.documentElement.dataset.still = 1;"
+            "dispatchEvent(new Event('beforeprint')); dispatchEvent(new Event('afterprint'))"
+        )
+
+    def choose(self, select: str, value: str) -> None:
+        """Choose an option as a user does."""
+        self.page.select_option(f"#{select}", value)
+
+    def thread_seconds(self) -> float:
+        """Processor time of the page's main thread, which other programs on the machine do not lengthen."""
+        metrics = self._session.send("Performance.getMetrics")["metrics"]
+        return float(next(each["value"] for each in metrics if each["name"] == "TaskDuration"))
+
+    def watch(self) -> None:
+        """Listen to all that goes wrong."""
+        self.page.on(
+            "console", lambda said: self.faults.append(said.text) if said.type in ("error", "warning") else None
+        )
+        self.page.on("pageerror", lambda error: self.faults.append(str(error)))
+        self.page.on(
+            "request",
+            lambda asked: (
+                self.faults.append(asked.url) if not asked.url.startswith(("file:", "data:", "blob:")) else None
+            ),
+        )
+        self._session = self.page.context.new_cdp_session(self.page)
+        self._session.send("Performance.enable", {"timeDomain": "threadTicks"})
+
+
+@contextmanager
+def launched() -> Iterator[Any]:
+    """Start the browser."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox", "--disable-gpu"])
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+@contextmanager
+def opened(browser: Any, path: Path) -> Iterator[Opened]:
+    """Open a file in a window of 1300 x 900 pixels; the network is cut off."""
+    context = browser.new_context(viewport={"width": 1300, "height": 900}, offline=True, accept_downloads=True)
+    found = Opened(context.new_page())
+    found.watch()
+    found.page.goto(path.as_uri())
+    try:
+        yield found
+    finally:
+        context.close()

@@ -1,0 +1,95 @@
+"""Findings and inspections on a terminal, and as lines where there is none."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+
+import pytest
+from rich.console import Console
+
+from cmsreduce.model import Check
+from cmsreduce.model.finding import Finding
+from cmsreduce.report.finding_table import print_findings
+from cmsreduce.report.inspection_table import print_inspected
+from cmsreduce.report.output import Output
+
+FINDINGS = (
+    Finding("", Check("frf_error", 0.02, 0.01), "at spin=0 [x]"),
+    Finding("rotor", Check("kept_modes", 19, 25)),
+    Finding("rotor", Check("float32: change", 1e-5, math.inf)),
+)
+LINES = [
+    "study.yaml:",
+    "  arm: 30 dofs",
+    "    mass 1.164, centre of mass 0.4 0 0",
+    "    effective mass, per cent:     x      y      z",
+    "      mode 1, 2.5 Hz             0.0    2.0  100.0",
+    "    pass  rows: same mass: 0 (limit 1)",
+]
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def terminal_of(monkeypatch: pytest.MonkeyPatch) -> Terminal:
+    stream = Terminal()
+    monkeypatch.setattr("sys.stdout", stream)
+    monkeypatch.setattr("rich.console.Console", lambda **_: Console(file=stream, force_terminal=True, width=120))
+    return stream
+
+
+def plain(text: str) -> str:
+    return re.sub(r"\x1b\[[\d;]*m", "", text)
+
+
+def test_a_terminal_has_a_table_with_the_failed_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = terminal_of(monkeypatch)
+    log = io.StringIO()
+    print_findings(FINDINGS, Output(log=log))
+    rows = [line.split() for line in plain(terminal.getvalue()).splitlines() if line.split()]
+    rows = [row for row in rows if row[0] in ("pass", "info", "FAIL")]
+    assert [row[:5] for row in rows] == [
+        ["pass", "rotor", "kept_modes", "19", "25"],
+        ["info", "rotor", "float32:", "change", "1e-05"],
+        ["FAIL", "run", "frf_error", "0.02", "0.01"],
+    ]
+    # Brackets in a name are no markup.
+    assert rows[-1][5:] == ["at", "spin=0", "[x]"]
+    assert log.getvalue().splitlines()[0] == "FAIL  frf_error: 0.02 (limit 0.01) - at spin=0 [x]"
+
+
+def test_no_terminal_has_a_line_for_each(capsys: pytest.CaptureFixture[str]) -> None:
+    print_findings(FINDINGS, Output())
+    assert [line[:4] for line in capsys.readouterr().out.splitlines()] == ["FAIL", "pass", "info"]
+    print_findings(FINDINGS, Output(quiet=True))
+    assert capsys.readouterr().out == "FAIL  frf_error: 0.02 (limit 0.01) - at spin=0 [x]\n"
+    print_findings(FINDINGS, Output(as_json=True))
+    assert capsys.readouterr().out == ""
+
+
+def test_quietly_a_terminal_has_the_failed_lines_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = terminal_of(monkeypatch)
+    print_findings(FINDINGS, Output(quiet=True))
+    assert terminal.getvalue() == "FAIL  frf_error: 0.02 (limit 0.01) - at spin=0 [x]\n"
+
+
+def test_what_is_in_a_file_is_a_table_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = terminal_of(monkeypatch)
+    print_inspected(LINES, Output())
+    said = plain(terminal.getvalue())
+    assert "study.yaml" in said and not re.search(r"study\.yaml:", said)
+    assert re.search(r"^ +arm +30 dofs *$", said, re.M)
+    assert re.search(r"^ *pass +rows: same mass +0 \(limit 1\) *$", said, re.M)
+    heads, figures = (
+        next(line.rstrip() for line in said.splitlines() if word in line) for word in ("per cent", "2.5 Hz")
+    )
+    assert len(heads) == len(figures) and figures.endswith("  0.0    2.0  100.0")
+
+
+def test_what_is_in_a_file_is_lines_in_a_log(capsys: pytest.CaptureFixture[str]) -> None:
+    print_inspected(LINES, Output())
+    assert capsys.readouterr().out.splitlines() == LINES
