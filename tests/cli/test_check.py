@@ -83,8 +83,11 @@ def test_junit_and_markdown_say_the_same(finished: Path, tmp_path: Path) -> None
     assert (failed.get("classname"), failed.get("name")) == ("run", "db_error")
     assert "limit 1e-09" in failed.find("failure").get("message")
     assert {case.get("classname") for case in cases} == {"run", "arm", "panel"}
-    skipped = [case.get("name") for case in cases if case.find("skipped") is not None]
-    assert skipped == [line.split(": ")[0][6:] for line in lines if line.startswith("info")]
+    skipped = [case for case in cases if case.find("skipped") is not None]
+    named = [(case.get("classname") if case.get("classname") != "run" else "", case.get("name")) for case in skipped]
+    infos = [line[6:] for line in lines if line.startswith("info")]
+    assert len(named) == len(infos)
+    assert all(line.startswith(": ".join(filter(None, each)) + ": ") for each, line in zip(named, infos, strict=True))
     text = page.read_text()
     assert "FAIL" in text.splitlines()[0] and text.count("| FAIL |") == 1
     rows = [line for line in text.splitlines() if line.startswith("| ")]

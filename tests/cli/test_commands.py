@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -115,7 +116,10 @@ def test_report_is_written_again(finished: Path) -> None:
     before = (finished / "report.html").read_bytes()
     (finished / "report.html").unlink()
     result = call("report", finished)
-    assert (result.exit_code, result.stdout.strip()) == (0, str(finished / "report.html"))
+    wrote, last = result.stdout.splitlines()
+    assert (result.exit_code, wrote) == (0, f"wrote {finished / 'report.html'}")
+    told = rf"1 file in {re.escape(str(finished))}; worst response error [\d.]+ % at .+; [\d.]+ s"
+    assert re.fullmatch(told, last), last
     assert len((finished / "report.html").read_bytes()) == pytest.approx(len(before), rel=0.01)
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import click
@@ -18,7 +18,11 @@ from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 
 PROGRAM = [sys.executable, "-m", "cmsreduce.cli"]
-HEAVY = ("numpy", "scipy", "pandas", "plotly", "matplotlib", "h5py", "pydantic", "pyyeti", "meshio", "control", "rich")
+HEAVY = (
+    "numpy", "scipy", "pandas", "plotly", "matplotlib", "h5py", "pydantic", "pyyeti", "meshio", "control", "rich",
+    # Reading a package's version takes as long as the rest of the start.
+    "importlib.metadata",
+)  # fmt: skip
 
 
 def commands() -> dict[str, click.Command]:
@@ -28,10 +32,12 @@ def commands() -> dict[str, click.Command]:
 def test_help_comes_at_once() -> None:
     seconds = []
     for _ in range(3):
-        started = time.perf_counter()
+        before = os.times()
         said = subprocess.run([*PROGRAM, "--help"], capture_output=True, text=True, check=True)
-        seconds.append(time.perf_counter() - started)
-    assert min(seconds) < 0.5
+        after = os.times()
+        # Processor time, which other programs on the machine lengthen little.
+        seconds.append(after.children_user + after.children_system - before.children_user - before.children_system)
+    assert min(seconds) < 0.3
     assert "Exit codes" in said.stdout
     assert all(re.search(rf"^  {name}\b", said.stdout, re.M) for name in commands())
 
