@@ -3,10 +3,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+DOCS_STAMP := $(VENV)/.docs
 PIPELINES := $(wildcard pipelines/*.yaml)
 RUNS := $(patsubst pipelines/%.yaml,build/%/summary.json,$(PIPELINES))
 
-.PHONY: help setup demo test lint bench bench-full bench-peers pipelines models sweep-galileo clean
+.PHONY: help setup demo test lint docs bench bench-full bench-peers pipelines models sweep-galileo clean
 .DELETE_ON_ERROR:
 
 help: ## show the targets
@@ -32,6 +33,13 @@ lint: $(STAMP) ## ruff, mypy, import contract
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: $(DOCS_STAMP) ## the documentation as a site, build/site/index.html; every link checked
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict -f docs/site/mkdocs.yml
+
+$(DOCS_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	@touch $@
 
 bench: $(STAMP) ## cmsreduce against scipy on small bodies, two minutes
 	$(BIN)/python benchmarks/linear_algebra.py

@@ -1,0 +1,61 @@
+"""Which files are pages of the site: those of the repository under the names they have there, and the reference.
+
+A page keeps its place in the repository, so that a link that leads somewhere there leads somewhere here, too.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from api_pages import ROOMS, api_page
+from key_page import key_page
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+
+from cmsreduce.config import json_schema
+
+ROOT = Path(__file__).parents[2]
+PAGES = ("README.md", "docs/*.md", "sample_models/*/README.md", "benchmarks/README.md")
+_LINK = re.compile(r"\]\(([^)#:\s]+)[^)\s]*\)")
+
+
+def repository_files() -> list[PurePosixPath]:
+    """Pages, relative to the root of the repository, and the files that they link to."""
+    pages = [path for pattern in PAGES for path in sorted(ROOT.glob(pattern))]
+    linked = {
+        target
+        for page in pages
+        for link in _LINK.findall(page.read_text(encoding="utf-8"))
+        if (target := (page.parent / link).resolve()).is_file() and target.is_relative_to(ROOT)
+    }
+    return [PurePosixPath(path.relative_to(ROOT).as_posix()) for path in [*pages, *sorted(linked - set(pages))]]
+
+
+def reference_pages() -> dict[str, str]:
+    """Text of each generated page by its path: the keys of the pipeline file, and the names of each room."""
+    pages = {"reference/pipeline-file.md": key_page(json_schema())}
+    return pages | {f"reference/{room}.md": api_page(room) for room in ROOMS}
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """List the generated pages in the navigation."""
+    entries: list[Any] = [{"Keys of the pipeline file": "reference/pipeline-file.md"}]
+    entries += [{f"cmsreduce.{room}": f"reference/{room}.md"} for room in ROOMS]
+    for item in config.nav or []:
+        if "Reference" in item:
+            item["Reference"] = entries
+    return config
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Put the pages of the repository in the place of what lies in the folder of the site."""
+    for file in list(files):
+        if file.src_dir == config.docs_dir:
+            files.remove(file)
+    for path in repository_files():
+        files.append(File(str(path), str(ROOT), config.site_dir, config.use_directory_urls))
+    for path, text in reference_pages().items():
+        files.append(File.generated(config, path, content=text))
+    return files
