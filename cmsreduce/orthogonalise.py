@@ -60,6 +60,7 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
     w, s, m = np.sqrt(lam), N.shape[1], modes.m
     zeta = body.damping.ratios(w) if D is None else D.diagonal()[r : m - s] / (2 * w)
     kind, source = _origin(component, X, N)
+    rank, condition = _rank_and_condition(component)
     return ModalComponent(
         body=body,
         method=modes.method,
@@ -74,6 +75,8 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
         spacing=np.full(m, np.nan),
         why=("rigid body",) * r + ("all modes kept",) * w.size + (STATIC,) * s,
         basis_size=m,
+        basis_rank=rank,
+        basis_condition=condition,
         static_count=s,
         certificate=modes.certificate,
     )
@@ -109,7 +112,28 @@ def orthogonality_errors(component: ModalComponent) -> tuple[float, float]:
     g[static] = inertia[static] + bare @ Phi[:, static] ** 2
     mass = abs(Phi.T @ (body.M @ Phi) - np.diag(component.mass))
     stiffness = abs(Phi.T @ (body.K @ Phi) - np.diag(component.stiffness))
+    # The mass of a mode that is treated statically was left out, not lost.
+    judged = np.delete(np.arange(g.size), component.neglected)
+    mass, g = mass[np.ix_(judged, judged)], g[judged]
     return _largest(mass, np.sqrt(np.outer(g, g))), _largest(stiffness, np.sqrt(np.outer(w, w)))
+
+
+def _rank_and_condition(component: ReducedComponent) -> tuple[int, float]:
+    """Rank and condition of a basis, by the energies of its shapes."""
+    K, M, Phi = component.K, component.M, component.modes.Phi
+    if not K.shape[0]:
+        return 0, 1.0
+    # Shapes that are all rigid motion have a stiffness of rounding, which is none.
+    hidden = _REPEATS * np.finfo(float).eps * _parts(component.body.K, Phi).sum()
+    strain = K / K.trace() if K.trace() > hidden else np.zeros_like(K)
+    energy = strain + M / (M.trace() or 1.0)
+    own = energy.diagonal()
+    size = np.sqrt(np.where(own > 0, own, 1.0))
+    values = np.linalg.eigvalsh(energy / np.outer(size, size))
+    # Squares of the singular values: their rounding hides what is smaller.
+    least = K.shape[0] * np.finfo(float).eps * values[-1]
+    rank = int(np.count_nonzero(values > least))
+    return rank, float(np.sqrt(values[-1] / values[0])) if values[0] > least else np.inf
 
 
 def _polished(

@@ -12,12 +12,14 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 from cmsreduce.config.balance_keys import RankingKeys
 from cmsreduce.config.damping import DampingKeys
 from cmsreduce.config.files import GeometryFile, MatrixFile, RowOrder
+from cmsreduce.config.frame_keys import BodyWriteKeys
 from cmsreduce.config.interface import InterfaceKeys, InterfaceName
 from cmsreduce.config.keys import DataPath, Flag, Keys, Number, Positive, UnitSystem, Vector, WrittenVector
 from cmsreduce.config.located import Text
 from cmsreduce.config.quantities import Quantity
 from cmsreduce.config.rotation import Rotations, rotation_matrix
 from cmsreduce.config.stages import ReduceKeys
+from cmsreduce.config.stiffening_keys import GeometricStiffnessKeys
 from cmsreduce.errors import MatrixError
 from cmsreduce.model.body import RigidBody
 from cmsreduce.model.scene import Placement
@@ -25,7 +27,10 @@ from cmsreduce.model.units import Units
 
 __all__ = ["FLEXIBLE_ONLY", "Component", "PlacementKeys", "RigidKeys"]
 
-FLEXIBLE_ONLY = ("extseout", "stiffness", "mass", "geometry", "rows", "damping", "grounded", "reduce", "balance")
+FLEXIBLE_ONLY = (
+    *("extseout", "stiffness", "mass", "geometry", "rows", "damping", "grounded", "geometric_stiffness"),
+    *("reduce", "balance", "write"),
+)
 """Keys that a rigid body does not have."""
 _EXTSEOUT_SUFFIXES = (".op4", ".asm", ".pch")
 
@@ -135,6 +140,12 @@ class Component(Keys):
         description="The matrices hold the body to the ground, so that its stiffness resists rigid motion.",
         examples=[True],
     )
+    geometric_stiffness: GeometricStiffnessKeys | None = Field(
+        default=None,
+        description="What the stress of spinning, of accelerations and of forces adds to the stiffness; without it the "
+        "term is absent.",
+        examples=[{"bars": "all", "held": "root"}],
+    )
     place: PlacementKeys | None = Field(
         default=None,
         description="Moves the body from the basic frame that all bodies share.",
@@ -145,6 +156,11 @@ class Component(Keys):
     )
     balance: RankingKeys | None = Field(
         default=None, description="Overrides keys of the stage for this body.", examples=[{"keep": {"modes": 20}}]
+    )
+    write: BodyWriteKeys | None = Field(
+        default=None,
+        description="Overrides keys of the stage for this body; `frame: null` where it needs none.",
+        examples=[{"frame": {"kind": "clamped", "at": "hinge"}}],
     )
 
     @classmethod

@@ -6,15 +6,19 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from cmsreduce.config.articulation import Articulation
-from cmsreduce.config.balance_keys import KeepKeys
+from cmsreduce.config.balance_keys import KeepKeys, RankingKeys
+from cmsreduce.config.channel_sizes import channel_kind
 from cmsreduce.config.channels import ActuatorKeys, SensorKeys, parse_row
 from cmsreduce.config.component import FLEXIBLE_ONLY
 from cmsreduce.config.grammar import Pipeline
 from cmsreduce.config.joint_motion import free_dof, free_dof_named, setting
 from cmsreduce.config.keys import parse_point
 from cmsreduce.config.quantities import Quantity
+from cmsreduce.config.ranking_options import ScalingKeys
+from cmsreduce.config.scene_channels import sized_names
 from cmsreduce.config.suggestion import not_among
 from cmsreduce.errors import SceneError, UnitsError
+from cmsreduce.model.geometric_stiffness import UnitLoad
 from cmsreduce.model.scene import Point
 
 __all__ = ["Finding", "findings"]
@@ -49,6 +53,8 @@ def findings(pipeline: Pipeline) -> Iterator[Finding]:
     for kind, group in channels:
         for name, channel in group.items():
             yield from _channel(pipeline, ("scene", kind, name), channel)
+    if scene.controller is not None and not (scene.sensors and scene.actuators):
+        yield Finding(("scene", "controller"), "a controller needs sensors and actuators: add them, or take it out")
     for k, text in enumerate(scene.ground):
         yield from _interface(pipeline, ("scene", "ground", k), text)
     for k, name in enumerate(scene.floating):
@@ -56,12 +62,33 @@ def findings(pipeline: Pipeline) -> Iterator[Finding]:
             yield Finding(("scene", "floating", k), not_among("component", name, pipeline.components))
     if scene.base is not None and scene.base not in pipeline.components:
         yield Finding(("scene", "base"), not_among("component", scene.base, pipeline.components))
+    yield from _stiffening(pipeline)
     yield from _residuals(pipeline)
-    if pipeline.balance is not None:
-        yield from _keep(pipeline, ("balance", "keep"), pipeline.balance.keep)
-    if pipeline.verify is not None:
-        for label, ranking in pipeline.verify.compare.items():
-            yield from _keep(pipeline, ("verify", "compare", label, "keep"), ranking.keep)
+    yield from _frames(pipeline)
+    for at, ranking in _rankings(pipeline):
+        if at[0] != "components":
+            yield from _keep(pipeline, (*at, "keep"), ranking.keep)
+        yield from _sizes(pipeline, (*at, "scaling"), ranking.scaling)
+
+
+def _stiffening(pipeline: Pipeline) -> Iterator[Finding]:
+    """Interfaces that geometric stiffness names, and bodies that the scene spins."""
+    for name, component in pipeline.components.items():
+        keys, at = component.geometric_stiffness, ("components", name, "geometric_stiffness")
+        if keys is None:
+            continue
+        points: list[tuple[tuple[str, ...], str]] = [(("bars",), load.at) for load in keys.computed()]
+        points += [(("matrices", label, "load"), UnitLoad.parse(item.load).at) for label, item in keys.matrices.items()]
+        points += [(("held",), face) for face in keys.held]
+        for key, point in dict.fromkeys(points):
+            if point and not (point.isdigit() and key != ("held",)) and point not in component.interfaces:
+                yield Finding((*at, *key), not_among("interface", point, component.interfaces))
+        if keys.bars and component.geometry is None:
+            yield Finding((*at, "bars"), "the bars are those of the deck: give the component its `geometry:`")
+    flexible = [name for name, component in pipeline.components.items() if component.rigid is None]
+    for name in pipeline.scene.spin:
+        if name not in flexible:
+            yield Finding(("scene", "spin", name), not_among("flexible component", name, flexible))
 
 
 def _residuals(pipeline: Pipeline) -> Iterator[Finding]:
@@ -92,6 +119,25 @@ def _components(pipeline: Pipeline) -> Iterator[Finding]:
                 yield Finding(at, "frf_error is an error of the whole system: ask for it under 'balance.keep'")
             if isinstance(component.balance.keep.modes, dict):
                 yield Finding(at, "here is one body only: write a number, e.g. {modes: 20}")
+
+
+def _frames(pipeline: Pipeline) -> Iterator[Finding]:
+    """Interfaces that frames and integrals are about."""
+    for name, component in pipeline.components.items():
+        if component.rigid is not None or pipeline.reduce_of(name) is None:
+            continue
+        keys, own = pipeline.write_of(name), component.write
+        named = [(("integrals", key), face) for key, face in keys.integrals.interfaces.items()]
+        named += [(("frame", key), face) for key, face in (keys.frame.interfaces if keys.frame else {}).items()]
+        for (group, key), face in named:
+            if face in component.interfaces:
+                continue
+            message = f"component '{name}': {not_among('interface', face, component.interfaces)}"
+            if own is not None and group in own.model_fields_set:
+                yield Finding(("components", name, "write", group, key), message)
+            else:
+                message += f"; give this body keys of its own, components.{name}.write"
+                yield Finding(("write", group, key), message)
 
 
 def _joints(pipeline: Pipeline) -> Iterator[Finding]:
@@ -198,3 +244,33 @@ def _keep(pipeline: Pipeline, keys: tuple[str | int, ...], keep: KeepKeys) -> It
     for name in keep.modes if isinstance(keep.modes, dict) else ():
         if name not in flexible:
             yield Finding((*keys, "modes", name), not_among("flexible component", name, flexible))
+
+
+def _rankings(pipeline: Pipeline) -> Iterator[tuple[tuple[str, ...], RankingKeys]]:
+    """Every ranking of a pipeline, and where it is written."""
+    if pipeline.balance is not None:
+        yield ("balance",), pipeline.balance
+    for name, component in pipeline.components.items():
+        if component.balance is not None:
+            yield ("components", name, "balance"), component.balance
+    for label, ranking in (pipeline.verify.compare if pipeline.verify is not None else {}).items():
+        yield ("verify", "compare", label), ranking
+
+
+def _sizes(pipeline: Pipeline, keys: tuple[str | int, ...], scaling: ScalingKeys) -> Iterator[Finding]:
+    try:
+        inputs, outputs = sized_names(pipeline)
+    except SceneError:
+        # A channel is wrong, and said to be.
+        return
+    for kind, sizes, channels in (("inputs", scaling.inputs, inputs), ("outputs", scaling.outputs, outputs)):
+        what = "actuator" if kind == "inputs" else "sensor"
+        for name, size in sizes.items():
+            if name not in channels:
+                yield Finding((*keys, kind, name), not_among(what, name, channels))
+                continue
+            try:
+                for channel in channels[name]:
+                    size.worth(channel_kind(channel, effort=kind == "inputs"), pipeline.units)
+            except UnitsError as error:
+                yield Finding((*keys, kind, name), str(error))

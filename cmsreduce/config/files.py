@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from cmsreduce.config.keys import DataPath, Keys, Plain, exactly_one
 
-__all__ = ["GeometryFile", "MatrixFile", "RowOrder"]
+__all__ = ["ControllerFile", "GeometryFile", "MatrixFile", "RowOrder"]
 
 # Displacement sets of a NASTRAN user set table; anything longer is a file name.
 _SET_NAME = re.compile(r"[a-z]{1,2}|u[1-6]")
@@ -40,6 +40,15 @@ class GeometryFile(Keys):
     format: Plain | None = Field(
         default=None, description="Format of the file; by default found by its content.", examples=["bulk"]
     )
+
+
+class ControllerFile(Keys):
+    """A file that holds a controller in state space; a lone text is the file's name."""
+
+    short_key: ClassVar[str] = "file"
+    short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"type": "string"},)
+
+    file: DataPath = Field(description="File name, relative to the file it is written in.", examples=["controller.mat"])
 
 
 class RowOrder(Keys):

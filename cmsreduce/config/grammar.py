@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field, WithJsonSchema
 
 from cmsreduce.config.balance_keys import BalanceKeys, KeepKeys
 from cmsreduce.config.component import Component
+from cmsreduce.config.frame_keys import BodyWriteKeys
 from cmsreduce.config.keys import DataPath, Keys, Name, OneOrMore
 from cmsreduce.config.project_keys import ProjectKeys
 from cmsreduce.config.scene_keys import SceneKeys
@@ -99,6 +100,14 @@ class Pipeline(Keys):
         if own is None:
             return self.balance
         base = self.balance or BalanceKeys()
+        return base.model_copy(update={key: getattr(own, key) for key in own.model_fields_set})
+
+    def write_of(self, component: str) -> BodyWriteKeys:
+        """In which frame one body is written: its own keys over the pipeline's."""
+        base = BodyWriteKeys() if self.write is None else self.write
+        own = self.components[component].write
+        if own is None:
+            return base
         return base.model_copy(update={key: getattr(own, key) for key in own.model_fields_set})
 
     def keep_of(self, component: str) -> KeepKeys:

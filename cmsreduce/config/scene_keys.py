@@ -8,9 +8,11 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from cmsreduce.config.articulation import Articulation
 from cmsreduce.config.channels import ActuatorKeys, SensorKeys
+from cmsreduce.config.files import ControllerFile
 from cmsreduce.config.joint_keys import JointKeys
 from cmsreduce.config.keys import Keys, Name, OneOrMore, PointName, UnitSystem, reported
 from cmsreduce.config.quantities import Quantity, measure, parse_quantity
+from cmsreduce.config.stiffening_keys import SpinKeys
 
 __all__ = ["SceneKeys"]
 
@@ -66,6 +68,13 @@ class SceneKeys(Keys):
         description="Outputs by name.",
         examples=[{"gyro": {"at": "platform.cg", "measure": ["rx"], "rate": True}}],
     )
+    controller: ControllerFile | None = Field(
+        default=None,
+        description="A controller whose stability on the full system is checked: A, B, C, D of x' = A x + B y, "
+        "u = -(C x + D y), with the sensors as inputs (one of several motions counts as many) and the actuators as "
+        "outputs, in their order here.",
+        examples=["controller.mat"],
+    )
     ground: Annotated[tuple[PointName, ...], OneOrMore()] = Field(
         default=(),
         description="Interface or interfaces that are held to the ground; without them the system floats free.",
@@ -82,6 +91,12 @@ class SceneKeys(Keys):
         description="Motions that joints lock twice, as in a closed loop of rigid links: refuse them by name, or drop "
         "the surplus and say which.",
         examples=["drop"],
+    )
+    spin: dict[Name, SpinKeys] = Field(
+        default={},
+        description="How fast the scene spins a component, for the warning where its geometric stiffness is absent and "
+        "for the frequencies that it has at that rate.",
+        examples=[{"rotor": {"rate": "30 rpm", "axis": "z"}}],
     )
     base: Name | None = Field(
         default=None,

@@ -14,7 +14,9 @@ from pydantic import (
 )
 
 from cmsreduce.config.balance_keys import RankingKeys
+from cmsreduce.config.frame_keys import BodyWriteKeys
 from cmsreduce.config.keys import Flag, Keys, Plain, Positive, one_of
+from cmsreduce.config.solver import Parts
 from cmsreduce.model.scene import DOF_NAMES
 
 __all__ = [
@@ -28,7 +30,21 @@ __all__ = [
 ]
 
 Method = Literal["craig-bampton", "macneal-rubin", "benfield-hruda", "augmented", "guyan"]
-Format = Literal["hdf5", "matlab", "nastran", "42", "sid", "mbdyn", "mbsim", "exudyn", "discos", "dads", "treetops"]
+Format = Literal[
+    "hdf5",
+    "matlab",
+    "abcd",
+    "nastran",
+    "42",
+    "sid",
+    "mbdyn",
+    "mbsim",
+    "exudyn",
+    "discos",
+    "dads",
+    "treetops",
+    "treetops-h5",
+]
 
 _CONSTRAINT_MODES = ("craig-bampton", "guyan")
 _PLANNED_FORMATS = ("contops",)
@@ -116,6 +132,20 @@ class ReduceKeys(ModeSetKeys):
         examples=[["sensors"]],
     )
 
+    static_above: Positive | None = Field(
+        default=None,
+        description="Modes above this multiple of the upper end of scene.band are treated statically: they keep their "
+        "stiffness and lose their mass, so that they ask for no small steps of an integrator.",
+        examples=[8.0],
+    )
+
+    parts: Parts | None = Field(
+        default=None,
+        description="Parts in which the body is cut while it is reduced, one of them in memory at a time; `auto` where "
+        "its factor does not fit. By default what solver.parts says.",
+        examples=[16, "auto"],
+    )
+
     @property
     def own_points(self) -> tuple[str, ...]:
         """Residuals that name a node."""
@@ -142,6 +172,10 @@ class FrfKeys(Keys):
     )
 
 
+NotNegative = Annotated[float, Strict(), Field(ge=0)]
+"""Number, 0 or more."""
+
+
 class LimitKeys(Keys):
     """Largest errors that pass; a limit that is left out is not checked."""
 
@@ -161,6 +195,51 @@ class LimitKeys(Keys):
         description="Relative error of the damping ratios of the system's complex modes in the band.",
         examples=[0.05],
     )
+    peak_error: Positive | None = Field(
+        default=None, description="Relative error of the height of a channel's highest peak.", examples=[0.05]
+    )
+    frac_error: Positive | None = Field(
+        default=None, description="1 less the frequency response assurance criterion of a channel.", examples=[0.01]
+    )
+    nrfd: Positive | None = Field(
+        default=None, description="Relative shift of a resonance that a channel shows as a peak.", examples=[1e-3]
+    )
+    static_lack: Positive | None = Field(
+        default=None,
+        description="Share of the strain energy that a body lacks under a static load at an interface or actuator.",
+        examples=[0.01],
+    )
+    gain_error: Positive | None = Field(
+        default=None,
+        description="Error of a static gain between channels, relative to the sum of the sizes of its modal gains.",
+        examples=[0.01],
+    )
+    zero_error: Positive | None = Field(
+        default=None, description="Relative shift of a transmission zero in the band.", examples=[0.01]
+    )
+    zeros_lost: NotNegative | None = Field(
+        default=None, description="Zeros in the band that the reduced system has not, of one pair.", examples=[0]
+    )
+    step_error: Positive | None = Field(
+        default=None,
+        description="Root mean square error of a step response, relative.",
+        examples=[0.01],
+    )
+    controller_ratio: Positive | None = Field(
+        default=None,
+        description="sigma_max(dG K) / sigma_min(I + G_R K) of scene.controller; just below 1 if it is left out.",
+        examples=[0.5],
+    )
+
+
+CheckName = Literal["static", "gains", "zeros", "step"]
+_CHECK_OF: dict[str, CheckName] = {
+    "static_lack": "static",
+    "gain_error": "gains",
+    "zero_error": "zeros",
+    "zeros_lost": "zeros",
+    "step_error": "step",
+}
 
 
 class VerifyKeys(Keys):
@@ -168,6 +247,14 @@ class VerifyKeys(Keys):
 
     frf: FrfKeys = Field(default=FrfKeys(), description="Grid of the frequency responses.")
     limits: LimitKeys = Field(default=LimitKeys(), description="Errors beyond which the run fails.")
+    checks: tuple[CheckName, ...] | None = Field(
+        default=None,
+        description="Checks beside the responses. static: strain energy that the bodies lack under loads at interfaces "
+        "and actuators; gains: modal gains between channels; zeros: transmission zeros; step: step responses in time. "
+        "Those named here, or by a limit, are done whatever they cost; by default static, gains and zeros, of bodies "
+        "of up to 20000 dofs and full systems of up to 600 coordinates.",
+        examples=[["static", "gains", "zeros", "step"]],
+    )
     compare: dict[Plain, CompareKeys] = Field(
         default={},
         description="Other rankings and mode sets to show beside the model of the run, by label; limits do not apply "
@@ -175,18 +262,24 @@ class VerifyKeys(Keys):
         examples=[{"by_frequency": {"rank": "frequency", "keep": {"modes": 19}}}],
     )
 
+    @property
+    def required_checks(self) -> tuple[CheckName, ...]:
+        """Checks that are asked for by name, or by a limit on what they find."""
+        limited = [check for figure, check in _CHECK_OF.items() if getattr(self.limits, figure) is not None]
+        return tuple(dict.fromkeys([*(self.checks or ()), *limited]))
+
 
 WrittenFormat = Annotated[Format, one_of(get_args(Format), _PLANNED_FORMATS), BeforeValidator(_as_text)]
 
 
-class WriteKeys(Keys):
-    """Which files the reduced bodies are written to."""
+class WriteKeys(BodyWriteKeys):
+    """Which files the reduced bodies are written to, and in which frame."""
 
     formats: tuple[WrittenFormat, ...] = Field(
         default=("hdf5",),
         min_length=1,
-        description="Formats of the files. hdf5: component files and the system; matlab: their state space, .mat; the "
-        "others, made of the component files, are those of codes (docs/targets.md).",
+        description="Formats of the files. hdf5: component files and the system; matlab, abcd: their state space, as "
+        ".mat and as text; the others are those of codes (docs/targets.md).",
         examples=[["hdf5", "matlab"]],
     )
     dialects: dict[Plain, Plain] = Field(

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.model.mode_views import ModeLikeness
+
 __all__ = ["ERRORS", "DampedPairs", "ModelErrors"]
 
 ERRORS = ("frf_error", "db_error", "frequency_error", "damping_error")
@@ -76,6 +78,23 @@ class ModelErrors:
         Paired natural frequencies and how alike their shapes are.
     damped : DampedPairs, optional
         Paired complex modes; None for a system without damping.
+    likeness : ModeLikeness, optional
+        Of every full and every reduced mode.
+    coordinates : int, optional
+        Of the assembled reduced system.
+    seconds : float, optional
+        Wall time of its responses.
+    peak_error : float, optional
+        Largest relative error of the height of a channel's highest peak; channels that are silent beside the strongest
+        of their unit are passed over.
+    frac_error : float, optional
+        1 less the smallest criterion of those channels.
+    channel_error, channel_peak : (outputs, inputs) float64, optional
+        Relative error of the elastic response, and of its highest peak, channel by channel; NaN where silent.
+    channel_shift : (outputs, inputs) float64, optional
+        Largest relative shift of a natural frequency that makes a peak in the channel; NaN where none does.
+    nrfd : float, optional
+        The largest of these, of the channels that are not silent.
     """
 
     frf_error: float
@@ -86,6 +105,20 @@ class ModelErrors:
     reduced_hz: NDArray[np.float64]
     mac: NDArray[np.float64]
     damped: DampedPairs | None = None
+    likeness: ModeLikeness | None = None
+    coordinates: int | None = None
+    seconds: float | None = None
+    peak_error: float | None = None
+    frac_error: float | None = None
+    channel_error: NDArray[np.float64] | None = None
+    channel_peak: NDArray[np.float64] | None = None
+    channel_shift: NDArray[np.float64] | None = None
+    nrfd: float | None = None
+
+    @property
+    def shift(self) -> NDArray[np.float64]:
+        """Relative error of each natural frequency, |reduced - full| / full (k,): the normalised difference NRFD."""
+        return np.asarray(abs(self.reduced_hz - self.full_hz) / np.where(self.full_hz > 0, self.full_hz, 1.0))
 
     @property
     def damping_error(self) -> float | None:

@@ -88,6 +88,13 @@ class ModalComponent:
         Columns of the mode set before truncation.
     static_count : int
         s: the last s columns are static modes.
+    neglected_count : int
+        So many of them, the first, are modes whose mass was left out by choice; the others carry none.
+    basis_rank : int
+        Columns of the mode set that are independent to rounding; 0 where that is not known.
+    basis_condition : float
+        Largest over smallest singular value of the mode set, in the energy K / tr K + M / tr M, its columns of unit
+        length; NaN where that is not known.
     certificate : ModeCertificate, optional
         What is proven of the normal modes of the basis.
     rankings : mapping of name to (m,) float64
@@ -115,6 +122,9 @@ class ModalComponent:
     certificate: ModeCertificate | None = None
     rankings: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     cluster: NDArray[np.int64] | None = None
+    neglected_count: int = 0
+    basis_rank: int = 0
+    basis_condition: float = float("nan")
 
     def __post_init__(self) -> None:
         m = self.Phi.shape[1]
@@ -127,6 +137,8 @@ class ModalComponent:
             raise MatrixError(
                 f"body '{self.name}': {self.rigid_count} rigid and {self.static_count} static modes are more than {m}"
             )
+        if not 0 <= self.neglected_count <= self.static_count:
+            raise MatrixError(f"body '{self.name}': {self.neglected_count} of {self.static_count} static modes")
         w = self.omega[self.elastic]
         if np.any(self.omega[: self.rigid_count] != 0) or np.any(w <= 0):
             raise MatrixError(f"body '{self.name}': rigid modes come first, with frequency 0, and no others")
@@ -158,6 +170,18 @@ class ModalComponent:
         return slice(self.rigid_count, self.omega.size - self.static_count)
 
     @property
+    def neglected(self) -> slice:
+        """Columns of the static modes whose mass was left out by choice."""
+        return slice(self.elastic.stop, self.elastic.stop + self.neglected_count)
+
+    @property
+    def inertial_shapes(self) -> NDArray[np.float64]:
+        """Phi with zeros for the modes whose mass was left out: what integrals over the mass are taken of (n, m)."""
+        Phi = self.Phi.copy()
+        Phi[:, self.neglected] = 0.0
+        return Phi
+
+    @property
     def mass(self) -> NDArray[np.float64]:
         """Diagonal of Phi^T M Phi: 1, and 0 for static modes (m,)."""
         return np.where(np.isinf(self.omega), 0.0, 1.0)
@@ -184,6 +208,47 @@ class ModalComponent:
     def loss(self) -> NDArray[np.float64]:
         """Diagonal of the imaginary stiffness of structural damping (m,); zero under any other law."""
         return (self.damping.structural or 0.0) * self.stiffness
+
+    def static_above(self, omega: float) -> ModalComponent:
+        """The component with its modes above a frequency treated statically: their stiffness stays, their mass goes.
+
+        Parameters
+        ----------
+        omega : float
+            In rad per unit of time.
+
+        Returns
+        -------
+        ModalComponent
+            Of the same columns; those above are static modes, orthonormal in K, before those that were static already.
+            What beta K makes of their damping stays, a damping ratio goes.
+        """
+        first = int(np.searchsorted(self.omega, omega, side="right"))
+        first = max(first, self.rigid_count)
+        above = slice(first, self.elastic.stop)
+        scale = np.ones(self.omega.size)
+        scale[above] = 1 / self.omega[above]
+        label = f"static: above {omega / (2 * np.pi):.6g} Hz"
+        why = self.why[:first] + (label,) * (self.elastic.stop - first) + self.why[self.elastic.stop :]
+
+        def blank(values: NDArray[np.float64], value: float) -> NDArray[np.float64]:
+            return np.concatenate([values[:first], np.full(above.stop - first, value), values[above.stop :]])
+
+        omega_now = blank(self.omega, np.inf)
+        return replace(
+            self,
+            Phi=self.Phi * scale,
+            omega=omega_now,
+            zeta=blank(self.zeta, 0.0),
+            D=None if self.D is None else self.D * np.outer(scale, scale),
+            sigma=blank(self.sigma, np.nan),
+            spacing=blank(self.spacing, np.nan),
+            why=why,
+            static_count=self.static_count + above.stop - first,
+            neglected_count=self.neglected_count + above.stop - first,
+            rankings={name: blank(values, np.nan) for name, values in self.rankings.items()},
+            cluster=None if self.cluster is None else np.where(np.isinf(omega_now), 0, self.cluster),
+        )
 
     def truncated(self, keep: ArrayLike, why: Sequence[str] | None = None) -> ModalComponent:
         """The component with some of its modes.

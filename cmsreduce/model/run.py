@@ -12,12 +12,18 @@ from numpy.typing import NDArray
 from cmsreduce.model.body import Source
 from cmsreduce.model.check import Check
 from cmsreduce.model.completeness import AxisCompleteness
+from cmsreduce.model.costly_modes import CostlyModes
+from cmsreduce.model.drawing import SceneDrawing
 from cmsreduce.model.factorisation import Factorisation
+from cmsreduce.model.mode_views import EffectiveMassCurve, GainCurve
 from cmsreduce.model.model_errors import ERRORS, ModelErrors
 from cmsreduce.model.projection_record import ProjectionRecord
 from cmsreduce.model.reduced import ModalComponent
+from cmsreduce.model.rounding_effect import RoundingEffect
+from cmsreduce.model.run_figure import OF_A_CONTROLLER, RunFigure
 from cmsreduce.model.scene import Configuration
-from cmsreduce.model.selection_record import BoundRecord, CutoffRecord, SearchRecord
+from cmsreduce.model.selection_record import BoundRecord, CutoffRecord, SearchRecord, SensitivityRecord
+from cmsreduce.model.system_checks import ControllerMargin, ReductionChecks
 
 __all__ = [
     "ComponentResult",
@@ -103,6 +109,14 @@ class ComponentResult:
         Of a body truncated by a bound of its own.
     cutoff : CutoffRecord, optional
         Of a body whose cutoff was found.
+    scaling : str
+        How its inputs and outputs were made comparable for the ranking, in words; empty without one.
+    costly : CostlyModes, optional
+        Modes that set an integrator's step in vain.
+    rounding : RoundingEffect, optional
+        What single precision does to the body.
+    health : mapping, optional
+        What its matrices and its geometry say of it, as plain values.
     """
 
     name: str
@@ -116,6 +130,16 @@ class ComponentResult:
     factorised: tuple[Factorisation, ...] = ()
     bound: BoundRecord | None = None
     cutoff: CutoffRecord | None = None
+    scaling: str = ""
+    costly: CostlyModes | None = None
+    rounding: RoundingEffect | None = None
+    health: Mapping[str, Any] | None = None
+
+    @property
+    def highest_hz(self) -> float:
+        """Highest frequency of the modes kept; 0 for none."""
+        elastic = np.arange(self.modes.omega.size)[self.modes.elastic]
+        return float(self.modes.omega[np.intersect1d(self.kept, elastic)].max(initial=0.0)) / (2 * np.pi)
 
     @property
     def kept_modes(self) -> int:
@@ -135,11 +159,17 @@ class SystemModes:
         Rigid-body motions of the system and free motions of its joints.
     frequencies_hz : (k,) float64
         Elastic modes up to a little above the band, undamped.
+    highest_hz : float, optional
+        Highest of all its frequencies; absent for a system too large for all its modes.
+    treated_hz : float, optional
+        The same with the modes that set an integrator's step in vain treated statically; absent if there are none.
     """
 
     configuration: Configuration
     rigid_count: int
     frequencies_hz: NDArray[np.float64]
+    highest_hz: float | None = None
+    treated_hz: float | None = None
 
 
 @dataclass(frozen=True)
@@ -187,8 +217,20 @@ class RunResult:
         What projection and assembly did.
     search : SearchRecord, optional
         How the modes kept were found, if by the error of the system.
+    sensitivity : SensitivityRecord, optional
+        What would be kept with another damping and without each sensor, if asked for.
     completeness : tuple of AxisCompleteness
         What the modes hold of the inertia at each hinge, if verified.
+    drawing : SceneDrawing, optional
+        What the scene looks like, and its modes.
+    effective_mass : mapping of body to EffectiveMassCurve
+        Of bodies with a geometry that their interfaces hold.
+    gains : tuple of GainCurve
+        Running sums of modal gains, configuration by configuration.
+    checks : ReductionChecks, optional
+        Static completeness, gains, zeros and steps, if verified.
+    margins : tuple of ControllerMargin
+        Of the scene's controller, configuration by configuration; empty without one.
     """
 
     name: str
@@ -208,6 +250,12 @@ class RunResult:
     projection: ProjectionRecord | None = None
     search: SearchRecord | None = None
     completeness: tuple[AxisCompleteness, ...] = ()
+    sensitivity: SensitivityRecord | None = None
+    drawing: SceneDrawing | None = None
+    effective_mass: Mapping[str, EffectiveMassCurve] = field(default_factory=dict)
+    gains: tuple[GainCurve, ...] = ()
+    checks: ReductionChecks | None = None
+    margins: tuple[ControllerMargin, ...] = ()
 
     def worst(self, model: str | None = None) -> dict[str, float]:
         """Largest errors over all configurations, of those that were measured; empty if nothing was verified."""
@@ -218,10 +266,29 @@ class RunResult:
         return {name: max(each, key=_badness) for name, each in values.items() if each}
 
     @property
+    def figures(self) -> dict[str, RunFigure]:
+        """Every error and check of the run's own model by name, the worst of each with its place and its limit."""
+        found: dict[str, tuple[float, str]] = {}
+        results = [(c.configuration.name, c.errors[self.model]) for c in self.configurations if self.model in c.errors]
+        for name in (*ERRORS, "peak_error", "frac_error", "nrfd"):
+            values = [(value, where) for where, each in results if (value := getattr(each, name)) is not None]
+            if values:
+                found[name] = max(values, key=lambda each: _badness(each[0]))
+        if self.checks is not None:
+            found |= self.checks.figures(self.inputs, self.outputs)
+        if self.margins:
+            worst = max(self.margins, key=lambda each: _badness(each.ratio))
+            found["controller_ratio"] = worst.ratio, f"{worst.configuration}, {worst.worst_hz:.6g} Hz"
+            growing = max(self.margins, key=lambda each: each.unstable or 0)
+            if growing.unstable is not None:
+                found["controller_unstable"] = float(growing.unstable), growing.configuration
+        limits = {**(OF_A_CONTROLLER if self.margins else {}), **self.limits}
+        return {name: RunFigure(value, where, limits.get(name)) for name, (value, where) in found.items()}
+
+    @property
     def passed(self) -> bool:
         """Whether every limit and every check of a body is met."""
-        worst = self.worst()
-        limits = all(worst[name] <= limit for name, limit in self.limits.items() if name in worst)
+        limits = all(figure.met is not False for figure in self.figures.values())
         between = self.projection is None or self.projection.passed
         return limits and between and all(check.passed for c in self.components.values() for check in c.checks)
 

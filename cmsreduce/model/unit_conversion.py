@@ -11,11 +11,13 @@ import scipy.sparse as sp
 from cmsreduce.model.body import FEModel, RigidBody
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import DofTable
+from cmsreduce.model.geometric_stiffness import UnitLoad
 from cmsreduce.model.interface import Interface
 from cmsreduce.model.recovery import Recovery
 from cmsreduce.model.units import Units
+from cmsreduce.model.untied import UntiedMass
 
-__all__ = ["in_units", "rigid_in_units"]
+__all__ = ["in_units", "load_stiffness_in_units", "recovery_in_units", "rigid_in_units"]
 
 
 def in_units(body: FEModel, units: Units) -> FEModel:
@@ -56,7 +58,22 @@ def in_units(body: FEModel, units: Units) -> FEModel:
         damping=damping,
         units=units,
         tied=body.tied and Recovery(body.tied.dofs, _diagonal(body.tied.dofs, length) @ body.tied.T @ inverse),
+        untied=body.untied and _untied(body.untied, length, mass),
     )
+
+
+def load_stiffness_in_units(A: sp.csc_array, dofs: DofTable, load: UnitLoad, old: Units, new: Units) -> sp.csc_array:
+    """Restate a geometric stiffness (n, n) per unit of a load, both the matrix and the unit."""
+    length, mass, time = _ratios(old, new)
+    inverse = _diagonal(dofs, 1 / length)
+    energy = mass * length**2 / time**2
+    return sp.csc_array(energy * load.worth(new) / load.worth(old) * (inverse @ A @ inverse))
+
+
+def recovery_in_units(known: Recovery, dofs: DofTable, old: Units, new: Units) -> Recovery:
+    """Restate the motion of dofs (k) under unit motion of the rows ``dofs`` (n)."""
+    length, _, _ = _ratios(old, new)
+    return Recovery(known.dofs, _diagonal(known.dofs, length) @ known.T @ _diagonal(dofs, 1 / length))
 
 
 def rigid_in_units(body: RigidBody, units: Units) -> RigidBody:
@@ -70,6 +87,11 @@ def rigid_in_units(body: RigidBody, units: Units) -> RigidBody:
         interfaces=_faces(body.interfaces, length),
         units=units,
     )
+
+
+def _untied(whole: UntiedMass, length: float, mass: float) -> UntiedMass:
+    inverse = _diagonal(whole.dofs, 1 / length)
+    return UntiedMass(whole.dofs, sp.csc_array(mass * length**2 * (inverse @ whole.M @ inverse)))
 
 
 def _diagonal(dofs: DofTable, length: float) -> sp.dia_array:

@@ -20,6 +20,7 @@ from cmsreduce.model import (
     Check,
     Damping,
     FEModel,
+    GeometricStiffness,
     Interface,
     RigidBody,
     Scene,
@@ -28,6 +29,9 @@ from cmsreduce.model import (
     rigid_body_shapes,
     rigid_in_units,
 )
+from cmsreduce.pipeline.against_deck import against_deck
+from cmsreduce.pipeline.body_health import BodyHealth, body_health
+from cmsreduce.pipeline.stiffening import body_stiffening
 from cmsreduce.read import (
     Determined,
     InterfaceSpec,
@@ -49,6 +53,8 @@ _ALL_MOTIONS = 6
 # A file's rounding adds up over a body's mass; a condensed body loses a few digits more, rows in disorder all of them.
 _MASS_ALIKE, _MASS_FACTOR = 1e-6, 100.0
 
+# Up to so many dofs every reduction begins with the factorisations that `inspect` does.
+_LOOKED_AT = 3000
 # Below this size looking for mechanisms costs less than proving that there are none.
 _LARGE = 2000
 
@@ -69,6 +75,8 @@ class FlexibleBody:
         What was proven on the way.
     notes : tuple of str
         What could not be proven.
+    stiffening : GeometricStiffness, optional
+        What stress adds to its stiffness, if the pipeline asks for it.
     """
 
     body: FEModel
@@ -76,11 +84,17 @@ class FlexibleBody:
     rigid: NDArray[np.float64]
     checks: tuple[Check, ...]
     notes: tuple[str, ...]
+    stiffening: GeometricStiffness | None = None
 
     @property
     def undamped(self) -> FEModel:
         """The body without its damping, for questions of geometry."""
         return replace(self.body, damping=Damping(), D=None)
+
+    @cached_property
+    def health(self) -> BodyHealth:
+        """What its matrices and its geometry say of it, as far as that costs little."""
+        return body_health(self.body, self.rigid, thorough=self.body.n <= _LOOKED_AT)
 
     @cached_property
     def fingerprint(self) -> str:
@@ -122,7 +136,7 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         As `read_body` does.
     """
     part = pipeline.components[name]
-    as_read, proof = _read(name, part, part.units_in(scene.units))
+    as_read, proof, untied = _read(name, part, part.units_in(scene.units))
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
     whole = in_units(as_read, scene.units)
     # One factorisation tells of large bodies that nothing moves without stiffness or mass but the body as a whole.
@@ -140,6 +154,7 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
             limit = max(_MASS_ALIKE, _MASS_FACTOR * body.rounding)
             checks.append(Check("mass matrix: the same mass along x, y, z", mass_disorder(body), limit))
             checks += _realisable(body)
+            checks += [] if part.geometry is None else against_deck(part.geometry.file, as_read)
     else:
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
     if body.damping.law == "none" and body.D is None:
@@ -152,7 +167,8 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     if not body.interfaces and motions_held(rigid, ports.interface) < rigid.shape[1]:
         # Nothing is joined to the body, and its actuators do not hold it: it has no constraint modes.
         ports = ports.as_loads()
-    return FlexibleBody(body, ports, rigid, tuple(checks), tuple(notes))
+    stiffening, remarks = body_stiffening(pipeline, body, untied, rigid)
+    return FlexibleBody(body, ports, rigid, tuple(checks), (*notes, *remarks), stiffening)
 
 
 def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tuple[tuple[str, ...], NDArray[np.float64]]:
@@ -243,7 +259,8 @@ def _check_answerable(determined: Determined, ports: Ports) -> None:
     determined.check_untouched(ports.rates, "what is measured")
 
 
-def _read(name: str, part: Component, units: Units) -> tuple[FEModel, RowOrderProof]:
+def _read(name: str, part: Component, units: Units) -> tuple[FEModel, RowOrderProof, FEModel]:
+    """The body with its ties, the proof of its rows, and the body as its files have it."""
     assert part.stiffness is not None and part.mass is not None
     matrix = None if part.damping is None else part.damping.matrix
     body = read_body(
@@ -259,13 +276,13 @@ def _read(name: str, part: Component, units: Units) -> tuple[FEModel, RowOrderPr
         interfaces={label: _interface(label, name, keys) for label, keys in part.interfaces.items()},
     )
     # The rows are proven on the matrices as they are read; what follows restates them.
-    proof = prove_row_order(body)
+    proof, untied = prove_row_order(body), body
     for label, keys in part.interfaces.items():
         if keys.tie is not None:
             position = None if keys.position is None else np.array(keys.position)
             frame = None if keys.frame is None else keys.frame.rows()
             body = tie_nodes(body, label, Tie(keys.tie, position, keys.weights, frame))
-    return body, proof
+    return body, proof, untied
 
 
 def _source(keys: MatrixFile) -> MatrixSource:

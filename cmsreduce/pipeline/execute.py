@@ -12,19 +12,20 @@ import numpy as np
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ReadError, StageError
 from cmsreduce.model import Configuration, RunResult
+from cmsreduce.pipeline.framing import frame_of, integral_frame_of, outboard_of
 from cmsreduce.pipeline.ledger import REPORT
 from cmsreduce.pipeline.matlab import write_system_states
 from cmsreduce.pipeline.progress import Silent
 from cmsreduce.pipeline.result import component_checks, run_result
 from cmsreduce.pipeline.run import STAGES, Run
+from cmsreduce.pipeline.run_lock import sole_use
+from cmsreduce.pipeline.step_advice import body_costly_modes
 from cmsreduce.report import render_report
 from cmsreduce.write import (
     TARGETS,
     atomic_path,
-    component_states,
     convert,
     write_component,
-    write_matlab,
     write_summary,
     write_system,
 )
@@ -63,6 +64,11 @@ def execute(
     CmsReduceError
         Whatever a stage finds wrong; what was finished before it is kept.
     """
+    with sole_use(run.folder, run.ledger.progress.note):
+        return _carried_out(run, source, overrides, until, report)
+
+
+def _carried_out(run: Run, source: Path, overrides: Sequence[str], until: str | None, report: bool) -> RunResult | None:
     last = until or run.ledger.only or "write"
     reached = STAGES[: STAGES.index(last) + 1]
     if run.ledger.only == "project" and run.pipeline.project is None:
@@ -71,7 +77,7 @@ def execute(
     wanted: dict[str, Callable[[], object]] = {
         "reduce": lambda: [run.reduced(name) for name in names],
         "orthogonalise": lambda: [run.modal(name) for name in names],
-        "balance": lambda: run.selection,
+        "balance": lambda: (run.selection, run.balancing.sensitivity),
         "project": lambda: run.projected,
         "assemble": lambda: run.model,
         "verify": lambda: run.verified if run.pipeline.verify is not None else None,
@@ -90,7 +96,7 @@ def execute(
         run.ledger.written.append(_write_system(run))
     if last != "write":
         return None
-    result = run_result(run)
+    result = run_result(run, views=report)
     write_summary(run.folder / "summary.json", result)
     if report:
         write_report(result, run.folder)
@@ -145,16 +151,13 @@ def _write(run: Run) -> None:
         inputs = {c.name: row for c, row in zip(run.scene.actuators, forces, strict=True) if row.any()}
         measured = zip(run.scene.sensors, displacements, rates, strict=True)
         outputs = {c.name: (d, v) for c, d, v in measured if d.any() or v.any()}
-        if "matlab" in formats:
-            path = run.folder / f"{name}.mat"
-            write_matlab(path, component_states(component, inputs, outputs).variables())
-            run.ledger.written.append(path)
         targets = [target for target in formats if target in TARGETS]
         if "hdf5" not in formats and not targets:
             continue
         # What other codes read is made of the component file alone, whether the user asked for that or not.
         kept = run.folder / f"{name}.h5"
         path = kept if "hdf5" in formats else run.folder / f"stages/{name}.h5"
+        frame = frame_of(run, name)
         write_component(
             path,
             component,
@@ -164,6 +167,11 @@ def _write(run: Run) -> None:
             checks=component_checks(run, name),
             provenance=_provenance(run),
             all_nodes=run.pipeline.write.all_nodes,
+            frame=frame,
+            about=integral_frame_of(run, name, frame),
+            augmented=outboard_of(run, name),
+            costly=body_costly_modes(run, name),
+            stiffening=run.bodies[name].stiffening,
         )
         if path == kept:
             run.ledger.written.append(path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -14,6 +14,7 @@ from cmsreduce import __version__
 from cmsreduce.assemble import rigid_substructure
 from cmsreduce.config import ModeSetKeys, Pipeline, ReduceKeys
 from cmsreduce.errors import ConfigError
+from cmsreduce.linalg.solver_settings import current_settings, solver_settings
 from cmsreduce.model import ModalComponent, ReducedComponent, RigidBody, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import FlexibleBody, probing_loads
@@ -149,12 +150,15 @@ class ModeSets:
             self._modal[what] = self.ledger.once(
                 "orthogonalise",
                 what,
-                self.modal_key(name, other),
+                self._orthonormal_key(name, other),
                 lambda: orthogonalise(self.reduced(name, other)),
                 modal_to,
                 lambda arrays, facts: modal_from(body, arrays, facts),
                 prepare=lambda: self.reduced(name, other),
             )
+            top = self.keys(name, other).static_above
+            if top is not None:
+                self._modal[what] = self._modal[what].static_above(2 * np.pi * top * self.scene.band[1])
             key = self.reduce_key(name, other)
             self.ledger.recall("reduce", what, key)
             self._warn(name, self.keys(name, other), self.ledger.store.facts("reduce", what, key) or {})
@@ -195,7 +199,12 @@ class ModeSets:
         return stage_key("reduce", __version__, self.bodies[name].fingerprint, asked)
 
     def modal_key(self, name: str, other: ModeSetKeys | None = None) -> str:
-        """Hash of everything the orthonormal modes of a body depend on."""
+        """Hash of everything that a body's modes depend on, those that are treated statically among them."""
+        key = self._orthonormal_key(name, other)
+        top = None if self.pipeline.reduce_of(name) is None else self.keys(name, other).static_above
+        return key if top is None else stage_key("orthogonalise", key, top * self.scene.band[1])
+
+    def _orthonormal_key(self, name: str, other: ModeSetKeys | None = None) -> str:
         return stage_key("orthogonalise", self.reduce_key(name, other), repr(self.bodies[name].body.damping))
 
     def _surroundings_key(self, other: ModeSetKeys | None) -> list[Any]:
@@ -224,7 +233,11 @@ class ModeSets:
         ports, (_, tested) = flexible.ports, self._tested(name, keys)
         inside, cutoff = self._interface_cutoffs(other), _multiple(keys) * self.scene.band[1]
         method = body_reduction(name, keys, cutoff, self.bodies, self.rigid_bodies, inside, self.scene)
-        return method.examine(flexible.body, ports.interface, ports.static_loads, flexible.rigid, tested, enrich=enrich)
+        settings = current_settings()
+        with solver_settings(replace(settings, parts=keys.parts or settings.parts)):
+            return method.examine(
+                flexible.body, ports.interface, ports.static_loads, flexible.rigid, tested, enrich=enrich
+            )
 
     def _work(self, name: str, other: ModeSetKeys | None) -> tuple[ReducedComponent, dict[str, float]]:
         """A body reduced, and the share of the static flexibility that its basis misses under loads of the scene."""

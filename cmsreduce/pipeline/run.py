@@ -12,22 +12,37 @@ from cmsreduce.balance import Selection
 from cmsreduce.config import Pipeline, ProjectKeys, VerifyKeys, build_scene
 from cmsreduce.errors import ConfigError, ConstraintError
 from cmsreduce.linalg.solver_settings import SolverSettings
-from cmsreduce.model import AxisCompleteness, ModalComponent, ReducedComponent, RigidBody, Scene, Substructure
+from cmsreduce.model import (
+    AxisCompleteness,
+    ConfigurationResult,
+    Controller,
+    ControllerMargin,
+    ModalComponent,
+    ReducedComponent,
+    ReductionChecks,
+    RigidBody,
+    Scene,
+    Substructure,
+)
 from cmsreduce.pipeline.assembled import AssembledModel
 from cmsreduce.pipeline.balancing import Balancing
 from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible, read_rigid
 from cmsreduce.pipeline.candidates import candidate_substructure
 from cmsreduce.pipeline.comparison import Comparison, ReducedModel
 from cmsreduce.pipeline.completeness import axis_completeness, completeness_note
+from cmsreduce.pipeline.controlled import controller_margins
 from cmsreduce.pipeline.ledger import Ledger
 from cmsreduce.pipeline.mode_sets import ModeSets
 from cmsreduce.pipeline.progress import Progress
 from cmsreduce.pipeline.project_stage import PROJECTED_ERROR, Measures, ProjectStage
 from cmsreduce.pipeline.projected import Projected, projected_from, projected_to
+from cmsreduce.pipeline.reduction_health import reduction_checks
 from cmsreduce.pipeline.reference import Reference, reference
 from cmsreduce.pipeline.selection import Choice
+from cmsreduce.pipeline.spinning import spin_notes
 from cmsreduce.pipeline.system_key import projected_error, system_key
 from cmsreduce.pipeline.verified import Verified, verified_from, verified_to
+from cmsreduce.read import read_controller
 
 __all__ = ["MODEL", "STAGES", "Run"]
 
@@ -56,9 +71,7 @@ class Run:
     def __init__(self, pipeline: Pipeline, folder: Path, progress: Progress, only: str | None = None) -> None:
         self.pipeline, self.folder = pipeline, folder
         keys = pipeline.solver
-        self.ledger = Ledger(
-            folder, progress, only, SolverSettings(keys.backend, keys.memory, keys.threads, keys.precision)
-        )
+        self.ledger = Ledger(folder, progress, only, SolverSettings(**keys.model_dump()))
         self.scene: Scene = build_scene(pipeline)
 
     @cached_property
@@ -73,12 +86,16 @@ class Run:
     @cached_property
     def bodies(self) -> dict[str, FlexibleBody]:
         """Flexible bodies, read and checked; joints, actuators and sensors are tried on them at once."""
+        # Read first: a wrong file is found before anything is computed.
+        _ = self.controller
         found = {}
         for name, part in self.pipeline.components.items():
             if part.rigid is None:
                 found[name] = self.ledger.timed("read", name, partial(self.flexible, name))
                 for note in found[name].notes:
                     self.ledger.note(note)
+                # Before anything is reduced: a body that is not sound shows in the results, whatever comes of it.
+                _ = found[name].health
         bare = {
             name: physical_substructure(flexible.undamped, flexible.points(self.scene), flexible.rigid)
             for name, flexible in found.items()
@@ -88,6 +105,15 @@ class Run:
             for note in model.wiring(configuration).notes:
                 self.ledger.note(note)
         return found
+
+    @cached_property
+    def controller(self) -> Controller | None:
+        """The controller of the scene, if it names one."""
+        keys = self.pipeline.scene.controller
+        if keys is None:
+            return None
+        names = (tuple(channel.name for channel in group) for group in (self.scene.sensors, self.scene.actuators))
+        return read_controller(keys.file, *names)
 
     def flexible(self, name: str) -> FlexibleBody:
         """Read one flexible body and check it."""
@@ -173,6 +199,8 @@ class Run:
     def model(self) -> ReducedModel:
         """The reduced system of the run, assembled in every configuration."""
         final = self.final
+        for note in spin_notes(self.pipeline.scene.spin, self.bodies, final):
+            self.ledger.note(note)
 
         def work() -> ReducedModel:
             model = self._model(final)
@@ -221,11 +249,15 @@ class Run:
         return bool(self.scene.actuators and self.scene.sensors)
 
     @cached_property
+    def whole(self) -> ReducedModel:
+        """The system with every mode of the mode sets, before truncation."""
+        return self._model({name: self.modal(name) for name in self.reduced_names})
+
+    @cached_property
     def completeness(self) -> tuple[AxisCompleteness, ...]:
         """What the modes hold of the inertia at each hinge; empty where hinges move each other, as in a loop."""
-        whole = self._model({name: self.modal(name) for name in self.reduced_names})
         try:
-            return axis_completeness(self.model.assembled, whole.assembled)
+            return axis_completeness(self.model.assembled, self.whole.assembled)
         except ConstraintError:
             return ()
 
@@ -236,7 +268,7 @@ class Run:
             self.ledger.note(poor)
         if not self.has_response:
             self.ledger.note("nothing was verified: the scene names no actuator or no sensor")
-            return Verified((), {}, 0.0, 0.0)
+            return Verified((), {}, 0.0, 0.0, self._checked())
         found = self.ledger.once(
             "verify",
             "system",
@@ -246,6 +278,8 @@ class Run:
             partial(verified_from, self.scene.configurations),
             prepare=lambda: (self.model, self.comparison),
         )
+        for missing in found.checks.left_out if self.pipeline.verify and self.pipeline.verify.required_checks else ():
+            self.ledger.note(f"not checked: {missing}")
         for name, label in found.reference.items():
             if label.startswith("modes"):
                 n = self.bodies[name].body.n
@@ -255,16 +289,52 @@ class Run:
                 )
         return found
 
-    def _verify(self) -> Verified:
+    def models(self) -> dict[str, ReducedModel]:
+        """The reduced models that are compared with the full one, the run's own first."""
         models = {MODEL: self.model}
         keys = self.pipeline.verify
         for label, ranking in (keys.compare if keys else {}).items():
             if label == MODEL:
                 raise ConfigError(f"verify.compare: '{MODEL}' is the run's own model; choose another label")
             models[label] = self._model(self.balancing.kept_by(ranking, ranking.reduce))
-        results = self.comparison.errors(models, self.ledger.progress)
+        return models
+
+    def measured(self, models: Mapping[str, ReducedModel]) -> tuple[ConfigurationResult, ...]:
+        """Errors and curves of reduced models in every configuration."""
+        return self.comparison.errors(models, self.ledger.progress)
+
+    def _verify(self) -> Verified:
+        results = self.measured(self.models())
         labels = {name: found.label for name, found in self.references.items()}
-        return Verified(results, labels, self.comparison.full_seconds, self.comparison.reduced_seconds)
+        seconds = self.comparison.full_seconds, self.comparison.reduced_seconds
+        return Verified(results, labels, *seconds, self._checked())
+
+    def _checked(self) -> ReductionChecks:
+        """Checks of the reduction beside the errors of its responses."""
+        keys, reduced = self.pipeline.verify or VerifyKeys(), {name: self.final[name] for name in self.reduced_names}
+        return reduction_checks(
+            keys.required_checks,
+            keys.checks is None,
+            self.scene,
+            self.bodies,
+            reduced,
+            self.comparison.full if self.has_response else None,
+            self.model.assembled,
+        )
+
+    @cached_property
+    def checks(self) -> ReductionChecks:
+        """Checks of the reduction beside its errors: those that verify made, or made now where it is not asked for."""
+        return self.verified.checks if self.pipeline.verify is not None else self._checked()
+
+    @cached_property
+    def margins(self) -> tuple[ControllerMargin, ...]:
+        """What the scene's controller has to spare in every configuration; empty without one."""
+        if self.controller is None:
+            return ()
+        if self.pipeline.verify is None:
+            return ()
+        return controller_margins(self.controller, self.verified.configurations, self.model.assembled, MODEL)
 
     def _project(self, keys: ProjectKeys) -> Projected:
         if keys.of == "full":

@@ -59,9 +59,12 @@ def modal_to(component: ModalComponent) -> tuple[Arrays, dict[str, Any]]:
         "method": component.method,
         "rigid_count": component.rigid_count,
         "static_count": component.static_count,
+        "neglected_count": component.neglected_count,
         "kind": component.kind,
         "why": component.why,
         "basis_size": component.basis_size,
+        "basis_rank": component.basis_rank,
+        "basis_condition": component.basis_condition,
     }
     return _with_certificate(arrays, facts, component.certificate)
 
@@ -74,9 +77,12 @@ def modal_from(body: FEModel, arrays: Mapping[str, NDArray[Any]], facts: Mapping
         rigid_count=facts["rigid_count"],
         # Stages that were finished before static modes were known have none.
         static_count=facts.get("static_count", 0),
+        neglected_count=facts.get("neglected_count", 0),
         kind=tuple(facts["kind"]),
         why=tuple(facts["why"]),
         basis_size=facts["basis_size"],
+        basis_rank=facts["basis_rank"],
+        basis_condition=facts["basis_condition"],
         D=arrays.get("D"),
         certificate=_certificate(arrays, facts),
         # Modes are stored before they are ranked.

@@ -73,7 +73,7 @@ MISTAKES = {
         "an interface of a rigid body is given by its position"),
     "format of a later version": (
         "[hdf5]", "[hdf5, contops]", 0,
-        "key 'write.formats[1]': 'contops' is not available in this version, hdf5 or matlab or nastran or 42 or"),
+        "key 'write.formats[1]': 'contops' is not available in this version, hdf5 or matlab or abcd or nastran or"),
     "dialect of a format that has none": (
         "{formats: [hdf5]}", "{formats: [hdf5, mbsim], dialects: {mbsim: lumped}}", 0,
         "key 'write': 'mbsim' has no dialects (those that have: sid, mbdyn)"),
@@ -153,8 +153,14 @@ MISTAKES = {
         "name: galileo", "name: galileo\nsolver: {memory: 8 pages}", 1, "'8 pages' is no amount of memory"),
     "no threads": ("name: galileo", "name: galileo\nsolver: {threads: 0}", 1, "key 'solver.threads'"),
     "unknown solver": (
-        "name: galileo", "name: galileo\nsolver: {backend: mumps}", 1,
-        "expected auto or pardiso or cholmod or superlu"),
+        "name: galileo", "name: galileo\nsolver: {backend: umfpack}", 1,
+        "expected auto or pardiso or cholmod or superlu or mumps"),
+    "no ranks": ("name: galileo", "name: galileo\nsolver: {ranks: 0}", 1, "key 'solver.ranks'"),
+    "no parts": (
+        "name: galileo", "name: galileo\nsolver: {parts: 0}", 1,
+        "key 'solver.parts': a number of parts, 1 or more, or auto is expected, found 0"),
+    "many parts": (
+        "name: galileo", "name: galileo\nsolver: {parts: many}", 1, "or auto is expected, found 'many'"),
     "alias of itself": ("cg: [0, 0, 0.2]", "cg: &a [*a]", 0, "contains itself through an alias"),
 }  # fmt: skip
 
