@@ -49,8 +49,9 @@ def plate_area(corners: Array) -> tuple[float, Array]:
 
     Examples
     --------
-    >>> plate_area(np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]]))
-    (2.0, array([1. , 0.5, 0. ]))
+    >>> area, centre = plate_area(np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]]))
+    >>> area, centre.tolist()
+    (2.0, [1.0, 0.5, 0.0])
     """
     triangles = [corners[[0, k, k + 1]] for k in range(1, len(corners) - 1)]
     areas = np.array([np.linalg.norm(np.cross(t[1] - t[0], t[2] - t[0])) / 2 for t in triangles])

@@ -45,10 +45,12 @@ def costly_modes(component: ModalComponent, points: NDArray[np.float64], band_hz
     static = (points[:, elastic.stop :] ** 2).sum(axis=1)
     flexibility = compliance.sum(axis=1) + static
     felt = flexibility > 0
-    with np.errstate(divide="ignore"):
-        lost = np.where(omega > band, 1 / np.maximum((omega / band) ** 2 - 1, 0.0), np.inf)
+    # Modes near the band serve it by their frequency alone; their share is not asked for.
+    beyond = omega >= _FACTOR * band
+    lost = np.zeros_like(omega)
+    lost[beyond] = 1 / ((omega[beyond] / band) ** 2 - 1)
     shares = (compliance[felt] / flexibility[felt, None]).max(axis=0, initial=0.0) * lost
-    serving = np.flatnonzero((omega < _FACTOR * band) | (shares > _SHARE))
+    serving = np.flatnonzero(~beyond | (shares > _SHARE))
     first = int(serving[-1]) + 1 if serving.size else 0
     return CostlyModes(
         tuple(
