@@ -11,6 +11,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.linalg import cython_lapack
+from threadpoolctl import threadpool_limits
 
 from cmsreduce.errors import MatrixError
 
@@ -19,7 +20,7 @@ __all__ = ["singular_values"]
 Array = NDArray[np.float64]
 
 # From this size on a matrix no longer fits a cache, and what LAPACK takes one column at a time waits for memory.
-_LARGE = 1500
+_LARGE = 2500
 # Bandwidth in between: wider bands are quicker to reach and slower to leave.
 _BAND = 64
 # Rows of the matrix that are updated at a time, for the sake of memory.
@@ -57,7 +58,9 @@ def singular_values(A: NDArray[np.float64]) -> Array:
         return np.asarray(la.svdvals(A[np.ix_(rows, columns)]))
     square = np.zeros((max(p, q), max(p, q)))
     square[:p, :q] = A[np.ix_(rows, columns)]
-    return _band_values(_banded(square))[: min(p, q)]
+    # Blocks are so narrow that threads wait for each other longer than they work.
+    with threadpool_limits(1, user_api="blas"):
+        return _band_values(_banded(square))[: min(p, q)]
 
 
 def _banded(A: Array) -> Array:
