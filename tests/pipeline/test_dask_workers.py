@@ -18,8 +18,9 @@ from cmsreduce.model.sweep_result import SweepResult
 from cmsreduce.pipeline.dask_workers import batch_cluster, cluster_workers
 from cmsreduce.pipeline.sweep import sweep
 from cmsreduce.pipeline.sweep_points import sweep_axes
-from tests.pipeline.test_sweep import OVER, found
+from tests.pipeline.test_sweep import found
 
+OVER = ["reduce.method=craig-bampton,macneal-rubin", "balance.keep={modes: 4},{modes: 999}"]
 CONFIGS = Path(__file__).parents[2] / "configs"
 
 
