@@ -39,13 +39,14 @@ def checks_to(checks: ReductionChecks) -> tuple[dict[str, NDArray[Any]], dict[st
                 arrays[f"checks.{c}.zeros.{name}"] = np.concatenate([np.empty(0), *parts])
                 arrays[f"checks.{c}.zeros.{name}.sizes"] = np.array([part.size for part in parts], np.int64)
         systems.append(system.configuration)
-    static = {name: [[each.load, each.lack] for each in loads] for name, loads in checks.static.items()}
+    # Bodies in their order, which the keys of a stored mapping lose: of two equal figures the first is named.
+    static = [[name, [[each.load, each.lack] for each in loads]] for name, loads in checks.static.items()]
     return arrays, {"systems": systems, "static": static, "left_out": list(checks.left_out)}
 
 
 def checks_from(arrays: Arrays, facts: Mapping[str, Any]) -> ReductionChecks:
     """Checks from their arrays and facts."""
-    static = {name: tuple(StaticLack(*each) for each in loads) for name, loads in facts["static"].items()}
+    static = {name: tuple(StaticLack(*each) for each in loads) for name, loads in facts["static"]}
     systems = tuple(
         SystemChecks(
             name,
