@@ -230,7 +230,7 @@ class Trials:
     def full_disk(self) -> Row:
         """Disks with too little room, and then with enough."""
         fault, tried, wrong = "a disk that is full after so many KiB, then enlarged", 0, []
-        for size in (8, 64, 100, 150, 300, 400, 1000, 3000):
+        for size in (8, 64, 100, 150, 300, 400, 1000, 2000):
             with mounted(self.scratch / f"disk-{size}", f"size={size}k") as folder:
                 if folder is None:
                     return Row(fault, 0, "not tried: mounting needs root", True)
