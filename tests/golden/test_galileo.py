@@ -90,7 +90,7 @@ def test_a_search_needs_no_more_modes_than_any_ranking(result, tmp_path):
     run = Run(load_pipeline(PIPELINE, [f"balance.keep={{frf_error: {error!r}}}"]), tmp_path, Silent())
     kept = sum(columns.size for columns in run.selection.values())
     assert kept <= 34 and run.choice.search.frf_error <= error
-    pool = run._model(run.ranked)
+    pool = run.joined(run.ranked)
     targets = [run.comparison.target(configuration, pool) for configuration in run.scene.configurations]
     judge = Candidates(pool.assembled, targets)
     for ranking in ("gregory", "hankel", "component-cost"):

@@ -26,7 +26,7 @@ def test_coefficients_are_shares_of_the_mean_square(opened: Callable[..., Run]) 
         "scene.articulation={hinge: [50 deg]}",
     )
     (configuration,) = run.scene.configurations
-    model = run._model(run.ranked).assembled
+    model = run.joined(run.ranked).assembled
     states = elastic_states(model.system(configuration))
     X = la.solve_continuous_lyapunov(states.A, -states.B @ states.B.T)
     V = float((states.C @ X @ states.C.T).trace())
@@ -96,7 +96,7 @@ def test_what_cannot_be_ranked_so(opened: Callable[..., Run], setting: str, erro
 
 def test_a_column_is_added_and_nothing_else_changes(opened: Callable[..., Run]) -> None:
     run = opened()
-    found = with_system_cost(run.ranked, run._model(run.ranked).assembled)
+    found = with_system_cost(run.ranked, run.joined(run.ranked).assembled)
     for name, component in run.ranked.items():
         np.testing.assert_array_equal(found[name].sigma, component.sigma)
         assert set(found[name].rankings) - set(component.rankings) == {"system-cost"}
