@@ -222,7 +222,7 @@ def test_what_a_joint_rests_on_cannot_be_told_from_single_effects() -> None:
 
 def test_galileo_at_every_angle(tmp_path: Path) -> None:
     run = Run(load_pipeline(ROOT / "pipelines" / "galileo.yaml"), tmp_path, Silent())
-    pool = run._model(run.ranked).assembled
+    pool = run.joined(run.ranked).assembled
     omega = 2 * np.pi * np.geomspace(0.01, 10.0, 60)
     for configuration in run.scene.configurations:
         fast = ModalReceptance(pool.substructures, pool.wiring(configuration), omega, pool.receptances(omega))

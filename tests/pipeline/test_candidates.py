@@ -22,13 +22,13 @@ class Trials:
 
     def __init__(self, run: Run, components: Components) -> None:
         self.run, self.components = run, components
-        pool = run._model(components)
+        pool = run.joined(components)
         self.targets = [run.comparison.target(configuration, pool) for configuration in run.scene.configurations]
         self.fast = Candidates(pool.assembled, self.targets)
 
     def slow(self, selection: dict[str, np.ndarray]) -> float:
         kept = truncate(self.components, selection, dict.fromkeys(self.components, "trial"))
-        model = self.run._model(kept).assembled
+        model = self.run.joined(kept).assembled
         return max(
             frf_error(t.omega, t.elastic, model.response(t.configuration, t.omega) - t.rigid, t.row, t.column)
             for t in self.targets

@@ -94,7 +94,7 @@ def test_all_candidates_give_the_same_model(whips):
         omega = 2 * np.pi * np.linspace(0.5, 20, 200)
         H, H_t = (run.model.assembled.response(configuration, omega) for run in (plain, turned))
         # As candidates, before they are cut down, they are coupled, and the same body.
-        H_c = turned._model(turned.ranked).assembled.response(configuration, omega)
+        H_c = turned.joined(turned.ranked).assembled.response(configuration, omega)
         scale = abs(H).max(axis=(0, 2), keepdims=True)
         assert (abs(H_t - H) / scale).max() < 1e-8 and (abs(H_c - H) / scale).max() < 1e-8
 
