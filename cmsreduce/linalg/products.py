@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.mkl_product import mkl_product
 from cmsreduce.linalg.solver_settings import current_settings
 
 __all__ = ["symmetric_product"]
@@ -38,6 +39,9 @@ def symmetric_product(A: sp.csc_array) -> Callable[[NDArray[np.float64]], NDArra
     if np.count_nonzero(columns.data) < (1 - _ZEROS) * columns.nnz:
         columns = _without_zeros(columns)
     n, threads = columns.shape[0], current_settings().thread_count
+    quick = mkl_product(columns) if columns.nnz >= _ENTRIES else None
+    if quick is not None:
+        return quick
     if threads == 1 or columns.nnz < _ENTRIES:
         rows = sp.csr_array((columns.data, columns.indices, columns.indptr), shape=(n, n))
         return lambda X: np.asarray(rows @ np.ascontiguousarray(X))
