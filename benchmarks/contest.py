@@ -97,6 +97,9 @@ def _own(title: str, name: str, largest: int | None = None) -> Peer:
 OURS = "cmsreduce"
 PEERS = {
     OURS: Peer("cmsreduce", "ours.py", environment={"PYTHONPATH": str(ROOT)}),
+    f"{OURS}-single": Peer(
+        "cmsreduce, single-precision factor", "ours.py", ("single",), environment={"PYTHONPATH": str(ROOT)}
+    ),
     "scipy": Peer("scipy: splu, eigsh", "scipy_plain.py", ("default",)),
     "scipy-mmd": Peer("scipy, MMD order", "scipy_plain.py", ("mmd",)),
     "scipy-metis": Peer("scipy, METIS order", "scipy_plain.py", ("metis",), needs="import pymetis"),

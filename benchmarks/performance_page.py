@@ -110,7 +110,7 @@ def body_table(body: str, found: Found, only: tuple[str, ...] | list[str] | None
     if ours and "certificate" in ours.get("seconds", {}):
         notes.append(f"cmsreduce's certificate, timed apart: {_s(ours['seconds']['certificate'])} s.")
     for peer in done:
-        quicker = ours and ours["status"] == "ok" and peer != OURS and here[peer]["total_s"] < ours["total_s"]
+        quicker = ours and ours["status"] == "ok" and OURS not in peer and here[peer]["total_s"] < ours["total_s"]
         if quicker and not _poor(here[peer]):
             notes.append(f"**{PEERS[peer].title} is faster here.** {FASTER.get((body, peer), '')}".strip())
     if notes:

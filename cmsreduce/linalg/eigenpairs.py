@@ -12,16 +12,18 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factorise import BLOCK, factorise
 from cmsreduce.linalg.flexibility import ElasticFlexibility, Solve
+from cmsreduce.linalg.mixed_precision import corrected_modes
 from cmsreduce.linalg.multilevel import multilevel_modes
 from cmsreduce.linalg.parted_factor import PartedFactor
 from cmsreduce.linalg.pencil import UndeterminedError, elastic_pairs
 from cmsreduce.linalg.products import symmetric_product
+from cmsreduce.linalg.refined_factor import RefinedFactor
 from cmsreduce.linalg.repeated import REPEATED, repeated_groups
 from cmsreduce.linalg.shift_invert import CONVERGED
-from cmsreduce.linalg.spectrum_slicing import counted_modes
-from cmsreduce.linalg.sturm import sturm_count
+from cmsreduce.linalg.spectrum_slicing import SLICED, counted_modes
+from cmsreduce.linalg.sturm import STEPPED, sturm_count
 
-__all__ = ["CertifiedModes", "certified_modes", "count_below", "modes_below"]
+__all__ = ["CertifiedModes", "beside_modes", "certified_modes", "count_below", "modes_below"]
 
 # Up to this size all modes by dense algebra are quicker than a Lanczos run, and none can be missed.
 _DENSE_LIMIT = 600
@@ -145,6 +147,8 @@ def certified_modes(
         modes = None
         if isinstance(solve, PartedFactor) and not none.size:
             modes = multilevel_modes(K, M, _reach(omega), wanted, solve, tolerance)
+        if isinstance(solve, RefinedFactor) and not none.size and wanted <= SLICED:
+            modes = corrected_modes(K, M, solve, _reach(omega) ** 2 * (1 + STEPPED), wanted, tolerance)
         if modes is None:
             modes = counted_modes(
                 K, M, _reach(omega), wanted, rigid=none, solve=solve, start=start, tolerance=tolerance
@@ -163,6 +167,33 @@ def certified_modes(
         if mode[abs(mode).argmax()] < 0:
             mode *= -1
     return CertifiedModes(w, X, bound)
+
+
+def beside_modes(solve: Solve, M: sp.csc_array, omega: NDArray[np.float64], Phi: NDArray[np.float64]) -> Solve:
+    """Solve with less work, where a factor has few digits and modes are known that they fail; see `RefinedFactor`.
+
+    Parameters
+    ----------
+    solve : callable
+        Solves K x = b.
+    M : (n, n) sparse array
+        Mass.
+    omega : (k,) float64
+        Natural frequencies in rad/s.
+    Phi : (n, k) float64
+        Modes, orthonormal in M.
+
+    Returns
+    -------
+    callable
+        ``solve`` itself unless it is of single precision.
+    """
+    if not isinstance(solve, RefinedFactor) or not omega.size:
+        return solve
+    mass, MX = symmetric_product(M), np.empty(Phi.shape, order="F")
+    for first in range(0, omega.size, BLOCK):
+        MX[:, first : first + BLOCK] = mass(Phi[:, first : first + BLOCK])
+    return solve.beside(omega**2, Phi, MX)
 
 
 def _reach(omega: float) -> float:

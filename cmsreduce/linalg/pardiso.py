@@ -113,10 +113,14 @@ class Pardiso(Factor):
         return self._values, self._indices, self._indptr
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(self.solve_as_made(b), dtype=np.float64)
+
+    def solve_as_made(self, b: NDArray[Any]) -> NDArray[Any]:
+        """Solve for a block (n, k) in the precision of the factor, columns in Fortran order."""
         b = np.asfortranarray(b, dtype=self._real)
         x = np.empty_like(b)
         self._call(_SOLVE, self.n, b, x)
-        return np.asarray(x, dtype=np.float64)
+        return x
 
     @cached_property
     def pivots(self) -> NDArray[np.float64]:

@@ -1,0 +1,192 @@
+"""Modes to double precision from a factor in single precision: a rough Krylov space, corrected by residuals."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.block_lanczos import BlockLanczos, Operator
+from cmsreduce.linalg.factor import BLOCK
+from cmsreduce.linalg.products import symmetric_product
+from cmsreduce.linalg.refined_factor import RefinedFactor
+from cmsreduce.linalg.shift_invert import ShiftedModes, combine_columns
+
+__all__ = ["corrected_modes"]
+
+# Columns of a Lanczos block, and of the basis beyond four times the modes sought.
+_WIDTH, _MORE = 16, 160
+# Residual of a Ritz value, relative to it, at which the rough space is good enough: below is the noise of the solves.
+_ROUGH = 1e-5
+# Ritz vectors beside those sought: a correction shrinks what lies along a mode of lam_j by lam_i / lam_j, so that what
+# remains in the space is better held there.
+_BESIDE = 20
+# A correction has to shrink the worst residual to this share; two in a row that do not are the last.
+_SHRINKS, _PATIENCE = 0.5, 2
+_ROUNDS = 12
+# Directions of corrections that differ by less than this, squared, are one.
+_NEW = 1e-10
+
+
+def corrected_modes(
+    K: sp.csc_array, M: sp.csc_array, factor: RefinedFactor, high: float, wanted: int, tolerance: float
+) -> ShiftedModes | None:
+    """Lowest modes of a pencil, as many as were counted.
+
+    Parameters
+    ----------
+    K, M : (n, n) sparse array
+        Stiffness, positive definite, and mass.
+    factor : RefinedFactor
+        Of K, in single precision.
+    high : float
+        Squared frequency below which the modes were counted.
+    wanted : int
+        Their number.
+    tolerance : float
+        |K^-1 r|_M of a mode of unit mass, r = K x - lam M x, at which it is found.
+
+    Returns
+    -------
+    ShiftedModes or None
+        None if fewer were found, or corrections no longer help.
+
+    Notes
+    -----
+    What single precision takes from K^-1 lies along the softest motions. They are the first that Lanczos finds, so
+    that a Rayleigh-Ritz step with the matrices themselves gives them back; what is left is five digits smaller, and
+    residuals, solved for by the same factor, join the space until it holds the modes: Davidson's method. Source: E. R.
+    Davidson, J. Comput. Phys. 17 (1975), 87-94; bound: as in `shift_invert.polished`.
+    """
+    stiffness, mass = symmetric_product(K), symmetric_product(M)
+    rough = _rough_space(factor, mass, K.shape[0], wanted)
+    m = rough.shape[1]
+    if m < wanted:
+        return None
+    # Pages that nothing is written to take no memory.
+    space = np.empty((K.shape[0], m + _ROUNDS * wanted), order="F")
+    space[:, :m] = rough
+    del rough
+    V = space[:, :m]
+    A, B = np.zeros((0, 0)), np.zeros((0, 0))
+    for first in range(0, V.shape[1], BLOCK):
+        A, B = _joined(V[:, :first], V[:, first : first + BLOCK], A, B, stiffness, mass)
+    opened, away, worst, stuck = np.arange(wanted), np.full(wanted, np.inf), np.inf, 0
+    for _ in range(_ROUNDS):
+        lam, Z = _ritz(A, B, wanted)
+        if lam[-1] > high:
+            return None
+        X = _combined(V, Z)
+        C = _corrections(factor, X, lam, opened, stiffness, mass)
+        MC = mass(C)
+        # Exact corrections are orthogonal to all modes sought; what is not is the noise of the solves.
+        along = X.T @ MC
+        residual = np.sqrt(np.maximum(np.einsum("ij,ij->j", C, MC) - (along**2).sum(axis=0), 0.0))
+        away[opened] = residual
+        last, worst = worst, float(residual.max())
+        kept = residual > tolerance
+        if not kept.any():
+            del C, MC
+            # As an eigenvalue of K^-1 M, 1 / lam is this share of itself off at most.
+            return ShiftedModes(*_smoothed(factor, X, lam, stiffness, mass), away / (1 - away) / 2, True)
+        stuck = stuck + 1 if worst > _SHRINKS * last else 0
+        if stuck >= _PATIENCE:
+            return None
+        opened = opened[kept]
+        del X
+        C = _outside(V, C[:, kept], MC[:, kept], B, mass)
+        A, B = _joined(V, C, A, B, stiffness, mass)
+        space[:, m : m + C.shape[1]] = C
+        m += C.shape[1]
+        V = space[:, :m]
+        del C, MC
+    return None
+
+
+def _rough_space(factor: RefinedFactor, mass: Operator, n: int, wanted: int) -> NDArray[np.float64]:
+    """Ritz vectors (n, q) of a Lanczos run that takes single-precision solves for exact ones."""
+    columns = 4 * wanted + _MORE
+    lanczos = BlockLanczos(factor.rough, mass, n, block=_WIDTH, columns=columns, sought=wanted)
+    while not lanczos.exhausted:
+        lanczos.step()
+        ritz = lanczos.ritz()
+        found = ritz.theta[:wanted]
+        settled = found.size == wanted and bool((ritz.residual[:wanted] <= _ROUGH * found).all())
+        if settled or lanczos.m + _WIDTH > columns:
+            break
+    return lanczos.vectors(ritz, np.arange(min(2 * wanted + _BESIDE, lanczos.m)))
+
+
+def _ritz(
+    A: NDArray[np.float64], B: NDArray[np.float64], wanted: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lowest Ritz values (k,) and coefficients (m, k) of a space with Gram matrices A of K and B of M."""
+    scale = 1 / np.sqrt(B.diagonal())
+    ends = (0, wanted - 1)
+    lam, Z = la.eigh(A * np.outer(scale, scale), B * np.outer(scale, scale), subset_by_index=ends)
+    return lam, scale[:, None] * Z
+
+
+def _corrections(
+    factor: RefinedFactor,
+    X: NDArray[np.float64],
+    lam: NDArray[np.float64],
+    opened: NDArray[np.int64],
+    stiffness: Operator,
+    mass: Operator,
+) -> NDArray[np.float64]:
+    """K^-1 (K x - lam M x) of some modes, in single precision (n, k)."""
+    C = np.empty((X.shape[0], opened.size), order="F")
+    for first in range(0, opened.size, BLOCK):
+        part = opened[first : first + BLOCK]
+        x = X[:, part]
+        C[:, first : first + BLOCK] = factor.rough(stiffness(x) - mass(x) * lam[part])
+    return C
+
+
+def _smoothed(
+    factor: RefinedFactor, X: NDArray[np.float64], lam: NDArray[np.float64], stiffness: Operator, mass: Operator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Frequencies and modes after one inverse iteration, which takes out of them what rounding left at all others."""
+    X -= _corrections(factor, X, lam, np.arange(lam.size), stiffness, mass)
+    A, B = np.zeros((0, 0)), np.zeros((0, 0))
+    for first in range(0, lam.size, BLOCK):
+        A, B = _joined(X[:, :first], X[:, first : first + BLOCK], A, B, stiffness, mass)
+    lam, Z = _ritz(A, B, lam.size)
+    combine_columns(X, Z)
+    return lam, X
+
+
+def _outside(
+    V: NDArray[np.float64], C: NDArray[np.float64], MC: NDArray[np.float64], B: NDArray[np.float64], mass: Operator
+) -> NDArray[np.float64]:
+    """Directions of unit mass that corrections (n, k) add to a space."""
+    C = np.asfortranarray(C - V @ la.solve(B, V.T @ MC, assume_a="pos"))
+    MC = mass(C)
+    scale = 1 / np.sqrt(np.einsum("ij,ij->j", C, MC))
+    squared, U = la.eigh((C.T @ MC) * np.outer(scale, scale))
+    new = squared > _NEW
+    return _combined(C, (scale[:, None] * U[:, new]) / np.sqrt(squared[new]))
+
+
+def _joined(
+    V: NDArray[np.float64],
+    C: NDArray[np.float64],
+    A: NDArray[np.float64],
+    B: NDArray[np.float64],
+    stiffness: Operator,
+    mass: Operator,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Gram matrices of a space and of what joins it."""
+    grown = []
+    for G, product in ((A, stiffness), (B, mass)):
+        P = product(C)
+        across, own = V.T @ P, C.T @ P
+        grown.append(np.block([[G, across], [across.T, (own + own.T) / 2]]))
+    return grown[0], grown[1]
+
+
+def _combined(V: NDArray[np.float64], Z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """V Z, columns in Fortran order."""
+    return np.asarray((Z.T @ V.T).T)
