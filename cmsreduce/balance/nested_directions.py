@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from cmsreduce.balance.cluster_error import ClusterError
 
@@ -164,6 +163,9 @@ def _valley(error: ClusterError, taken: Array, left: Array, one: Array, least: f
     """The direction of least error near one of a span, and its error."""
     if least < NOTHING:
         return one, least
+    # Only here: few runs search directions, and loading it takes as long as a small body's whole reduction.
+    from scipy.optimize import minimize
+
     # All directions less than a right angle away.
     others = left @ la.qr((left.T @ one)[:, None])[0][:, 1:]
     if others.shape[1] > _AMONG:

@@ -67,7 +67,8 @@ class Keys(BaseModel):
     for, and ``short_schema`` what such a lone value may be.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, populate_by_name=True)
+    # Validators are built once, for the whole pipeline, rather than for each mapping in it as well.
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, populate_by_name=True, defer_build=True)
 
     alternatives: ClassVar[tuple[str, ...]] = ()
     short_key: ClassVar[str] = ""

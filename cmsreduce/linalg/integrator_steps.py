@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Callable, Mapping
+from functools import cache
 
 import numpy as np
-from scipy.optimize import brentq
 
 __all__ = ["ACCURACIES", "INTEGRATORS", "SPECTRAL_RADIUS", "STABLE", "advised_steps", "numerical_damping", "step_limit"]
 
@@ -28,13 +29,15 @@ def _trapezoidal(x: float) -> complex:
 
 def _adams_bashforth_2(x: float) -> complex:
     # z^2 - (1 + 3 i w h / 2) z + i w h / 2 = 0, of whose roots the larger is the motion.
-    roots = np.roots([1.0, -(1 + 1.5j * x), 0.5j * x])
-    return complex(roots[abs(roots).argmax()])
+    sum_of_roots = 1 + 1.5j * x
+    apart = cmath.sqrt(sum_of_roots**2 - 2j * x)
+    return max(0.5 * (sum_of_roots + apart), 0.5 * (sum_of_roots - apart), key=abs)
 
 
 def _runge_kutta_4(x: float) -> complex:
     # The exponential series of i w h up to its fourth power.
-    return complex(np.polyval([1 / 24, 1 / 6, 1 / 2, 1, 1], 1j * x))
+    z = 1j * x
+    return 1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))
 
 
 def _generalised_alpha(x: float) -> complex:
@@ -76,8 +79,11 @@ STABLE: Mapping[str, float] = {
 _SMALLEST = 1e-5
 # Factor from one trial step to the next: errors grow by less than their order's power of it.
 _WIDER = 1.25
+# Halvings of the last trial step that reach the digits of a double.
+_HALVINGS = 50
 
 
+@cache
 def step_limit(integrator: str, accuracy: float) -> float:
     """Longest step in units of 1 / w that keeps a frequency w.
 
@@ -106,7 +112,12 @@ def step_limit(integrator: str, accuracy: float) -> float:
     x = _SMALLEST
     while excess(_WIDER * x) < 0:
         x *= _WIDER
-    return float(brentq(excess, x, _WIDER * x, xtol=1e-12))
+    low, high = x, _WIDER * x
+    # Plain halving: a root finder from a library would take longer to load than all limits take together.
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if excess(middle) < 0 else (low, middle)
+    return high
 
 
 def advised_steps(highest: float) -> dict[str, dict[str, float]]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from array import array
 from collections.abc import Callable, Sequence
+from functools import cache
+from importlib import import_module, util
 from pathlib import Path
 from typing import Any
 
@@ -65,9 +68,7 @@ def _stored(path: Path, header: Op4Header, pyyeti_name: str, occurrence: int) ->
 
 def _load(path: Path, header: Op4Header, pyyeti_name: str, occurrence: int) -> LabelledMatrix:
     """Read one matrix; ``occurrence`` counts the ones of that name before it."""
-    from pyyeti.nastran import op4
-
-    reader = op4.OP4()
+    reader = _pyyeti_op4().OP4()
     _collect_strings(reader)
     with reading(path, f"OP4 matrix '{header.name}'"), warnings.catch_warnings():
         # It warns of names that are no Python identifiers; here names are looked up, never made into variables.
@@ -77,6 +78,21 @@ def _load(path: Path, header: Op4Header, pyyeti_name: str, occurrence: int) -> L
     if header.form == _SYMMETRIC:
         A = mirrored(A)
     return LabelledMatrix(A, header.name or pyyeti_name, path, "op4", header.rounding)
+
+
+@cache
+def _pyyeti_op4() -> Any:
+    """Module of pyYeti that reads these files, by itself: its package loads pandas, which takes 25 times as long."""
+    whole = "pyyeti.nastran.op4"
+    package = util.find_spec("pyyeti")
+    places = [] if package is None else package.submodule_search_locations or []
+    files = [file for place in places if (file := Path(place, "nastran", "op4.py")).is_file()]
+    spec = util.spec_from_file_location("cmsreduce.read.pyyeti_op4", files[0]) if files else None
+    if whole in sys.modules or spec is None or spec.loader is None:
+        return import_module(whole)
+    module = util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 class _Strings:

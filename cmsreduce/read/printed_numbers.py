@@ -31,7 +31,7 @@ def digits_of(text: str) -> int:
     if match is None:
         return 0
     mantissa = match.group(0)[: match.start(2) - match.start(0)] if match.group(2) else match.group(0)
-    return len(re.sub(r"\D", "", mantissa).lstrip("0"))
+    return len(mantissa.replace(".", "").lstrip("+-0"))
 
 
 def rounding_of_digits(digits: int) -> float:

@@ -65,9 +65,9 @@ class ArrayStore:
         return at
 
 
-def compressed(data: bytes) -> str:
+def compressed(data: bytes, level: int = 9) -> str:
     """Gzip in base64, the same for the same bytes: it holds no time."""
-    return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode("ascii")
+    return base64.b64encode(gzip.compress(data, level, mtime=0)).decode("ascii")
 
 
 def quantised_from(block: bytes, where: dict[str, Any]) -> NDArray[np.float64]:

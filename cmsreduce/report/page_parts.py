@@ -11,13 +11,15 @@ from cmsreduce.report.packing import compressed
 
 __all__ = ["embedded", "packed_plotly", "part"]
 
+# Compression that takes half the time of the strongest, for a library 4 % larger.
+_QUICK = 4
+
 
 @cache
 def packed_plotly() -> str:
     """The plotting library, compressed: the page unpacks it when it opens."""
-    from plotly.offline import get_plotlyjs
-
-    return compressed(get_plotlyjs().encode("utf-8"))
+    library = files("plotly").joinpath("package_data", "plotly.min.js").read_bytes()
+    return compressed(library, _QUICK)
 
 
 def embedded(data: Any) -> str:

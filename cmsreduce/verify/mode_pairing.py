@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 __all__ = ["ModePairing", "pair_modes", "scaled_rows"]
 
@@ -89,6 +88,9 @@ def pair_modes(old_omega: Array, new_omega: Array, old: Array, new: Array) -> Mo
     -----
     Sources: Allemang (MAC); D'Ambrogio, Fregolent (MAC of a space, for repeated frequencies).
     """
+    # Only here: loading it takes as long as a small body's whole reduction.
+    from scipy.optimize import linear_sum_assignment
+
     group = _groups(old_omega)
     mac = _likeness(old, new, group)
     distance = abs(np.log(new_omega)[None, :] - np.log(old_omega)[:, None])

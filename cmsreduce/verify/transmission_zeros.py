@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 __all__ = ["judged_zeros", "transmission_zeros", "visible_modes", "zero_shifts", "zeros_below"]
 
@@ -186,6 +185,9 @@ def zero_shifts(
     inside = full[judged_zeros(full, band, poles, hidden)]
     if not inside.size:
         return np.empty(0)
+    # Only here: loading it takes longer than the zeros.
+    from scipy.optimize import linear_sum_assignment
+
     distance = abs(reduced[None, :] - inside[:, None]) / abs(inside)[:, None]
     i, j = linear_sum_assignment(distance)
     shifts = np.full(inside.size, np.inf)

@@ -25,6 +25,14 @@ HEAVY = (
 )  # fmt: skip
 
 
+# What takes as long to load as a small body's whole reduction.
+NOT_OF_A_PLAIN_RUN = (
+    "scipy.optimize", "scipy.stats", "scipy.special", "scipy.fft", "scipy.spatial", "scipy.signal", "scipy.integrate",
+    "scipy.interpolate", "pandas", "matplotlib", "meshio", "control", "pyyeti.nastran", "plotly.offline", "distributed",
+)  # fmt: skip
+ROOT = Path(__file__).parents[2]
+
+
 def commands() -> dict[str, click.Command]:
     return main.commands
 
@@ -46,6 +54,21 @@ def test_the_command_line_loads_no_heavy_library() -> None:
     look = f"import sys, cmsreduce.cli; print([name for name in {HEAVY!r} if name in sys.modules])"
     said = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
     assert said.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("pipeline", ["study", "galileo"])
+def test_a_plain_run_loads_no_library_that_it_does_not_use(pipeline: str, study: Path, tmp_path: Path) -> None:
+    """Bodies from OP4 files; nothing is verified."""
+    file = study if pipeline == "study" else ROOT / "pipelines" / "galileo.yaml"
+    asked = ["run", str(file), "--out", str(tmp_path / "out"), "--quiet", "--set", "verify=null"]
+    look = (
+        "import sys\nfrom cmsreduce.cli import main\n"
+        f"try: main({asked!r})\nexcept SystemExit as end: assert end.code == 0\n"
+        f"print([name for name in {NOT_OF_A_PLAIN_RUN!r} if name in sys.modules])"
+    )
+    said = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "[]"
+    assert (tmp_path / "out" / "report.html").is_file()
 
 
 def test_version() -> None:

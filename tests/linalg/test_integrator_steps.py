@@ -23,6 +23,17 @@ def test_fine_steps_follow_the_leading_term(name):
     assert step_limit(name, 1e-6) == pytest.approx((1e-6 / factor) ** (1 / power), rel=5e-3)
 
 
+@pytest.mark.parametrize("accuracy", [1e-2, 1e-3, 1e-6])
+@pytest.mark.parametrize(
+    ("name", "angle"),
+    [("central_difference", lambda x: 2 * np.arcsin(x / 2)), ("trapezoidal", lambda x: 2 * np.arctan(x / 2))],
+)
+def test_the_limit_is_where_the_error_is_that_large(name, angle, accuracy):
+    """Frequency in closed form: sin(w' h / 2) = w h / 2, and tan(w' h / 2) = w h / 2."""
+    x = step_limit(name, accuracy)
+    assert abs(angle(x) / x - 1) == pytest.approx(accuracy, rel=1e-9)
+
+
 def trajectory(name, h, steps):
     """Displacement of x'' = -x from x = 1 at rest."""
     x, v, a, past = 1.0, 0.0, -1.0, None
