@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.assemble.joint_elements import with_joint_bodies
 from cmsreduce.assemble.points import PointStack
-from cmsreduce.assemble.receptance import BRAKED, Receptance, receptance
+from cmsreduce.assemble.receptance import BRAKED, Receptance, add_between, frequencies_last, receptance
 from cmsreduce.assemble.system import Wiring, wire
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.flexibility_model import frequency_blocks
@@ -25,10 +26,10 @@ _BLOCK_BYTES = 2**27
 def couple(
     receptances: Mapping[str, Receptance],
     stack: PointStack,
-    wiring: Wiring,
-    omega: NDArray[np.float64],
-) -> NDArray[np.complex128]:
-    """Response of the joined bodies from the receptances of the single ones.
+    wirings: Sequence[Wiring],
+    grids: Sequence[NDArray[np.float64]],
+) -> list[NDArray[np.complex128]]:
+    """Responses of the joined bodies, in several configurations, from the receptances of the single ones.
 
     Parameters
     ----------
@@ -36,49 +37,108 @@ def couple(
         Dynamic flexibilities over each body's points; they do not depend on how the bodies are turned.
     stack : PointStack
         Points of all bodies.
-    wiring : Wiring
-        Joints, inputs and outputs in one configuration.
-    omega : (f,) float64
-        Circular frequencies in rad/s.
+    wirings : sequence of Wiring
+        Joints, inputs and outputs in each configuration.
+    grids : sequence of (f_k,) float64
+        Circular frequencies of each configuration in rad/s.
 
     Returns
     -------
-    H : (f, outputs, inputs) complex128
+    list of (f_k, outputs, inputs) complex128
+        Of each configuration.
 
     Notes
     -----
     With lambda the joint forces, A Y (B u + A^T lambda) = 0. Rows of A that depend on others in the motions that the
-    bodies have are dropped. Frequencies are taken in blocks: the receptances of none but these are in memory.
+    bodies have are dropped. A frequency of several grids is asked of the bodies once, and all configurations with as
+    many joint forces are solved together. Frequencies are taken in blocks: the receptances of none but these are in
+    memory.
     """
-    # Joints that lock the same motion of a reduced body twice would leave lambda undetermined.
-    basis = row_basis(dense(stack.spread(wiring.A)))
-    A = basis @ wiring.A
-    c, u = A.shape[0], wiring.B.shape[0]
-    left = np.vstack([A, wiring.C1, wiring.C2])
-    right = np.vstack([A, wiring.B])
-    out = np.empty((omega.size, wiring.C1.shape[0], u), dtype=np.complex128)
+    joined = [_Joined.of(wiring, stack) for wiring in wirings]
+    every = np.unique(np.concatenate([np.empty(0), *grids]))
+    places = [np.searchsorted(every, grid) for grid in grids]
+    found = [
+        np.empty((grid.size, wiring.C1.shape[0], wiring.B.shape[0]), dtype=np.complex128)
+        for wiring, grid in zip(wirings, grids, strict=True)
+    ]
     columns = {name: stack.body_columns(name) for name in receptances}
-    entries = sum((place.stop - place.start) ** 2 for place in columns.values()) + 3 * left.shape[0] * right.shape[0]
-    for part in frequency_blocks(omega.size, 16 * entries, _BLOCK_BYTES):
-        G = np.zeros((omega[part].size, left.shape[0], right.shape[0]), dtype=np.complex128)
+    entries = sum((place.stop - place.start) ** 2 for place in columns.values())
+    entries += 3 * sum(each.shape[0] * each.shape[1] for each in joined)
+    for part in frequency_blocks(every.size, 16 * entries, _BLOCK_BYTES):
+        omega = every[part]
+        whole = np.arange(omega.size)
+        inside = [np.flatnonzero((place >= part.start) & (place < part.stop)) for place in places]
+        local = [place[own] - part.start for place, own in zip(places, inside, strict=True)]
+        G = [np.zeros((*each.shape, own.size), dtype=np.complex128) for each, own in zip(joined, inside, strict=True)]
         for name, receptance_of in receptances.items():
-            G += _between(left[:, columns[name]], receptance_of(omega[part]), right[:, columns[name]])
-        AYA, AYB = G[:, :c, :c], G[:, :c, c:]
-        CYA, CYB = G[:, c:, :c], G[:, c:, c:]
-        both = CYB - CYA @ np.linalg.solve(AYA, AYB) if c else CYB
-        y = wiring.C1.shape[0]
-        out[part] = both[:, :y] + 1j * omega[part, None, None] * both[:, y:]
-    return out
+            Y, here = frequencies_last(receptance_of(omega)), columns[name]
+            for each, at, into in zip(joined, local, G, strict=True):
+                own_Y = Y if np.array_equal(at, whole) else np.ascontiguousarray(Y[..., at])
+                add_between(into, each.left[:, here], own_Y, each.right[:, here])
+        for same in _alike(joined):
+            stacked = np.ascontiguousarray(np.concatenate([G[k] for k in same], axis=2).transpose(2, 0, 1))
+            H = joined[same[0]].response(stacked, np.concatenate([omega[local[k]] for k in same]))
+            for k, own_H in zip(same, np.split(H, np.cumsum([local[k].size for k in same])[:-1]), strict=True):
+                found[k][inside[k]] = own_H
+    return found
 
 
-def _between(
-    left: NDArray[np.float64], Y: NDArray[np.complex128], right: NDArray[np.float64]
-) -> NDArray[np.complex128]:
-    """Give left Y right^T at every frequency, most of the work in one product of real matrices for all of them."""
-    f, p = Y.shape[:2]
-    rows = Y.reshape(f * p, p)
-    columns = (rows.real @ right.T + 1j * (rows.imag @ right.T)).reshape(f, p, -1)
-    return np.asarray((left @ columns.view(np.float64)).view(np.complex128))
+@dataclass(frozen=True, eq=False)
+class _Joined:
+    """What joins, drives and measures the bodies in one configuration, as rows over the stacked motions.
+
+    Parameters
+    ----------
+    left : (c + displacements + rates, size) float64
+        Independent constraints, then the outputs that measure anything.
+    right : (c + inputs, size) float64
+        The same constraints, then the inputs.
+    c, outputs : int
+        Constraints; outputs, silent ones too.
+    displacement, rate : tuple of int
+        Which outputs the last rows on the left are.
+    """
+
+    left: NDArray[np.float64]
+    right: NDArray[np.float64]
+    c: int
+    outputs: int
+    displacement: tuple[int, ...]
+    rate: tuple[int, ...]
+
+    @classmethod
+    def of(cls, wiring: Wiring, stack: PointStack) -> _Joined:
+        # Joints that lock the same motion of a reduced body twice would leave lambda undetermined.
+        A = row_basis(dense(stack.spread(wiring.A))) @ wiring.A
+        displacement, rate = (np.flatnonzero(rows.any(axis=1)) for rows in (wiring.C1, wiring.C2))
+        left = np.vstack([A, wiring.C1[displacement], wiring.C2[rate]])
+        measured = tuple(displacement.tolist()), tuple(rate.tolist())
+        return cls(left, np.vstack([A, wiring.B]), A.shape[0], wiring.C1.shape[0], *measured)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows on the left and on the right."""
+        return self.left.shape[0], self.right.shape[0]
+
+    def response(self, G: NDArray[np.complex128], omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Outputs under unit inputs (f, outputs, inputs), from the flexibility of the bodies between all rows."""
+        c = self.c
+        both = G[:, c:, c:]
+        if c:
+            both = both - G[:, c:, :c] @ np.linalg.solve(G[:, :c, :c], G[:, :c, c:])
+        H = np.zeros((omega.size, self.outputs, both.shape[2]), dtype=np.complex128)
+        d = len(self.displacement)
+        H[:, self.displacement] = both[:, :d]
+        H[:, self.rate] += 1j * omega[:, None, None] * both[:, d:]
+        return H
+
+
+def _alike(joined: Sequence[_Joined]) -> list[list[int]]:
+    """Numbers of the configurations whose flexibilities can be stacked."""
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for number, each in enumerate(joined):
+        groups.setdefault((each.shape, each.displacement, each.rate), []).append(number)
+    return list(groups.values())
 
 
 def rigid_response(system: System, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -130,4 +190,4 @@ def frequency_response(
     bodies = with_joint_bodies(substructures, scene)
     stack = PointStack(bodies)
     Y = {name: receptance(sub, omega, stack.motions(name)) for name, sub in bodies.items()}
-    return couple(Y, stack, wire(stack, scene, configuration), omega)
+    return couple(Y, stack, [wire(stack, scene, configuration)], [omega])[0]

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.assemble.coupled_modes import CoupledModes, CoupledTerms
-from cmsreduce.assemble.modal_terms import Change, Columns, Kept, ModalTable, ModalTerms, term_sum
+from cmsreduce.assemble.modal_terms import Change, Columns, Kept, ModalTable, ModalTerms, add_terms
 from cmsreduce.assemble.points import PointStack
-from cmsreduce.assemble.receptance import Receptance, modal_weights, resonant
+from cmsreduce.assemble.receptance import Receptance, add_between, frequencies_last, modal_weights, resonant
 from cmsreduce.assemble.system import Wiring
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.dynamic_stiffness import ResonanceError
@@ -74,17 +74,18 @@ class ModalReceptance:
         self._motions = {name: dense(stack.motions(name)) for name in substructures}
         self._columns = {name: stack.body_columns(name) for name in substructures}
         self._always = {name: _always(sub) for name, sub in substructures.items()}
-        self._base = np.zeros((omega.size, self._left.shape[0], self._right.shape[0]), dtype=np.complex128)
+        # Frequencies last, as products over all of them leave them.
+        self._base = np.zeros((self._left.shape[0], self._right.shape[0], omega.size), dtype=np.complex128)
         for name, sub in substructures.items():
             here, L = self._columns[name], self._motions[name]
             left, right = self._left[:, here], self._right[:, here]
             if sub.omega is None:
-                self._base += left @ whole[name](omega) @ right.T
+                add_between(self._base, left, frequencies_last(whole[name](omega)), right)
             else:
                 self._coupled[name] = CoupledModes.of(sub, left @ L, right @ L)
-                table = ModalTable(left @ L, right @ L, _parts(sub, self._single(name), omega))
+                table = ModalTable(left @ L, right @ L, _weights(sub, self._single(name), omega))
                 self._tables[name] = table
-                self._base += term_sum(table, self._single(name, self._always[name]), slice(None))
+                add_terms(self._base, table, self._single(name, self._always[name]))
         self._basis = self._row_basis({name: np.arange(sub.m) for name, sub in substructures.items()})
         # Joints that the motions present in every choice already tell apart need no look at each choice.
         alone = self._row_basis({name: np.empty(0, dtype=np.int64) for name in substructures})
@@ -212,11 +213,14 @@ class ModalReceptance:
 
     def _joined(self, kept: Kept, U: Real, points: NDArray[np.int64]) -> tuple[Complex, Complex, Complex, Complex]:
         """Flexibilities between joint forces and inputs, and joint motions and outputs, at some frequencies."""
-        G = self._base[points]
+        last = self._base[..., points]
+        presence = {name: self._present(name, kept) for name in self._tables}
         for name, table in self._tables.items():
-            present = self._present(name, kept)
-            G += term_sum(table, self._single(name, present & ~self._always[name]), points)
-            G += self._coupled[name].flexibility(present, self.omega[points])
+            add_terms(last, table, self._single(name, presence[name] & ~self._always[name]), points)
+        G = np.ascontiguousarray(last.transpose(2, 0, 1))
+        for name, body in self._coupled.items():
+            if body.clusters:
+                G += body.flexibility(presence[name], self.omega[points])
         c = self._c
         C = self._output_rows(G[:, c:], points)
         AYA, AYB = U @ G[:, :c, :c] @ U.T, U @ G[:, :c, c:]
@@ -245,12 +249,11 @@ def _times(S: NDArray[Any], alpha: Real) -> Complex:
     return np.asarray((rows.real @ alpha + 1j * (rows.imag @ alpha)).reshape(f, c, alpha.shape[1]))
 
 
-def _parts(sub: Substructure, columns: Columns, omega: Real) -> Real:
-    """Real and imaginary parts of the amplitudes of modes by themselves (2, f, m), and zeros for the others."""
-    parts = np.zeros((2, omega.size, sub.m))
+def _weights(sub: Substructure, columns: Columns, omega: Real) -> Complex:
+    """Amplitudes of modes by themselves (m, f), and zeros for the others."""
+    every = np.zeros((sub.m, omega.size), dtype=np.complex128)
     try:
-        weights = modal_weights(sub, omega, columns)
+        every[columns] = modal_weights(sub, omega, columns).T
     except ResonanceError as error:
         raise resonant(sub, error) from None
-    parts[:, :, columns] = np.stack([weights.real, weights.imag])
-    return parts
+    return every

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SINGULAR", "Change", "Kept", "ModalTable", "ModalTerms", "term_sum"]
+__all__ = ["SINGULAR", "Change", "Kept", "ModalTable", "ModalTerms", "add_terms"]
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -30,8 +30,8 @@ class ModalTable:
 
     left: Real
     right: Real
-    parts: Real
-    """Real parts 1/Z of every mode at every frequency, then imaginary ones (2, f, m)."""
+    weights: Complex
+    """1/Z of every mode at every frequency (m, f)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ class ModalTerms:
         out = np.empty((points.size, self.sign.size), dtype=np.complex128)
         for table, columns, start in zip(self.tables, self.columns, self.start[:-1], strict=True):
             own = slice(start, start + columns.size)
-            out[:, own].real, out[:, own].imag = (part[np.ix_(points, columns)] for part in table.parts)
+            out[:, own] = table.weights[np.ix_(columns, points)].T
         return out * self.sign
 
     def update(
@@ -115,19 +115,27 @@ class ModalTerms:
                 dH[part, :, :, self.which[k]] = P[:, :, own] @ np.linalg.solve(pivots, Q[:, :, own].transpose(0, 2, 1))
 
 
-def term_sum(table: ModalTable, columns: Columns, points: NDArray[np.int64] | slice) -> Complex:
-    """Sum of the terms of some modes (f, left, right), in products of real matrices."""
-    weights = table.parts[:, points][:, :, columns]
-    f = weights.shape[1]
-    left, right = table.left[:, columns], table.right[:, columns]
-    G = np.zeros((f, left.shape[0], right.shape[0]), dtype=np.complex128)
-    if not columns.size:
-        return G
-    flat = weights.reshape(2 * f, columns.size)
-    step = max(1, _PRODUCTS // max(right.size, 1))
-    for start in range(0, left.shape[0], step):
-        rows = slice(start, start + step)
-        products = (left[rows, None, :] * right[None, :, :]).reshape(-1, columns.size)
-        real, imaginary = (flat @ products.T).reshape(2, f, -1, right.shape[0])
-        G[:, rows].real, G[:, rows].imag = real, imaginary
-    return G
+def add_terms(G: Complex, table: ModalTable, columns: Columns, points: NDArray[np.int64] | None = None) -> None:
+    """Add the terms of some modes to an array, in products of real matrices over all frequencies.
+
+    Parameters
+    ----------
+    G : (left, right, f) complex128
+        Changed in place.
+    table : ModalTable
+    columns : (k,) int64
+    points : (f,) int64, optional
+        Which of the table's frequencies, all of them if left out.
+    """
+    # A joint elsewhere, or a sensor of another body, has rows of nothing but zeros here.
+    rows, ports = (np.flatnonzero(side[:, columns].any(axis=1)) for side in (table.left, table.right))
+    if not (rows.size and ports.size and G.size):
+        return
+    weights = table.weights[columns] if points is None else table.weights[np.ix_(columns, points)]
+    right = table.right[np.ix_(ports, columns)]
+    step = max(1, _PRODUCTS // right.size)
+    for start in range(0, rows.size, step):
+        own = rows[start : start + step]
+        products = (table.left[np.ix_(own, columns)][:, None, :] * right).reshape(-1, columns.size)
+        found = (products @ weights.view(np.float64)).view(np.complex128)
+        G[np.ix_(own, ports)] += found.reshape(own.size, ports.size, -1)

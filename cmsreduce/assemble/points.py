@@ -26,6 +26,7 @@ class PointStack:
     def __init__(self, substructures: Mapping[str, Substructure]) -> None:
         self.substructures = substructures
         self._start: dict[tuple[str, str], int] = {}
+        self._motions: dict[str, Matrix] = {}
         for name, sub in substructures.items():
             for label in sub.motion:
                 self._start[name, label] = 6 * len(self._start)
@@ -59,18 +60,23 @@ class PointStack:
 
     def motions(self, body: str) -> Matrix:
         """Motions of all points of one body from its coordinates, (6 points, m)."""
-        sub = self.substructures[body]
-        parts = list(sub.motion.values())
-        if not parts:
-            return np.zeros((0, sub.m))
-        if any(sp.issparse(part) for part in parts):
-            return sp.csc_array(sp.vstack([sp.csc_array(part) for part in parts]))
-        return np.vstack([np.asarray(part) for part in parts])
+        if body not in self._motions:
+            self._motions[body] = _stacked(self.substructures[body])
+        return self._motions[body]
 
     def spread(self, rows: NDArray[np.float64]) -> sp.csr_array:
         """Rows over the stacked coordinates of all bodies, from rows over the stacked motions."""
-        parts = [
-            sp.csr_array(rows[:, self.body_columns(name)]) @ sp.csr_array(self.motions(name))
-            for name in self.substructures
-        ]
-        return sp.csr_array(sp.hstack(parts))
+        own = [(rows[:, self.body_columns(name)], self.motions(name)) for name in self.substructures]
+        if any(sp.issparse(L) for _, L in own):
+            return sp.csr_array(sp.hstack([sp.csr_array(part) @ sp.csr_array(L) for part, L in own]))
+        # Sparse products of bodies in a few modes would spend their time on indices.
+        return sp.csr_array(np.hstack([part @ np.asarray(L) for part, L in own]))
+
+
+def _stacked(sub: Substructure) -> Matrix:
+    parts = list(sub.motion.values())
+    if not parts:
+        return np.zeros((0, sub.m))
+    if any(sp.issparse(part) for part in parts):
+        return sp.csc_array(sp.vstack([sp.csc_array(part) for part in parts]))
+    return np.vstack([np.asarray(part) for part in parts])

@@ -19,12 +19,26 @@ from cmsreduce.linalg.factorise import InsufficientMemoryError
 from cmsreduce.linalg.flexibility_model import FlexibilityModel, frequency_blocks
 from cmsreduce.model import Matrix, Substructure
 
-__all__ = ["BRAKED", "Receptance", "is_diagonal", "modal_weights", "receptance", "receptances", "resonant", "tabulated"]
+__all__ = [
+    "BRAKED",
+    "Receptance",
+    "add_between",
+    "frequencies_last",
+    "is_diagonal",
+    "modal_weights",
+    "receptance",
+    "receptances",
+    "resonant",
+    "tabulated",
+]
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Receptance = Callable[[Real], Complex]
-"""Gives L (K + i loss + i w D - w^2 M)^-1 L^T (f, p, p) at frequencies (f,) in rad/s."""
+"""Gives L (K + i loss + i w D - w^2 M)^-1 L^T (f, p, p) at frequencies (f,) in rad/s.
+
+Frequencies that lie side by side in memory, as those of a body in modes do, make products of it long ones.
+"""
 
 # Bodies with this many coordinates or more, and no modes, are solved sparse; smaller ones, dense, many points at once.
 _SPARSE = 200
@@ -34,6 +48,8 @@ BRAKED = 1e-9
 """Damping that leaves more than this share of itself on rigid motion brakes it; projection leaves less by rounding."""
 # Memory of a table of receptances that are wanted again.
 _TABLE_BYTES = 2**28
+# Amplitudes of modes at the frequencies taken at a time stay in the cache.
+_CACHED_BYTES = 2**21
 
 
 def receptance(sub: Substructure, omega: Real, motions: Matrix) -> Receptance:
@@ -108,8 +124,33 @@ def tabulated(source: Receptance, omega: Real, motions: int) -> Receptance:
     """
     if 16 * omega.size * motions**2 > _TABLE_BYTES:
         return source
-    table = source(omega)
-    return lambda wanted: table[np.searchsorted(omega, wanted)]
+    table = frequencies_last(source(omega))
+    return lambda wanted: table[..., np.searchsorted(omega, wanted)].transpose(2, 0, 1)
+
+
+def add_between(G: Complex, left: Real, Y: Complex, right: Real) -> None:
+    """Add left Y right^T at every frequency to an array, in products of real matrices over all frequencies.
+
+    Parameters
+    ----------
+    G : (l, r, f) complex128
+        Changed in place.
+    left, right : (l, p), (r, p) float64
+    Y : (p, p, f) complex128
+        Contiguous: one body's receptance, frequencies last.
+    """
+    # A joint elsewhere, or a sensor of another body, has rows of nothing but zeros here.
+    rows, columns = (np.flatnonzero(side.any(axis=1)) for side in (left, right))
+    if not (rows.size and columns.size and Y.size):
+        return
+    p, _, f = Y.shape
+    half = (left[rows] @ Y.view(np.float64).reshape(p, -1)).reshape(rows.size, p, 2 * f)
+    G[np.ix_(rows, columns)] += (right[columns] @ half).view(np.complex128)
+
+
+def frequencies_last(Y: Complex) -> Complex:
+    """The same receptance (f, p, p) as (p, p, f), contiguous; that of a body in modes is not copied."""
+    return np.ascontiguousarray(Y.transpose(1, 2, 0))
 
 
 def _named(sub: Substructure, at: Receptance) -> Receptance:
@@ -142,28 +183,32 @@ def modal_weights(sub: Substructure, omega: Real, columns: NDArray[np.int64] | N
     m, k = _diagonal(sub.M)[own], _diagonal(sub.K)[own]
     d = _diagonal(sub.D)[own] if sub.D is not None else np.zeros(m.size)
     g = _diagonal(sub.loss)[own] if sub.loss is not None else np.zeros(m.size)
-    w = omega[:, None]
-    Z = (k - w**2 * m) + 1j * (g + w * d)
-    if (Z == 0).any():
-        raise ResonanceError(float(omega[(Z == 0).any(axis=1)][0]))
-    return np.asarray(1 / Z)
+    real, imaginary = k[:, None] - m[:, None] * omega**2, g[:, None] + d[:, None] * omega
+    square = real**2 + imaginary**2
+    if not square.all():
+        raise ResonanceError(float(omega[(square == 0).any(axis=0)][0]))
+    weights = np.empty(square.shape, dtype=np.complex128)
+    np.divide(real, square, out=weights.real)
+    np.divide(-imaginary, square, out=weights.imag)
+    return weights.T
 
 
 def _by_modes(sub: Substructure, L: Real, omega: Real) -> Complex:
-    Y = np.empty((omega.size, L.shape[0], L.shape[0]), dtype=np.complex128)
-    for part in frequency_blocks(omega.size, 16 * 3 * sub.m):
-        weight = modal_weights(sub, omega[part])
-        parts = np.vstack([weight.real, weight.imag])
-        for a in range(L.shape[0]):
-            real, imaginary = np.split(parts @ (L[a] * L[a:]).T, 2)
-            Y[part, a, a:] = Y[part, a:, a] = real + 1j * imaginary
-    return Y
+    p = L.shape[0]
+    Y = np.empty((p, p, omega.size), dtype=np.complex128)
+    for part in frequency_blocks(omega.size, 16 * 3 * sub.m, _CACHED_BYTES):
+        weights = modal_weights(sub, omega[part]).T.view(np.float64)
+        for a in range(p):
+            Y[a, a:, part] = Y[a:, a, part] = ((L[a] * L[a:]) @ weights).view(np.complex128)
+    return Y.transpose(2, 0, 1)
 
 
 def _rigid(rigid: Real, omega: Real) -> Complex:
     if (omega == 0).any():
         raise ResonanceError(0.0)
-    return np.asarray(-_over_square(rigid, omega), dtype=np.complex128)
+    Y = np.zeros((*rigid.shape, omega.size), dtype=np.complex128)
+    np.multiply(rigid[..., None], -1 / omega**2, out=Y.real)
+    return Y.transpose(2, 0, 1)
 
 
 def _dense(sub: Substructure, load: Real, rigid: Real, omega: Real) -> Complex:

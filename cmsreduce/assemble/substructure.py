@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DampingError, SceneError
+from cmsreduce.linalg.basis_store import observed
 from cmsreduce.model import (
     SCALAR,
     FEModel,
@@ -188,11 +189,11 @@ def _motions(
         frame, xyz = _geometry(body, node)
         turn = np.zeros((6, 6))
         turn[:3, :3] = turn[3:, 3:] = frame.T
-        picked = known.T[rows[here]] @ shapes
-        if sp.issparse(picked):
-            motion[label] = sp.csc_array(sp.csc_array(turn[:, here]) @ picked)
+        own = known.T[rows[here]]
+        if isinstance(shapes, sp.sparray):
+            motion[label] = sp.csc_array(sp.csc_array(turn[:, here]) @ (own @ shapes))
         else:
-            motion[label] = turn[:, here] @ picked
+            motion[label] = turn[:, here] @ observed(own, np.asarray(shapes))
         has[label], axes[label], position[label] = here, frame, xyz
     return motion, has, axes, position
 

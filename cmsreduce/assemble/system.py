@@ -102,7 +102,12 @@ def wire(stack: PointStack, scene: Scene, configuration: Configuration) -> Wirin
     )
 
 
-def assemble(substructures: Mapping[str, Substructure], scene: Scene, configuration: Configuration) -> System:
+def assemble(
+    substructures: Mapping[str, Substructure],
+    scene: Scene,
+    configuration: Configuration,
+    wired: tuple[PointStack, Wiring] | None = None,
+) -> System:
     """Assemble the bodies in one configuration.
 
     Parameters
@@ -113,6 +118,9 @@ def assemble(substructures: Mapping[str, Substructure], scene: Scene, configurat
         Joints, ground, actuators, sensors.
     configuration : Configuration
         Setting of the joints.
+    wired : (PointStack, Wiring), optional
+        Points of these bodies with those that joints own, and what `wire` made of them in this configuration, where
+        that is known.
 
     Returns
     -------
@@ -132,9 +140,11 @@ def assemble(substructures: Mapping[str, Substructure], scene: Scene, configurat
     Source: theory section 6, with null(A_R) itself. Springs, dampers and inertias of joints are bodies of the joints'
     own, after the others.
     """
-    substructures = with_joint_bodies(substructures, scene)
-    stack = PointStack(substructures)
-    wiring = wire(stack, scene, configuration)
+    if wired is None:
+        stack = PointStack(with_joint_bodies(substructures, scene))
+        wired = stack, wire(stack, scene, configuration)
+    stack, wiring = wired
+    substructures = stack.substructures
     A = stack.spread(wiring.A)
     space = constraint_space(A)
     T = space.T

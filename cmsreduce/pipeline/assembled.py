@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -109,7 +109,9 @@ class AssembledModel:
     def system(self, configuration: Configuration) -> System:
         """Assembled matrices in a configuration."""
         if configuration.name not in self._systems:
-            self._systems[configuration.name] = assemble(self.substructures, self.scene, configuration)
+            self._systems[configuration.name] = assemble(
+                self.substructures, self.scene, configuration, (self.stack, self.wiring(configuration))
+            )
         return self._systems[configuration.name]
 
     def resonances(self, configuration: Configuration) -> Resonances:
@@ -192,15 +194,19 @@ class AssembledModel:
             for name, source in self.receptances(omega).items()
         }
 
-    def response(
-        self,
-        configuration: Configuration,
-        omega: NDArray[np.float64],
-        flexibility: Mapping[str, Receptance] | None = None,
-    ) -> NDArray[np.complex128]:
+    def response(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Frequency response, rigid-body part included (f, outputs, inputs)."""
-        Y = self.receptances(omega) if flexibility is None else flexibility
-        return couple(Y, self.stack, self.wiring(configuration), omega)
+        return self.responses([configuration], [omega])[0]
+
+    def responses(
+        self,
+        configurations: Sequence[Configuration],
+        grids: Sequence[NDArray[np.float64]],
+        flexibility: Mapping[str, Receptance] | None = None,
+    ) -> list[NDArray[np.complex128]]:
+        """Frequency responses of several configurations together, each on a grid of its own."""
+        Y = self.receptances(np.concatenate([np.empty(0), *grids])) if flexibility is None else flexibility
+        return couple(Y, self.stack, [self.wiring(configuration) for configuration in configurations], grids)
 
     def rigid_response(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Rigid-body part of the response (f, outputs, inputs)."""

@@ -164,7 +164,7 @@ def system_errors(
         Gives the full system, which is made only now.
     """
     pool, full = model(components), comparison()
-    targets = [full.target(configuration, pool) for configuration in full.scene.configurations]
+    targets = full.targets(full.scene.configurations, pool)
 
     def exact(selection: Selection) -> float:
         kept = {

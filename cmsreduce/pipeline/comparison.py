@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,6 +45,9 @@ __all__ = ["Comparison", "ReducedModel", "Target"]
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+# Configurations answered together: what the bodies and the solver do for one they do for all. Each of them is another
+# share of the memory of a block of frequencies, and the reader waits for news until all are done.
+_TOGETHER = 16
 # Points nearer than this share of a resonance's half-width add nothing to an integral over it.
 _THINNING = 0.02
 
@@ -134,94 +137,127 @@ class Comparison:
         models : mapping of label to ReducedModel
             The run's own model first.
         progress : Progress
-            Told after each configuration.
+            Told after each few configurations.
         """
-        results = []
-        for number, configuration in enumerate(self.scene.configurations):
-            results.append(self.at(configuration, models))
-            progress.advance(number + 1, len(self.scene.configurations))
+        results: list[ConfigurationResult] = []
+        for some in self._groups():
+            results += self.at(some, models)
+            progress.advance(len(results), len(self.scene.configurations))
         return tuple(results)
 
-    def target(self, configuration: Configuration, model: ReducedModel) -> Target:
-        """What reduced models aim at, on a grid refined at the resonances of the full model and of one reduced."""
-        omega = self.grid(configuration, [model])
-        H = self.full.response(configuration, omega)
+    def targets(self, configurations: Sequence[Configuration], model: ReducedModel) -> tuple[Target, ...]:
+        """What reduced models aim at, on grids refined at the resonances of the full model and of one reduced."""
+        grids = [self.grid(configuration, [model]) for configuration in configurations]
+        full = self.full.responses(configurations, grids)
+        return tuple(self._target(*each) for each in zip(configurations, grids, full, strict=True))
+
+    def _target(self, configuration: Configuration, omega: Real, H: Complex) -> Target:
         rigid = self.full.rigid_response(configuration, omega)
         row, column = channel_scales(self.scene.actuators, self.scene.sensors, H - rigid, H)
         return Target(configuration, omega, H - rigid, rigid, row, column)
 
     def candidate_error(self, model: ReducedModel) -> float:
         """Worst response error of a reduced model over all configurations, on grids of its own."""
-        return max(self.error_at(configuration, model) for configuration in self.scene.configurations)
+        return max(max(self._errors(some, model)) for some in self._groups())
 
     def error_at(self, configuration: Configuration, model: ReducedModel) -> float:
         """Response error of a reduced model in one configuration, of the scene or not, on a grid of its own."""
-        aim = self.target(configuration, model)
+        return self._errors([configuration], model)[0]
+
+    def _groups(self) -> Iterator[tuple[Configuration, ...]]:
+        every = self.scene.configurations
+        return (every[start : start + _TOGETHER] for start in range(0, len(every), _TOGETHER))
+
+    def _errors(self, configurations: Sequence[Configuration], model: ReducedModel) -> list[float]:
+        aims = self.targets(configurations, model)
+        responses = model.assembled.responses(configurations, [aim.omega for aim in aims])
         # Every reduced model keeps the rigid modes, so its rigid part is the full one's.
-        H_r = model.assembled.response(configuration, aim.omega) - aim.rigid
-        return frf_error(aim.omega, aim.elastic, H_r, aim.row, aim.column)
+        return [
+            frf_error(aim.omega, aim.elastic, H_r - aim.rigid, aim.row, aim.column)
+            for aim, H_r in zip(aims, responses, strict=True)
+        ]
 
     def speed(self, reduce_s: float) -> Speed:
         """Wall times of the responses so far, full and of the run's own reduced model over the same grids."""
         return Speed(reduce_s, self.full_seconds, self.reduced_seconds)
 
-    def at(self, configuration: Configuration, models: Mapping[str, ReducedModel]) -> ConfigurationResult:
-        """Errors and curves of several models in one configuration, the run's own first."""
-        omega = self.grid(configuration, list(models.values()))
+    def at(
+        self, configurations: Sequence[Configuration], models: Mapping[str, ReducedModel]
+    ) -> tuple[ConfigurationResult, ...]:
+        """Errors and curves of several models in some configurations, the run's own model first."""
+        grids = [self.grid(configuration, list(models.values())) for configuration in configurations]
         started = time.perf_counter()
-        H = self.full.response(configuration, omega)
+        full = self.full.responses(configurations, grids)
         self.full_seconds += time.perf_counter() - started
-        rigid = self.full.rigid_response(configuration, omega)
-        row, column = channel_scales(self.scene.actuators, self.scene.sensors, H - rigid, H)
-        full_db = self._full_decibel(configuration)
-        errors, curves = {}, {}
+        full_db = self._decibels(self.full, configurations)
+        aims = [self._target(*each) for each in zip(configurations, grids, full, strict=True)]
+        errors: list[dict[str, ModelErrors]] = [{} for _ in configurations]
+        curves: list[dict[str, Complex]] = [{} for _ in configurations]
         for number, (label, model) in enumerate(models.items()):
             started = time.perf_counter()
-            H_r = model.assembled.response(configuration, omega)
+            responses = model.assembled.responses(configurations, grids)
             seconds = time.perf_counter() - started
             if number == 0:
                 self.reduced_seconds += seconds
-            elastic = H_r - model.assembled.rigid_response(configuration, omega)
-            pairs, likeness = self._pairs(configuration, model)
-            shape, peak = frac(H - rigid, elastic), peak_errors(H - rigid, elastic)
-            shift = peak_shifts(omega / (2 * np.pi), H - rigid, pairs.full_hz, pairs.reduced_hz)
-            loud = heard(H - rigid, row, column)
-            errors[label] = ModelErrors(
-                frf_error=frf_error(omega, H - rigid, elastic, row, column),
-                db_error=db_error(full_db, model.assembled.response(configuration, self._decibel), row, column),
-                frequency_error=pairs.worst,
-                frac=shape,
-                full_hz=pairs.full_hz,
-                reduced_hz=pairs.reduced_hz,
-                mac=pairs.mac,
-                damped=self._damped_pairs(configuration, model),
-                peak_error=float(peak[loud].max(initial=0.0)),
-                frac_error=float((1 - shape[loud]).max(initial=0.0)),
-                channel_error=channel_errors(omega, H - rigid, elastic),
-                channel_peak=peak,
-                channel_shift=shift,
-                nrfd=float(np.nanmax(shift[loud], initial=0.0)),
-                likeness=likeness,
-                coordinates=model.assembled.system(configuration).N,
-                seconds=seconds,
-            )
-            curves[label] = H_r
+            each = seconds / sum(omega.size for omega in grids)
+            reduced_db = self._decibels(model.assembled, configurations)
+            for k, (aim, H_r) in enumerate(zip(aims, responses, strict=True)):
+                in_db = db_error(full_db[k], reduced_db[k], aim.row, aim.column)
+                errors[k][label] = self._model_errors(aim, model, H_r, in_db, each * aim.omega.size)
+                curves[k][label] = H_r
         own = next(iter(models.values())).assembled
         top = 2 * np.pi * self.scene.band[1]
-        return ConfigurationResult(
-            configuration=configuration,
-            n_full=self.full.system(configuration).N,
-            n_reduced=own.system(configuration).N,
-            modes_full=int(np.count_nonzero(self.full.resonances(configuration).omega <= top)),
-            modes_reduced=int(np.count_nonzero(own.resonances(configuration).omega <= top)),
-            errors=errors,
-            response=Response(omega / (2 * np.pi), H, curves),
+        return tuple(
+            ConfigurationResult(
+                configuration=configuration,
+                n_full=self.full.system(configuration).N,
+                n_reduced=own.system(configuration).N,
+                modes_full=int(np.count_nonzero(self.full.resonances(configuration).omega <= top)),
+                modes_reduced=int(np.count_nonzero(own.resonances(configuration).omega <= top)),
+                errors=errors[k],
+                response=Response(grids[k] / (2 * np.pi), full[k], curves[k]),
+            )
+            for k, configuration in enumerate(configurations)
         )
 
-    def _full_decibel(self, configuration: Configuration) -> NDArray[np.complex128]:
-        if self._decibel_flexibility is None:
-            self._decibel_flexibility = self.full.tables(self._decibel)
-        return self.full.response(configuration, self._decibel, self._decibel_flexibility)
+    def _model_errors(
+        self, aim: Target, model: ReducedModel, H_r: Complex, in_db: float, seconds: float
+    ) -> ModelErrors:
+        """Errors of a model by its response on the grid of the target, beside those in decibels."""
+        configuration, omega, H, row, column = aim.configuration, aim.omega, aim.elastic, aim.row, aim.column
+        elastic = H_r - model.assembled.rigid_response(configuration, omega)
+        pairs, likeness = self._pairs(configuration, model)
+        shape, peak = frac(H, elastic), peak_errors(H, elastic)
+        shift = peak_shifts(omega / (2 * np.pi), H, pairs.full_hz, pairs.reduced_hz)
+        loud = heard(H, row, column)
+        return ModelErrors(
+            frf_error=frf_error(omega, H, elastic, row, column),
+            db_error=in_db,
+            frequency_error=pairs.worst,
+            frac=shape,
+            full_hz=pairs.full_hz,
+            reduced_hz=pairs.reduced_hz,
+            mac=pairs.mac,
+            damped=self._damped_pairs(configuration, model),
+            peak_error=float(peak[loud].max(initial=0.0)),
+            frac_error=float((1 - shape[loud]).max(initial=0.0)),
+            channel_error=channel_errors(omega, H, elastic),
+            channel_peak=peak,
+            channel_shift=shift,
+            nrfd=float(np.nanmax(shift[loud], initial=0.0)),
+            likeness=likeness,
+            coordinates=model.assembled.system(configuration).N,
+            seconds=seconds,
+        )
+
+    def _decibels(self, model: AssembledModel, configurations: Sequence[Configuration]) -> list[Complex]:
+        """Responses on the decibel grid; the full bodies' receptances there are wanted again and again."""
+        flexibility = None
+        if model is self.full:
+            if self._decibel_flexibility is None:
+                self._decibel_flexibility = self.full.tables(self._decibel)
+            flexibility = self._decibel_flexibility
+        return model.responses(configurations, [self._decibel] * len(configurations), flexibility)
 
     def _pairs(self, configuration: Configuration, model: ReducedModel) -> tuple[FrequencyPairs, ModeLikeness]:
         full, reduced = self.full.resonances(configuration), model.assembled.resonances(configuration)

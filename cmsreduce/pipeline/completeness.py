@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import assemble, system_modes
+from cmsreduce.assemble.channels import channel_rows
 from cmsreduce.linalg.dense import dense
-from cmsreduce.model import AxisCompleteness, Channel, Configuration, Scene, Substructure
+from cmsreduce.model import AxisCompleteness, Channel, Configuration, System
 from cmsreduce.model.completeness import MISSING_INERTIA
 from cmsreduce.pipeline.assembled import AssembledModel
 from cmsreduce.verify import articulation_sensors, free_index, hinges_locked, locked_index
@@ -52,14 +53,16 @@ def axis_completeness(kept: AssembledModel, whole: AssembledModel) -> tuple[Axis
     if large or not sensors:
         return ()
     for configuration in scene.configurations:
-        both = []
-        for model in (kept, whole):
-            axes = _free_axes(model, sensors, configuration)
-            both.append(_indices(model, axes, configuration))
-        locked = _locked(kept, _free_axes(kept, sensors, configuration), configuration)
+        systems = [_sensing(model, sensors, configuration) for model in (kept, whole)]
+        free = _free(systems[1])
+        axes = [axis for axis, moves in zip(sensors, free, strict=True) if moves]
+        own, every = (
+            _indices(model, _only(system, free), configuration)
+            for model, system in zip((kept, whole), systems, strict=True)
+        )
+        locked = _locked(kept, _only(systems[0], free), configuration)
         for a, axis in enumerate(axes):
-            (band, own), (_, all_modes) = both
-            shares = (band[a], own[a], all_modes[a], locked[a])
+            shares = (own[0][a], own[1][a], every[1][a], locked[a])
             found.append(AxisCompleteness(axis.name, configuration.name, *map(float, shares)))
     return tuple(sorted(found, key=lambda each: [axis.name for axis in sensors].index(each.axis)))
 
@@ -76,33 +79,37 @@ def completeness_note(found: Sequence[AxisCompleteness]) -> str | None:
     )
 
 
-def _free_axes(model: AssembledModel, sensors: Sequence[Channel], configuration: Configuration) -> tuple[Channel, ...]:
-    system = _sensing(model, sensors).system(configuration)
+def _sensing(model: AssembledModel, sensors: Sequence[Channel], configuration: Configuration) -> System:
+    """A system of whose motion only that of the hinges is looked at."""
+    system, placed = model.system(configuration), model.wiring(configuration).placed
+    C1 = dense(model.stack.spread(channel_rows(model.stack, model.scene, placed, sensors)) @ system.T)
+    names = tuple(axis.name for axis in sensors)
+    return replace(system, B=system.B[:, :0], C1=C1, C2=np.zeros_like(C1), inputs=(), outputs=names)
+
+
+def _free(system: System) -> NDArray[np.bool_]:
+    """Which hinges can move with no body strained."""
     size = np.linalg.norm(system.C1 @ system.rigid, axis=1)
     terms = np.linalg.norm(abs(system.C1) @ abs(system.rigid), axis=1)
-    return tuple(axis for axis, free in zip(sensors, size > _HELD * terms, strict=True) if free)
+    return np.asarray(size > _HELD * terms)
 
 
-def _indices(model: AssembledModel, axes: Sequence[Channel], configuration: Configuration) -> tuple[Real, Real]:
+def _only(system: System, free: NDArray[np.bool_]) -> System:
+    outputs = tuple(np.array(system.outputs, dtype=object)[free])
+    return replace(system, C1=system.C1[free], C2=system.C2[free], outputs=outputs)
+
+
+def _indices(model: AssembledModel, system: System, configuration: Configuration) -> tuple[Real, Real]:
     """What the modes in the band leave, and all modes."""
-    system = _sensing(model, axes).system(configuration)
-    w, Phi = system_modes(replace(system, K=dense(system.K), M=dense(system.M)), np.inf)
-    index = np.vstack([np.ones(len(axes)), free_index(system, Phi)])
+    w, Phi, _ = model.every_mode(configuration)
+    index = np.vstack([np.ones(len(system.outputs)), free_index(system, Phi)])
     inside = int(np.count_nonzero(w <= 2 * np.pi * model.scene.band[1]))
     return index[inside], index[-1]
 
 
-def _locked(model: AssembledModel, axes: Sequence[Channel], configuration: Configuration) -> Real:
+def _locked(model: AssembledModel, system: System, configuration: Configuration) -> Real:
     """What all modes with locked hinges hold."""
-    sensing = _sensing(model, axes)
-    system = sensing.system(configuration)
-    locked = assemble(sensing.substructures, hinges_locked(sensing.scene), configuration)
+    scene = hinges_locked(replace(model.scene, actuators=(), sensors=()))
+    locked = assemble(model.substructures, scene, configuration)
     _, Phi = system_modes(replace(locked, K=dense(locked.K), M=dense(locked.M)), np.inf)
-    return np.asarray(np.vstack([np.zeros(len(axes)), locked_index(system, locked, Phi)])[-1])
-
-
-def _sensing(model: AssembledModel, axes: Sequence[Channel]) -> AssembledModel:
-    """The same bodies, of whose motion only that of the hinges is looked at."""
-    scene: Scene = replace(model.scene, actuators=(), sensors=tuple(axes))
-    bodies: dict[str, Substructure] = {name: model.substructures[name] for name in scene.bodies}
-    return AssembledModel(bodies, scene)
+    return np.asarray(np.vstack([np.zeros(len(system.outputs)), locked_index(system, locked, Phi)])[-1])

@@ -96,7 +96,7 @@ class ParallelRun(SweepRun):
             self.comparison.reduced_seconds += part.reduced_s
         for number, configuration in enumerate(self.scene.configurations):
             if number not in found:
-                found[number] = self.comparison.at(configuration, models)
+                (found[number],) = self.comparison.at([configuration], models)
         return tuple(found[number] for number in range(count))
 
     def _outcomes(self, work: Any, arguments: Sequence[tuple[Any, ...]]) -> Iterator[tuple[Any, Any]]:
@@ -192,7 +192,7 @@ def _measure(task: _Task, numbers: Sequence[int]) -> _Part | None:
     try:
         run = _opened(task)
         models, comparison = run.models(), run.comparison
-        results = tuple(comparison.at(run.scene.configurations[number], models) for number in numbers)
+        results = comparison.at([run.scene.configurations[number] for number in numbers], models)
     except CmsReduceError:
         return None
     return _Part(results, comparison.full_seconds, comparison.reduced_seconds)

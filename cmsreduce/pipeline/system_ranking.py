@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.balance import whole_groups
 from cmsreduce.config import ScalingKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import Configuration, ModalComponent
+from cmsreduce.model import ModalComponent
 from cmsreduce.pipeline.assembled import AssembledModel
 from cmsreduce.pipeline.sized_channels import channel_sizes
 from cmsreduce.project import cost_shares, system_cost
@@ -67,8 +67,7 @@ def with_system_cost(
         )
     efforts, motions = channel_sizes(scaling or ScalingKeys(), scene)
     costs = []
-    for configuration in scene.configurations:
-        row, column = _scales(model, configuration)
+    for configuration, (row, column) in zip(scene.configurations, _scales(model), strict=True):
         if np.isfinite(efforts).all():
             column = efforts
         if np.isfinite(motions).all():
@@ -84,10 +83,15 @@ def with_system_cost(
     return found
 
 
-def _scales(model: AssembledModel, configuration: Configuration) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Scales of the outputs and of the inputs by the model's own response in the band."""
-    scene, resonances = model.scene, model.resonances(configuration)
-    omega = frequency_grid(scene.band, _POINTS, resonances.omega, resonances.zeta)
-    H = model.response(configuration, omega)
-    elastic = H - model.rigid_response(configuration, omega)
-    return channel_scales(scene.actuators, scene.sensors, elastic, H)
+def _scales(model: AssembledModel) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Scales of the outputs and of the inputs by the model's own response in the band, in every configuration."""
+    scene, grids = model.scene, []
+    for configuration in scene.configurations:
+        resonances = model.resonances(configuration)
+        grids.append(frequency_grid(scene.band, _POINTS, resonances.omega, resonances.zeta))
+    return [
+        channel_scales(scene.actuators, scene.sensors, H - model.rigid_response(configuration, omega), H)
+        for configuration, omega, H in zip(
+            scene.configurations, grids, model.responses(scene.configurations, grids), strict=True
+        )
+    ]

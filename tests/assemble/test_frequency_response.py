@@ -154,7 +154,7 @@ def test_receptances_hold_for_every_setting():
     Y = {name: receptance(sub, OMEGA, stack.motions(name)) for name, sub in subs.items()}
     scene = Scene(tuple(subs), (0.0, 600.0), JOINTS, (TURNED, Configuration("as built")), **CHANNELS)
     for configuration in scene.configurations:
-        found = couple(Y, stack, wire(stack, scene, configuration), OMEGA)
+        found = couple(Y, stack, [wire(stack, scene, configuration)], [OMEGA])[0]
         np.testing.assert_array_equal(found, frequency_response(subs, scene, configuration, OMEGA))
 
 

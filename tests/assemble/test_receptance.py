@@ -131,7 +131,7 @@ def test_points_are_coupled_in_blocks_that_fit_in_memory():
         return Y
 
     omega = np.linspace(1.0, 2.0, 3000)
-    H = couple({"bar": flexibility}, stack, wiring, omega)
+    H = couple({"bar": flexibility}, stack, [wiring], [omega])[0]
     np.testing.assert_allclose(H[:, 0, 0], 1 / omega, rtol=1e-15)
     assert 2**20 < largest <= 2**27
 

@@ -91,7 +91,7 @@ def test_a_search_needs_no_more_modes_than_any_ranking(result, tmp_path):
     kept = sum(columns.size for columns in run.selection.values())
     assert kept <= 34 and run.choice.search.frf_error <= error
     pool = run.joined(run.ranked)
-    targets = [run.comparison.target(configuration, pool) for configuration in run.scene.configurations]
+    targets = run.comparison.targets(run.scene.configurations, pool)
     judge = Candidates(pool.assembled, targets)
     for ranking in ("gregory", "hankel", "component-cost"):
         value = [(c.rankings[ranking][k], name, k) for name, c in run.ranked.items() for k in range(6, c.omega.size)]

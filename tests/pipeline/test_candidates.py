@@ -23,7 +23,7 @@ class Trials:
     def __init__(self, run: Run, components: Components) -> None:
         self.run, self.components = run, components
         pool = run.joined(components)
-        self.targets = [run.comparison.target(configuration, pool) for configuration in run.scene.configurations]
+        self.targets = run.comparison.targets(run.scene.configurations, pool)
         self.fast = Candidates(pool.assembled, self.targets)
 
     def slow(self, selection: dict[str, np.ndarray]) -> float:
