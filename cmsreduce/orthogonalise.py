@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.basis_store import absolute_parts, combine, combined, row_blocks
 from cmsreduce.linalg.pencil import UndeterminedError, elastic_and_massless, refine
-from cmsreduce.model import FEModel, ModalComponent, ModeKind, ReducedComponent
+from cmsreduce.model import FEModel, ModalComponent, ModeKind, ReducedComponent, column_blocks, congruence
 
 __all__ = ["ORTHOGONAL", "STATIC", "orthogonalise", "orthogonality_errors"]
 
@@ -55,8 +55,9 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
     except UndeterminedError as error:
         raise MatrixError(_undetermined(component, error.shape)) from None
     _refuse_repeats(component, N)
-    Phi, lam = _polished(body, modes.Phi @ np.hstack([component.rigid, X, N]), r, N.shape[1], lam)
-    D = None if body.D is None else Phi.T @ (body.D @ Phi)
+    Phi = combined(modes.Phi, np.hstack([component.rigid, X, N]))
+    lam = _polish(body, Phi, r, N.shape[1], lam)
+    D = None if body.D is None else congruence(body.D, Phi)
     w, s, m = np.sqrt(lam), N.shape[1], modes.m
     zeta = body.damping.ratios(w) if D is None else D.diagonal()[r : m - s] / (2 * w)
     kind, source = _origin(component, X, N)
@@ -102,16 +103,18 @@ def orthogonality_errors(component: ModalComponent) -> tuple[float, float]:
     """
     Phi, body, static = component.Phi, component.body, slice(component.elastic.stop, None)
     hidden = _ROUNDINGS * max(body.rounding, _DOUBLE) / ORTHOGONAL
-    inertia = _parts(body.M, Phi)
+    inertia = absolute_parts(body.M, Phi)
     g = np.maximum(component.mass, hidden * inertia)
     w = component.stiffness.copy()
     if component.elastic_count:
         w[: component.rigid_count] = w[component.elastic][-1]
-    w = np.maximum(w, hidden * _parts(body.K, Phi))
+    w = np.maximum(w, hidden * absolute_parts(body.K, Phi))
     bare = np.where(body.M.diagonal() > 0, 0.0, abs(body.M).max())
-    g[static] = inertia[static] + bare @ Phi[:, static] ** 2
-    mass = abs(Phi.T @ (body.M @ Phi) - np.diag(component.mass))
-    stiffness = abs(Phi.T @ (body.K @ Phi) - np.diag(component.stiffness))
+    g[static] = inertia[static] + np.concatenate(
+        [bare @ Phi[:, static][:, part] ** 2 for part in column_blocks(component.static_count)] or [np.empty(0)]
+    )
+    mass = abs(congruence(body.M, Phi) - np.diag(component.mass))
+    stiffness = abs(congruence(body.K, Phi) - np.diag(component.stiffness))
     # The mass of a mode that is treated statically was left out, not lost.
     judged = np.delete(np.arange(g.size), component.neglected)
     mass, g = mass[np.ix_(judged, judged)], g[judged]
@@ -124,7 +127,7 @@ def _rank_and_condition(component: ReducedComponent) -> tuple[int, float]:
     if not K.shape[0]:
         return 0, 1.0
     # Shapes that are all rigid motion have a stiffness of rounding, which is none.
-    hidden = _REPEATS * np.finfo(float).eps * _parts(component.body.K, Phi).sum()
+    hidden = _REPEATS * np.finfo(float).eps * absolute_parts(component.body.K, Phi).sum()
     strain = K / K.trace() if K.trace() > hidden else np.zeros_like(K)
     energy = strain + M / (M.trace() or 1.0)
     own = energy.diagonal()
@@ -136,30 +139,36 @@ def _rank_and_condition(component: ReducedComponent) -> tuple[int, float]:
     return rank, float(np.sqrt(values[-1] / values[0])) if values[0] > least else np.inf
 
 
-def _polished(
-    body: FEModel, Phi: NDArray[np.float64], r: int, s: int, lam: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Modes made orthonormal once more over all dofs.
+def _polish(body: FEModel, Phi: NDArray[np.float64], r: int, s: int, lam: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Make modes orthonormal once more over all dofs, in place; their squared frequencies.
 
     A basis of shapes that are nearly alike, such as constraint modes of neighbouring nodes, loses digits when its
     columns are combined; over the modes themselves the pencil is nearly diagonal, and one step restores them.
     """
     rigid, elastic, static = np.split(Phi, [r, Phi.shape[1] - s], axis=1)
     for _ in range(2):
-        rigid = rigid @ (1.5 * np.eye(r) - 0.5 * (rigid.T @ (body.M @ rigid)))
-        elastic = elastic - rigid @ ((body.M @ rigid).T @ elastic)
-        static = static @ (1.5 * np.eye(s) - 0.5 * (static.T @ (body.K @ static)))
-        elastic = elastic - static @ ((body.K @ static).T @ elastic)
-    M, K = elastic.T @ (body.M @ elastic), elastic.T @ (body.K @ elastic)
-    lam, X = refine((K + K.T) / 2, (M + M.T) / 2, lam, np.eye(lam.size))
+        combine(rigid, 1.5 * np.eye(r) - 0.5 * congruence(body.M, rigid))
+        combine(static, 1.5 * np.eye(s) - 0.5 * congruence(body.K, static))
+        momentum = body.M @ rigid
+        for part in column_blocks(lam.size):
+            elastic[:, part] -= rigid @ (momentum.T @ elastic[:, part])
+            if s:
+                elastic[:, part] -= static @ (static.T @ (body.K @ elastic[:, part]))
+    lam, X = refine(congruence(body.K, elastic), congruence(body.M, elastic), lam, np.eye(lam.size))
     order = np.argsort(lam, kind="stable")
-    return np.hstack([rigid, elastic @ X[:, order], static]), lam[order]
+    combine(elastic, X[:, order])
+    return lam[order]
 
 
 def _refuse_repeats(component: ReducedComponent, N: NDArray[np.float64]) -> None:
     """Refuse massless shapes that are none: combinations of the basis that add up to nothing."""
     energy = np.einsum("ij,ij->j", N, component.K @ N)
-    parts = _parts(component.body.K, abs(component.modes.Phi) @ abs(N))
+    K, Phi, parts = component.body.K, component.modes.Phi, np.empty(N.shape[1])
+    for part in column_blocks(N.shape[1]):
+        size = np.zeros((Phi.shape[0], part.stop - part.start))
+        for rows in row_blocks(*Phi.shape):
+            size[rows] = abs(Phi[rows]) @ abs(N[:, part])
+        parts[part] = absolute_parts(K, size)
     nothing = energy <= _REPEATS * float(np.finfo(float).eps) * parts
     if nothing.any():
         raise MatrixError(_undetermined(component, N[:, int(np.argmax(nothing))]))
@@ -168,11 +177,11 @@ def _refuse_repeats(component: ReducedComponent, N: NDArray[np.float64]) -> None
 def _undetermined(component: ReducedComponent, shape: NDArray[np.float64]) -> str:
     """What is wrong with a basis that holds a shape with neither mass nor stiffness."""
     modes, dofs = component.modes, component.body.dofs
-    size = abs(modes.Phi) * abs(shape)
+    size = np.array([abs(column).max(initial=0.0) for column in modes.Phi.T]) * abs(shape)
     moved = abs(modes.Phi @ shape)
     # Nothing moves where the shapes of the basis cancel.
     if moved.max(initial=0.0) <= _NO_MOTION * size.max(initial=0.0):
-        column = int(np.argmax(size.max(axis=0)))
+        column = int(np.argmax(size))
         return (
             f"body '{component.name}': the {modes.m} shapes of its {modes.method} basis repeat each other, above all "
             f"{modes.kind[column]} shape {modes.label[column]}; leave one of them out"
@@ -194,11 +203,6 @@ def _origin(
     kind = ["rigid"] * r + [names[k] for k in by_kind.argmax(axis=0)]
     source = np.concatenate([np.zeros(r), modes.source_hz[share[:, : X.shape[1]].argmax(axis=0)], np.full(s, np.nan)])
     return tuple(kind), source
-
-
-def _parts(A: sp.csc_array, X: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Absolute parts that the energy of each column is the sum of."""
-    return np.asarray(np.einsum("ij,ij->j", abs(X), abs(A) @ abs(X)))
 
 
 def _largest(error: NDArray[np.float64], scale: NDArray[np.float64]) -> float:

@@ -14,6 +14,7 @@ from cmsreduce.balance.directions import Directions, cluster_directions, keep_di
 from cmsreduce.balance.hankel import Hankel
 from cmsreduce.balance.ranking import Ranking
 from cmsreduce.balance.weighting import Weighting
+from cmsreduce.linalg.basis_store import combined
 from cmsreduce.linalg.gramians import Band
 from cmsreduce.model import ModalChannels, ModalComponent
 
@@ -170,7 +171,7 @@ def directed(
     return DirectedComponent(
         body=component.body,
         method=component.method,
-        Phi=component.Phi @ whole,
+        Phi=combined(component.Phi, whole),
         omega=frequency,
         zeta=ratio,
         rigid_count=component.rigid_count,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cmsreduce.balance.cluster_error import ClusterError
 from cmsreduce.balance.nested_directions import interchangeable, nested_directions
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.basis_store import combined
 from cmsreduce.linalg.graded import weighted_singular_values
 from cmsreduce.linalg.gramians import Band, controllability, observability
 from cmsreduce.model import ModalChannels, ModalComponent
@@ -146,7 +147,7 @@ def keep_directions(
     same = (Y**2).max(axis=0, initial=0.0) > _SAME
     whole = la.block_diag(np.eye(r), Y, np.eye(component.static_count))
     reasons = component.why[e] if why is None else tuple(why)
-    combined = [
+    described = [
         reasons[k] if one else f"combination of close modes, most alike mode {r + k + 1}; {reasons[k]}"
         for k, one in zip(like, same, strict=True)
     ]
@@ -158,7 +159,7 @@ def keep_directions(
     static = component.omega[e.stop :]
     return replace(
         component,
-        Phi=component.Phi @ whole,
+        Phi=combined(component.Phi, whole),
         omega=np.concatenate([component.omega[:r], omega, static]),
         zeta=np.concatenate([np.zeros(r), ratio, np.zeros(static.size)]),
         D=D,
@@ -166,7 +167,7 @@ def keep_directions(
         source_hz=component.source_hz[columns],
         sigma=component.sigma[columns],
         spacing=component.spacing[columns],
-        why=(*component.why[:r], *combined, *component.why[e.stop :]),
+        why=(*component.why[:r], *described, *component.why[e.stop :]),
         rankings={name: values[columns] for name, values in component.rankings.items()},
         cluster=None if component.cluster is None else component.cluster[columns],
     )

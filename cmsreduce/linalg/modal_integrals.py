@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.lumped_mass import lumped_mass
 from cmsreduce.linalg.untied import untied_body
-from cmsreduce.model import FEModel, Lumping, ModalIntegrals, rigid_body_shapes
+from cmsreduce.model import FEModel, Lumping, ModalIntegrals, column_blocks, mapped_in, rigid_body_shapes
 
 __all__ = ["MassBlocks", "modal_integrals", "nodal_motion", "rigid_mass"]
 
@@ -93,8 +93,22 @@ def modal_integrals(
     at = np.unique(body.dofs.node[body.dofs.component > 0])
     r = (body.nodes.xyz[body.nodes.index(at)] - origin) @ axes.T
     nodal = sp.csr_array(to_axes @ M @ to_axes.T)
-    u, t = (to_axes @ shapes).reshape(2, 3, at.size, shapes.shape[1])
-    pairs = MassBlocks(nodal, at.size)
+    pairs, k = MassBlocks(nodal, at.size), shapes.shape[1]
+
+    def nodal_motions(part: slice) -> tuple[Array, Array]:
+        u, t = (to_axes @ shapes[:, part]).reshape(2, 3, at.size, part.stop - part.start)
+        return u, t
+
+    # Shapes on disk come into memory some at a time.
+    parts = [slice(0, k)] if mapped_in(shapes) is None else list(column_blocks(k))
+    r_phi, phi_phi = np.empty((3, 3, k)), np.empty((3, 3, k, k))
+    for number, a in enumerate(parts):
+        u, t = nodal_motions(a)
+        r_phi[..., a] = pairs.with_position(r, u, t, momentum[3:, a])
+        phi_phi[..., a, a] = pairs.with_shapes(u, t)
+        for b in parts[:number]:
+            phi_phi[..., a, b] = pairs.with_shapes(u, t, *nodal_motions(b))
+            phi_phi[..., b, a] = phi_phi[..., a, b].transpose(1, 0, 3, 2)
     return ModalIntegrals(
         origin=origin,
         axes=axes,
@@ -104,8 +118,8 @@ def modal_integrals(
         inertia=np.asarray(rigid[3:, 3:]),
         phi=momentum[:3],
         r_cross_phi=momentum[3:],
-        r_phi=pairs.with_position(r, u, t, momentum[3:]),
-        phi_phi=pairs.with_shapes(u, t),
+        r_phi=r_phi,
+        phi_phi=phi_phi,
         modes=np.arange(shapes.shape[1]) if modes is None else np.asarray(modes, dtype=np.int64),
     )
 
@@ -171,17 +185,24 @@ class MassBlocks:
     def _product(self, A: sp.csr_array, motion: Array) -> Array:
         return np.asarray(A @ motion.reshape(3 * self.count, -1)).reshape(motion.shape)
 
-    def with_shapes(self, u: Array, t: Array) -> Array:
-        """Integrals of phi_i phi_j dm (3, 3, k, k) of translations and rotations (3, N, k)."""
+    def with_shapes(self, u: Array, t: Array, v: Array | None = None, s: Array | None = None) -> Array:
+        """Integrals of phi_i phi'_j dm (3, 3, k, k') of translations and rotations u, t (3, N, k); of v, s if given."""
         # Half of what translations give goes in each order of the two modes; of what couples, all.
-        half = np.tensordot(u, self._product(self.translation, u) / 2 + self._product(self.coupling, t), (1, 1))
-        found = half.transpose(0, 2, 1, 3)
-        found = found + found.transpose(1, 0, 3, 2)
+        if v is None or s is None:
+            v, s, one = u, t, self._half(u, u, t)
+            found = one + one.transpose(1, 0, 3, 2)
+        else:
+            found = self._half(u, v, s) + self._half(v, u, t).transpose(1, 0, 3, 2)
         if t.any():
             for k, m in product(range(3), repeat=2):
-                E = np.tensordot(t, np.stack([self.spread[k][m] @ part for part in t]), (1, 1))
+                E = np.tensordot(t, np.stack([self.spread[k][m] @ part for part in s]), (1, 1))
                 found += np.einsum("ic,jd,cadb->ijab", _CROSS[:, :, k], _CROSS[:, :, m], E, optimize=True)
         return np.asarray(found)
+
+    def _half(self, u: Array, v: Array, s: Array) -> Array:
+        """Work of translations u on half the momentum of translations v and all of that of rotations s."""
+        half = np.tensordot(u, self._product(self.translation, v) / 2 + self._product(self.coupling, s), (1, 1))
+        return np.asarray(half.transpose(0, 2, 1, 3))
 
     def with_position(self, r: Array, u: Array, t: Array, turning: Array) -> Array:
         """Integrals of r_i phi_j dm (3, 3, k), nodes at r (N, 3); skew in it is ``turning``, int r x phi dm (3, k)."""

@@ -33,6 +33,8 @@ BACKENDS: tuple[Backend, ...] = ("pardiso", "cholmod", "superlu", "mumps")
 
 # Share of the memory that is free which a factor may take: the rest is for the basis.
 _SHARE = 0.9
+# Share of that memory which one basis may take; several are at hand at a time, beside the block that they are made of.
+_BASIS_SHARE = 0.1
 _KIB = 1024
 
 
@@ -59,6 +61,8 @@ class SolverSettings:
     parts : int or str
         Parts in which a matrix is factorised, one after the other; ``auto`` for as many as it takes where the factor
         as a whole does not fit in memory.
+    scratch : Path, optional
+        Folder for bases that outgrow memory; without it they stay in memory.
     work : list of Factorisation
         Every factorisation that was done under these settings, in order.
     """
@@ -70,12 +74,18 @@ class SolverSettings:
     ranks: int = 2
     python: str | None = None
     parts: Parts = 1
+    scratch: Path | None = None
     work: list[Factorisation] = field(default_factory=list, compare=False)
 
     @property
     def memory_limit(self) -> float:
         """Bytes that the next factor may take."""
         return _SHARE * available_memory() if self.memory is None else self.memory
+
+    @property
+    def basis_limit(self) -> float:
+        """Bytes beyond which a basis is kept on disk."""
+        return _BASIS_SHARE * self.memory_limit
 
     @property
     def thread_count(self) -> int:

@@ -1,10 +1,11 @@
-"""The plain data that flows between stages: frozen, with stated shapes and units, no I/O."""
+"""The plain data that flows between stages: frozen, with shapes and units; no I/O but for what outgrows memory."""
 
 from cmsreduce.model.bars import Bars
 from cmsreduce.model.body import FEModel, RigidBody, Source
 from cmsreduce.model.certificate import ModeCertificate
 from cmsreduce.model.check import Check
 from cmsreduce.model.completeness import AxisCompleteness
+from cmsreduce.model.congruence import column_blocks, congruence
 from cmsreduce.model.controller import Controller
 from cmsreduce.model.costly_modes import CostlyMode, CostlyModes
 from cmsreduce.model.damping import Damping
@@ -18,6 +19,16 @@ from cmsreduce.model.geometric_stiffness import INERTIA_LOADS, SQUARES, Geometri
 from cmsreduce.model.interface import Interface
 from cmsreduce.model.joint_element import JointElement
 from cmsreduce.model.loading import InterfaceLoading
+from cmsreduce.model.mapped_array import (
+    CHECKSUM,
+    add_dataset,
+    checksum,
+    chosen_columns,
+    map_dataset,
+    mapped_array,
+    mapped_in,
+    shapes_beside,
+)
 from cmsreduce.model.members import Members
 from cmsreduce.model.modal_channels import ModalChannels
 from cmsreduce.model.modal_integrals import Lumping, ModalIntegrals
@@ -67,6 +78,7 @@ from cmsreduce.model.units import SI, Units
 from cmsreduce.model.untied import UntiedMass
 
 __all__ = [
+    "CHECKSUM",
     "Speed",
     "RunFigure",
     "RunResult",
@@ -160,12 +172,21 @@ __all__ = [
     "UnitLoad",
     "Units",
     "UntiedMass",
+    "add_dataset",
+    "checksum",
+    "chosen_columns",
+    "column_blocks",
     "components_from_digits",
+    "congruence",
     "cross_matrix",
     "dof_index",
     "in_units",
     "load_stiffness_in_units",
+    "map_dataset",
+    "mapped_array",
+    "mapped_in",
     "recovery_in_units",
     "rigid_body_shapes",
     "rigid_in_units",
+    "shapes_beside",
 ]

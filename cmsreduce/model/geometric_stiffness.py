@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError
+from cmsreduce.model.congruence import congruence
 from cmsreduce.model.units import Units
 
 __all__ = ["INERTIA_LOADS", "SQUARES", "GeometricStiffness", "ModalStiffening", "UnitLoad", "loads_in_words"]
@@ -139,9 +140,8 @@ class GeometricStiffness:
 
     def reduced(self, Phi: NDArray[np.float64]) -> ModalStiffening:
         """Restate in modes Phi (n, m): Phi^T K_l Phi."""
-        K = [Phi.T @ (A @ Phi) for A in self.matrices]
-        stacked = np.array(K).reshape(len(K), Phi.shape[1], Phi.shape[1])
-        return ModalStiffening(self.loads, (stacked + np.swapaxes(stacked, 1, 2)) / 2, self.origin)
+        K = [congruence(A, Phi) for A in self.matrices]
+        return ModalStiffening(self.loads, np.array(K).reshape(len(K), Phi.shape[1], Phi.shape[1]), self.origin)
 
 
 @dataclass(frozen=True, eq=False)

@@ -75,8 +75,14 @@ class ModeSet:
             raise MatrixError(f"mode set '{self.method}': unknown kinds of modes {sorted(unknown)}")
 
     @classmethod
-    def of(cls, method: str, blocks: Sequence[ModeBlock], certificate: ModeCertificate | None = None) -> ModeSet:
-        """Put blocks of shapes side by side."""
+    def of(
+        cls,
+        method: str,
+        blocks: Sequence[ModeBlock],
+        certificate: ModeCertificate | None = None,
+        Phi: NDArray[np.float64] | None = None,
+    ) -> ModeSet:
+        """Put blocks of shapes side by side; ``Phi`` is what they are views of, where they lie so already."""
         source = [
             np.full(block.shapes.shape[1], 0.0 if block.kind == "rigid" else np.nan)
             if block.source_hz is None
@@ -85,7 +91,7 @@ class ModeSet:
         ]
         return cls(
             method,
-            np.hstack([block.shapes for block in blocks]),
+            np.hstack([block.shapes for block in blocks]) if Phi is None else Phi,
             tuple(block.kind for block in blocks for _ in block.label),
             np.concatenate(source),
             tuple(name for block in blocks for name in block.label),

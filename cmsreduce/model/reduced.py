@@ -12,6 +12,7 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.model.body import FEModel
 from cmsreduce.model.certificate import ModeCertificate
 from cmsreduce.model.damping import Damping
+from cmsreduce.model.mapped_array import chosen_columns
 from cmsreduce.model.mode_set import ModeKind, ModeSet
 
 __all__ = ["ModalComponent", "ReducedComponent"]
@@ -177,9 +178,11 @@ class ModalComponent:
     @property
     def inertial_shapes(self) -> NDArray[np.float64]:
         """Phi with zeros for the modes whose mass was left out: what integrals over the mass are taken of (n, m)."""
-        Phi = self.Phi.copy()
-        Phi[:, self.neglected] = 0.0
-        return Phi
+        if not self.neglected_count:
+            return self.Phi
+        scale = np.ones(self.omega.size)
+        scale[self.neglected] = 0.0
+        return chosen_columns(self.Phi, np.arange(self.omega.size), scale)
 
     @property
     def mass(self) -> NDArray[np.float64]:
@@ -237,7 +240,7 @@ class ModalComponent:
         omega_now = blank(self.omega, np.inf)
         return replace(
             self,
-            Phi=self.Phi * scale,
+            Phi=chosen_columns(self.Phi, np.arange(self.omega.size), scale),
             omega=omega_now,
             zeta=blank(self.zeta, 0.0),
             D=None if self.D is None else self.D * np.outer(scale, scale),
@@ -265,7 +268,7 @@ class ModalComponent:
         reasons = self.why if why is None else tuple(why)
         return replace(
             self,
-            Phi=self.Phi[:, columns],
+            Phi=chosen_columns(self.Phi, columns),
             omega=self.omega[columns],
             zeta=self.zeta[columns],
             D=None if self.D is None else self.D[np.ix_(columns, columns)],

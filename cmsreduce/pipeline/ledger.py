@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError, StageError
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
-from cmsreduce.model import Factorisation
+from cmsreduce.model import Factorisation, mapped_in
 from cmsreduce.pipeline.progress import Progress
-from cmsreduce.pipeline.stage_store import StageStore
+from cmsreduce.pipeline.stage_store import STAGES_FOLDER, StageStore
 
 __all__ = ["REPORT", "Ledger"]
 
@@ -45,7 +45,8 @@ class Ledger:
     def __init__(
         self, folder: Path, progress: Progress, only: str | None = None, solver: SolverSettings | None = None
     ) -> None:
-        self.solver = SolverSettings() if solver is None else solver
+        # What outgrows memory while it is made lies beside the finished stages, on the same disk.
+        self.solver = replace(SolverSettings() if solver is None else solver, scratch=folder / STAGES_FOLDER)
         self.factorised: dict[str, dict[str, list[Factorisation]]] = {}
         self.store, self.progress, self.only = StageStore(folder, progress.note), progress, only
         self.seconds: dict[str, dict[str, float]] = {}
@@ -97,10 +98,17 @@ class Ledger:
             prepare()
             packed, described = pack(self.timed(stage, what, work))
             # Laid out as what is read back, so that a run that goes on from here rounds as one that was never stopped.
-            arrays = {name: np.asarray(array, order="C") for name, array in packed.items()}
+            arrays: Arrays = {
+                name: array if mapped_in(array) is not None else np.asarray(array, order="C")
+                for name, array in packed.items()
+            }
+            del packed
             done = [asdict(each) for each in self.factorised[what][stage]]
             facts = {**described, "seconds": self.seconds[what][stage], "factorised": done}
             self.written.append(self.store.save(stage, what, key, arrays, facts))
+            if any(mapped_in(array) is not None for array in arrays.values()):
+                # From the finished file, so that the other one goes.
+                arrays = (self._load(stage, what, key) or (arrays, facts))[0]
         return unpack(arrays, facts)
 
     def recall(self, stage: str, what: str, key: str) -> None:
@@ -139,11 +147,15 @@ class Ledger:
 
     def _finished(self, stage: str, what: str, key: str) -> tuple[Arrays, Mapping[str, Any]] | None:
         """Take a stage from the store, unless it is the one to be done."""
-        if self.only == stage or (found := self.store.load(stage, what, key)) is None:
+        if self.only == stage or (found := self._load(stage, what, key)) is None:
             return None
         self._recall(stage, what, found[1])
         self.progress.reused(stage, what)
         return found
+
+    def _load(self, stage: str, what: str, key: str) -> tuple[Arrays, Mapping[str, Any]] | None:
+        with solver_settings(self.solver):
+            return self.store.load(stage, what, key)
 
     def _recall(self, stage: str, what: str, facts: Mapping[str, Any]) -> None:
         done = [Factorisation(**each) for each in facts.get("factorised", ())]

@@ -108,5 +108,5 @@ def _running(body: FEModel, component: ModalComponent) -> tuple[Array, Array] | 
     point = np.vstack([face.position for face in body.interfaces.values()]).mean(axis=0)
     R = rigid_body_shapes(body.dofs, body.nodes, point)
     MR = np.asarray(body.M @ R)
-    found = effective_mass(hz, MR.T @ (component.Phi @ Q), R.T @ MR)
+    found = effective_mass(hz, (MR.T @ component.Phi) @ Q, R.T @ MR)
     return found.hz, found.running

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.balance import keep_directions
+from cmsreduce.linalg.basis_store import combined
 from cmsreduce.linalg.graded import weighted_singular_values
 from cmsreduce.linalg.strain import energies
 from cmsreduce.model import ModalComponent, ModeBlock, ModeKind, ModeSet
@@ -122,7 +123,7 @@ def _of_other_modes(
     component = ModalComponent(
         body=body,
         method="projection",
-        Phi=modes.Phi @ whole,
+        Phi=combined(modes.Phi, whole),
         omega=np.concatenate([np.zeros(r), omega]),
         zeta=np.concatenate([np.zeros(r), ratio]),
         rigid_count=r,

@@ -27,6 +27,7 @@ from cmsreduce.balance import (
 )
 from cmsreduce.config import RankingKeys
 from cmsreduce.errors import ConfigError
+from cmsreduce.linalg.basis_store import observed
 from cmsreduce.model import BoundRecord, ModalChannels, ModalComponent, SearchRecord
 from cmsreduce.pipeline.candidates import SystemErrors
 
@@ -58,8 +59,8 @@ def modal_channels(component: ModalComponent, ports: Ports) -> ModalChannels:
         component.omega[e],
         component.zeta[e],
         np.hstack([at_interface.T, Phi.T @ ports.loads]),
-        np.vstack([at_interface, ports.displacements @ Phi]),
-        np.vstack([at_interface, ports.rates @ Phi]),
+        np.vstack([at_interface, observed(ports.displacements, Phi)]),
+        np.vstack([at_interface, observed(ports.rates, Phi)]),
     )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.assemble import Ports, physical_substructure
 from cmsreduce.balance import Sized
 from cmsreduce.config import ScalingKeys, Size, channel_kind
+from cmsreduce.linalg.basis_store import observed
 from cmsreduce.linalg.dense import dense
 from cmsreduce.model import Channel, Configuration, ModalComponent, PointTerm, Scene, Units
 from cmsreduce.pipeline.assembled import AssembledModel
@@ -77,7 +78,7 @@ def sized_in(component: ModalComponent, ports: Ports, rows: SizedRows) -> tuple[
     units = sp.csr_array(sp.eye_array(Phi.shape[0], format="csr")[ports.interface])
 
     def among(own: sp.csr_array, beside: sp.csr_array) -> Sized:
-        return Sized(_combination(own, sp.csr_array(sp.vstack([units, beside]))), np.asarray(own @ Phi))
+        return Sized(_combination(own, sp.csr_array(sp.vstack([units, beside]))), observed(own, Phi))
 
     loads = sp.csr_array(ports.loads.T)
     return among(rows.loads, loads), among(rows.displacements, ports.displacements), among(rows.rates, ports.rates)

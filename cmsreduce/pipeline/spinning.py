@@ -9,6 +9,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.config.stiffening_keys import SpinKeys
+from cmsreduce.linalg.basis_store import combined
 from cmsreduce.linalg.modal_integrals import modal_integrals
 from cmsreduce.linalg.null_space import motions_held, null_space
 from cmsreduce.linalg.spinning import SpinningModes, spinning_modes
@@ -95,7 +96,7 @@ def _held_modes(component: ModalComponent) -> tuple[Array, Array, str]:
         T, _ = null_space(component.Phi[rows])
         found = _modes(T.T @ (mass[:, None] * T), T.T @ (component.stiffness[:, None] * T))
         if found[1].size and (best is None or found[1][0] < (1 - _ALIKE) * best[1][0]):
-            best = component.Phi @ (T @ found[0]), found[1], f"held at {face}"
+            best = combined(component.Phi, T @ found[0]), found[1], f"held at {face}"
     if best is not None:
         return best
     elastic = np.arange(rigid, component.elastic.stop)[:_MODES]

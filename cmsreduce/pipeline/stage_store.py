@@ -14,6 +14,8 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.basis_store import new_basis, outgrows, row_blocks
+from cmsreduce.model import CHECKSUM, checksum, map_dataset, mapped_in
 from cmsreduce.pipeline.code_version import code_version
 from cmsreduce.write import atomic_path, hdf5_file, put_texts
 
@@ -33,6 +35,7 @@ _FACTS = "facts."
 _POINTER = "shared.json"
 # Hexadecimal digits of a key in a file's name: 80 bits, and the file holds all of them.
 _DIGITS = 20
+_MATRIX = 2
 # What HDF5 raises for bytes that are no longer what was written, and what they become where it does not notice.
 _DAMAGE = (OSError, KeyError, ValueError, RuntimeError, TypeError, IndexError, AttributeError, OverflowError)
 
@@ -92,7 +95,8 @@ class StageStore:
 
         def everything(file: Any) -> tuple[Arrays, dict[str, Any]]:
             # Every dataset has a checksum, which reading it compares.
-            return {name: dataset[()] for name, dataset in file.items() if name != _FACTS}, _facts(file)
+            arrays = {name: _array(file.filename, dataset) for name, dataset in file.items() if name != _FACTS}
+            return arrays, _facts(file)
 
         found: tuple[Arrays, dict[str, Any]] | None = self._read(stage, what, key, everything)
         return found
@@ -107,12 +111,16 @@ class StageStore:
     ) -> Path:
         """Write a finished stage; it appears under its name only when it is whole."""
         path = self.path(stage, what, key)
-        with hdf5_file(path) as file:
+        # What outgrew memory when it was made is not brought there to be written.
+        large = {name: array for name, array in arrays.items() if mapped_in(array) is not None}
+        with hdf5_file(path, large) as file:
             file.attrs["key"] = key
             file.attrs["names"] = json.dumps(sorted(arrays))
             # A dataset, because HDF5 bounds the size of attributes.
             put_texts(file, _FACTS, [json.dumps(facts, sort_keys=True)])
             for name, array in arrays.items():
+                if name in large:
+                    continue
                 value = np.asarray(array)
                 filtered = {"fletcher32": True} if value.size else {}
                 file.create_dataset(name, data=value, track_times=False, **filtered)
@@ -169,6 +177,22 @@ class StageStore:
 def _facts(file: Any) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(file[_FACTS][0])
     return found
+
+
+def _array(path: str, dataset: Any) -> NDArray[Any]:
+    """Values of a dataset, compared with their checksum; what outgrows memory stays in the file, or goes to one."""
+    if CHECKSUM in dataset.attrs:
+        Phi = map_dataset(Path(path), dataset)
+        if checksum(Phi) != dataset.attrs[CHECKSUM]:
+            raise OSError(f"the checksum of {dataset.name} does not fit")
+        return Phi
+    if dataset.ndim != _MATRIX or dataset.dtype != np.float64 or not outgrows(*dataset.shape):
+        found: NDArray[Any] = dataset[()]
+        return found
+    basis = new_basis(*dataset.shape)
+    for rows in row_blocks(*dataset.shape):
+        basis[rows] = dataset[rows]
+    return basis
 
 
 def _shared_folder(stages: Path) -> Path | None:

@@ -11,13 +11,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.basis_store import new_basis, side_by_side
 from cmsreduce.linalg.eigenpairs import modes_below
 from cmsreduce.linalg.null_space import HELD
 from cmsreduce.linalg.pencil import orthonormal
-from cmsreduce.model import FEModel, InterfaceLoading, ModeBlock, ModeSet
+from cmsreduce.model import FEModel, InterfaceLoading, ModeBlock, ModeSet, chosen_columns, column_blocks, congruence
 from cmsreduce.reduce.neglected import Basis, LeftOut
 from cmsreduce.reduce.reduction import Reduction
-from cmsreduce.reduce.static_shapes import elastic_solve, independent_columns, residual_shapes, unit_loads
+from cmsreduce.reduce.static_shapes import Loads, elastic_solve, independent_columns, residual_shapes, unit_loads
 
 __all__ = ["AugmentedBody", "BenfieldHruda"]
 
@@ -74,15 +75,19 @@ class BenfieldHruda(Reduction):
         K, M, everywhere = self._loaded(body, interface, rigid)
         w, phi = self._held_modes(K, M, everywhere, interface, body.rounding)
         # The body's share of each mode, without its rigid motion: that is in the basis already.
-        shapes = phi[: body.n]
-        shapes = shapes - rigid @ (rigid.T @ (body.M @ shapes))
+        shapes = new_basis(body.n, w.size)
+        for part in column_blocks(w.size):
+            body_part = phi[: body.n, part]
+            shapes[:, part] = body_part - rigid @ (rigid.T @ (body.M @ body_part))
+        del phi
         own = _own_motions(body, w, shapes)
-        w, shapes = w[own], shapes[:, own]
+        w, shapes = w[own], chosen_columns(shapes, own)
         # The body's own factor, where one of these asks for it.
         flexibility = cache(lambda: elastic_solve(body, rigid))
         residual, number = np.empty((body.n, 0)), np.empty(0, dtype=np.int64)
         if loads is not None and loads.shape[1]:
             residual, number = residual_shapes(flexibility(), body.K, loads, shapes)
+        Phi, (rigid, shapes, residual) = side_by_side(body.n, [(None, rigid), (None, shapes), (None, residual)])
         modes = ModeSet.of(
             self.method,
             [
@@ -90,16 +95,21 @@ class BenfieldHruda(Reduction):
                 ModeBlock("loaded", shapes, [str(mode + 1) for mode in own], w / (2 * np.pi)),
                 ModeBlock("residual", residual, [f"load {load + 1}" for load in number]),
             ],
+            Phi=Phi,
         )
 
         def answer(f: NDArray[np.float64]) -> NDArray[np.float64]:
             return flexibility()(f)
 
         # Without static modes the loads themselves are missed, and the inertia of the residual shapes.
-        def forces() -> NDArray[np.float64]:
-            return np.hstack([unit_loads(body.n, interface), body.M @ residual])
+        i, units = interface.size, unit_loads(body.n, interface)
 
-        left_out = LeftOut(answer, body.K, (shapes, residual), forces, np.arange(body.n), body.n)
+        def forces(part: slice) -> NDArray[np.float64]:
+            inertia = residual[:, max(part.start - i, 0) : max(part.stop - i, 0)]
+            return np.hstack([units[:, part].toarray(), body.M @ inertia])
+
+        missing = Loads(i + residual.shape[1], forces)
+        left_out = LeftOut(answer, body.K, (shapes, residual), missing, np.arange(body.n), body.n)
         return Basis(modes, left_out)
 
     def _held_modes(
@@ -159,7 +169,7 @@ def _own_motions(body: FEModel, w: NDArray[np.float64], shapes: NDArray[np.float
 
     Energy is strain and kinetic energy together: what moves no mass of the body may strain it.
     """
-    strain, inertia = shapes.T @ (body.K @ shapes), shapes.T @ (body.M @ shapes)
+    strain, inertia = congruence(body.K, shapes), congruence(body.M, shapes)
     moving = np.flatnonzero(strain.diagonal() / w**2 + inertia.diagonal() > _STILL)
     strain, inertia = strain[np.ix_(moving, moving)], inertia[np.ix_(moving, moving)]
     energy = strain / (float(np.trace(strain)) or 1.0) + inertia / (float(np.trace(inertia)) or 1.0)

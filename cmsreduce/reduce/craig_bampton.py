@@ -10,16 +10,17 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SingularInterfaceError
-from cmsreduce.linalg.eigenpairs import certified_modes, count_below
+from cmsreduce.linalg.basis_store import combined, new_basis, observed, side_by_side
+from cmsreduce.linalg.eigenpairs import beside_modes, certified_modes, count_below
 from cmsreduce.linalg.factorise import BLOCK, NotPositiveDefiniteError, factorise
 from cmsreduce.linalg.flexibility import Solve
 from cmsreduce.linalg.null_space import HELD, motions_held
-from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet
+from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet, column_blocks, congruence
 from cmsreduce.reduce.characteristic import Boundary, InterfaceReduction
 from cmsreduce.reduce.macneal_rubin import free_modes_and_residuals
 from cmsreduce.reduce.neglected import Basis, LeftOut
 from cmsreduce.reduce.reduction import Reduction
-from cmsreduce.reduce.static_shapes import residual_shapes
+from cmsreduce.reduce.static_shapes import Loads, residual_shapes
 
 __all__ = ["CraigBampton", "Guyan"]
 
@@ -81,32 +82,39 @@ class CraigBampton(Reduction):
         self._check_held(body, interface, rigid)
         # Counted first: one factor is in memory at a time.
         count = count_below(Kjj, Mjj, omega)
-        constraint, solve = self._constraint_modes(body, interface, rigid, Kjj, j)
-        boundary = self._boundary(body, interface, rigid, constraint)
+        solve = self._interior_factor(body, interface, Kjj, j)
         w, phi, certificate = np.empty(0), np.empty((j.size, 0)), None
         if omega > 0 and j.size:
             w, phi, bound = certified_modes(Kjj, Mjj, omega, solve=solve, count=count, rounding=body.rounding)
             certificate = ModeCertificate(self.cutoff_hz, count, w / (2 * np.pi), bound)
+            solve = beside_modes(solve, Mjj, w, phi)
+        constraint = self._constraint_modes(body, interface, rigid, solve, j)
+        boundary = self._boundary(body, interface, rigid, constraint)
         static, new = np.empty((j.size, 0)), np.empty(0, dtype=np.int64)
         if j.size:
             static, new = residual_shapes(solve, Kjj, forces[j], phi, Mjj)
-        single = constraint @ boundary.shapes[:, : boundary.single.size]
-        many = constraint @ boundary.shapes[:, boundary.single.size :]
+        lone, many = constraint, constraint[:, :0]
+        if self.interface_reduction is not None:
+            lone = combined(constraint, boundary.shapes[:, : boundary.single.size])
+            many = combined(constraint, boundary.shapes[:, boundary.single.size :])
+        blocks = [(None, lone), (None, many), (j, phi), (j, static)]
+        del constraint
+        Phi, (lone, many, fixed, residual) = side_by_side(body.n, blocks)
+        del blocks
         modes = ModeSet.of(
             self.method,
             [
-                ModeBlock("constraint", single, [body.dofs.labels[row] for row in interface[boundary.single]]),
+                ModeBlock("constraint", lone, [body.dofs.labels[row] for row in interface[boundary.single]]),
                 ModeBlock("constraint", many, boundary.labels, boundary.frequency_hz),
-                ModeBlock("fixed", _interior(phi, j, body.n), _ordinals(w.size), w / (2 * np.pi)),
-                ModeBlock("residual", _interior(static, j, body.n), [f"load {load + 1}" for load in new]),
+                ModeBlock("fixed", fixed, _ordinals(w.size), w / (2 * np.pi)),
+                ModeBlock("residual", residual, [f"load {load + 1}" for load in new]),
             ],
             certificate,
+            Phi,
         )
-
         # What the modes left out answer first is the inertia of the moving interface: M_jj Psi + M_ji.
-        def inertia() -> NDArray[np.float64]:
-            return np.asarray(body.M @ np.hstack([single, many, _interior(static, j, body.n)]))
-
+        moving = np.concatenate([np.arange(boundary.shapes.shape[1]), np.arange(Phi.shape[1] - new.size, Phi.shape[1])])
+        inertia = Loads(moving.size, lambda part: body.M @ Phi[:, moving[part]])
         return Basis(modes, LeftOut(solve, Kjj, (phi, static), inertia, j, body.n))
 
     def characteristic_shapes(
@@ -121,40 +129,49 @@ class CraigBampton(Reduction):
         """
         self._check_held(body, interface, rigid)
         j = np.setdiff1d(np.arange(body.n), interface)
-        constraint, _ = self._constraint_modes(body, interface, rigid, sp.csc_array(body.K[j][:, j]), j)
+        solve = self._interior_factor(body, interface, sp.csc_array(body.K[j][:, j]), j)
+        constraint = self._constraint_modes(body, interface, rigid, solve, j)
         boundary = self._boundary(body, interface, rigid, constraint)
         reduction = self.interface_reduction
         return boundary.shapes[reduction.positions(interface) if reduction else slice(0)]
 
-    def _constraint_modes(
-        self,
-        body: FEModel,
-        interface: NDArray[np.int64],
-        rigid: NDArray[np.float64],
-        Kjj: sp.csc_array,
-        j: NDArray[np.int64],
-    ) -> tuple[NDArray[np.float64], Solve]:
-        """Constraint modes (n, i), and the flexibility of the interior, rows j, with the interface held."""
-        constraint = np.zeros((body.n, interface.size))
-        constraint[interface, np.arange(interface.size)] = 1.0
+    def _interior_factor(
+        self, body: FEModel, interface: NDArray[np.int64], Kjj: sp.csc_array, j: NDArray[np.int64]
+    ) -> Solve:
+        """Flexibility of the interior, rows j, with the interface held."""
         try:
-            solve = factorise(Kjj, what=f"body '{body.name}': K with the interface held")
+            return factorise(Kjj, what=f"body '{body.name}': K with the interface held")
         except NotPositiveDefiniteError as error:
             raise SingularInterfaceError(
                 f"body '{body.name}': with its {interface.size} interface dofs held, dof "
                 f"{body.dofs.labels[j[error.row]]} still moves freely ({error}). Add interface dofs that hold it, or "
                 "remove the mechanism"
             ) from None
+
+    def _constraint_modes(
+        self,
+        body: FEModel,
+        interface: NDArray[np.int64],
+        rigid: NDArray[np.float64],
+        solve: Solve,
+        j: NDArray[np.int64],
+    ) -> NDArray[np.float64]:
+        """Static shapes of the body (n, i), one for each interface dof moved by one, the others held."""
+        constraint = new_basis(body.n, interface.size)
+        constraint[interface, np.arange(interface.size)] = 1.0
         if j.size:
             coupling = sp.csc_array(body.K[:, interface])[j]
             # Block by block: the loads of a wide interface would fill as much memory as its shapes.
             for first in range(0, interface.size, BLOCK):
                 part = slice(first, first + BLOCK)
-                constraint[j, part] = -solve(coupling[:, part].toarray())
+                answer = solve(coupling[:, part].toarray())
+                constraint[j, part] = np.negative(answer, out=answer)
             # They carry the rigid modes: what a solve loses of them over a long lever, or a coarse file, is known.
             missed = rigid - constraint @ rigid[interface]
-            constraint[j] += missed[j] @ la.pinv(rigid[interface], rtol=HELD)
-        return constraint, solve
+            lost, share = missed[j], la.pinv(rigid[interface], rtol=HELD)
+            for part in column_blocks(interface.size):
+                constraint[j, part] += lost @ share[:, part]
+        return constraint
 
     def _boundary(
         self,
@@ -170,11 +187,9 @@ class CraigBampton(Reduction):
         if not many.size:
             return Boundary.whole(interface.size)
         # K Psi is zero but on the interface.
-        K, M = body.K[interface] @ constraint, constraint.T @ (body.M @ constraint)
+        K, M = observed(body.K[interface], constraint), congruence(body.M, constraint)
         P = np.eye(interface.size) - rigid[interface] @ (rigid[interface].T @ M)
-        return Boundary.reduced(
-            P.T @ ((K + K.T) / 2) @ P, (M + M.T) / 2, rigid[interface], many, reduction, body.rounding
-        )
+        return Boundary.reduced(P.T @ ((K + K.T) / 2) @ P, M, rigid[interface], many, reduction, body.rounding)
 
     def _check_held(self, body: FEModel, interface: NDArray[np.int64], rigid: NDArray[np.float64]) -> None:
         held = motions_held(rigid, interface)
@@ -191,13 +206,6 @@ class Guyan(CraigBampton):
 
     method: ClassVar[str] = "guyan"
     normal_modes: ClassVar[bool] = False
-
-
-def _interior(shapes: NDArray[np.float64], j: NDArray[np.int64], n: int) -> NDArray[np.float64]:
-    """Shapes of the interior, at rest on the interface (n, k)."""
-    Phi = np.zeros((n, shapes.shape[1]))
-    Phi[j] = shapes
-    return Phi
 
 
 def _ordinals(count: int) -> list[str]:

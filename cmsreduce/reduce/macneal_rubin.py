@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.basis_store import side_by_side
 from cmsreduce.linalg.eigenpairs import certified_modes, count_below
-from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet
+from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet, column_blocks
 from cmsreduce.reduce.neglected import Basis, LeftOut
 from cmsreduce.reduce.reduction import Reduction
-from cmsreduce.reduce.static_shapes import elastic_solve, residual_shapes, unit_loads
+from cmsreduce.reduce.static_shapes import Loads, elastic_solve, residual_shapes, unit_loads
 
 __all__ = ["MacNealRubin", "free_modes_and_residuals"]
 
@@ -47,7 +49,7 @@ def free_modes_and_residuals(
     body: FEModel,
     rigid: NDArray[np.float64],
     omega: float,
-    loads: NDArray[np.float64],
+    loads: NDArray[np.float64] | sp.csc_array,
     labels: list[str],
 ) -> Basis:
     """Free modes up to a frequency and the residual flexibility under some loads.
@@ -62,7 +64,7 @@ def free_modes_and_residuals(
         Rigid-body modes.
     omega : float
         Highest frequency in rad/s.
-    loads : (n, l) float64
+    loads : (n, l) float64 or sparse array
         Loads whose static response the basis holds.
     labels : list of str
         Name of each load.
@@ -77,16 +79,20 @@ def free_modes_and_residuals(
         )
         certificate = ModeCertificate(omega / (2 * np.pi), count, w / (2 * np.pi), bound)
     residual, number = residual_shapes(solve, body.K, loads, phi, body.M)
-    for _ in range(2):
-        residual = residual - rigid @ (rigid.T @ (body.M @ residual))
+    for part in column_blocks(residual.shape[1]):
+        for _ in range(2):
+            residual[:, part] -= rigid @ (rigid.T @ (body.M @ residual[:, part]))
+    Phi, (rigid, free, residual) = side_by_side(body.n, [(None, rigid), (None, phi), (None, residual)])
     modes = ModeSet.of(
         method,
         [
             ModeBlock("rigid", rigid, [f"rigid {number + 1}" for number in range(rigid.shape[1])]),
-            ModeBlock("free", phi, [str(number + 1) for number in range(w.size)], w / (2 * np.pi)),
+            ModeBlock("free", free, [str(number + 1) for number in range(w.size)], w / (2 * np.pi)),
             ModeBlock("residual", residual, [labels[load] for load in number]),
         ],
         certificate,
+        Phi,
     )
     # Statics are whole: what is missed first is the answer to the inertia of the residual modes.
-    return Basis(modes, LeftOut(solve, body.K, (phi, residual), lambda: body.M @ residual, np.arange(body.n), body.n))
+    inertia = Loads(residual.shape[1], lambda part: body.M @ residual[:, part])
+    return Basis(modes, LeftOut(solve, body.K, (free, residual), inertia, np.arange(body.n), body.n))

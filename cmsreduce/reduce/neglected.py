@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -10,10 +10,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.basis_store import side_by_side
 from cmsreduce.linalg.factor import BLOCK
 from cmsreduce.linalg.flexibility import Solve
-from cmsreduce.model import ModeBlock, ModeSet, ReducedComponent
-from cmsreduce.reduce.static_shapes import residual_shapes
+from cmsreduce.model import ModeKind, ModeSet, ReducedComponent, column_blocks
+from cmsreduce.reduce.static_shapes import Loads, residual_shapes
 
 __all__ = ["Basis", "Examined", "LeftOut"]
 
@@ -36,9 +37,9 @@ class LeftOut:
         Stiffness.
     known : sequence of (t, k) float64
         Normal modes and residual shapes of the basis, which span V.
-    loads : callable
-        Gives the loads (n, l) of which the basis misses a part first: the inertia M u of its static shapes u, or, of a
-        basis without static shapes, the loads themselves.
+    loads : Loads
+        Loads (n, l) of which the basis misses a part first: the inertia M u of its static shapes u, or, of a basis
+        without static shapes, the loads themselves.
     rows : (t,) int64
         Rows of the body.
     n : int
@@ -48,26 +49,33 @@ class LeftOut:
     solve: Solve
     K: sp.csc_array
     known: Sequence[NDArray[np.float64]]
-    loads: Callable[[], NDArray[np.float64]]
+    loads: Loads
     rows: NDArray[np.int64]
     n: int
 
     def shapes(self) -> NDArray[np.float64]:
         """Static responses that the basis misses, orthonormal in K and orthogonal in K to the basis (n, p), p <= l."""
-        found, _ = residual_shapes(self.solve, self.K, self.loads()[self.rows], np.hstack(self.known))
-        E = np.zeros((self.n, found.shape[1]))
-        E[self.rows] = found
-        return E
+        return side_by_side(self.n, [(self.rows, self._answers())])[0]
 
     def enriched(self, modes: ModeSet) -> ModeSet:
         """The basis and the shapes that it misses first, as residual shapes at its end."""
-        E = self.shapes()
-        columns = [
-            ModeBlock(kind, modes.Phi[:, [k]], [label], modes.source_hz[[k]])
-            for k, (kind, label) in enumerate(zip(modes.kind, modes.label, strict=True))
-        ]
-        beyond = ModeBlock("residual", E, [f"left out {number + 1}" for number in range(E.shape[1])])
-        return ModeSet.of(modes.method, [*columns, beyond], modes.certificate)
+        Phi, (_, E) = side_by_side(self.n, [(None, modes.Phi), (self.rows, self._answers())])
+        p = E.shape[1]
+        beyond: list[ModeKind] = ["residual"] * p
+        return ModeSet(
+            modes.method,
+            Phi,
+            (*modes.kind, *beyond),
+            np.concatenate([modes.source_hz, np.full(p, np.nan)]),
+            (*modes.label, *(f"left out {number + 1}" for number in range(p))),
+            modes.certificate,
+        )
+
+    def _answers(self) -> NDArray[np.float64]:
+        """The shapes in the rows that G knows (t, p)."""
+        here = Loads(self.loads.count, lambda part: self.loads.block(part)[self.rows])
+        known, _ = side_by_side(self.rows.size, [(None, shapes) for shapes in self.known])
+        return residual_shapes(self.solve, self.K, here, known)[0]
 
     def missed(self, loads: NDArray[np.float64]) -> NDArray[np.float64]:
         """Share of the static flexibility under each load that the basis does not hold.
@@ -82,13 +90,16 @@ class LeftOut:
         (s,) float64
             1 - f^T V V^T f / f^T G f, from 0 to 1; 0 for a load that G does not answer.
         """
-        f = loads[self.rows]
-        if not f.size:
+        if not self.rows.size or not loads.shape[1]:
             return np.zeros(loads.shape[1])
-        whole = np.einsum("ij,ij->j", f, self.solve(f))
-        held = np.vstack([shapes.T @ f for shapes in self.known])
+        whole, held = np.empty(loads.shape[1]), np.empty((sum(s.shape[1] for s in self.known), loads.shape[1]))
+        for first in range(0, loads.shape[1], BLOCK):
+            part = slice(first, first + BLOCK)
+            f = loads[self.rows, part]
+            whole[part] = np.einsum("ij,ij->j", f, self.solve(f))
+            held[:, part] = np.vstack([shapes.T @ f for shapes in self.known])
         # A few columns at a time: the modes of a large body are not to be copied.
-        parts = [shapes[:, k : k + BLOCK] for shapes in self.known for k in range(0, shapes.shape[1], BLOCK)]
+        parts = [shapes[:, part] for shapes in self.known for part in column_blocks(shapes.shape[1])]
         energy = [np.vstack([shapes.T @ (self.K @ part) for shapes in self.known]) for part in parts]
         G = np.hstack(energy) if energy else np.empty((0, 0))
         scale = 1 / np.sqrt(np.maximum(G.diagonal(), np.finfo(float).tiny))

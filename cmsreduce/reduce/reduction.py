@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.null_space import rigid_body_modes
-from cmsreduce.model import FEModel, ModeSet, ReducedComponent, rigid_body_shapes
+from cmsreduce.model import FEModel, ModeSet, ReducedComponent, column_blocks, congruence, rigid_body_shapes
 from cmsreduce.reduce.neglected import Basis, Examined
 
 __all__ = ["Reduction", "project", "recover"]
@@ -156,11 +156,11 @@ def project(body: FEModel, modes: ModeSet, rigid: NDArray[np.float64]) -> Reduce
         If a rigid-body mode lies outside the span of the basis.
     """
     Phi = modes.Phi
-    M, K = _congruence(body.M @ Phi, Phi), _congruence(body.K @ Phi, Phi)
-    D = None if body.D is None else _congruence(body.D @ Phi, Phi)
+    M, K = congruence(body.M, Phi), congruence(body.K, Phi)
+    D = None if body.D is None else congruence(body.D, Phi)
     # Rigid motion strains nothing, so any share of K may be added to the norm: the mass alone is blind to shapes
     # without mass. The share is small enough that what rounding leaves of K on rigid shapes does not count.
-    strain, inertia = float(np.sum(body.K.diagonal() @ Phi**2)), float(np.trace(M))
+    strain, inertia = _uncoupled(body.K.diagonal(), Phi), float(np.trace(M))
     share = inertia / strain if strain > 0 else 0.0
     W = M + share * K
     # Scaled to a unit diagonal: columns of a basis differ by the square root of a mass.
@@ -178,11 +178,11 @@ def project(body: FEModel, modes: ModeSet, rigid: NDArray[np.float64]) -> Reduce
             f"body '{body.name}': a rigid-body motion is not in the span of its {modes.method} basis (missed by "
             f"{lost.max():.1e} in the mass norm); the row order or the geometry may be wrong"
         )
-    weight = np.linalg.cholesky(_congruence(M @ q, q)) if q.shape[1] else np.empty((0, 0))
+    weight = np.linalg.cholesky(congruence(M, q)) if q.shape[1] else np.empty((0, 0))
     q = np.linalg.solve(weight, q.T).T
     # What rounding leaves of K on a rigid motion is taken out, so that rigid modes have frequency zero exactly.
     P = np.eye(modes.m) - (M @ q) @ q.T
-    return ReducedComponent(body, modes, M, _congruence(K @ P.T, P.T), D, q)
+    return ReducedComponent(body, modes, M, congruence(K, P.T), D, q)
 
 
 def recover(component: ReducedComponent, q: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -190,6 +190,6 @@ def recover(component: ReducedComponent, q: NDArray[np.float64]) -> NDArray[np.f
     return np.asarray(component.modes.Phi @ q)
 
 
-def _congruence(A_Phi: NDArray[np.float64], Phi: NDArray[np.float64]) -> NDArray[np.float64]:
-    A = Phi.T @ A_Phi
-    return np.asarray((A + A.T) / 2)
+def _uncoupled(diagonal: NDArray[np.float64], Phi: NDArray[np.float64]) -> float:
+    """Energy of all shapes together, of a diagonal matrix."""
+    return sum(float(np.sum(diagonal @ Phi[:, part] ** 2)) for part in column_blocks(Phi.shape[1]))

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.factorise import factorise
+from cmsreduce.linalg.basis_store import combined, new_basis, row_blocks
+from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.factorise import BLOCK, factorise
 from cmsreduce.linalg.flexibility import ElasticFlexibility, Solve
-from cmsreduce.linalg.pencil import orthonormal
-from cmsreduce.model import FEModel
+from cmsreduce.model import FEModel, column_blocks, congruence
 
-__all__ = ["elastic_solve", "independent_columns", "residual_shapes", "unit_loads"]
+__all__ = ["Loads", "elastic_solve", "independent_columns", "residual_shapes", "unit_loads"]
 
 # A load's static shape is new when the shapes before it leave this share of its strain energy: round-off leaves 1e-14.
 _NEW = 1e-12
@@ -23,10 +27,31 @@ _BEYOND_MODES = 1e-18
 _DEPENDENT = 1e-13
 
 
+@dataclass(frozen=True)
+class Loads:
+    """Loads that are made some at a time: those of a wide interface would fill as much memory as its shapes.
+
+    Parameters
+    ----------
+    count : int
+        l loads.
+    block : callable
+        Gives some of them, by a slice of their numbers (n, k).
+    """
+
+    count: int
+    block: Callable[[slice], NDArray[np.float64]]
+
+    @classmethod
+    def of(cls, F: NDArray[np.float64] | sp.csc_array) -> Loads:
+        """Columns of a matrix (n, l), dense or sparse."""
+        return cls(int(F.shape[1]), lambda part: dense(F[:, part]))
+
+
 def residual_shapes(
     solve: Solve,
     K: sp.csc_array,
-    loads: NDArray[np.float64],
+    loads: NDArray[np.float64] | sp.csc_array | Loads,
     known: NDArray[np.float64],
     M: sp.csc_array | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -38,7 +63,7 @@ def residual_shapes(
         Flexibility: solves K x = f, for a free body without rigid motion.
     K : (n, n) sparse array
         Stiffness.
-    loads : (n, l) float64
+    loads : (n, l) float64, sparse array or Loads
         Loads.
     known : (n, k) float64
         Shapes of the basis; none of them rigid.
@@ -58,22 +83,36 @@ def residual_shapes(
     (G - V V^T) F with V the known shapes orthonormal in K. They are taken out of the loads before the solve: what
     remains is small, and its digits are its own. Source: Craig and Chang (1977); theory section 2.
     """
+    F = loads if isinstance(loads, Loads) else Loads.of(loads)
+    n = K.shape[0]
+    if not F.count:
+        return np.zeros((n, 0)), np.empty(0, dtype=np.int64)
     # K V = M V w^2 for modes: through M a mode much softer than the rest is taken out without the rounding of K V.
     V, force = (_orthonormal(known, K), K) if M is None else (known, M)
-    share = np.ones(V.shape[1]) if M is None else 1 / np.einsum("ij,ij->j", V, K @ V)
-    held = V.T @ loads
-    U = solve(loads - force @ (V @ held)) if loads.shape[1] else np.zeros(loads.shape)
-    U = U - V @ (V.T @ (force @ U))
-    energy = U.T @ (K @ U)
+    share = np.ones(V.shape[1]) if M is None else 1 / _energies(K, V)
+    U, of_known = new_basis(n, F.count), np.empty(F.count)
+    for first in range(0, F.count, BLOCK):
+        part = slice(first, min(first + BLOCK, F.count))
+        f = F.block(part)
+        held = V.T @ f
+        U[:, part] = solve(f - force @ (V @ held))
+        _clear(U[:, part], V, force)
+        of_known[part] = share @ held**2
+    energy = congruence(K, U)
     own = energy.diagonal()
-    beyond = own > (_NEW if M is None else _BEYOND_MODES) * (own + share @ held**2)
+    beyond = own > (_NEW if M is None else _BEYOND_MODES) * (own + of_known)
     scale = np.where(beyond, 1 / np.sqrt(np.where(beyond, own, 1.0)), 0.0)
     R, number = _pivoted_cholesky(energy * np.outer(scale, scale), _NEW)
-    Psi = _over(U[:, number] * scale[number], R)
+    Psi = new_basis(n, number.size)
+    for rows in row_blocks(n, F.count):
+        Psi[rows] = _over(U[rows][:, number] * scale[number], R)
+    del U
     # Loads nearly alike lose digits when their shapes are made orthonormal, so it is done again.
     for _ in range(2 if number.size else 0):
-        Psi = Psi - V @ (V.T @ (force @ Psi))
-        Psi = orthonormal(Psi, Psi.T @ (K @ Psi))
+        _clear(Psi, V, force)
+        R = la.cholesky(congruence(K, Psi))
+        for rows in row_blocks(n, number.size):
+            Psi[rows] = _over(Psi[rows], R)
     return Psi, number
 
 
@@ -102,11 +141,24 @@ def elastic_solve(body: FEModel, rigid: NDArray[np.float64]) -> Solve:
     return factorise(body.K, what=f"body '{body.name}': the stiffness")
 
 
-def unit_loads(n: int, rows: NDArray[np.int64], others: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+def unit_loads(n: int, rows: NDArray[np.int64], others: NDArray[np.float64] | None = None) -> sp.csc_array:
     """Unit forces on some dofs, followed by other loads (n, i + l)."""
-    loads = np.zeros((n, rows.size))
-    loads[rows, np.arange(rows.size)] = 1.0
-    return loads if others is None else np.hstack([loads, others])
+    at = (rows, np.arange(rows.size))
+    loads = sp.csc_array(sp.coo_array((np.ones(rows.size), at), shape=(n, rows.size)))
+    return loads if others is None else sp.csc_array(sp.hstack([loads, sp.csc_array(others)]))
+
+
+def _clear(shapes: NDArray[np.float64], V: NDArray[np.float64], force: sp.csc_array) -> None:
+    """Take out of shapes, in place, what others hold of them in the norm of a matrix."""
+    for part in column_blocks(shapes.shape[1]):
+        shapes[:, part] -= V @ (V.T @ (force @ shapes[:, part]))
+
+
+def _energies(K: sp.csc_array, V: NDArray[np.float64]) -> NDArray[np.float64]:
+    found = np.empty(V.shape[1])
+    for part in column_blocks(V.shape[1]):
+        found[part] = np.einsum("ij,ij->j", V[:, part], K @ V[:, part])
+    return found
 
 
 def _pivoted_cholesky(G: NDArray[np.float64], share: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -125,11 +177,11 @@ def _over(shapes: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.flo
 def _orthonormal(shapes: NDArray[np.float64], K: sp.csc_array) -> NDArray[np.float64]:
     """Basis of the span of some shapes, orthonormal in K."""
     for _ in range(2):
-        energy = _symmetric(shapes.T @ (K @ shapes))
+        energy = congruence(K, shapes)
         scale = 1 / np.sqrt(np.maximum(energy.diagonal(), np.finfo(float).tiny))
         weight, W = la.eigh(energy * np.outer(scale, scale)) if scale.size else (np.empty(0), np.empty((0, 0)))
         own = weight > _DEPENDENT
-        shapes = (shapes * scale) @ (W[:, own] / np.sqrt(weight[own]))
+        shapes = combined(shapes, scale[:, None] * W[:, own] / np.sqrt(weight[own]))
     return shapes
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.basis_store import combined, observed
 from cmsreduce.linalg.integrator_steps import ACCURACIES, advised_steps, numerical_damping
 from cmsreduce.model import (
     Check,
@@ -94,9 +95,10 @@ def write_component(
     body = component.body
     T = np.eye(component.omega.size) if frame is None else frame.change
     # A mode that is treated statically has no share in any integral over the mass.
-    inertial = replace(component, Phi=component.inertial_shapes @ T)
+    inertial = replace(component, Phi=component.inertial_shapes)
     if frame is not None:
-        component = replace(component, Phi=component.Phi @ T)
+        inertial = replace(component, Phi=combined(inertial.Phi, T))
+        component = replace(component, Phi=combined(component.Phi, T))
     with hdf5_file(path) as file:
         file.attrs["format"] = FORMAT
         file.attrs["format_version"] = FORMAT_VERSION
@@ -204,7 +206,7 @@ def _dofs(group: Any, component: ModalComponent, chosen: NDArray[np.int64]) -> N
     put(group, "node", dofs.node[rows])
     put(group, "component", dofs.component[rows], "", "1..3 translations, 4..6 rotations, 0 scalar")
     put_texts(group, "label", [f"{n}.{c}" for n, c in zip(dofs.node[rows], dofs.component[rows], strict=True)])
-    shapes = recovery.T[rows] @ component.Phi
+    shapes = observed(recovery.T[rows], component.Phi)
     put(group, "shapes", shapes, "", "rows: dofs in their displacement frames; columns: modes")
 
 

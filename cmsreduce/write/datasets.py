@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.model import Units
+from cmsreduce.model import CHECKSUM, Units, add_dataset, checksum
 from cmsreduce.write.atomic import atomic_path
 
 __all__ = ["hdf5_file", "put", "put_texts", "put_units"]
@@ -20,13 +20,15 @@ _SMALL = 512
 
 
 @contextmanager
-def hdf5_file(path: Path) -> Iterator[Any]:
+def hdf5_file(path: Path, large: Mapping[str, NDArray[np.float64]] | None = None) -> Iterator[Any]:
     """Compose an HDF5 file, and put it under its name when the block ends without an error.
 
     Parameters
     ----------
     path : Path
         Where; the file is whole or not there.
+    large : mapping of name to (n, m) float64, optional
+        Shapes that outgrow memory: each becomes a contiguous dataset (m, n), to be mapped, with `CHECKSUM` beside it.
 
     Yields
     ------
@@ -47,6 +49,22 @@ def hdf5_file(path: Path) -> Iterator[Any]:
         image = file.id.get_file_image()
     with atomic_path(path) as temporary:
         temporary.write_bytes(image)
+        for name, Phi in (large or {}).items():
+            _put_large(temporary, name, Phi)
+
+
+def _put_large(path: Path, name: str, Phi: NDArray[np.float64]) -> None:
+    """Add shapes to a file, column by column."""
+    import h5py
+
+    offset = add_dataset(path, name, (Phi.shape[1], Phi.shape[0]))
+    with path.open("r+b") as file:
+        file.seek(offset)
+        for k in range(Phi.shape[1]):
+            file.write(np.ascontiguousarray(Phi[:, k], dtype="<f8").data)
+    with h5py.File(path, "r+", libver="v110") as file:
+        # In the room that the attribute has already.
+        file[name].attrs.modify(CHECKSUM, np.uint32(checksum(Phi)))
 
 
 def put(group: Any, name: str, data: ArrayLike, unit: str = "", about: str = "") -> None:

@@ -47,7 +47,7 @@ def put_integrals(group: Any, component: ModalComponent, about: IntegralFrame) -
             put(group, name, zero)
         return
     modes = np.arange(component.rigid_count, component.omega.size)
-    shapes = component.Phi[:, modes]
+    shapes = component.Phi[:, component.rigid_count :]
     found = modal_integrals(body, shapes, origin=about.origin, axes=about.axes, lumping=about.lumping, modes=modes)
     put(group, "mass", found.mass, "mass")
     put(group, "first_moment", found.first_moment, "mass length", "int r dm from the origin")

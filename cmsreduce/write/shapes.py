@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.basis_store import observed
 from cmsreduce.model import FEModel, Nodes
 
 __all__ = ["basic_shapes"]
@@ -53,7 +54,7 @@ def basic_shapes(
         held = body.constrained.rows(*asked).reshape(-1, 3) >= 0
         known |= held if motion == "translation" else held & have.any(axis=1, keepdims=True)
     axes = nodes.frame[nodes.index(chosen)]
-    along = np.where(have[..., None], (recovery.T[rows.ravel()] @ Phi).reshape(*rows.shape, Phi.shape[1]), 0.0)
+    along = np.where(have[..., None], observed(recovery.T[rows.ravel()], Phi).reshape(*rows.shape, Phi.shape[1]), 0.0)
     shapes = np.asarray(np.einsum("kca,kcm->kam", axes, along))
     # What moves along an axis of unknown motion is unknown along every basic axis that it is not square with.
     unknown = (abs(axes) > _SQUARE) & ~known[..., None]

@@ -1,0 +1,109 @@
+"""Bases of shapes: in memory, or on disk where they outgrow it, and what is done with them by rows and by columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.solver_settings import current_settings
+from cmsreduce.model import column_blocks, mapped_array, mapped_in, shapes_beside
+
+__all__ = ["absolute_parts", "combine", "combined", "new_basis", "observed", "outgrows", "row_blocks", "side_by_side"]
+
+Array = NDArray[np.float64]
+
+# Values of a block of rows, 8 MiB: far less than a block of columns, and still long runs of every column on disk.
+_VALUES = 2**20
+
+
+def new_basis(n: int, m: int) -> Array:
+    """Room for shapes (n, m), all zero, in Fortran order.
+
+    They are on disk where they would take more memory than `SolverSettings.basis_limit`, and the settings say where.
+    """
+    folder = current_settings().scratch
+    if folder is None or not outgrows(n, m):
+        return np.zeros((n, m), order="F")
+    return mapped_array(folder, n, m)
+
+
+def outgrows(n: int, m: int) -> bool:
+    """Whether a basis (n, m) is to be on disk."""
+    settings = current_settings()
+    return settings.scratch is not None and np.dtype(np.float64).itemsize * n * m > settings.basis_limit
+
+
+def row_blocks(n: int, m: int) -> Iterator[slice]:
+    """Rows of a basis (n, m), some at a time."""
+    height = max(_VALUES // max(m, 1), 1)
+    return (slice(first, min(first + height, n)) for first in range(0, n, height))
+
+
+def combined(Phi: Array, V: Array) -> Array:
+    """Combinations Phi V of shapes (n, m), for V (m, k): on disk where these are, or where they outgrow memory."""
+    n, k = Phi.shape[0], V.shape[1]
+    found = new_basis(n, k) if mapped_in(Phi) is None else shapes_beside(Phi, k)
+    for rows in row_blocks(n, max(Phi.shape[1], k)):
+        found[rows] = Phi[rows] @ V
+    return found
+
+
+def combine(Phi: Array, V: Array) -> None:
+    """Phi V in the memory of Phi (n, m), for V (m, m)."""
+    for rows in row_blocks(*Phi.shape):
+        Phi[rows] = Phi[rows] @ V
+
+
+def side_by_side(n: int, blocks: Sequence[tuple[NDArray[np.int64] | None, Array]]) -> tuple[Array, tuple[Array, ...]]:
+    """Put blocks of shapes into one basis.
+
+    Parameters
+    ----------
+    n : int
+        Dofs of the body.
+    blocks : sequence of ((t,) int64 or None, (t, k) float64)
+        Rows that the shapes are given at, and are zero beside; None for all.
+
+    Returns
+    -------
+    Phi : (n, m) float64
+        The basis. It is the block itself where only one of them holds shapes, and has all rows.
+    views : tuple of (n, k) float64
+        The blocks in it.
+    """
+    ends = np.cumsum([0, *(shapes.shape[1] for _, shapes in blocks)])
+    filled = [block for block in blocks if block[1].shape[1]]
+    if len(filled) == 1 and filled[0][0] is None:
+        Phi = filled[0][1]
+    else:
+        Phi = new_basis(n, int(ends[-1]))
+        for (rows, shapes), first in zip(blocks, ends[:-1], strict=True):
+            for part in column_blocks(shapes.shape[1]):
+                Phi[slice(None) if rows is None else rows, first + part.start : first + part.stop] = shapes[:, part]
+    return Phi, tuple(Phi[:, first:last] for first, last in pairwise(ends))
+
+
+def absolute_parts(A: sp.csc_array, Phi: Array) -> Array:
+    """Absolute parts abs(phi)^T abs(A) abs(phi) that the energy of each shape is the sum of (m,)."""
+    size, found = abs(A), np.empty(Phi.shape[1])
+    for part in column_blocks(Phi.shape[1]):
+        X = abs(Phi[:, part])
+        found[part] = np.einsum("ij,ij->j", X, size @ X)
+    return found
+
+
+def observed(C: sp.csr_array | sp.csc_array, Phi: Array) -> Array:
+    """Motions C Phi (p, m) of some rows of a body in its shapes; of a basis on disk only what C holds is read."""
+    if mapped_in(Phi) is None:
+        return np.asarray(C @ Phi)
+    C = sp.csr_array(C)
+    used = np.unique(C.indices)
+    near = sp.csr_array(C[:, used])
+    found = np.empty((C.shape[0], Phi.shape[1]))
+    for part in column_blocks(Phi.shape[1]):
+        found[:, part] = near @ Phi[:, part][used]
+    return found

@@ -1,0 +1,190 @@
+"""Shapes of a large body in a file that is mapped into memory: the system reads what is touched, and takes it back."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import weakref
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import WriteError
+
+__all__ = [
+    "CHECKSUM",
+    "add_dataset",
+    "checksum",
+    "chosen_columns",
+    "map_dataset",
+    "mapped_array",
+    "mapped_in",
+    "shapes_beside",
+]
+
+CHECKSUM = "crc32"
+"""Attribute of a dataset that is mapped: HDF5 has checksums for chunks only."""
+
+_NAME = "Phi"
+_DOUBLE = np.dtype("<f8")
+# What a dataset adds to a file besides its values.
+_HEADER = 2**16
+_PAGE = 4096
+# Columns that are copied into memory whatever they come from: a block of right-hand sides has as many.
+_FEW = 64
+
+
+def mapped_array(folder: Path, n: int, m: int) -> NDArray[np.float64]:
+    """Make room on disk for some shapes.
+
+    They are in a file of their own, a contiguous float64 dataset of HDF5, that has no name from the moment it is made:
+    it is gone when the last view of the array is, or the process, however that ends. Where the system keeps names of
+    open files, the file is removed with the array.
+
+    Parameters
+    ----------
+    folder : Path
+        Where; it is made.
+    n, m : int
+        Rows and columns.
+
+    Returns
+    -------
+    (n, m) float64
+        Zeros, in Fortran order: the columns are the rows of the dataset.
+
+    Raises
+    ------
+    WriteError
+        If the disk has no room for it. All of it is reserved, for a mapped file that cannot grow ends the process.
+    """
+    import h5py
+
+    path = folder / f".basis-{os.getpid()}-{secrets.token_hex(4)}.tmp"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            with h5py.File(path, "w", libver="v110"):
+                pass
+            offset = add_dataset(path, _NAME, (m, n))
+            mapped = np.memmap(path, dtype=_DOUBLE, mode="r+", offset=offset, shape=(m, n))
+        except BaseException:
+            path.unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise WriteError(
+            f"{folder}: {n} x {m} shapes ({8 * n * m / 2**30:.3g} GiB) outgrow `solver.memory`, and this disk has no "
+            f"room: {error.strerror or error}. Free space, choose another `output:` (or --out), or give more memory"
+        ) from None
+    try:
+        path.unlink()
+    except PermissionError:
+        weakref.finalize(mapped, _remove, path)
+    return np.asarray(mapped).T
+
+
+def add_dataset(path: Path, name: str, shape: tuple[int, int]) -> int:
+    """Add a contiguous float64 dataset to an HDF5 file, without its values; its attribute `CHECKSUM` is yet zero.
+
+    Parameters
+    ----------
+    path : Path
+        The file, which is closed.
+    name : str
+        Name of the dataset.
+    shape : (int, int)
+        Its shape, not empty.
+
+    Returns
+    -------
+    int
+        Offset of its first value in the file, in bytes.
+
+    Raises
+    ------
+    OSError
+        If the disk has no room for it.
+    """
+    import h5py
+    from h5py import h5d, h5p, h5s, h5t
+
+    # Reserved first: the HDF5 library ends the whole process where the disk fills up under it.
+    _reserve(path, shape[0] * shape[1] * _DOUBLE.itemsize + _HEADER)
+    layout = h5p.create(h5p.DATASET_CREATE)
+    layout.set_layout(h5d.CONTIGUOUS)
+    layout.set_alloc_time(h5d.ALLOC_TIME_EARLY)
+    layout.set_fill_time(h5d.FILL_TIME_NEVER)
+    layout.set_obj_track_times(False)
+    # On a page of its own: numpy copies what does not begin at a multiple of eight bytes before it multiplies it.
+    page = {"alignment_threshold": min(_PAGE, shape[0] * shape[1]), "alignment_interval": _PAGE}
+    with h5py.File(path, "r+", libver="v110", **page) as file:
+        dataset = h5d.create(file.id, name.encode(), h5t.IEEE_F64LE, h5s.create_simple(shape), layout)
+        file[name].attrs[CHECKSUM] = np.uint32(0)
+        return int(dataset.get_offset())
+
+
+def map_dataset(path: Path, dataset: Any) -> NDArray[np.float64]:
+    """Map a contiguous float64 dataset (m, n) of an HDF5 file into memory, to be read as shapes (n, m)."""
+    offset = dataset.id.get_offset()
+    return np.asarray(np.memmap(path, dtype=_DOUBLE, mode="r", offset=offset, shape=dataset.shape)).T
+
+
+def checksum(Phi: NDArray[np.float64]) -> int:
+    """CRC-32 of shapes as they lie in a file, column by column."""
+    found = 0
+    for column in Phi.T:
+        found = zlib.crc32(np.ascontiguousarray(column, dtype=_DOUBLE).data, found)
+    return found
+
+
+def mapped_in(array: NDArray[np.float64]) -> Path | None:
+    """Folder of the file that an array, or what it is a view of, is in; None for one in memory."""
+    owner: object = array
+    while isinstance(owner, np.ndarray):
+        if isinstance(owner, np.memmap) and owner.filename is not None:
+            return Path(owner.filename).parent
+        owner = owner.base
+    return None
+
+
+def shapes_beside(Phi: NDArray[np.float64], m: int) -> NDArray[np.float64]:
+    """Room for other shapes (n, m) of the same body: on disk where these are, unless they are few."""
+    folder = None if m <= _FEW else mapped_in(Phi)
+    if folder is None:
+        return np.zeros((Phi.shape[0], m), order="F")
+    return mapped_array(folder, Phi.shape[0], m)
+
+
+def chosen_columns(
+    Phi: NDArray[np.float64], columns: Sequence[int] | NDArray[np.int64], scale: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """Some of the shapes (n, m), each multiplied by its ``scale`` (m,); on disk as they are, and not copied if all."""
+    columns = np.asarray(columns, dtype=np.int64)
+    if scale is None and np.array_equal(columns, np.arange(Phi.shape[1])):
+        return Phi
+    if mapped_in(Phi) is None:
+        return Phi[:, columns] if scale is None else Phi[:, columns] * scale[columns]
+    found = shapes_beside(Phi, columns.size)
+    for k, column in enumerate(columns):
+        found[:, k] = Phi[:, column] if scale is None else Phi[:, column] * scale[column]
+    return found
+
+
+def _reserve(path: Path, size: int) -> None:
+    """Have the disk set aside so many bytes at the end of a file."""
+    with path.open("r+b") as file:
+        end = file.seek(0, os.SEEK_END)
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(file.fileno(), end, size)
+        else:
+            file.truncate(end + size)
+
+
+def _remove(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        path.unlink()
