@@ -24,9 +24,10 @@ $(STAMP): pyproject.toml
 demo: $(STAMP) ## reduce the Galileo sample; the report is build/galileo/report.html
 	$(BIN)/cmsreduce run pipelines/galileo.yaml
 
-# One BLAS thread for each: two of them with two threads would wait for each other.
+# One BLAS thread for each: two of them with two threads would wait for each other. Tests that stand together go to one
+# process, which then sets up once what they share; the programs that tests start find their modules compiled.
 test: $(STAMP) ## all tests, two at a time
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
+	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: $(STAMP) ## ruff, mypy, import contract
 	$(BIN)/ruff check .

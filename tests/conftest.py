@@ -1,6 +1,9 @@
 """Fixtures that every room's tests share."""
 
 import shutil
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -29,3 +32,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def shared_data() -> Path:
     """Folder of bodies that other programs made."""
     return SHARED
+
+
+@pytest.fixture(scope="session")
+def two_processes() -> Iterator[Executor]:
+    """What `--jobs 2` starts, started once: to load the libraries takes longer than the work of a small run."""
+    from cmsreduce.pipeline.workers import local_workers
+
+    with local_workers(2).start(2) as pool:
+        yield pool
+
+
+@pytest.fixture
+def warm_processes(two_processes: Executor, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let `--jobs 2` take processes that run already."""
+    monkeypatch.setattr("cmsreduce.pipeline.workers._pool", lambda threads, jobs: nullcontext(two_processes))

@@ -6,13 +6,15 @@ import os
 import re
 import shutil
 import subprocess
-import sys
+from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from ruamel.yaml import YAML
 
 from cmsreduce.pipeline.limits import Tolerances
+from tests.cli.forked import waiting, write_program
 from tests.pipeline.study import PIPELINE
 
 PAGE = (Path(__file__).parents[2] / "docs" / "ci.md").read_text()
@@ -34,17 +36,19 @@ def github_steps() -> list[str]:
 
 
 @pytest.fixture
-def workplace(good_study: Path, tmp_path: Path) -> Path:
+def workplace(good_study: Path, tmp_path: Path) -> Iterator[Path]:
     """A checkout with the study, the limits of the page and no results."""
     folder = tmp_path / "checkout"
     shutil.copytree(good_study, folder, ignore=lambda *_: ["finished", "out"])
-    (folder / "study.yaml").write_text(PIPELINE.format(output="build/other"))
+    # One angle: what is run here is the servers' steps, six runs of them.
+    text = PIPELINE.replace("hinge: [0, 50 deg]", "hinge: [50 deg]")
+    (folder / "study.yaml").write_text(text.format(output="build/other"))
     (folder / "limits.yaml").write_text(BLOCKS["What is checked"])
     (folder / "bin").mkdir()
-    program = folder / "bin" / "cmsreduce"
-    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m cmsreduce.cli "$@"\n')
-    program.chmod(0o755)
-    return folder
+    # The path of a socket is a hundred letters at most.
+    with TemporaryDirectory() as short, waiting(Path(short) / "calls"):
+        write_program(folder / "bin" / "cmsreduce", Path(short) / "calls")
+        yield folder
 
 
 def shell(folder: Path, script: str, **more: str) -> subprocess.CompletedProcess[str]:

@@ -121,6 +121,7 @@ def check_synopsis(text: str) -> None:
         assert set(re.findall(r"--[\w-]+", text)) <= known | {"--help"}, text
 
 
+@pytest.mark.usefixtures("warm_processes")
 @pytest.mark.parametrize("page", [page for page in PAGES if any(c.startswith("cmsreduce") for c in commands(page))])
 def test_the_commands_of_a_page_run(page: str, reader: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for command in commands(page):

@@ -23,6 +23,12 @@ from cmsreduce.write import read_component
 LIBRARIES = ("cmsreduce.pipeline", "pyyeti.nastran", "plotly.graph_objects", "rich.table")
 
 
+def load_libraries() -> None:
+    """Load what a run needs, before runs are forked off."""
+    for library in LIBRARIES:
+        import_module(library)
+
+
 def killed_at(number: int, path: Path) -> int:
     """Status of a run that is killed while it writes the file of that number; the run forks, so starts at once."""
     child = os.fork()
@@ -70,8 +76,7 @@ def left_behind(folder: Path) -> dict[str, list[str]]:
 if __name__ == "__main__":
     pipeline = Path(sys.argv[1])
     out = load_pipeline(pipeline).output
-    for library in LIBRARIES:
-        import_module(library)
+    load_libraries()
     for number in map(int, sys.argv[2:]):
         status = killed_at(number, pipeline)
         left = left_behind(out) if out.is_dir() else {}

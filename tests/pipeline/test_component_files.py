@@ -28,7 +28,7 @@ def clock(second: int) -> type[datetime]:
 def written(opened: Callable[..., Run], study: Path, monkeypatch: pytest.MonkeyPatch, second: int) -> dict[str, bytes]:
     shutil.rmtree(study.parent / "out", ignore_errors=True)
     monkeypatch.setattr(component_module, "datetime", clock(second))
-    execute(opened(), study)
+    execute(opened(), study, report=False)
     return {name: (study.parent / "out" / f"{name}.h5").read_bytes() for name in ("arm", "panel")}
 
 
@@ -38,7 +38,7 @@ def test_the_same_run_writes_the_same_bytes(
     first = written(opened, study, monkeypatch, 1)
     assert written(opened, study, monkeypatch, 1) == first
     # Finished stages read back give what they gave when they were made.
-    execute(opened(), study)
+    execute(opened(), study, report=False)
     assert (study.parent / "out" / "arm.h5").read_bytes() == first["arm"]
     later = written(opened, study, monkeypatch, 2)
     for name, content in later.items():
@@ -50,7 +50,7 @@ def test_the_same_run_writes_the_same_bytes(
 
 def test_a_component_file_is_the_component_in_memory(opened: Callable[..., Run], study: Path) -> None:
     run = opened("write.all_nodes=true", "balance.keep={modes: {arm: 9, panel: 12}}")
-    result = execute(run, study)
+    result = execute(run, study, report=False)
     assert result is not None
     for name, modal in run.kept.items():
         file = read_component(study.parent / "out" / f"{name}.h5")
@@ -69,7 +69,7 @@ def test_a_component_file_is_the_component_in_memory(opened: Callable[..., Run],
 def test_inputs_and_outputs_are_those_of_the_system(opened: Callable[..., Run], study: Path) -> None:
     """The bodies of the files, joined by their interface shapes alone, answer as the run's own reduced system."""
     run = opened()
-    execute(run, study)
+    execute(run, study, report=False)
     arm, panel = (read_component(study.parent / "out" / f"{name}.h5") for name in ("arm", "panel"))
     # The motor turns the second interface against the first.
     np.testing.assert_allclose(arm.arrays["inputs/B"][:, 0], -arm.arrays["interfaces/tip/shapes"][4], atol=1e-14)
@@ -107,7 +107,7 @@ def test_inputs_and_outputs_are_those_of_the_system(opened: Callable[..., Run], 
 def test_the_file_says_where_it_came_from(opened: Callable[..., Run], study: Path) -> None:
     import hashlib
 
-    execute(opened(), study)
+    execute(opened(), study, report=False)
     with h5py.File(study.parent / "out" / "arm.h5") as file:
         group = file["provenance"]
         hashes = dict(zip(group["source"][()].astype(str), group["sha256"][()].astype(str), strict=True))

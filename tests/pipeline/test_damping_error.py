@@ -59,7 +59,7 @@ G = 0.3
 
 
 def facts_of(run: Run, source: Path) -> Facts:
-    result = execute(run, source)
+    result = execute(run, source, report=False)
     assert result is not None
     return summary(result)
 

@@ -7,10 +7,13 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
+from multiprocessing import forkserver
 from pathlib import Path
 
+import dask
 import pytest
 from distributed import Client, LocalCluster
+from distributed.utils import get_mp_context
 
 from cmsreduce.config.cluster import load_cluster
 from cmsreduce.errors import ConfigError
@@ -18,10 +21,20 @@ from cmsreduce.model.sweep_result import SweepResult
 from cmsreduce.pipeline.dask_workers import batch_cluster, cluster_workers
 from cmsreduce.pipeline.sweep import sweep
 from cmsreduce.pipeline.sweep_points import sweep_axes
-from tests.pipeline.test_sweep import found
+from tests.pipeline.test_sweep import METHODS, ONE_ANGLE, found
 
-OVER = ["reduce.method=craig-bampton,macneal-rubin", "balance.keep={modes: 4},{modes: 999}"]
+OVER = [METHODS, "balance.keep={modes: 4},{modes: 999}", ONE_ANGLE]
 CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quickly_started() -> Iterator[None]:
+    """Dask's processes fork off one that has loaded the libraries, which took most of the time of these tests."""
+    libraries = ["distributed", "cmsreduce.pipeline.sweep", "pyyeti.nastran"]
+    with dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
+        get_mp_context().set_forkserver_preload(libraries)
+        forkserver.ensure_running()
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -68,7 +68,7 @@ def test_modes_by_fraction(opened: Callable[..., Run]) -> None:
 
 def test_modes_by_error_are_as_few_as_meet_it(opened: Callable[..., Run], study: Path) -> None:
     run = opened("verify.limits={frf_error: 0.01}", text=CANTILEVER)
-    result = execute(run, study)
+    result = execute(run, study, report=False)
     assert result is not None and result.passed and 0 < result.worst()["frf_error"] <= 0.01
     (kept,) = run.selection.values()
     assert 0 < kept.size < run.ranked["arm"].elastic_count
@@ -88,7 +88,7 @@ def test_the_chosen_model_meets_the_error_on_a_finer_grid(opened: Callable[..., 
 
 def test_a_search_says_what_it_did(opened: Callable[..., Run], study: Path) -> None:
     run = opened(text=CANTILEVER)
-    result = execute(run, study)
+    result = execute(run, study, report=False)
     found = result.search
     assert found is not None and found.asked == 0.01 and 0 < found.frf_error <= 0.01
     assert found.modes == run.selection["arm"].size and found.of == run.ranked["arm"].elastic_count
@@ -107,7 +107,7 @@ def test_a_search_says_what_it_did(opened: Callable[..., Run], study: Path) -> N
 
 def test_modes_by_the_bound_of_their_body(opened: Callable[..., Run], study: Path) -> None:
     run = opened("balance.keep={bound: 0.2}", "components.panel.balance={keep: {bound: 0.01}}")
-    result = execute(run, study)
+    result = execute(run, study, report=False)
     for name, asked in (("arm", 0.2), ("panel", 0.01)):
         body, keys = run.ranked[name], run.pipeline.balance_of(name)
         channels = ranking_channels(body, run.bodies[name].ports, keys, run.scene)
@@ -147,7 +147,7 @@ def test_a_sensor_less_makes_the_model_smaller(opened: Callable[..., Run]) -> No
 
 def test_a_body_with_a_rule_of_its_own(opened: Callable[..., Run], study: Path) -> None:
     run = opened("components.panel.balance={keep: {modes: 12}}", "balance.keep={frf_error: 0.7}")
-    execute(run, study)
+    execute(run, study, report=False)
     sigma = run.ranked["panel"].sigma[6:]
     np.testing.assert_array_equal(run.selection["panel"], 6 + np.sort(np.argsort(-sigma)[:12]))
     # The other body is chosen with the panel as it is.

@@ -89,7 +89,7 @@ def test_killed_when_a_stage_begins(
     there = [stage for stage in STAGES if f"stages/{stage}.h5" in left["whole"]]
     assert there == STAGES[: len(there)] and len(there) >= finished
     run = opened()
-    execute(run, study)
+    execute(run, study, report=False)
     stages = [f"{name.split('.')[1]} {name.split('.')[0]}" for name in STAGES]
     assert sorted(done(run)) == sorted(stages[len(there) :])
     assert killed.left_behind(out)["temporary"] == []

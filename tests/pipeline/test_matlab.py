@@ -32,7 +32,7 @@ def model(part: Any) -> control.StateSpace:
 @pytest.fixture
 def written(opened: Callable[..., Run], study: Path) -> Run:
     run = opened(WRITTEN, *FEW)
-    execute(run, study)
+    execute(run, study, report=False)
     return run
 
 
@@ -91,14 +91,14 @@ def test_equal_input_gives_equal_bytes(opened: Callable[..., Run], study: Path) 
     contents = []
     for _ in range(2):
         run = opened(WRITTEN, *FEW)
-        execute(run, study)
+        execute(run, study, report=False)
         contents.append([(run.folder / name).read_bytes() for name in ("panel.mat", "system.mat")])
     assert contents[0] == contents[1]
 
 
 def test_only_the_formats_asked_for_are_written(opened: Callable[..., Run], study: Path) -> None:
     run = opened("write.formats=[matlab]", *FEW)
-    execute(run, study)
+    execute(run, study, report=False)
     assert {path.name for path in run.folder.glob("*.mat")} == {"arm.mat", "panel.mat", "system.mat"}
     assert not list(run.folder.glob("*.h5"))
 
@@ -116,12 +116,12 @@ def test_what_has_no_state_space_is_refused(
     opened: Callable[..., Run], study: Path, settings: tuple[str, ...], words: str
 ) -> None:
     with pytest.raises(CmsReduceError, match=words):
-        execute(opened(WRITTEN, *FEW, *settings), study)
+        execute(opened(WRITTEN, *FEW, *settings), study, report=False)
 
 
 def test_a_held_system_has_no_rigid_part(opened: Callable[..., Run], study: Path) -> None:
     run = opened("write={formats: [matlab], balanced_states: 4}", text=CANTILEVER)
-    execute(run, study)
+    execute(run, study, report=False)
     (part,) = structures(run.folder / "system.mat")
     assert np.size(part.balanced.rigid_B) == 0
     assert np.linalg.eigvals(part.balanced.A).real.max() < 0

@@ -32,10 +32,11 @@ def summary(folder: Path) -> Any:
 def alone(good_study: Path, tmp_path_factory: pytest.TempPathFactory) -> Any:
     """The study run in this process."""
     folder, path = tmp_path_factory.mktemp("alone"), good_study / "study.yaml"
-    execute(Run(load_pipeline(path), folder, Log()), path)
+    execute(Run(load_pipeline(path), folder, Log()), path, report=False)
     return summary(folder)
 
 
+@pytest.mark.usefixtures("warm_processes")
 def test_processes_find_the_same_as_one(alone: Any, good_study: Path, tmp_path: Path) -> None:
     path, log = good_study / "study.yaml", Log()
     with opened_run(path, (), tmp_path, log, jobs=2) as run:
@@ -44,7 +45,7 @@ def test_processes_find_the_same_as_one(alone: Any, good_study: Path, tmp_path: 
         assert {name for name in run.reduced_names if (tmp_path / "stages" / f"{name}.orthogonalise.h5").is_file()} == {
             *run.reduced_names
         }
-        execute(run, path)
+        execute(run, path, report=False)
     close(alone, summary(tmp_path))
 
 
@@ -62,13 +63,14 @@ def test_what_processes_do_not_finish_is_done_by_the_run(alone: Any, good_study:
     workers = Workers(2, 1, None, lambda jobs: nullcontext(Dying()), (BrokenProcessPool,))
     run = ParallelRun(load_pipeline(path), tmp_path, Log(), path, (), workers, Dying())
     run.finish_bodies()
-    execute(run, path)
+    execute(run, path, report=False)
     close(alone, summary(tmp_path))
 
 
+@pytest.mark.usefixtures("warm_processes")
 def test_what_is_wrong_is_said_once_and_by_the_run(good_study: Path, tmp_path: Path) -> None:
     path, wrong = good_study / "study.yaml", ("balance.keep={modes: 500}",)
     said = "500 modes of 'arm'"
     with pytest.raises(CmsReduceError, match=said), opened_run(path, wrong, tmp_path, Log(), jobs=2) as run:
-        execute(run, path, wrong)
+        execute(run, path, wrong, report=False)
     assert not (tmp_path / "summary.json").exists()

@@ -71,7 +71,8 @@ def test_chosen_modes_return_at_every_sampled_configuration(study, rule, of):
 @pytest.mark.parametrize("of", ["reduced", "full"])
 def test_soft_modes_between_stiff_ones_return_to_rounding(tmp_path, of, damping):
     """Galileo: 0.15 Hz in bodies of 100 Hz, where an eigenproblem of K alone keeps ten digits."""
-    keys = [f"project={{modes: {{count: 12}}, of: {of}}}", "verify=null", *damping]
+    # What lies between the angles is no part of this: its responses would take three quarters of the time.
+    keys = [f"project={{modes: {{count: 12}}, of: {of}, between: false}}", "verify=null", *damping]
     record = Run(load_pipeline(ROOT / "pipelines" / "galileo.yaml", keys), tmp_path, Silent()).projected.record
     assert len(record.sampled) == 8 and min(each.hz.min() for each in record.sampled) < 0.2
     assert record.worst_return < RETURNED
@@ -253,9 +254,9 @@ def test_a_finished_projection_is_reused_and_finds_the_same(study, tmp_path):
         return Run(load_pipeline(path, [*keys, *more]), tmp_path / "out", Log(), only)
 
     first = run()
-    execute(first, path)
+    execute(first, path, report=False)
     again = run()
-    execute(again, path)
+    execute(again, path, report=False)
     assert "project system" in first.ledger.progress.done and "project system" in again.ledger.progress.reused_
     assert "project system" not in again.ledger.progress.done
     for name, component in first.final.items():
@@ -274,7 +275,7 @@ def test_a_finished_projection_is_reused_and_finds_the_same(study, tmp_path):
     execute(alone, path)
     assert "project system" in alone.ledger.progress.done and "verify system" not in alone.ledger.progress.done
     other = run("project={modes: auto, frf_error: 0.2}")
-    execute(other, path)
+    execute(other, path, report=False)
     assert {"project system", "verify system"} <= set(other.ledger.progress.done)
     assert "balance system" in other.ledger.progress.reused_
 

@@ -46,11 +46,11 @@ def run_before(finished_study: Path, study: Path) -> None:
 
 def test_a_second_run_computes_nothing_and_finds_the_same(opened: Callable[..., Run], study: Path) -> None:
     first = opened()
-    execute(first, study)
+    execute(first, study, report=False)
     assert sorted(done(first)) == sorted(["reduce arm", "reduce panel", *MODAL, *LAST])
     found = summary(study)
     again = opened()
-    result = execute(again, study)
+    result = execute(again, study, report=False)
     assert done(again) == []
     assert {*MODAL, *LAST} <= set(again.ledger.progress.reused_)
     assert summary(study) == found
@@ -91,7 +91,7 @@ def test_a_change_redoes_what_depends_on_it(
 ) -> None:
     shutil.copy(study.parent / "arm.op4", study.parent / "moved.op4")
     run = opened(setting.replace("{folder}", str(study.parent)))
-    execute(run, study)
+    execute(run, study, report=False)
     assert sorted(done(run)) == sorted(redone)
 
 
@@ -99,7 +99,7 @@ def test_a_change_redoes_what_depends_on_it(
 def test_a_body_whose_file_changed_is_read_anew(opened: Callable[..., Run], study: Path) -> None:
     write_body(study.parent, line("arm", [0, 0, 0], [0.8, 0, 0], 4, masses={3: 0.5}))
     run = opened()
-    execute(run, study)
+    execute(run, study, report=False)
     assert sorted(done(run)) == sorted(["reduce arm", "orthogonalise arm", *LAST])
 
 
@@ -111,6 +111,6 @@ def test_a_damaged_stage_is_made_again(opened: Callable[..., Run], study: Path, 
         path = study.parent / "out" / "stages" / stage
         path.write_bytes(path.read_bytes()[:3000] if damage is None else damage)
     run = opened()
-    execute(run, study)
+    execute(run, study, report=False)
     assert sorted(done(run)) == ["orthogonalise arm", "verify system"]
     assert summary(study) == found

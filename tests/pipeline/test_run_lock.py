@@ -55,7 +55,7 @@ def test_two_runs_at_once_do_each_stage_once(study: Path, opened: Callable[..., 
         assert first.stderr is not None
         next(line for line in first.stderr if "reduce        arm" in line)
         run = opened()
-        execute(run, study)
+        execute(run, study, report=False)
         assert isinstance(run.ledger.progress, Log)
         assert any("another run is at work" in note for note in run.ledger.progress.notes)
         assert first.wait(60) == 0

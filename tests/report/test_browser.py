@@ -72,9 +72,11 @@ def test_the_largest_run_opens_quickly_and_stays_small(
     browser: Any, large: Path, record_property: Callable[[str, object], None]
 ) -> None:
     assert large.stat().st_size < LARGEST
-    # The least of a few: what else the machine does slows a processor down, nothing makes it faster.
-    spent = min(_opening_seconds(browser, large) for _ in range(3))
+    # The least of three: what else the machine does slows a processor down, nothing makes it faster.
+    spent = min(_opening_seconds(browser, large) for _ in range(2))
     with opened(browser, large) as found:
+        found.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
+        spent = min(spent, found.thread_seconds())
         record_property("main_thread_seconds", round(spent, 2))
         record_property("megabytes", round(large.stat().st_size / 1e6, 1))
         assert spent < OPENS_IN
