@@ -19,6 +19,7 @@ $(STAMP): pyproject.toml
 	@test -d $(VENV) || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@$(BIN)/python -m compileall -q cmsreduce
 	@touch $@
 
 demo: $(STAMP) ## reduce the Galileo sample; the report is build/galileo/report.html
