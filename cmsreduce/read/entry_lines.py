@@ -16,7 +16,7 @@ from cmsreduce.read.printed_numbers import stops_in_a_number
 
 __all__ = ["COORDINATE", "LABELLED", "VALUE", "Entries", "EntryLine", "read_entries"]
 
-_SAMPLE = 200_000  # characters at either end of a text in which the way its numbers are printed is looked at
+_SAMPLE = 50_000  # characters at either end of a text in which the way its numbers are printed is looked at
 _INTEGER = r"[+-]?\d{1,15}"  # all of them are exact as doubles
 _REAL = r"(?:[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+|[+-]\d+)?|[+-]?(?i:nan|inf(?:inity)?))"
 
@@ -110,8 +110,10 @@ def _printed_values(text: str, width: int) -> list[str]:
 def _all_at_once(text: str, width: int) -> NDArray[np.float64] | None:
     """Numbers [entries, width], None if any line needs a closer look."""
     try:
+        for other, usual in ("DE", "de", ", "):
+            text = text.replace(other, usual)
         # It refuses a line with more or fewer numbers than the first.
-        numbers = np.loadtxt(io.StringIO(text.translate(str.maketrans("Dd,", "Ee "))), ndmin=2, comments=None)
+        numbers = np.loadtxt(io.StringIO(text), ndmin=2, comments=None)
     except ValueError:
         return None
     where = numbers[:, :-1]

@@ -5,6 +5,7 @@ scipy's reader of entries reads past the end of a file that is cut inside a numb
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,9 @@ __all__ = ["stored_matrices"]
 
 # Sign of the triangle that is left out; real numbers are Hermitian where they are symmetric.
 _MIRROR = {"general": 0.0, "symmetric": 1.0, "hermitian": 1.0, "skew-symmetric": -1.0}
+
+# Comments and empty lines, then the sizes.
+_HEAD = re.compile(r"(?:[ \t\r]*(?:%[^\n]*)?\n)*[^\n]*\n?")
 
 
 @dataclass(frozen=True)
@@ -92,9 +96,10 @@ def _load(path: Path, header: _Header) -> LabelledMatrix:
 
 def _body(path: Path) -> str:
     """Text with the lines up to the sizes blanked, so that the others keep their numbers."""
-    lines = path.read_text(encoding="utf-8", errors="replace").split("\n")
-    sizes = next(k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("%"))
-    return "\n" * (sizes + 1) + "\n".join(lines[sizes + 1 :])
+    text = path.read_text(encoding="utf-8", errors="replace")
+    head = _HEAD.match(text)
+    end = head.end() if head else 0
+    return "\n" * text.count("\n", 0, end) + text[end:]
 
 
 def _array_length(header: _Header) -> int:

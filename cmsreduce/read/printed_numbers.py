@@ -16,7 +16,7 @@ _FEWEST_ALIKE = 4
 # Shortest output of a general format such as %g; shorter numbers in a mixture were typed by hand and exact.
 _FEWEST_MIXED = 6
 # Numbers looked at, from each end of a file: a program prints all of a matrix with one format.
-_SAMPLE = 5000
+_SAMPLE = 1000
 
 
 def digits_of(text: str) -> int:
