@@ -89,7 +89,7 @@ BODIES = {
     "box-1e4": Body("thin-walled box", "box", (60, 8, 8), (2.2, 0.2, 0.2), 2372.2, wall=4e-3),
     "box-1e5": Body("thin-walled box", "box", (220, 20, 20), (2.2, 0.2, 0.2), 1119.0, wall=4e-3),
     "block-1e4": Body("compact block", "solid", (15, 14, 15), (0.34, 0.32, 0.3), 14558.8),
-    "block-1e5": Body("compact block", "solid", (33, 32, 31), (0.34, 0.32, 0.3), 14050.7),
+    "block-1e5": Body("compact block", "solid", (33, 32, 31), (0.34, 0.32, 0.3), 14090.0),
     "tets-1e4": Body("slender solid, tetrahedra", "tetrahedra", (96, 5, 5), _BAR, 6774.8),
     "tets-3e5": Body("slender solid, tetrahedra", "tetrahedra", (270, 17, 18), _BAR, 6318.2),
 }

@@ -68,6 +68,8 @@ page ([how to run it](../benchmarks/README.md)).
   is missed.
 - cmsreduce's modes are all below a cutoff, between the {MODES}th and the next, and a Sturm count (inertia of
   K - sigma M) proves that none is missing. No peer has that proof; it is timed apart and not in the total.
+- **single-precision factor** is `solver: {{precision: single}}`, what cmsreduce takes where one in double precision
+  does not fit: half the factor, modes corrected by residuals and static shapes refined to the same accuracy.
 - **scipy** is splu and eigsh as its users write them, with SuperLU's default order (COLAMD), its best own (MMD on
   A + A^T, symmetric mode) and METIS's. **SLEPc** is Krylov-Schur of the Debian packages; with MUMPS in one process,
   OpenBLAS taking the threads, and in two. **Exudyn** factorises once for the modes and once for the constraint modes,
