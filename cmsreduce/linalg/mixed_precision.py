@@ -59,6 +59,16 @@ def corrected_modes(
     residuals, solved for by the same factor, join the space until it holds the modes: Davidson's method. Source: E. R.
     Davidson, J. Comput. Phys. 17 (1975), 87-94; bound: as in `shift_invert.polished`.
     """
+    try:
+        return _corrected(K, M, factor, high, wanted, tolerance)
+    except la.LinAlgError:
+        # Rounding made directions of the space depend on each other.
+        return None
+
+
+def _corrected(
+    K: sp.csc_array, M: sp.csc_array, factor: RefinedFactor, high: float, wanted: int, tolerance: float
+) -> ShiftedModes | None:
     stiffness, mass = symmetric_product(K), symmetric_product(M)
     rough = _rough_space(factor, mass, K.shape[0], wanted)
     m = rough.shape[1]

@@ -5,7 +5,7 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from cmsreduce.linalg import eigenpairs
+from cmsreduce.linalg import eigenpairs, mixed_precision
 from cmsreduce.linalg.eigenpairs import beside_modes, certified_modes
 from cmsreduce.linalg.factorise import factorise
 from cmsreduce.linalg.mixed_precision import corrected_modes
@@ -81,6 +81,17 @@ def test_a_count_that_is_not_met_is_not_believed(mistake):
         assert isinstance(factor, RefinedFactor)
         found = corrected_modes(BAR.K, BAR.M, factor, high, 10 + mistake, 1e-9)
     assert found is None or mistake < 0
+
+
+def test_where_corrections_fail_refined_solves_find_the_modes(monkeypatch):
+    def singular(*_):
+        raise la.LinAlgError
+
+    monkeypatch.setattr(mixed_precision, "_ritz", singular)
+    lam = spectrum(BAR)
+    with solver_settings(SINGLE):
+        found = certified_modes(BAR.K, BAR.M, float(np.sqrt((lam[6] + lam[7]) / 2)), count=7)
+    np.testing.assert_allclose(found.omega**2, lam[:7], rtol=1e-9)
 
 
 def test_static_solves_beside_modes_take_two_rough_ones(monkeypatch):
