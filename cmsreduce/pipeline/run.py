@@ -39,19 +39,7 @@ MODEL = "reduced"
 
 
 class Run(BodiesRun):
-    """One run of a pipeline; every stage is a property or a method, done once whoever asks for it.
-
-    Parameters
-    ----------
-    pipeline : Pipeline
-        The pipeline file, validated.
-    folder : Path
-        Run directory.
-    progress : Progress
-        Told what happens.
-    only : str, optional
-        The one stage to run; those before it must be finished.
-    """
+    """One run of a pipeline, made as a `BodiesRun` is: every stage is done once, whoever asks for it."""
 
     @cached_property
     def balancing(self) -> Balancing:
