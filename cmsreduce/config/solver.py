@@ -66,15 +66,16 @@ class SolverKeys(Keys):
     )
     memory: Memory | None = Field(
         default=None,
-        description="Memory that a factor may take; one that needs more is refused before it is made. By default most "
-        "of what is free.",
+        description="Memory that a factor may take; one that needs more is made on disk (pardiso), or refused before "
+        "anything is made. By default most of what is free.",
         examples=["8 GiB"],
     )
     precision: Precision = Field(
         default="auto",
         description="Precision of the factor, with pardiso: double, or single, which takes half the memory and is "
         "refined to the same accuracy in several times the solves; auto takes single where double would not fit in "
-        "memory. Anything so ill conditioned that refinement does not converge is refused.",
+        "memory. Entries that do not fit either way lie in a file beside the stages. Anything so ill conditioned that "
+        "refinement does not converge is refused.",
         examples=["auto"],
     )
     ranks: Annotated[int, Strict(), Field(ge=1)] = Field(

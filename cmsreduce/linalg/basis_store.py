@@ -12,12 +12,24 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.solver_settings import current_settings
 from cmsreduce.model import column_blocks, mapped_array, mapped_in, shapes_beside
 
-__all__ = ["absolute_parts", "combine", "combined", "new_basis", "observed", "outgrows", "row_blocks", "side_by_side"]
+__all__ = [
+    "absolute_parts",
+    "combine",
+    "combined",
+    "new_basis",
+    "observed",
+    "outgrows",
+    "row_blocks",
+    "side_by_side",
+    "working_space",
+]
 
 Array = NDArray[np.float64]
 
 # Values of a block of rows, 8 MiB: far less than a block of columns, and still long runs of every column on disk.
 _VALUES = 2**20
+# A search may take so many times the memory of a basis.
+_SEARCHES = 3
 
 
 def new_basis(n: int, m: int) -> Array:
@@ -28,6 +40,18 @@ def new_basis(n: int, m: int) -> Array:
     folder = current_settings().scratch
     if folder is None or not outgrows(n, m):
         return np.zeros((n, m), order="F")
+    return mapped_array(folder, n, m)
+
+
+def working_space(n: int, m: int) -> Array:
+    """Room for the columns (n, m) of a search, of which some may never be used; not set to anything in memory.
+
+    There is one at a time, so it may take several times what a basis may before it is on disk.
+    """
+    folder = current_settings().scratch
+    if folder is None or not outgrows(n, m // _SEARCHES):
+        # Pages that nothing is written to take no memory.
+        return np.empty((n, m), order="F")
     return mapped_array(folder, n, m)
 
 

@@ -9,6 +9,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.basis_store import working_space
+
 __all__ = ["BlockLanczos", "Operator", "Ritz"]
 
 Operator = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -101,8 +103,7 @@ class BlockLanczos:
         self._width = max(min(block, room // 4), 1)
         self._columns = min(max(columns, 3 * sought // 2 + 3 * self._width), room)
         self._sought = sought
-        # Pages that no block has been written to take no memory.
-        self._V = np.empty((n, self._columns), order="F")
+        self._V = working_space(n, self._columns)
         self._T = np.empty((0, 0))
         self.m = 0
         # The newest block, not yet in the basis, and what it was before it was made orthonormal; the one before it.
@@ -193,6 +194,8 @@ class BlockLanczos:
         MX = self._mass(X)
         for _ in range(_PASSES):
             X, MX = self._cleared(X, MX)
+            if not self._deflated.size and abs(X.T @ MX - np.eye(X.shape[1])).max(initial=0.0) <= _SEMIORTHOGONAL:
+                break
         return X, MX, np.empty((X.shape[1], 0))
 
     def _cleared(
@@ -200,9 +203,11 @@ class BlockLanczos:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Orthonormal basis, and its product with M, of what a block has outside of the basis."""
         size = float(np.sqrt(max(np.einsum("ij,ij->j", X, MX).max(initial=0.0), 0.0)))
-        X = X - self._basis @ (self._basis.T @ MX)
-        X -= self._deflated @ (self._deflated.T @ MX)
-        X, _, _ = _orthonormal(X, self._mass(X), _NEW * size)
+        if self.m or self._deflated.size:
+            missed, rigid = self._basis.T @ MX, self._deflated.T @ MX
+            X = _less(_less(X.copy(order="F"), self._basis, missed), self._deflated, rigid)
+            MX = self._mass(X)
+        X, _, _ = _orthonormal(X, MX, _NEW * size)
         return X, self._mass(X)
 
 

@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.layout import by_columns
 
 __all__ = ["BLOCK", "Admit", "Factor", "FactorCost", "SingularFactorError"]
 
@@ -82,11 +83,11 @@ class Factor(ABC):
         if b.ndim == 1:
             return self._solve(b[:, None])[:, 0]
         if b.shape[1] <= BLOCK:
-            return self._solve(np.asfortranarray(b))
+            return self._solve(by_columns(b))
         x = np.empty(b.shape, order="F")
         for start in range(0, b.shape[1], BLOCK):
             part = slice(start, start + BLOCK)
-            x[:, part] = self._solve(np.asfortranarray(b[:, part]))
+            x[:, part] = self._solve(by_columns(b[:, part]))
         return x
 
     @abstractmethod

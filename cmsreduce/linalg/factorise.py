@@ -6,7 +6,7 @@ import importlib.util
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from math import ceil, log2
 
 import numpy as np
@@ -109,7 +109,9 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
             factor.backend, factor.n, cost.nnz, cost.flops / 1e9, cost.bytes / 2**20, seconds, precision, parts
         )
     )
-    if definite:
+    # Of a factor in single precision, refinement that converges has proven the signs of all pivots.
+    proven = isinstance(factor, RefinedFactor) and factor.inertia_known and not factor.negative_pivots
+    if definite and not proven:
         limit = min(max(A.shape[0], _FEWEST_ROUNDINGS) * np.finfo(float).eps, _LARGEST_SINGULAR)
         row, ratio = factor.weakest
         if not factor.inertia_known or (ratio <= limit and not _resists(A, factor, row)):
@@ -173,18 +175,26 @@ def _in_precision(
     """The factor, in double precision unless it is to be single or does not fit, and its precision."""
     if settings.precision == "single":
         if backend == "pardiso":
-            return _definite_first(RefinedFactor, A, definite, admit), "single"
+            return _single(A, definite, admit, settings), "single"
         if settings.backend != "auto":
             raise MatrixError(f"factors in single precision are pardiso's, not {backend}'s: set solver.backend to it")
+    if backend == "pardiso" and settings.precision == "double":
+        return _definite_first(partial(Pardiso, folder=settings.scratch), A, definite, admit), "double"
     try:
         return _definite_first(_TYPES[backend], A, definite, admit), "double"
-    except InsufficientMemoryError as refused:
-        if settings.precision == "double" or backend != "pardiso":
+    except InsufficientMemoryError as error:
+        if backend != "pardiso":
             raise
-        try:
-            return _definite_first(RefinedFactor, A, definite, admit), "single"
-        except UnrefinableError:
-            raise refused from None
+        # Its frames would hold what was found out about the factor, some kB for each row.
+        refused = error.with_traceback(None)
+    try:
+        return _single(A, definite, admit, settings), "single"
+    except UnrefinableError:
+        raise refused from None
+
+
+def _single(A: sp.csc_array, definite: bool, admit: Admit, settings: SolverSettings) -> Factor:
+    return _definite_first(partial(RefinedFactor, folder=settings.scratch), A, definite, admit)
 
 
 def _definite_first(

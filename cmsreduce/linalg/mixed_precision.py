@@ -7,6 +7,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.basis_store import working_space
 from cmsreduce.linalg.block_lanczos import BlockLanczos, Operator
 from cmsreduce.linalg.factor import BLOCK
 from cmsreduce.linalg.products import symmetric_product
@@ -16,7 +17,7 @@ from cmsreduce.linalg.shift_invert import ShiftedModes, combine_columns
 __all__ = ["corrected_modes"]
 
 # Columns of a Lanczos block, and of the basis beyond four times the modes sought.
-_WIDTH, _MORE = 16, 160
+_WIDTH, _MORE = 24, 160
 # Residual of a Ritz value, relative to it, at which the rough space is good enough: below is the noise of the solves.
 _ROUGH = 1e-5
 # Ritz vectors beside those sought: a correction shrinks what lies along a mode of lam_j by lam_i / lam_j, so that what
@@ -74,39 +75,37 @@ def _corrected(
     m = rough.shape[1]
     if m < wanted:
         return None
-    # Pages that nothing is written to take no memory.
-    space = np.empty((K.shape[0], m + _ROUNDS * wanted), order="F")
+    space = working_space(K.shape[0], m + _ROUNDS * wanted)
     space[:, :m] = rough
     del rough
     V = space[:, :m]
     A, B = np.zeros((0, 0)), np.zeros((0, 0))
     for first in range(0, V.shape[1], BLOCK):
         A, B = _joined(V[:, :first], V[:, first : first + BLOCK], A, B, stiffness, mass)
-    opened, away, worst, stuck = np.arange(wanted), np.full(wanted, np.inf), np.inf, 0
+    worst, stuck = np.inf, 0
     for _ in range(_ROUNDS):
         lam, Z = _ritz(A, B, wanted)
         if lam[-1] > high:
             return None
         X = _combined(V, Z)
-        C = _corrections(factor, X, lam, opened, stiffness, mass)
+        C = _corrections(factor, X, lam, stiffness, mass)
         MC = mass(C)
         # Exact corrections are orthogonal to all modes sought; what is not is the noise of the solves.
         along = X.T @ MC
         residual = np.sqrt(np.maximum(np.einsum("ij,ij->j", C, MC) - (along**2).sum(axis=0), 0.0))
-        away[opened] = residual
+        # The solves are off by this share themselves.
+        residual /= 1 - factor.contraction
         last, worst = worst, float(residual.max())
-        kept = residual > tolerance
-        if not kept.any():
-            del C, MC
+        if worst <= tolerance:
+            del MC
             # As an eigenvalue of K^-1 M, 1 / lam is this share of itself off at most.
-            return ShiftedModes(*_smoothed(factor, X, lam, stiffness, mass), away / (1 - away) / 2, True)
+            return ShiftedModes(*_smoothed(X, C, stiffness, mass), residual / (1 - residual) / 2, True)
         stuck = stuck + 1 if worst > _SHRINKS * last else 0
         if stuck >= _PATIENCE:
             return None
-        opened = opened[kept]
         del X
-        C = _outside(V, C[:, kept], MC[:, kept], B, mass)
-        A, B = _joined(V, C, A, B, stiffness, mass)
+        opened = residual > tolerance
+        C, A, B = _widened(V, C[:, opened], MC[:, opened], A, B, stiffness, mass)
         space[:, m : m + C.shape[1]] = C
         m += C.shape[1]
         V = space[:, :m]
@@ -139,45 +138,51 @@ def _ritz(
 
 
 def _corrections(
-    factor: RefinedFactor,
-    X: NDArray[np.float64],
-    lam: NDArray[np.float64],
-    opened: NDArray[np.int64],
-    stiffness: Operator,
-    mass: Operator,
+    factor: RefinedFactor, X: NDArray[np.float64], lam: NDArray[np.float64], stiffness: Operator, mass: Operator
 ) -> NDArray[np.float64]:
-    """K^-1 (K x - lam M x) of some modes, in single precision (n, k)."""
-    C = np.empty((X.shape[0], opened.size), order="F")
-    for first in range(0, opened.size, BLOCK):
-        part = opened[first : first + BLOCK]
+    """K^-1 (K x - lam M x) of modes, in single precision (n, k)."""
+    C = np.empty(X.shape, order="F")
+    for first in range(0, lam.size, BLOCK):
+        part = slice(first, first + BLOCK)
         x = X[:, part]
-        C[:, first : first + BLOCK] = factor.rough(stiffness(x) - mass(x) * lam[part])
+        residual, inertia = stiffness(x), mass(x)
+        inertia *= lam[part]
+        residual -= inertia
+        C[:, part] = factor.rough(residual)
     return C
 
 
 def _smoothed(
-    factor: RefinedFactor, X: NDArray[np.float64], lam: NDArray[np.float64], stiffness: Operator, mass: Operator
+    X: NDArray[np.float64], C: NDArray[np.float64], stiffness: Operator, mass: Operator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Frequencies and modes after one inverse iteration, which takes out of them what rounding left at all others."""
-    X -= _corrections(factor, X, lam, np.arange(lam.size), stiffness, mass)
+    X -= C
     A, B = np.zeros((0, 0)), np.zeros((0, 0))
-    for first in range(0, lam.size, BLOCK):
+    for first in range(0, X.shape[1], BLOCK):
         A, B = _joined(X[:, :first], X[:, first : first + BLOCK], A, B, stiffness, mass)
-    lam, Z = _ritz(A, B, lam.size)
+    lam, Z = _ritz(A, B, X.shape[1])
     combine_columns(X, Z)
     return lam, X
 
 
-def _outside(
-    V: NDArray[np.float64], C: NDArray[np.float64], MC: NDArray[np.float64], B: NDArray[np.float64], mass: Operator
-) -> NDArray[np.float64]:
-    """Directions of unit mass that corrections (n, k) add to a space."""
-    C = np.asfortranarray(C - V @ la.solve(B, V.T @ MC, assume_a="pos"))
-    MC = mass(C)
-    scale = 1 / np.sqrt(np.einsum("ij,ij->j", C, MC))
-    squared, U = la.eigh((C.T @ MC) * np.outer(scale, scale))
+def _widened(
+    V: NDArray[np.float64],
+    C: NDArray[np.float64],
+    MC: NDArray[np.float64],
+    A: NDArray[np.float64],
+    B: NDArray[np.float64],
+    stiffness: Operator,
+    mass: Operator,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Directions of unit mass that corrections (n, k) add to a space, and its Gram matrices with them."""
+    m = V.shape[1]
+    C = np.asarray(la.blas.dgemm(-1.0, V, la.solve(B, V.T @ MC, assume_a="pos"), 1.0, C, overwrite_c=True))
+    A, B = _joined(V, C, A, B, stiffness, mass)
+    scale = 1 / np.sqrt(B.diagonal()[m:])
+    squared, U = la.eigh(B[m:, m:] * np.outer(scale, scale))
     new = squared > _NEW
-    return _combined(C, (scale[:, None] * U[:, new]) / np.sqrt(squared[new]))
+    Z = la.block_diag(np.eye(m), (scale[:, None] * U[:, new]) / np.sqrt(squared[new]))
+    return _combined(C, Z[m:, m:]), Z.T @ A @ Z, Z.T @ B @ Z
 
 
 def _joined(

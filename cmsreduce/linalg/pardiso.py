@@ -7,6 +7,7 @@ import os
 import sys
 import sysconfig
 import weakref
+from dataclasses import replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -17,12 +18,22 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
+from cmsreduce.linalg.layout import by_columns
+from cmsreduce.linalg.mkl_memory import (
+    can_be_mapped,
+    free_on_disk,
+    leave_pages,
+    mapped_entries,
+    watch_allocations,
+)
 from cmsreduce.linalg.solver_settings import current_settings
 
 __all__ = ["Pardiso", "mkl_library"]
 
 # Matrix types of PARDISO.
 _DEFINITE, _INDEFINITE = 2, -2
+# Rows from which its integers have 64 bits: a factor's entries are then more than 32 can count.
+_LONG = 1_500_000
 # Phases.
 _ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
 # Its error codes.
@@ -49,6 +60,7 @@ def mkl_library() -> ctypes.CDLL | None:
         except OSError:
             continue
         if hasattr(library, "pardiso"):
+            watch_allocations(library)
             return library
     return None
 
@@ -66,6 +78,8 @@ class Pardiso(Factor):
         Refuses a factor that is too large.
     scale : (n,) float64, optional
         S, for factors of S A S in float32 instead: half the memory and the time, seven digits.
+    folder : Path, optional
+        Where the factor may lie in a file if it is refused in memory.
 
     Raises
     ------
@@ -83,18 +97,30 @@ class Pardiso(Factor):
 
     backend: ClassVar[str] = "pardiso"
 
-    def __init__(self, A: sp.csc_array, definite: bool, admit: Admit, scale: NDArray[np.float64] | None = None) -> None:
+    def __init__(
+        self,
+        A: sp.csc_array,
+        definite: bool,
+        admit: Admit,
+        scale: NDArray[np.float64] | None = None,
+        folder: Path | None = None,
+    ) -> None:
         self._real = np.dtype(np.float64 if scale is None else np.float32)
         # The upper triangle by rows is the lower one by columns; PARDISO wants every diagonal entry, zeros too.
         self._values, self._indices, self._indptr = _lower_triangle(
             A if A.diagonal().all() else _with_diagonal(A), scale, self._real
         )
-        self._order = np.zeros(A.shape[0], dtype=np.int32)
+        self._integer = np.dtype(np.int64 if A.shape[0] > _LONG and scale is not None else np.int32)
+        self._indices, self._indptr = (part.astype(self._integer, copy=False) for part in (self._indices, self._indptr))
+        self._order = np.zeros(A.shape[0], dtype=self._integer)
         self._type = _DEFINITE if definite else _INDEFINITE
         self._handle = np.zeros(64, dtype=np.int64)
-        self._iparm = _parameters(A.shape[0], scale is not None)
+        self._iparm = _parameters(A.shape[0], scale is not None).astype(self._integer)
         size = A.shape[0]
-        self._release = weakref.finalize(self, _release, self._handle, self._iparm.copy(), self._type, size)
+        self._places: list[tuple[int, int]] = []
+        self._release = weakref.finalize(
+            self, _release, self._handle, self._iparm.copy(), self._type, size, self._places
+        )
         self._call(_ANALYSE, size)
         peak, factors, entries = float(self._iparm[15]), float(self._iparm[16]), int(self._iparm[17])
         nnz = entries if entries > 0 else int(factors * _KIB / self._real.itemsize)
@@ -102,11 +128,26 @@ class Pardiso(Factor):
         counted = float(self._iparm[18]) * 1e6
         flops = counted if counted > 0 else 2.0 * nnz**2 / max(size, 1)
         super().__init__(A, FactorCost(nnz, flops, (peak + factors) * _KIB))
-        admit(self.cost)
-        self._call(_FACTORISE, size)
+        self.on_disk = self._refused(admit, folder, factors * _KIB)
+        with mapped_entries(folder if self.on_disk else None) as places:
+            self._call(_FACTORISE, size)
+        self._places.extend(places)
         if not self._iparm[_MOVED]:
             # Solves look at the matrix only to refine what a moved pivot spoils.
             self._values, self._indices, self._indptr = (part[:1].copy() for part in self._matrix)
+
+    def _refused(self, admit: Admit, folder: Path | None, room: float) -> bool:
+        """Whether the factor, for which PARDISO takes some room, is refused in memory but has its place on disk."""
+        entries = float(self.cost.nnz * self._real.itemsize)
+        try:
+            admit(self.cost)
+        except MatrixError:
+            if folder is None or not can_be_mapped() or entries > free_on_disk(folder):
+                raise
+            # What the analysis took is there already.
+            admit(replace(self.cost, bytes=max(room - entries, 0.0)))
+            return True
+        return False
 
     @property
     def _matrix(self) -> tuple[NDArray[Any], NDArray[np.int32], NDArray[np.int32]]:
@@ -117,7 +158,7 @@ class Pardiso(Factor):
 
     def solve_as_made(self, b: NDArray[Any]) -> NDArray[Any]:
         """Solve for a block (n, k) in the precision of the factor, columns in Fortran order."""
-        b = np.asfortranarray(b, dtype=self._real)
+        b = by_columns(b, self._real)
         x = np.empty_like(b)
         self._call(_SOLVE, self.n, b, x)
         return x
@@ -143,20 +184,21 @@ class Pardiso(Factor):
         return 0 if self._type == _DEFINITE else int(self._iparm[22])
 
     def _call(self, phase: int, n: int, b: NDArray[Any] | None = None, x: NDArray[Any] | None = None) -> None:
-        error = ctypes.c_int(0)
         _library().MKL_Set_Num_Threads_Local(ctypes.c_int(current_settings().thread_count))
         columns = 1 if b is None else b.shape[1]
-        _library().pardiso(
-            *(_at(self._handle), _by(1), _by(1), _by(self._type), _by(phase), _by(n)),
-            *(_at(self._values), _at(self._indptr), _at(self._indices), _at(self._order), _by(columns)),
-            *(_at(self._iparm), _by(0), _at(b), _at(x), ctypes.byref(error)),
+        one, kind, step, rows, width, quiet, error = _references(self._integer, 1, self._type, phase, n, columns, 0, 0)
+        _routine(self._integer)(
+            *(_at(self._handle), one, one, kind, step, rows),
+            *(_at(self._values), _at(self._indptr), _at(self._indices), _at(self._order), width),
+            *(_at(self._iparm), quiet, _at(b), _at(x), error),
         )
-        if error.value == _BAD_PIVOT:
+        code = int(error[0])
+        if code == _BAD_PIVOT:
             raise SingularFactorError
-        if error.value == _NO_MEMORY:
+        if code == _NO_MEMORY:
             raise MemoryError(f"MKL PARDISO found no memory for the factor of {n} rows")
-        if error.value:
-            raise _failure(f"stopped in phase {phase} on {n} rows", error.value)
+        if code:
+            raise _failure(f"stopped in phase {phase} on {n} rows", code)
 
 
 def _parameters(n: int, single: bool) -> NDArray[np.int32]:
@@ -216,13 +258,27 @@ def _library() -> ctypes.CDLL:
     return library
 
 
-def _release(handle: NDArray[np.int64], iparm: NDArray[np.int32], kind: int, n: int) -> None:
-    """Give the memory of a factor back."""
-    nothing = np.zeros(1, dtype=np.int32)
-    _library().pardiso(
-        *(_at(handle), _by(1), _by(1), _by(kind), _by(_RELEASE), _by(n), None, _at(nothing), _at(nothing)),
-        *(_at(nothing), _by(1), _at(iparm), _by(0), None, None, ctypes.byref(ctypes.c_int(0))),
+def _release(handle: NDArray[np.int64], iparm: NDArray[Any], kind: int, n: int, places: list[tuple[int, int]]) -> None:
+    """Give the memory of a factor back, its pages perhaps to the next one."""
+    leave_pages(places)
+    nothing = np.zeros(1, dtype=iparm.dtype)
+    one, type_, step, rows, quiet, error = _references(iparm.dtype, 1, kind, _RELEASE, n, 0, 0)
+    _routine(iparm.dtype)(
+        *(_at(handle), one, one, type_, step, rows, None, _at(nothing), _at(nothing)),
+        *(_at(nothing), one, _at(iparm), quiet, None, None, error),
     )
+
+
+def _routine(integer: np.dtype[Any]) -> Any:
+    """PARDISO with integers of one size: counted in the smaller ones, the entries of a long factor would overflow."""
+    library = _library()
+    return library.pardiso_64 if integer == np.int64 else library.pardiso
+
+
+def _references(integer: np.dtype[Any], *values: int) -> list[Any]:
+    """Numbers as Fortran takes them."""
+    number = ctypes.c_int64 if integer == np.int64 else ctypes.c_int32
+    return [(number * 1)(value) for value in values]
 
 
 def _at(array: NDArray[Any] | None) -> ctypes.c_void_p | None:

@@ -18,8 +18,8 @@ __all__ = ["symmetric_product"]
 # Entries below which a second thread costs more than it saves.
 _ENTRIES = 200_000
 # A matrix that stores more zeros than this share of its entries, as an element's mass does between its directions, is
-# copied without them.
-_ZEROS = 0.1
+# copied without them; for fewer the copy costs more than it saves.
+_ZEROS = 0.5
 
 
 def symmetric_product(A: sp.csc_array) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from copy import copy
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.factor import Admit, Factor
+from cmsreduce.linalg.layout import by_columns
 from cmsreduce.linalg.pardiso import Pardiso
 from cmsreduce.linalg.products import symmetric_product
 
@@ -24,8 +26,6 @@ _MEASURED, _COLUMNS, _SEED = 4, 4, 11
 _REFINED = 1e-13
 _MORE_DIGITS = float(np.finfo(np.float64).eps / np.finfo(np.float32).eps)
 _STEPS = 60
-# Rows that are scaled at a time.
-_ROWS = 4096
 # What is left when corrections no longer shrink to less than this share of the one before is round-off.
 _STALLED = 0.8
 
@@ -45,6 +45,8 @@ class RefinedFactor(Factor):
         Whether the matrix is taken to be positive definite.
     admit : callable
         Refuses a factor that is too large.
+    folder : Path, optional
+        Where the factor may lie in a file if it is refused in memory.
 
     Raises
     ------
@@ -64,9 +66,9 @@ class RefinedFactor(Factor):
 
     backend = Pardiso.backend
 
-    def __init__(self, A: sp.csc_array, definite: bool, admit: Admit) -> None:
+    def __init__(self, A: sp.csc_array, definite: bool, admit: Admit, folder: Path | None = None) -> None:
         self._scale = powers_of_two(A.diagonal())
-        self._rough = Pardiso(A, definite, admit, self._scale)
+        self._rough = Pardiso(A, definite, admit, self._scale, folder)
         super().__init__(A, self._rough.cost)
         self._product = symmetric_product(A)
         self._modes: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None = None
@@ -131,22 +133,20 @@ class RefinedFactor(Factor):
 
     def rough(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         """Solution (n, k) to single precision; each column is scaled, or small ones would vanish in float32."""
-        size = np.zeros(b.shape[1])
-        # Some rows at a time, while they are at hand: the solve itself takes little longer than a pass over memory.
-        for rows in self._blocks():
-            size = np.maximum(size, (abs(b[rows]) * self._scale[rows, None]).max(axis=0))
-        size[size == 0] = 1.0
+        size = np.ones(b.shape[1])
         c = np.empty(b.shape, dtype=np.float32, order="F")
-        for rows in self._blocks():
-            c[rows] = b[rows] * self._scale[rows, None] / size
+        # Column by column, while it is at hand: the solve itself takes little longer than a few passes over memory.
+        for j, column in enumerate(by_columns(b).T):
+            scaled = column * self._scale
+            size[j] = max(scaled.max(), -scaled.min()) or 1.0
+            np.divide(scaled, size[j], out=c[:, j], casting="same_kind")
         y = self._rough.solve_as_made(c)
+        del c
         x = np.empty(b.shape, order="F")
-        for rows in self._blocks():
-            x[rows] = y[rows] * self._scale[rows, None] * size
+        for j in range(size.size):
+            np.multiply(y[:, j], self._scale, out=x[:, j])
+            x[:, j] *= size[j]
         return x
-
-    def _blocks(self) -> list[slice]:
-        return [slice(first, first + _ROWS) for first in range(0, self.n, _ROWS)]
 
     def _size(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Norm of each column, each dof measured by the root of its stiffness."""

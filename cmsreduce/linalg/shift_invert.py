@@ -18,7 +18,7 @@ CONVERGED = 1e-9
 """Residual of a Ritz value that is an eigenvalue, relative to it: a frequency is then right to half of that, and the
 subspace of all modes to about ten times as much, whatever the order of the rows."""
 # Columns of a block: a solve reads the whole factor for each block, so that sixteen cost little more than eight.
-_BLOCK = 16
+_BLOCK = 24
 # Columns of the basis: twice the modes that are sought and so many blocks; a third of it again after every restart.
 _BLOCKS = 10
 # Blocks after which a Lanczos run is given up, for each block of modes that are sought.
@@ -265,7 +265,7 @@ def polished(
         scale = 1 / np.sqrt(np.einsum("ij,ij->j", Y, MY))
         for block in (Y, MY, B):
             block *= scale
-        X[:, part] = Y - deflated @ (deflated.T @ MY)
+        X[:, part] = Y - deflated @ (deflated.T @ MY) if deflated.size else Y
         # (K - sigma M) Y = M X: no product with K is needed, in whose round-off a low mode would drown.
         gram[known, part] = X[:, known].T @ MY
         stiffness[known, part] = X[:, known].T @ B + sigma * gram[known, part]

@@ -12,6 +12,7 @@ from typing import Literal
 
 from threadpoolctl import threadpool_limits
 
+from cmsreduce.linalg.mkl_memory import drop_idle, idle_bytes
 from cmsreduce.model import Factorisation
 
 __all__ = [
@@ -62,7 +63,7 @@ class SolverSettings:
         Parts in which a matrix is factorised, one after the other; ``auto`` for as many as it takes where the factor
         as a whole does not fit in memory.
     scratch : Path, optional
-        Folder for bases that outgrow memory; without it they stay in memory.
+        Folder for bases and factors that outgrow memory; without it bases stay there, and such factors are refused.
     work : list of Factorisation
         Every factorisation that was done under these settings, in order.
     """
@@ -80,7 +81,7 @@ class SolverSettings:
     @property
     def memory_limit(self) -> float:
         """Bytes that the next factor may take."""
-        return _SHARE * available_memory() if self.memory is None else self.memory
+        return _SHARE * (available_memory() + idle_bytes()) if self.memory is None else self.memory
 
     @property
     def basis_limit(self) -> float:
@@ -125,6 +126,7 @@ def solver_settings(settings: SolverSettings) -> Iterator[SolverSettings]:
             yield settings
     finally:
         _SETTINGS.reset(token)
+        drop_idle()
 
 
 def available_memory() -> float:

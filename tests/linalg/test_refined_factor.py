@@ -82,7 +82,8 @@ def test_what_cannot_be_refined_is_refused(A):
 
 
 def test_single_precision_is_taken_where_double_does_not_fit():
-    A = block("cube", (1.0, 1.0, 1.0), (9, 9, 9), held=range(1, 101)).K
+    # Large enough for its entries to outweigh what PARDISO takes for each thread.
+    A = block("cube", (1.0, 1.0, 1.0), (15, 15, 15), held=range(1, 257)).K
     needs = {}
     for precision in ("double", "single"):
         with solver_settings(SolverSettings("pardiso", precision=precision)) as settings:
@@ -110,7 +111,8 @@ def test_other_solvers_have_no_single_precision():
 
 def test_certified_modes_do_not_depend_on_the_precision():
     body = block("bar", (3.0, 0.4, 0.3), (30, 3, 3), held=range(1, 17))
-    lam = la.eigvalsh(body.K.toarray(), body.M.toarray())
+    # Of the inverse: rounding is then a share of the lowest, not of the highest.
+    lam = 1 / la.eigvalsh(body.M.toarray(), body.K.toarray())[::-1]
     omega = float(np.sqrt((lam[29] + lam[30]) / 2))
     with solver_settings(SINGLE):
         count = count_below(body.K, body.M, omega)
