@@ -194,8 +194,6 @@ class BlockLanczos:
         MX = self._mass(X)
         for _ in range(_PASSES):
             X, MX = self._cleared(X, MX)
-            if not self._deflated.size and abs(X.T @ MX - np.eye(X.shape[1])).max(initial=0.0) <= _SEMIORTHOGONAL:
-                break
         return X, MX, np.empty((X.shape[1], 0))
 
     def _cleared(

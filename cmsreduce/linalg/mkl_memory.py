@@ -1,4 +1,4 @@
-"""Where the entries of MKL's factors lie: in pages that one takes over from the last, or in a file that is mapped."""
+"""A factor of MKL's that does not fit in memory: its entries in a file, mapped where they would lie."""
 
 from __future__ import annotations
 
@@ -13,115 +13,60 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-__all__ = [
-    "can_be_mapped",
-    "drop_idle",
-    "free_on_disk",
-    "handed_on",
-    "idle_bytes",
-    "leave_pages",
-    "mapped_entries",
-    "watch_allocations",
-]
+from cmsreduce.linalg.solver_settings import current_settings
 
+__all__ = ["can_be_mapped", "free_on_disk", "mapped_entries", "watch_if_large"]
+
+# Bytes of a factor for each row, from which on it is prepared for one that does not fit: a compact solid of 1e6 dofs
+# in single precision.
+_BYTES_A_ROW = 8000
 # Allocations from here on are a factor's entries, one for all of them; malloc maps whatever is as large.
 _LARGE = 32 * 2**20
-# Flags of mmap and mremap, and of memory that malloc maps; what mmap returns where it fails.
-_FIXED, _NO_RESERVE, _MOVE, _TO_THERE, _LEAVE = 0x10, 0x4000, 1, 2, 4
-_OWN_MAPPING = 2
-# Pages are taken over by what needs so large a share of them.
-_ALIKE = 0.5
+# Flags of mmap, and of memory that malloc maps; what mmap returns where it fails.
+_FIXED, _OWN_MAPPING, _FAILED = 0x10, 2, ctypes.c_void_p(-1).value
 # Attempts to get a mapping of its own.
 _TRIES = 8
-_FAILED = ctypes.c_void_p(-1).value
 _ALLOCATE = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_size_t)
 
 
 class _Entries:
-    """Memory of the factors, as MKL asks for it.
+    """Memory of the factor that is being made, as MKL asks for it.
 
     Nothing has to be known when MKL frees it: the system's `free` gives back whatever pages lie there by then.
     """
 
     def __init__(self) -> None:
-        # What MKL calls, and may call until the process ends; the system's functions.
+        # What MKL calls, and may call until the process ends.
         self.watching: list[Any] = []
-        # Whether a factor is being made, whichever of MKL's threads asks for its memory; its folder.
-        self.making = False
+        self.asked = False
+        # Set while a factor is made that goes to disk, whichever of MKL's threads asks for its memory.
         self.folder: Path | None = None
-        # Where it lies; pages that a factor left for the next, and whether it is to do so.
-        self.last: tuple[int, int] | None = None
-        self.idle: tuple[int, int] | None = None
-        self.keep = False
-
-    def arrange(self, address: int, size: int) -> int | None:
-        """Put the pages that are wanted under memory that was just allocated; None if they cannot be had."""
-        start, length = _pages(address, size)
-        if not _alone(address):
-            return address if self.folder is None else None
-        if self.folder is not None:
-            return address if self._mapped(start, length, self.folder) else None
-        self.last = max(self.last or (0, 0), (start, length), key=lambda place: place[1])
-        system = self.watching[1]
-        # Large pages: a small one that is touched for the first time costs as much as arithmetic on all its numbers.
-        system.madvise(start, length, getattr(mmap, "MADV_HUGEPAGE", 0))
-        if self.idle is not None and length >= _ALIKE * self.idle[1]:
-            (idle, enough), self.idle = self.idle, None
-            moved = min(enough, length)
-            system.mremap(idle, moved, moved, _MOVE | _TO_THERE, start)
-            # Nothing is left of them, or what was too many.
-            system.munmap(idle, enough)
-        return address
-
-    def _mapped(self, start: int, length: int, folder: Path) -> bool:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder) as file:
-                # All of it now: a page that finds no room on disk later would end the process.
-                os.posix_fallocate(file.fileno(), 0, length)
-                rights = mmap.PROT_READ | mmap.PROT_WRITE
-                at = self.watching[1].mmap(start, length, rights, mmap.MAP_SHARED | _FIXED, file.fileno(), 0)
-        except OSError:
-            return False
-        return bool(at != _FAILED)
-
-    def leave(self, place: tuple[int, int] | None) -> None:
-        """Move the pages of a factor that is to be freed aside, if they are to be kept."""
-        if not self.keep or place is None or self.idle is not None:
-            return
-        start, length = place
-        system, private = self.watching[1], mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
-        aside = system.mmap(None, length, mmap.PROT_READ | mmap.PROT_WRITE, private | _NO_RESERVE, -1, 0)
-        if aside == _FAILED:
-            return
-        # What is left there has no pages, and nobody else can take the place before it is freed.
-        if system.mremap(start, length, length, _MOVE | _TO_THERE | _LEAVE, aside) == _FAILED:
-            system.munmap(aside, length)
-        else:
-            self.idle = aside, length
-
-    def drop(self) -> None:
-        """Give idle pages back to the system."""
-        if self.idle is not None:
-            self.watching[1].munmap(*self.idle)
-            self.idle = None
 
 
 _ENTRIES = _Entries()
 
 
-def watch_allocations(library: ctypes.CDLL) -> None:
-    """Have MKL ask here for memory; before its first request, since it looks for whom to ask only once.
+def watch_if_large(library: ctypes.CDLL, n: int) -> None:
+    """Have MKL ask here for memory, where a factor of so many rows may outgrow what there is and has a folder.
 
     Parameters
     ----------
     library : CDLL
-        MKL's runtime, just loaded.
+        MKL's runtime, not used before: it looks for whom to ask only once.
+    n : int
+        Rows.
 
     Notes
     -----
+    Not done for smaller matrices: code that calls MKL without letting go of Python's lock would wait for itself.
     Source: Intel oneAPI Math Kernel Library, developer guide, "Redefining Memory Functions" (i_malloc).
     """
+    settings = current_settings()
+    if settings.scratch is not None and _BYTES_A_ROW * n > settings.memory_limit:
+        _watch(library)
+
+
+def _watch(library: ctypes.CDLL) -> None:
     if sys.platform != "linux" or _ENTRIES.watching or library._name is None:
         return
     beside = Path(library._name)
@@ -131,13 +76,16 @@ def watch_allocations(library: ctypes.CDLL) -> None:
         core = ctypes.CDLL(str(beside.with_name(beside.name.replace("_rt", "_core"))))
         pointer = ctypes.c_void_p.in_dll(core, "i_malloc")
         system = _system()
+        library.MKL_malloc.restype, library.MKL_malloc.argtypes = ctypes.c_void_p, (ctypes.c_size_t, ctypes.c_int)
+        library.MKL_free.restype, library.MKL_free.argtypes = None, (ctypes.c_void_p,)
     except (OSError, ValueError, AttributeError):
         return
     allocate = _ALLOCATE(pointer.value or 0)
 
     def taken(size: int) -> int | None:
+        _ENTRIES.asked = True
         address: int | None = allocate(size)
-        if address is None or size < _LARGE or not _ENTRIES.making:
+        if address is None or size < _LARGE or _ENTRIES.folder is None:
             return address
         passed: list[int] = []
         while address is not None and not _alone(address) and len(passed) < _TRIES:
@@ -146,20 +94,35 @@ def watch_allocations(library: ctypes.CDLL) -> None:
             address = allocate(size)
         for each in passed:
             system.free(each)
-        return None if address is None else _ENTRIES.arrange(address, size)
+        own = address is not None and _alone(address) and _mapped(system, *_pages(address, size), _ENTRIES.folder)
+        return address if own else None
 
-    _ENTRIES.watching = [_ALLOCATE(taken), system, core]
+    _ENTRIES.watching = [_ALLOCATE(taken), core]
     pointer.value = ctypes.cast(_ENTRIES.watching[0], ctypes.c_void_p).value
+    # Whether it asks: not if it had memory before.
+    library.MKL_free(library.MKL_malloc(_LARGE, mmap.PAGESIZE))
 
 
 def _system() -> ctypes.CDLL:
-    """The C library's functions for pages."""
+    """The C library's functions for memory."""
     system, at, size, number = ctypes.CDLL(None), ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int
     system.mmap.restype, system.mmap.argtypes = at, (at, size, number, number, number, ctypes.c_long)
-    system.mremap.restype, system.mremap.argtypes = at, (at, size, size, number, at)
     system.free.restype, system.free.argtypes = None, (at,)
-    system.munmap.argtypes, system.madvise.argtypes = (at, size), (at, size, number)
     return system
+
+
+def _mapped(system: ctypes.CDLL, start: int, length: int, folder: Path) -> bool:
+    """Put the pages of a file without a name where memory was just allocated; false where they cannot be had."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as file:
+            # All of it now: a page that finds no room on disk later would end the process.
+            os.posix_fallocate(file.fileno(), 0, length)
+            rights = mmap.PROT_READ | mmap.PROT_WRITE
+            at = system.mmap(start, length, rights, mmap.MAP_SHARED | _FIXED, file.fileno(), 0)
+    except OSError:
+        return False
+    return bool(at != _FAILED)
 
 
 def _alone(address: int) -> bool:
@@ -177,7 +140,7 @@ def _pages(address: int, size: int) -> tuple[int, int]:
 
 def can_be_mapped() -> bool:
     """Whether MKL asks here for memory."""
-    return bool(_ENTRIES.watching)
+    return _ENTRIES.asked
 
 
 def free_on_disk(folder: Path) -> float:
@@ -186,55 +149,17 @@ def free_on_disk(folder: Path) -> float:
     return float(shutil.disk_usage(there).free)
 
 
-def idle_bytes() -> float:
-    """Bytes that the next factor takes over."""
-    return 0.0 if _ENTRIES.idle is None else float(_ENTRIES.idle[1])
-
-
-def drop_idle() -> None:
-    """Give pages that no factor took over back to the system."""
-    _ENTRIES.drop()
-
-
 @contextmanager
-def mapped_entries(folder: Path | None) -> Iterator[list[tuple[int, int]]]:
+def mapped_entries(folder: Path | None) -> Iterator[None]:
     """Keep the entries of a factor that MKL makes within a `with` block in a file.
 
     Parameters
     ----------
     folder : Path, optional
         Where; without it they stay in memory.
-
-    Yields
-    ------
-    list of tuple
-        Filled at the end: where the entries lie, if in memory.
     """
-    places: list[tuple[int, int]] = []
-    _ENTRIES.making, _ENTRIES.folder, _ENTRIES.last = True, folder, None
-    try:
-        yield places
-    finally:
-        if _ENTRIES.last is not None:
-            places.append(_ENTRIES.last)
-        _ENTRIES.making, _ENTRIES.folder, _ENTRIES.last = False, None, None
-        _ENTRIES.drop()
-
-
-def leave_pages(places: list[tuple[int, int]]) -> None:
-    """Say that a factor is about to be freed."""
-    _ENTRIES.leave(places[0] if places else None)
-
-
-@contextmanager
-def handed_on() -> Iterator[None]:
-    """Keep the pages of a factor that is freed within a `with` block for the next one that is made.
-
-    A page that is touched for the first time costs a virtual machine as much as hundreds of operations on its numbers.
-    The factor that counts modes and the one that solves follow each other.
-    """
-    _ENTRIES.keep = True
+    _ENTRIES.folder = folder
     try:
         yield
     finally:
-        _ENTRIES.keep = False
+        _ENTRIES.folder = None

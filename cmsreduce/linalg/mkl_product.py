@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.mkl_memory import watch_if_large
 from cmsreduce.linalg.pardiso import mkl_library
 from cmsreduce.linalg.solver_settings import current_settings
 
@@ -70,6 +71,7 @@ def mkl_product(A: sp.csc_array) -> _Product | None:
     library = mkl_library()
     if library is None or A.nnz > np.iinfo(np.int32).max or A.data.dtype != np.float64:
         return None
+    watch_if_large(library, A.shape[0])
     product = _Product(library, A)
     return None if product.failed else product
 

@@ -19,13 +19,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.layout import by_columns
-from cmsreduce.linalg.mkl_memory import (
-    can_be_mapped,
-    free_on_disk,
-    leave_pages,
-    mapped_entries,
-    watch_allocations,
-)
+from cmsreduce.linalg.mkl_memory import can_be_mapped, free_on_disk, mapped_entries, watch_if_large
 from cmsreduce.linalg.solver_settings import current_settings
 
 __all__ = ["Pardiso", "mkl_library"]
@@ -60,7 +54,6 @@ def mkl_library() -> ctypes.CDLL | None:
         except OSError:
             continue
         if hasattr(library, "pardiso"):
-            watch_allocations(library)
             return library
     return None
 
@@ -117,10 +110,8 @@ class Pardiso(Factor):
         self._handle = np.zeros(64, dtype=np.int64)
         self._iparm = _parameters(A.shape[0], scale is not None).astype(self._integer)
         size = A.shape[0]
-        self._places: list[tuple[int, int]] = []
-        self._release = weakref.finalize(
-            self, _release, self._handle, self._iparm.copy(), self._type, size, self._places
-        )
+        self._release = weakref.finalize(self, _release, self._handle, self._iparm.copy(), self._type, size)
+        watch_if_large(_library(), size)
         self._call(_ANALYSE, size)
         peak, factors, entries = float(self._iparm[15]), float(self._iparm[16]), int(self._iparm[17])
         nnz = entries if entries > 0 else int(factors * _KIB / self._real.itemsize)
@@ -129,9 +120,8 @@ class Pardiso(Factor):
         flops = counted if counted > 0 else 2.0 * nnz**2 / max(size, 1)
         super().__init__(A, FactorCost(nnz, flops, (peak + factors) * _KIB))
         self.on_disk = self._refused(admit, folder, factors * _KIB)
-        with mapped_entries(folder if self.on_disk else None) as places:
+        with mapped_entries(folder if self.on_disk else None):
             self._call(_FACTORISE, size)
-        self._places.extend(places)
         if not self._iparm[_MOVED]:
             # Solves look at the matrix only to refine what a moved pivot spoils.
             self._values, self._indices, self._indptr = (part[:1].copy() for part in self._matrix)
@@ -258,9 +248,8 @@ def _library() -> ctypes.CDLL:
     return library
 
 
-def _release(handle: NDArray[np.int64], iparm: NDArray[Any], kind: int, n: int, places: list[tuple[int, int]]) -> None:
-    """Give the memory of a factor back, its pages perhaps to the next one."""
-    leave_pages(places)
+def _release(handle: NDArray[np.int64], iparm: NDArray[Any], kind: int, n: int) -> None:
+    """Give the memory of a factor back."""
     nothing = np.zeros(1, dtype=iparm.dtype)
     one, type_, step, rows, quiet, error = _references(iparm.dtype, 1, kind, _RELEASE, n, 0, 0)
     _routine(iparm.dtype)(

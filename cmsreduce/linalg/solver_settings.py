@@ -12,7 +12,6 @@ from typing import Literal
 
 from threadpoolctl import threadpool_limits
 
-from cmsreduce.linalg.mkl_memory import drop_idle, idle_bytes
 from cmsreduce.model import Factorisation
 
 __all__ = [
@@ -81,7 +80,7 @@ class SolverSettings:
     @property
     def memory_limit(self) -> float:
         """Bytes that the next factor may take."""
-        return _SHARE * (available_memory() + idle_bytes()) if self.memory is None else self.memory
+        return _SHARE * available_memory() if self.memory is None else self.memory
 
     @property
     def basis_limit(self) -> float:
@@ -126,7 +125,6 @@ def solver_settings(settings: SolverSettings) -> Iterator[SolverSettings]:
             yield settings
     finally:
         _SETTINGS.reset(token)
-        drop_idle()
 
 
 def available_memory() -> float:

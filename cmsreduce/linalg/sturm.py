@@ -7,7 +7,6 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factorise import Factor, NotPositiveDefiniteError, factorise
-from cmsreduce.linalg.mkl_memory import handed_on
 
 __all__ = ["STEPPED", "shifted_factor", "sturm_count"]
 
@@ -33,13 +32,7 @@ def sturm_count(K: sp.csc_array, M: sp.csc_array, omega: float) -> int:
     int
         Eigenvalues below omega^2, rigid modes included.
     """
-    with handed_on():
-        return _counted(K, M, omega**2)
-
-
-def _counted(K: sp.csc_array, M: sp.csc_array, sigma: float) -> int:
-    """Negative pivots of a factor that nobody holds any longer at the end."""
-    return shifted_factor(K, M, sigma)[1].negative_pivots
+    return shifted_factor(K, M, omega**2)[1].negative_pivots
 
 
 def shifted_factor(K: sp.csc_array, M: sp.csc_array, sigma: float) -> tuple[float, Factor]:

@@ -1,102 +1,108 @@
-"""Factors on disk and pages handed on: the same numbers, nothing left behind."""
+"""A factor on disk: the same numbers, and nothing left behind. In processes of their own: MKL asks for memory once."""
 
-import ctypes
-import gc
+import json
+import subprocess
+import sys
+import textwrap
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cmsreduce.linalg import mkl_memory
-from cmsreduce.linalg.eigenpairs import certified_modes, count_below
+from cmsreduce.linalg.eigenpairs import certified_modes
 from cmsreduce.linalg.factorise import InsufficientMemoryError, factorise
-from cmsreduce.linalg.mkl_memory import can_be_mapped, free_on_disk, handed_on, idle_bytes
+from cmsreduce.linalg.mkl_memory import free_on_disk
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
 from tests.solids import block
 
-linux = pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="pages are moved by Linux's own calls")
+ROOT = Path(__file__).resolve().parents[2]
+linux = pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="files are mapped by Linux's own calls")
 pytestmark = [pytest.mark.pardiso, linux]
-BODY = block("beam", (3.0, 0.5, 0.4), (40, 7, 6), held=range(1, 57))
-M_MMAP_THRESHOLD = -3
 OMEGA = 2 * np.pi * 900.0
+# Entries of a test's factor count as a large one's, beyond the buffers that MKL keeps, and malloc maps them as it maps
+# those (mallopt, M_MMAP_THRESHOLD).
+SCRIPT = """
+    import ctypes, gc, json, sys
+    from pathlib import Path
+    import numpy as np
+    from cmsreduce.linalg import mkl_memory, pardiso
+    from cmsreduce.linalg.eigenpairs import certified_modes, count_below
+    from cmsreduce.linalg.factorise import factorise
+    from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+    from tests.linalg.test_mkl_memory import OMEGA, body
+
+    precision, memory, folder, earlier = sys.argv[1], float(sys.argv[2]), Path(sys.argv[3]), sys.argv[4] == "earlier"
+    ctypes.CDLL(None).mallopt(-3, 2**23)
+    mkl_memory._LARGE = 2**23
+
+    def mapped():
+        return any(str(folder) in line for line in Path("/proc/self/maps").read_text().splitlines())
+
+    model = body()
+    if earlier:
+        factorise(model.K)
+    with solver_settings(SolverSettings("pardiso", precision=precision, memory=memory, scratch=folder)) as settings:
+        count = count_below(model.K, model.M, OMEGA)
+        factor = factorise(model.K)
+        told = {"mapped": mapped(), "files": len(list(folder.iterdir()))}
+        b = np.random.default_rng(1).standard_normal((model.n, 3))
+        told["residual"] = float(abs(model.K @ factor(b) - b).max())
+        modes = certified_modes(model.K, model.M, OMEGA, solve=factor, count=count)
+        told |= {"count": count, "omega": modes.omega.tolist()}
+        told["precision"] = sorted({work.precision for work in settings.work})
+        del factor, modes
+        gc.collect()
+    print(json.dumps(told | {"left": mapped()}))
+"""
 
 
-@pytest.fixture
-def small_allocations(monkeypatch):
-    """Entries of a test's factor count as many, and are mapped by malloc as those of a large one are."""
-    ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, 2**20)
-    monkeypatch.setattr(mkl_memory, "_LARGE", 2**20)
-
-
-def mapped_files(folder):
-    return [line for line in Path("/proc/self/maps").read_text().splitlines() if str(folder) in line]
+def body():
+    return block("beam", (3.0, 0.5, 0.4), (50, 9, 8), held=range(1, 91))
 
 
 def needed(precision):
+    """Bytes of all of a factor, and of its entries."""
     with solver_settings(SolverSettings("pardiso", precision=precision)) as settings:
-        factorise(BODY.K)
+        factorise(body().K)
     return settings.work[0].mib * 2**20, settings.work[0].entries * {"single": 4, "double": 8}[precision]
 
 
-@pytest.mark.parametrize("precision", ["single", "double"])
-def test_what_does_not_fit_in_memory_is_on_disk(tmp_path, small_allocations, precision):
-    assert can_be_mapped()
-    b = np.random.default_rng(1).standard_normal((BODY.n, 9))
-    expected = factorise(BODY.K)(b)
-    whole, entries = needed(precision)
-    settings = SolverSettings("pardiso", precision=precision, memory=whole - entries / 2, scratch=tmp_path / "new")
-    with solver_settings(settings):
-        factor = factorise(BODY.K)
-        assert mapped_files(tmp_path) and not list((tmp_path / "new").iterdir())
-        np.testing.assert_allclose(factor(b), expected, rtol=0, atol=1e-10 * abs(expected).max())
-        del factor
-        gc.collect()
-    assert not mapped_files(tmp_path)
+def in_a_process(precision, memory, folder, earlier=False):
+    arguments = [precision, str(memory), str(folder), "earlier" if earlier else "first"]
+    command = [sys.executable, "-c", textwrap.dedent(SCRIPT), *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
 
 
-def test_single_precision_goes_to_disk_where_neither_fits(tmp_path, small_allocations):
+@pytest.mark.parametrize("precision", ["single", "double", "auto"])
+def test_what_does_not_fit_in_memory_is_on_disk(tmp_path, precision):
+    whole, entries = needed("double" if precision == "double" else "single")
+    done = in_a_process(precision, whole - entries / 2, tmp_path / "new")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["mapped"] and not told["left"] and told["files"] == 0
+    assert told["precision"] == ["double" if precision == "double" else "single"]
+    assert told["residual"] < 1e-9
+    expected = certified_modes(body().K, body().M, OMEGA)
+    assert told["count"] == expected.omega.size > 5
+    np.testing.assert_allclose(told["omega"], expected.omega, rtol=1e-9)
+
+
+def test_where_mkl_had_memory_before_it_is_refused(tmp_path):
     whole, entries = needed("single")
-    with solver_settings(SolverSettings("pardiso", memory=whole - entries / 2, scratch=tmp_path)) as settings:
-        count = count_below(BODY.K, BODY.M, OMEGA)
-        factor = factorise(BODY.K)
-        found = certified_modes(BODY.K, BODY.M, OMEGA, solve=factor, count=count)
-        assert mapped_files(tmp_path)
-    assert {work.precision for work in settings.work} == {"single"}
-    expected = certified_modes(BODY.K, BODY.M, OMEGA)
-    assert count == expected.omega.size > 5
-    np.testing.assert_allclose(found.omega, expected.omega, rtol=1e-9)
+    done = in_a_process("single", whole - entries / 2, tmp_path, earlier=True)
+    assert done.returncode == 1 and "InsufficientMemoryError" in done.stderr
+    assert not list(tmp_path.iterdir())
 
 
-def test_it_is_refused_where_the_disk_is_full_too(tmp_path, monkeypatch):
+def test_without_room_or_folder_it_is_refused(tmp_path, monkeypatch):
     whole, entries = needed("single")
+    monkeypatch.setattr("cmsreduce.linalg.pardiso.can_be_mapped", lambda: True)
     monkeypatch.setattr("cmsreduce.linalg.pardiso.free_on_disk", lambda folder: entries / 2)
-    limited = SolverSettings("pardiso", memory=whole - entries / 2, scratch=tmp_path)
-    with solver_settings(limited), pytest.raises(InsufficientMemoryError):
-        factorise(BODY.K)
-
-
-def test_without_a_folder_it_is_refused(small_allocations):
-    whole, entries = needed("single")
-    limited = SolverSettings("pardiso", memory=whole - entries / 2)
-    with solver_settings(limited), pytest.raises(InsufficientMemoryError):
-        factorise(BODY.K)
+    for scratch in (tmp_path, None):
+        limited = SolverSettings("pardiso", memory=whole - entries / 2, scratch=scratch)
+        with solver_settings(limited), pytest.raises(InsufficientMemoryError):
+            factorise(body().K)
 
 
 def test_room_is_that_of_the_folder_s_disk(tmp_path):
     assert 0 < free_on_disk(tmp_path / "not" / "yet") == pytest.approx(free_on_disk(tmp_path), rel=0.01)
-
-
-def test_pages_are_handed_on_to_one_factor(small_allocations):
-    b = np.random.default_rng(2).standard_normal((BODY.n, 3))
-    expected = factorise(BODY.K)(b)
-    count = count_below(BODY.K, BODY.M, OMEGA)
-    left = idle_bytes()
-    assert left > 4 * factorise(BODY.K, definite=False).cost.nnz
-    # That one has taken them over, and is gone: nobody asked for its pages to be kept.
-    assert idle_bytes() == 0
-    with handed_on():
-        factorise(BODY.K)
-        gc.collect()
-    assert idle_bytes() > 0
-    np.testing.assert_allclose(factorise(BODY.K)(b), expected, rtol=0, atol=1e-12 * abs(expected).max())
-    assert count == count_below(BODY.K, BODY.M, OMEGA)
