@@ -16,7 +16,6 @@ from benchmarks.meshes import BODIES, INTERFACE_NODES, MODES, SLENDER
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "performance.md"
-_KEPT = "<!-- below: kept when the page is written -->"
 PICTURE = ROOT / "docs" / "images" / "performance.svg"
 ERROR_SPEED = RECORDS / "error_speed.json"
 
@@ -285,9 +284,8 @@ def picture(found: Found, path: Path) -> None:
 
 
 def write(found: Found, limits: Limits | None) -> None:
-    """Write the page and its picture; what stands below its mark, measured elsewhere, stays."""
-    _, mark, kept = PAGE.read_text(encoding="utf-8").partition(_KEPT) if PAGE.exists() else ("", "", "")
-    PAGE.write_text("\n".join(page(found, limits)).rstrip() + "\n" + (f"\n{mark}{kept}" if mark else ""), "utf-8")
+    """Write the page and its picture."""
+    PAGE.write_text("\n".join(page(found, limits)).rstrip() + "\n", encoding="utf-8")
     picture(found, PICTURE)
 
 

@@ -17,8 +17,9 @@ __all__ = ["CONVERGED", "ShiftedModes", "Window", "combine_columns", "modes_abou
 CONVERGED = 1e-9
 """Residual of a Ritz value that is an eigenvalue, relative to it: a frequency is then right to half of that, and the
 subspace of all modes to about ten times as much, whatever the order of the rows."""
-# Columns of a block: a solve reads the whole factor for each block, so that sixteen cost little more than eight.
-_BLOCK = 24
+# Columns of a block, and of a body with more rows than these: a solve reads the whole factor for each block, so that
+# more columns cost little more.
+_BLOCK, _WIDE_BLOCK, _LONG = 16, 24, 50_000
 # Columns of the basis: twice the modes that are sought and so many blocks; a third of it again after every restart.
 _BLOCKS = 10
 # Blocks after which a Lanczos run is given up, for each block of modes that are sought.
@@ -145,12 +146,13 @@ def _run(
     tolerance: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], bool] | None:
     """Modes (n, k) of a window that one Lanczos run sees, their Ritz values (k,), and whether they are all."""
+    block = _BLOCK if deflated.shape[0] <= _LONG else _WIDE_BLOCK
     lanczos = BlockLanczos(
         solve,
         mass,
         deflated.shape[0],
-        block=_BLOCK,
-        columns=2 * (window.enough + spare) + _BLOCKS * _BLOCK,
+        block=block,
+        columns=2 * (window.enough + spare) + _BLOCKS * block,
         sought=window.enough + spare,
         deflated=deflated,
         start=start,

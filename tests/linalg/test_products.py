@@ -1,4 +1,4 @@
-"""Products on several threads against scipy's own: the same sums, so the same digits."""
+"""Products on several threads: the same digits whatever their number, and scipy's to the rounding of a row's sum."""
 
 import numpy as np
 import pytest
@@ -37,13 +37,18 @@ def hollow() -> sp.csc_array:
     "A", [band(2), band(40), arrow(), hollow()], ids=["few entries", "band", "arrow", "empty rows at both ends"]
 )
 @pytest.mark.parametrize("columns", [None, 1, 5])
-def test_every_thread_count_gives_scipys_digits(A, threads, columns):
+def test_every_thread_count_gives_the_same_digits(A, threads, columns):
     rng = np.random.default_rng(0)
     X = rng.standard_normal(N if columns is None else (N, columns))
+    with solver_settings(SolverSettings(threads=1)):
+        alone = symmetric_product(A)(X)
     with solver_settings(SolverSettings(threads=threads)):
         product = symmetric_product(A)
-    for given in (X, np.asfortranarray(X)):
-        assert np.array_equal(product(given), sp.csr_array(A) @ X)
+        for given in (X, np.asfortranarray(X)):
+            assert np.array_equal(product(given), alone)
+    # MKL adds a row's terms eight at a time where the processor does.
+    longest = np.diff(A.indptr).max()
+    assert (abs(alone - A @ X) <= longest * 2.0**-53 * (abs(A) @ abs(X))).all()
 
 
 def test_a_small_product():
