@@ -14,7 +14,8 @@ from problem import Problem, Report
 
 from cmsreduce.linalg.eigenpairs import beside_modes, certified_modes, count_below
 from cmsreduce.linalg.factorise import factorise
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from cmsreduce.linalg.kept_pages import kept_pages
+from cmsreduce.linalg.solver_settings import SolverSettings, current_settings, solver_settings
 
 TOLERANCE = 1e-8
 """What the peers are asked for; cmsreduce's own default is finer."""
@@ -23,6 +24,13 @@ TOLERANCE = 1e-8
 def main(folder: Path) -> None:
     """Factorise, solve for the constraint modes, find the modes, and count them once more for their price."""
     problem, report = Problem.load(folder), Report()
+    with kept_pages(problem.K.shape[0], current_settings().memory_limit):
+        reduce(problem, report)
+    report.write(folder / "report.json")
+
+
+def reduce(problem: Problem, report: Report) -> None:
+    """Take the seconds of each step, as a reduction goes through them."""
     K, M = sp.csc_array(problem.K), sp.csc_array(problem.M)
     omega = 2 * np.pi * problem.cutoff_hz
     # Counted first, as a reduction does it: one factor is in memory at a time. Uncounted, the modes have no proof.
@@ -47,12 +55,11 @@ def main(folder: Path) -> None:
         modes = certified_modes(K, M, omega, solve=factor, count=count, tolerance=TOLERANCE)
     delattr(factor, name)
     with report.timed("solves"):
-        Psi = -beside_modes(factor, M, modes.omega, modes.Phi)(problem.coupling.toarray())
+        Psi = beside_modes(factor, M, modes.omega, modes.Phi)((-problem.coupling).toarray())
     report.peak()
     report.facts |= cost(factor) | {"passes": len(calls), "columns": sum(calls)}
     report.facts |= {"bound": float(modes.bound.max()), "counted": count}
     report.check(problem, modes.omega / (2 * np.pi), modes.Phi, Psi)
-    report.write(folder / "report.json")
 
 
 def cost(factor: object) -> dict[str, object]:

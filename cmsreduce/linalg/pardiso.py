@@ -28,6 +28,8 @@ __all__ = ["Pardiso", "mkl_library"]
 _DEFINITE, _INDEFINITE = 2, -2
 # Rows from which its integers have 64 bits: a factor's entries are then more than 32 can count.
 _LONG = 1_500_000
+# Columns of a matrix that are looked at at a time.
+_COLUMNS = 4096
 # Phases.
 _ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
 # Its error codes.
@@ -105,14 +107,18 @@ class Pardiso(Factor):
         )
         self._integer = np.dtype(np.int64 if A.shape[0] > _LONG and scale is not None else np.int32)
         self._indices, self._indptr = (part.astype(self._integer, copy=False) for part in (self._indices, self._indptr))
-        self._order = np.zeros(A.shape[0], dtype=self._integer)
+        orders = current_settings().orders
+        known = orders.of(self._indptr, self._indices)
+        self._order = np.zeros(A.shape[0], dtype=self._integer) if known is None else known
         self._type = _DEFINITE if definite else _INDEFINITE
         self._handle = np.zeros(64, dtype=np.int64)
-        self._iparm = _parameters(A.shape[0], scale is not None).astype(self._integer)
+        self._iparm = _parameters(A.shape[0], scale is not None, known is not None).astype(self._integer)
         size = A.shape[0]
         self._release = weakref.finalize(self, _release, self._handle, self._iparm.copy(), self._type, size)
         watch_if_large(_library(), size)
         self._call(_ANALYSE, size)
+        if known is None:
+            orders.keep(self._indptr, self._indices, self._order)
         peak, factors, entries = float(self._iparm[15]), float(self._iparm[16]), int(self._iparm[17])
         nnz = entries if entries > 0 else int(factors * _KIB / self._real.itemsize)
         # With two levels PARDISO does not count operations: those of a solid's or a frame's factor are near this.
@@ -191,11 +197,11 @@ class Pardiso(Factor):
             raise _failure(f"stopped in phase {phase} on {n} rows", code)
 
 
-def _parameters(n: int, single: bool) -> NDArray[np.int32]:
+def _parameters(n: int, single: bool, ordered: bool) -> NDArray[np.int32]:
     iparm = np.zeros(64, dtype=np.int32)
     iparm[0] = 1  # values of our own
     iparm[1] = 3 if n > _TWO_LEVELS else 2  # nested dissection; on all threads where it is long
-    iparm[4] = 2  # give the order back
+    iparm[4] = 1 if ordered else 2  # take an order, or give the one that was found
     iparm[9] = _PERTURBED
     iparm[17] = iparm[18] = -1  # count entries and operations
     iparm[20] = 1  # pivots of one or two rows
@@ -209,17 +215,31 @@ def _parameters(n: int, single: bool) -> NDArray[np.int32]:
 def _lower_triangle(
     A: sp.csc_array, scale: NDArray[np.float64] | None, real: np.dtype[Any]
 ) -> tuple[NDArray[Any], NDArray[np.int32], NDArray[np.int32]]:
-    """Values, rows and starts of the columns of the lower triangle, rows ascending."""
+    """Values, rows and starts of the columns of the lower triangle, rows ascending; zeros only on the diagonal."""
     if not A.has_sorted_indices:
         A = A.sorted_indices()
-    # Entry by entry through a mask: a matrix of triples would take five times the memory.
-    kept = A.indices >= np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
-    starts = np.concatenate([[0], np.add.reduceat(kept, A.indptr[:-1], dtype=np.int64).cumsum()])
-    values, rows = A.data[kept], A.indices[kept].astype(np.int32, copy=False)
-    if scale is not None:
-        values *= scale[rows]
-        values *= np.repeat(scale, np.diff(starts))
-    return values.astype(real, copy=False), rows, starts.astype(np.int32)
+    n = A.shape[0]
+    # Some columns at a time: what is set aside here is memory that the factor would have to find elsewhere.
+    blocks = [slice(A.indptr[first], A.indptr[min(first + _COLUMNS, n)]) for first in range(0, n, _COLUMNS)]
+    starts = np.zeros(n + 1, dtype=np.int64)
+    masks = []
+    for first, part in zip(range(0, n, _COLUMNS), blocks, strict=True):
+        lengths = np.diff(A.indptr[first : first + _COLUMNS + 1])
+        rows, columns = A.indices[part], np.repeat(np.arange(first, first + lengths.size), lengths)
+        # Stored zeros would fill the factor, and set K apart from K - sigma M, which has none.
+        masks.append((rows > columns) & (A.data[part] != 0) | (rows == columns))
+        starts[first + 1 : first + lengths.size + 1] = np.bincount(columns[masks[-1]] - first, minlength=lengths.size)
+    starts = starts.cumsum()
+    values, below = np.empty(starts[-1], dtype=real), np.empty(starts[-1], dtype=np.int32)
+    last = 0
+    for first, part, kept in zip(range(0, n, _COLUMNS), blocks, masks, strict=True):
+        own = slice(last, last := int(starts[min(first + _COLUMNS, n)]))
+        entries, below[own] = A.data[part][kept], A.indices[part][kept]
+        if scale is not None:
+            entries *= scale[below[own]]
+            entries *= np.repeat(scale[first : first + _COLUMNS], np.diff(starts[first : first + _COLUMNS + 1]))
+        values[own] = entries
+    return values, below, starts.astype(np.int32)
 
 
 def _with_diagonal(A: sp.csc_array) -> sp.csc_array:

@@ -12,6 +12,8 @@ from typing import Literal
 
 from threadpoolctl import threadpool_limits
 
+from cmsreduce.linalg.kept_pages import kept_bytes
+from cmsreduce.linalg.ordering import KnownOrders
 from cmsreduce.model import Factorisation
 
 __all__ = [
@@ -65,6 +67,8 @@ class SolverSettings:
         Folder for bases and factors that outgrow memory; without it bases stay there, and such factors are refused.
     work : list of Factorisation
         Every factorisation that was done under these settings, in order.
+    orders : KnownOrders
+        Fill-reducing orders that were found under these settings.
     """
 
     backend: Backend = "auto"
@@ -76,6 +80,7 @@ class SolverSettings:
     parts: Parts = 1
     scratch: Path | None = None
     work: list[Factorisation] = field(default_factory=list, compare=False)
+    orders: KnownOrders = field(default_factory=KnownOrders, compare=False, repr=False)
 
     @property
     def memory_limit(self) -> float:
@@ -133,5 +138,5 @@ def available_memory() -> float:
     if table.is_file():
         for line in table.read_text().splitlines():
             if line.startswith("MemAvailable:"):
-                return float(line.split()[1]) * _KIB
+                return float(line.split()[1]) * _KIB + kept_bytes()
     return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.kept_pages import kept_pages
 from cmsreduce.linalg.null_space import rigid_body_modes
+from cmsreduce.linalg.solver_settings import current_settings
 from cmsreduce.model import FEModel, ModeSet, ReducedComponent, column_blocks, congruence, rigid_body_shapes
 from cmsreduce.reduce.neglected import Basis, Examined
 
@@ -117,6 +119,18 @@ class Reduction(ABC):
         MatrixError
             As `reduce` does.
         """
+        with kept_pages(body.n, current_settings().memory_limit):
+            return self._examined(body, interface, loads, rigid, tested, enrich)
+
+    def _examined(
+        self,
+        body: FEModel,
+        interface: ArrayLike,
+        loads: NDArray[np.float64] | None,
+        rigid: NDArray[np.float64] | None,
+        tested: NDArray[np.float64] | None,
+        enrich: bool,
+    ) -> Examined:
         if rigid is None:
             R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
             rigid = rigid_body_modes(body.K, body.M, R, body.rounding, body.name)

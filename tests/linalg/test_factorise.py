@@ -18,7 +18,7 @@ from cmsreduce.linalg.factorise import (
     NotPositiveDefiniteError,
     factorise,
 )
-from cmsreduce.linalg.ordering import nested_dissection
+from cmsreduce.linalg.ordering import KnownOrders, nested_dissection
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
 from cmsreduce.linalg.symbolic import factor_cost
 from tests.frames import frame, line
@@ -344,3 +344,37 @@ def test_without_metis_superlu_takes_its_own_order(monkeypatch):
     x = np.random.default_rng(0).standard_normal(A.shape[0])
     with solver_settings(SolverSettings("superlu")):
         np.testing.assert_allclose(factorise(A)(A @ x), x, rtol=0, atol=1e-9)
+
+
+class Counted(KnownOrders):
+    """Says how many orders were found."""
+
+    found = 0
+
+    def keep(self, starts, indices, order):
+        self.found += 1
+        super().keep(starts, indices, order)
+
+
+@pytest.mark.pardiso
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_the_order_of_k_serves_k_less_sigma_m(precision):
+    """Stored zeros, which K may hold and K - sigma M does not, set no order apart."""
+    body = block("bar", (2.0, 0.2, 0.2), (40, 4, 4), held=range(1, 26))
+    M, entries, ends = sp.diags_array(body.M.diagonal()), sp.coo_array(body.K), np.arange(100)
+    rows, columns = (
+        np.concatenate([a, b, c])
+        for a, b, c in zip(entries.coords, (ends, ends + 900), (ends + 900, ends), strict=True)
+    )
+    K = sp.csc_array(sp.coo_array((np.concatenate([entries.data, np.zeros(200)]), (rows, columns)), shape=body.K.shape))
+    shifted = sp.csc_array(K - 1e-3 * K.diagonal().max() / body.M.diagonal().max() * M)
+    assert K.nnz > shifted.nnz == np.count_nonzero(K.data)
+    settings = SolverSettings("pardiso", precision=precision, orders=Counted())
+    x = np.random.default_rng(0).standard_normal((body.n, 3))
+    with solver_settings(settings):
+        for A in (shifted, K):
+            b = A @ x
+            missed = abs(A @ factorise(A, definite=False)(b) - b) / (abs(A) @ abs(x) + abs(b))
+            assert missed.max() < 1e-12
+    assert settings.orders.found == 1
+    assert len({each.entries for each in settings.work}) == 1

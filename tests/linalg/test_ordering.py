@@ -1,12 +1,14 @@
 """Fill-reducing order against orders and groups that are known."""
 
+import pickle
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from cmsreduce.linalg import ordering
-from cmsreduce.linalg.ordering import nested_dissection, row_groups
+from cmsreduce.linalg.ordering import KnownOrders, nested_dissection, row_groups
 from cmsreduce.linalg.symbolic import factor_cost
 from tests.frames import frame
 from tests.linalg.test_symbolic import solid, sparse_definite
@@ -120,3 +122,16 @@ def test_rows_that_couple_with_all_come_last():
     assert set(order[-2:]) == set(hubs)
     # Each hub adds one entry to each column; a dissected chain has two or three.
     assert factor_cost(A, order).nnz < 5 * n
+
+
+def test_an_order_is_known_again_by_its_pattern_alone():
+    known, A = KnownOrders(), sparse_definite(10, 0.2, 0)
+    other = shuffled(A)
+    known.keep(A.indptr, A.indices, np.arange(A.shape[0]))
+    np.testing.assert_array_equal(known.of(A.indptr.copy(), A.indices.copy()), np.arange(A.shape[0]))
+    assert known.of(other.indptr, other.indices) is None
+    assert pickle.loads(pickle.dumps(known)).of(A.indptr, A.indices) is None
+    for n in range(40, 48):
+        known.keep(np.arange(n + 1), np.arange(n), np.arange(n))
+    assert known.of(A.indptr, A.indices) is None
+    assert known.of(np.arange(48), np.arange(47)) is not None
