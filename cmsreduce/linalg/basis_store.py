@@ -43,13 +43,14 @@ def new_basis(n: int, m: int) -> Array:
     return mapped_array(folder, n, m)
 
 
-def working_space(n: int, m: int) -> Array:
-    """Room for the columns (n, m) of a search, of which some may never be used; not set to anything in memory.
+def working_space(n: int, m: int, *, most: int | None = None) -> Array:
+    """Room for columns (n, m) of a search, of which some may never be used; not set to anything in memory.
 
-    There is one at a time, so it may take several times what a basis may before it is on disk.
+    There is one search at a time, so it may take several times what a basis may before it is on disk: as a whole, with
+    ``most`` columns where these are a part of them.
     """
     folder = current_settings().scratch
-    if folder is None or not outgrows(n, m // _SEARCHES):
+    if folder is None or not outgrows(n, (most or m) // _SEARCHES):
         # Pages that nothing is written to take no memory.
         return np.empty((n, m), order="F")
     return mapped_array(folder, n, m)

@@ -9,7 +9,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.basis_store import working_space
+from cmsreduce.linalg.search_space import SearchSpace, less
+from cmsreduce.linalg.tall_products import inner
 
 __all__ = ["BlockLanczos", "Operator", "Ritz"]
 
@@ -30,8 +31,6 @@ _PASSES = 3
 _INDEPENDENT, _ALIKE = 1e-12, 1e-3
 # A direction this much shorter than the longest of its block is orthogonalised again by itself.
 _SHORT = 1e-3
-# Rows of the basis that are combined at a time at a restart.
-_ROWS = 4096
 _SEED = 7
 
 
@@ -103,12 +102,16 @@ class BlockLanczos:
         self._width = max(min(block, room // 4), 1)
         self._columns = min(max(columns, 3 * sought // 2 + 3 * self._width), room)
         self._sought = sought
-        self._V = working_space(n, self._columns)
+        self._V = SearchSpace(n, self._columns)
         self._T = np.empty((0, 0))
-        self.m = 0
         # The newest block, not yet in the basis, and what it was before it was made orthonormal; the one before it.
         self._X, self._MX, self._border = self._first(start)
         self._last = self._last_mass = np.empty((n, 0))
+
+    @property
+    def m(self) -> int:
+        """Columns of the basis."""
+        return self._V.m
 
     @property
     def exhausted(self) -> bool:
@@ -119,23 +122,21 @@ class BlockLanczos:
         """Apply the operator to the newest block and orthogonalise what comes of it against the basis."""
         if self.m + self._X.shape[1] > self._columns:
             self._restart()
-        X, MX, m = self._X, self._MX, self.m
-        self.m = m + X.shape[1]
-        self._V[:, m : self.m] = X
+        MX, m = self._MX, self.m
+        X = self._X = self._V.append(self._X)
         W = np.asfortranarray(self._operator(MX))
         H = np.zeros((self.m, X.shape[1]))
-        H[m - self._last.shape[1] : m] = self._last_mass.T @ W
-        H[m:] = MX.T @ W
-        W = _less(_less(W, self._last, H[m - self._last.shape[1] : m]), X, H[m:])
+        H[m - self._last.shape[1] : m] = inner(self._last_mass, W)
+        H[m:] = inner(MX, W)
+        W = less(less(W, self._last, H[m - self._last.shape[1] : m]), X, H[m:])
         self._last, self._last_mass = X, MX
         before = abs(H).max()
         for _ in range(_PASSES):
             MW = self._mass(W)
-            missed, rigid = self._basis.T @ MW, self._deflated.T @ MW
+            missed, rigid = self._V.inner(MW), inner(self._deflated, MW)
             H += missed
-            W = _less(W, self._basis, missed)
-            W = _less(W, self._deflated, rigid)
-            left = max(float(np.sqrt(max((W.T @ MW).diagonal().max(), 0.0))), _NEW * before)
+            W = less(self._V.taken_from(W, missed), self._deflated, rigid)
+            left = max(float(np.sqrt(max(inner(W, MW).diagonal().max(), 0.0))), _NEW * before)
             worst = max(abs(missed).max(), abs(rigid).max(initial=0.0))
             if worst <= _SEMIORTHOGONAL * left:
                 break
@@ -165,32 +166,27 @@ class BlockLanczos:
         """
         S, theta = ritz.S[:, chosen], ritz.theta[chosen]
         tail = self._border @ S[self.m - self._border.shape[1] :]
-        return _less(la.blas.dgemm(1.0, self._basis, S), self._X, -tail / theta)
-
-    @property
-    def _basis(self) -> NDArray[np.float64]:
-        return self._V[:, : self.m]
+        return less(self._V.combined(S), self._X, -tail / theta)
 
     def _restart(self) -> None:
         """Shrink the basis to its best Ritz vectors; the newest block couples them to what follows."""
         ritz = self.ritz()
         kept = min(max(3 * self._sought // 2, self._width), self._columns - 2 * self._width)
-        S = np.asfortranarray(ritz.S[:, :kept])
-        for start in range(0, self._V.shape[0], _ROWS):
-            rows = slice(start, start + _ROWS)
-            self._V[rows, :kept] = self._V[rows, : self.m] @ S
-        self._T, self.m = np.diag(ritz.theta[:kept]), kept
+        self._V.shrink(np.asfortranarray(ritz.S[:, :kept]))
+        self._T = np.diag(ritz.theta[:kept])
         self._last = self._last_mass = self._last[:, :0]
 
     def _first(
         self, start: NDArray[np.float64] | None
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """A block in the range of the operator, orthogonal to what is deflated."""
-        n = self._V.shape[0]
+        n = self._V.n
         if start is None:
-            X = np.asfortranarray(self._operator(self._mass(self._random.standard_normal((n, self._width)))))
+            # Smoothed first: rough vectors in the basis leave their rounding in all others.
+            X = self._operator(self._mass(self._random.standard_normal((n, self._width))))
         else:
-            X = np.asfortranarray(start @ self._random.standard_normal((start.shape[1], self._width)))
+            X = start @ self._random.standard_normal((start.shape[1], self._width))
+        X = np.asfortranarray(X)
         MX = self._mass(X)
         for _ in range(_PASSES):
             X, MX = self._cleared(X, MX)
@@ -202,16 +198,11 @@ class BlockLanczos:
         """Orthonormal basis, and its product with M, of what a block has outside of the basis."""
         size = float(np.sqrt(max(np.einsum("ij,ij->j", X, MX).max(initial=0.0), 0.0)))
         if self.m or self._deflated.size:
-            missed, rigid = self._basis.T @ MX, self._deflated.T @ MX
-            X = _less(_less(X.copy(order="F"), self._basis, missed), self._deflated, rigid)
+            missed, rigid = self._V.inner(MX), inner(self._deflated, MX)
+            X = less(self._V.taken_from(X.copy(order="F"), missed), self._deflated, rigid)
             MX = self._mass(X)
         X, _, _ = _orthonormal(X, MX, _NEW * size)
         return X, self._mass(X)
-
-
-def _less(W: NDArray[np.float64], V: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.float64]:
-    """W - V c in the memory of W, (n, p) in Fortran order: without a copy it takes a third of the time."""
-    return np.asarray(la.blas.dgemm(-1.0, V, c, 1.0, W, overwrite_c=True)) if V.shape[1] else W
 
 
 def _orthonormal(
@@ -223,7 +214,7 @@ def _orthonormal(
     """
     B = np.eye(W.shape[1])
     for _ in range(2):
-        G = W.T @ MW
+        G = inner(W, MW)
         squared, U = la.eigh((G + G.T) / 2) if G.size else (np.empty(0), G)
         kept = squared > max(least**2, _INDEPENDENT * squared.max(initial=0.0))
         if kept.all() and kept.size:

@@ -33,6 +33,10 @@ _AT_CUTOFF = 1e-9
 _RESIDUAL = 1e-9
 
 
+# Modes whose residuals are taken at a time.
+_CHECKED = 16
+
+
 class CertifiedModes(NamedTuple):
     """Normal modes, and what is proven of them.
 
@@ -223,8 +227,8 @@ def _check_residuals(
 ) -> None:
     residual, size = np.empty(w.size), np.empty(w.size)
     norm, stiffness, mass = _one_norm(K), symmetric_product(K), symmetric_product(M)
-    for first in range(0, w.size, BLOCK):
-        part = slice(first, first + BLOCK)
+    for first in range(0, w.size, _CHECKED):
+        part = slice(first, first + _CHECKED)
         residual[part] = np.linalg.norm(stiffness(X[:, part]) - mass(X[:, part]) * w[part] ** 2, axis=0)
         size[part] = norm * np.linalg.norm(X[:, part], axis=0)
     if (residual > limit * size).any():
