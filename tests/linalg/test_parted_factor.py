@@ -86,8 +86,8 @@ def test_a_mechanism_in_a_part_is_named_by_its_row_of_the_whole(backend):
 
 @pytest.mark.pardiso
 def test_auto_cuts_only_what_does_not_fit():
-    # Long enough that its entries outweigh what MKL takes for any factor, on some processors 16 MB.
-    body = block("bar", (600.0, 0.2, 0.2), (3000, 2, 2), held=range(1, 10))
+    # Thick enough that its entries outweigh what MKL takes for any factor, on some processors 16 MB.
+    body = block("bar", (60.0, 0.6, 0.6), (1500, 3, 3), held=range(1, 17))
     with solver_settings(SolverSettings("pardiso", parts="auto")):
         whole = factorise(body.K)
     assert not isinstance(whole, PartedFactor)
