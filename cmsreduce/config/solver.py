@@ -53,9 +53,10 @@ class SolverKeys(Keys):
 
     backend: Backend = Field(
         default="auto",
-        description="Sparse direct solver: pardiso (MKL), cholmod (scikit-sparse) or superlu (scipy); auto takes the "
-        "quickest that is installed, and superlu for small bodies. mumps (petsc4py) works on several processes under "
-        "mpiexec, and is only taken where it is named. summary.json says which one ran.",
+        description="Sparse direct solver: pardiso (MKL), multifrontal (cmsreduce's own, for definite matrices), "
+        "cholmod (scikit-sparse) or superlu (scipy); auto takes the quickest that is installed: superlu for small "
+        "bodies, multifrontal for large ones. mumps (petsc4py) works on several processes under mpiexec, and is only "
+        "taken where it is named. summary.json says which one ran.",
         examples=["auto"],
     )
     threads: Count | None = Field(
@@ -72,10 +73,10 @@ class SolverKeys(Keys):
     )
     precision: Precision = Field(
         default="auto",
-        description="Precision of the factor, with pardiso: double, or single, which takes half the memory and is "
-        "refined to the same accuracy in several times the solves; auto takes single where double would not fit in "
-        "memory. Entries that do not fit either way lie in a file beside the stages. Anything so ill conditioned that "
-        "refinement does not converge is refused.",
+        description="Precision of the factor, with pardiso or multifrontal: double, or single, which takes half the "
+        "memory and is refined to the same accuracy in several times the solves; auto takes single where double would "
+        "not fit in memory. Entries that do not fit either way lie in a file beside the stages. Anything so ill "
+        "conditioned that refinement does not converge is refused.",
         examples=["auto"],
     )
     ranks: Annotated[int, Strict(), Field(ge=1)] = Field(

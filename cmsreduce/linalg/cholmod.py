@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -70,7 +70,7 @@ class Cholmod(Factor):
     scikit-sparse 0.4 and 0.5 are served; 0.5 renamed every call.
     """
 
-    backend: ClassVar[str] = "cholmod"
+    backend: str = "cholmod"
 
     def __init__(self, A: sp.csc_array, admit: Admit) -> None:
         from sksparse import cholmod

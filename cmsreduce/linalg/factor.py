@@ -6,7 +6,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -59,7 +58,7 @@ class Factor(ABC):
         Size of the factors.
     """
 
-    backend: ClassVar[str]
+    backend: str
 
     def __init__(self, A: sp.csc_array, cost: FactorCost) -> None:
         self.n = int(A.shape[0])

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.cholmod import cholmod_factor
 from cmsreduce.linalg.factor import BLOCK, Admit, Factor, FactorCost, SingularFactorError
+from cmsreduce.linalg.multifrontal import Multifrontal, multifrontal_lacks
 from cmsreduce.linalg.mumps import Mumps, mumps_lacks
 from cmsreduce.linalg.pardiso import Pardiso, mkl_library
 from cmsreduce.linalg.parted_factor import PartedFactor
@@ -38,6 +39,8 @@ _LEFT_BY_ARITHMETIC = 5.0
 _RAISED = 1e-8
 # Below this size SuperLU is done before another library is loaded.
 _SMALL = 5000
+# From here on a multifrontal Cholesky factor takes less time than PARDISO's, and a solve with it half as long.
+_LARGE = 50_000
 # A matrix is cut into parts of so many rows at least: as many parts as the factor is times too large, or up to so many
 # doublings of that. More would only move the memory to the rows between them.
 _LEAST_ROWS, _DOUBLED = 50, 4
@@ -90,7 +93,7 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
     """
     A = sp.csc_array(A)
     settings = current_settings()
-    backend = _chosen(settings.backend, A.shape[0])
+    backend = _chosen(settings.backend, A.shape[0], definite)
     started, admit = time.perf_counter(), _admission(settings, what, A.shape[0])
     try:
         factor, precision = _made(A, definite, what, backend, admit, settings)
@@ -174,26 +177,41 @@ def _in_precision(
 ) -> tuple[Factor, str]:
     """The factor, in double precision unless it is to be single or does not fit, and its precision."""
     if settings.precision == "single":
-        if backend == "pardiso":
-            return _single(A, definite, admit, settings), "single"
+        if backend in _SINGLE:
+            return _single(A, definite, backend, admit, settings), "single"
         if settings.backend != "auto":
-            raise MatrixError(f"factors in single precision are pardiso's, not {backend}'s: set solver.backend to it")
+            raise MatrixError(
+                f"{' and '.join(_SINGLE)} make factors in single precision, {backend} does not: set solver.backend to "
+                "one of them"
+            )
+    if backend == "multifrontal" and settings.backend == "auto" and _installed("pardiso"):
+        try:
+            return _definite_first(_TYPES[backend], A, definite, admit), "double"
+        except InsufficientMemoryError:
+            # PARDISO holds nothing beside the factor, and may have it on disk.
+            backend = "pardiso"
     if backend == "pardiso" and settings.precision == "double":
         return _definite_first(partial(Pardiso, folder=settings.scratch), A, definite, admit), "double"
     try:
         return _definite_first(_TYPES[backend], A, definite, admit), "double"
     except InsufficientMemoryError as error:
-        if backend != "pardiso":
+        if backend not in _SINGLE or settings.precision == "double":
             raise
         # Its frames would hold what was found out about the factor, some kB for each row.
         refused = error.with_traceback(None)
     try:
-        return _single(A, definite, admit, settings), "single"
+        return _single(A, definite, _chosen(settings.backend, A.shape[0], definite), admit, settings), "single"
     except UnrefinableError:
         raise refused from None
 
 
-def _single(A: sp.csc_array, definite: bool, admit: Admit, settings: SolverSettings) -> Factor:
+def _single(A: sp.csc_array, definite: bool, backend: Backend, admit: Admit, settings: SolverSettings) -> Factor:
+    if backend == "multifrontal":
+        try:
+            return _definite_first(partial(RefinedFactor, fronts=True), A, definite, admit)
+        except InsufficientMemoryError:
+            if settings.backend != "auto" or not _installed("pardiso"):
+                raise
     return _definite_first(partial(RefinedFactor, folder=settings.scratch), A, definite, admit)
 
 
@@ -239,12 +257,16 @@ def _installed(backend: Backend) -> bool:
         return mkl_library() is not None
     if backend == "cholmod":
         return importlib.util.find_spec("sksparse") is not None
+    if backend == "multifrontal":
+        return not multifrontal_lacks()
     return backend != "mumps" or not mumps_lacks()
 
 
-def _chosen(wanted: Backend, n: int) -> Backend:
+def _chosen(wanted: Backend, n: int, definite: bool) -> Backend:
     """The solver to use: the one asked for, or the quickest for the size."""
     if wanted == "auto":
+        if definite and n >= _LARGE and _installed("multifrontal"):
+            return "multifrontal"
         # Whether MUMPS can run takes a second to find out, and is not asked here: it is the last.
         return "superlu" if n < _SMALL else next(backend for backend in BACKENDS if _installed(backend))
     if wanted != "mumps" and not _installed(wanted):
@@ -268,8 +290,17 @@ def _admission(settings: SolverSettings, what: str, n: int) -> Admit:
     return admit
 
 
+def _multifrontal(A: sp.csc_array, definite: bool, admit: Admit) -> Factor:
+    """Multifrontal factor of a definite matrix; of any other, whose pivots it does not order, by another solver."""
+    if definite:
+        return Multifrontal(A, admit)
+    return Pardiso(A, definite, admit) if _installed("pardiso") else SuperLU(A, definite, admit)
+
+
+_SINGLE: tuple[Backend, ...] = ("pardiso", "multifrontal")
 _TYPES: dict[str, Callable[[sp.csc_array, bool, Admit], Factor]] = {
     "pardiso": Pardiso,
+    "multifrontal": _multifrontal,
     "cholmod": cholmod_factor,
     "superlu": SuperLU,
     "mumps": Mumps,

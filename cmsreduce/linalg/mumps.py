@@ -13,7 +13,7 @@ from contextlib import suppress
 from functools import cache, cached_property
 from itertools import count
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -69,7 +69,7 @@ class Mumps(Factor):
     pivot. `weakest` finds what a pivot would tell by inverse iteration.
     """
 
-    backend: ClassVar[str] = "mumps"
+    backend: str = "mumps"
 
     def __init__(self, A: sp.csc_array, definite: bool, admit: Admit) -> None:
         cost = factor_cost(A, nested_dissection(A), _BYTES)

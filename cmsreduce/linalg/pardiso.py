@@ -10,7 +10,7 @@ import weakref
 from dataclasses import replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -90,7 +90,7 @@ class Pardiso(Factor):
     Source: Intel oneAPI Math Kernel Library, developer reference, "oneMKL PARDISO": parameters iparm.
     """
 
-    backend: ClassVar[str] = "pardiso"
+    backend: str = "pardiso"
 
     def __init__(
         self,
@@ -109,7 +109,7 @@ class Pardiso(Factor):
         self._indices, self._indptr = (part.astype(self._integer, copy=False) for part in (self._indices, self._indptr))
         orders = current_settings().orders
         known = orders.of(self._indptr, self._indices)
-        self._order = np.zeros(A.shape[0], dtype=self._integer) if known is None else known
+        self._order = np.zeros(A.shape[0], self._integer) if known is None else known.astype(self._integer)
         self._type = _DEFINITE if definite else _INDEFINITE
         self._handle = np.zeros(64, dtype=np.int64)
         self._iparm = _parameters(A.shape[0], scale is not None, known is not None).astype(self._integer)

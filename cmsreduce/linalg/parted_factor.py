@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -73,7 +73,7 @@ class PartedFactor(Factor):
     Przemieniecki, "Matrix structural analysis of substructures", AIAA Journal 1 (1963) 138-147.
     """
 
-    backend: ClassVar[str] = "parts"
+    backend: str = "parts"
 
     def __init__(self, A: sp.csc_array, cut: Partition, inner: Inner, admit: Admit, memory: float) -> None:
         self.cut, self._inner, self._matrix = cut, inner, A

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.factor import Admit, Factor
 from cmsreduce.linalg.layout import by_columns
+from cmsreduce.linalg.multifrontal import Multifrontal
 from cmsreduce.linalg.pardiso import Pardiso
 from cmsreduce.linalg.products import symmetric_product
 
@@ -47,6 +48,8 @@ class RefinedFactor(Factor):
         Refuses a factor that is too large.
     folder : Path, optional
         Where the factor may lie in a file if it is refused in memory.
+    fronts : bool
+        Whether the factor of a definite matrix is multifrontal instead of PARDISO's.
 
     Raises
     ------
@@ -64,11 +67,16 @@ class RefinedFactor(Factor):
     Algorithms, section 12.
     """
 
-    backend = Pardiso.backend
-
-    def __init__(self, A: sp.csc_array, definite: bool, admit: Admit, folder: Path | None = None) -> None:
+    def __init__(
+        self, A: sp.csc_array, definite: bool, admit: Admit, folder: Path | None = None, fronts: bool = False
+    ) -> None:
         self._scale = powers_of_two(A.diagonal())
-        self._rough = Pardiso(A, definite, admit, self._scale, folder)
+        self._rough: Multifrontal | Pardiso
+        if fronts and definite:
+            self._rough = Multifrontal(A, admit, self._scale)
+        else:
+            self._rough = Pardiso(A, definite, admit, self._scale, folder)
+        self.backend = self._rough.backend
         super().__init__(A, self._rough.cost)
         self._product = symmetric_product(A)
         self._modes: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None = None

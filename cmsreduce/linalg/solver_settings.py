@@ -29,8 +29,8 @@ __all__ = [
 
 Precision = Literal["auto", "double", "single"]
 Parts = int | Literal["auto"]
-Backend = Literal["auto", "pardiso", "cholmod", "superlu", "mumps"]
-BACKENDS: tuple[Backend, ...] = ("pardiso", "cholmod", "superlu", "mumps")
+Backend = Literal["auto", "pardiso", "multifrontal", "cholmod", "superlu", "mumps"]
+BACKENDS: tuple[Backend, ...] = ("pardiso", "multifrontal", "cholmod", "superlu", "mumps")
 """Sparse solvers, the quickest first; the last is only taken where it is asked for."""
 
 # Share of the memory that is free which a factor may take: the rest is for the basis.
@@ -47,8 +47,8 @@ class SolverSettings:
     Parameters
     ----------
     backend : str
-        ``pardiso``, ``cholmod``, ``superlu``; ``auto`` takes the quickest of them that is installed. ``mumps`` works on
-        several processes.
+        ``pardiso``, ``multifrontal``, ``cholmod``, ``superlu``; ``auto`` takes the quickest of them that is installed.
+        ``mumps`` works on several processes.
     memory : float, optional
         Bytes that a factor may take; most of what is free if absent.
     threads : int, optional

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -46,7 +45,7 @@ class SuperLU(Factor):
     arrays (scipy 1.17): both stay as they are.
     """
 
-    backend: ClassVar[str] = "superlu"
+    backend: str = "superlu"
 
     def __init__(self, A: sp.csc_array, definite: bool, admit: Admit) -> None:
         self._order, counted = _analysed(A, admit)

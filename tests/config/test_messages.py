@@ -154,7 +154,7 @@ MISTAKES = {
     "no threads": ("name: galileo", "name: galileo\nsolver: {threads: 0}", 1, "key 'solver.threads'"),
     "unknown solver": (
         "name: galileo", "name: galileo\nsolver: {backend: umfpack}", 1,
-        "expected auto or pardiso or cholmod or superlu or mumps"),
+        "expected auto or pardiso or multifrontal or cholmod or superlu or mumps"),
     "no ranks": ("name: galileo", "name: galileo\nsolver: {ranks: 0}", 1, "key 'solver.ranks'"),
     "no parts": (
         "name: galileo", "name: galileo\nsolver: {parts: 0}", 1,

@@ -29,7 +29,7 @@ def where_installed(backend: str) -> object:
     return pytest.param(backend, marks=getattr(pytest.mark, backend))
 
 
-SHOW_PIVOTS = (where_installed("pardiso"), where_installed("cholmod"), "superlu", "superlu dissected")
+SHOW_PIVOTS = (where_installed("pardiso"), "multifrontal", where_installed("cholmod"), "superlu", "superlu dissected")
 
 
 @pytest.fixture(params=[*SHOW_PIVOTS, where_installed("mumps")])

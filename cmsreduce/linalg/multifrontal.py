@@ -1,0 +1,221 @@
+"""Multifrontal Cholesky factors: dense blocks of a sparse matrix, eliminated subtree by subtree on all threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
+
+from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
+from cmsreduce.linalg.ordering import dissection_installed, nested_dissection
+from cmsreduce.linalg.solver_settings import current_settings
+
+if TYPE_CHECKING:
+    from cmsreduce.linalg.supernodes import Supernodes
+
+__all__ = ["Multifrontal", "multifrontal_lacks"]
+
+Ints = NDArray[np.int64]
+
+
+class Multifrontal(Factor):
+    """Cholesky factors L L^T of a positive definite matrix.
+
+    Parameters
+    ----------
+    A : (n, n) csc array
+        Symmetric.
+    admit : callable
+        Refuses a factor that is too large.
+    scale : (n,) float64, optional
+        S, for factors of S A S in float32 instead: half the memory and the time, seven digits.
+
+    Raises
+    ------
+    SingularFactorError
+        If a pivot is not positive.
+
+    Notes
+    -----
+    The update that a supernode leaves for its parent is held as a dense matrix. Subtrees of the elimination tree are
+    worked on side by side, each by one thread; what is above them follows with the threads of BLAS. Source: J. Liu,
+    "The multifrontal method for sparse matrix solution", SIAM Review 34 (1992) 82-109.
+    """
+
+    backend: str = "multifrontal"
+
+    def __init__(self, A: sp.csc_array, admit: Admit, scale: NDArray[np.float64] | None = None) -> None:
+        from cmsreduce.linalg.blas_calls import routines
+        from cmsreduce.linalg.fronts import Blocks, place_panels
+        from cmsreduce.linalg.pattern import couplings
+        from cmsreduce.linalg.supernodes import shares, supernodes
+
+        self._real = np.dtype(np.float64 if scale is None else np.float32)
+        self._table, threads = routines(self._real), current_settings().thread_count
+        tree = self._tree = supernodes(*couplings(A), _order(A), threads)
+        panels, entries = place_panels(tree.first, tree.begin)
+        above = tree.above
+        load = np.add.reduceat(tree.operations[: above.start], tree.subtrees[:-1]) if above.start else np.zeros(0)
+        self._shares = shares(load.tolist(), threads)[0]
+        room = _Room(tree, self._shares)
+        stored = int(entries[-1])
+        size = self._real.itemsize * (stored + room.entries) + np.dtype(np.int32).itemsize * threads * A.shape[0]
+        super().__init__(A, FactorCost(tree.nnz, float(tree.operations.sum()), size))
+        admit(self.cost)
+        values = np.empty(stored, self._real)
+        self._blocks = Blocks(tree.first, tree.rows, tree.begin, panels, entries, values)
+        self._factorise(A, np.ones(A.shape[0]) if scale is None else scale, room)
+
+    def _factorise(self, A: sp.csc_array, scale: NDArray[np.float64], room: _Room) -> None:
+        from cmsreduce.linalg.fronts import Given, eliminate
+
+        tree, n = self._tree, A.shape[0]
+        place = np.empty(n, dtype=np.int64)
+        place[tree.order] = np.arange(n)
+        given = Given(A.indptr, A.indices, A.data, scale, tree.order, place, *room.family, room.parity)
+        places, below = np.zeros(tree.parent.size, dtype=np.int64), np.diff(tree.begin)
+        left: dict[int, NDArray[Any]] = {}
+
+        def eliminated(part: range, stack: NDArray[Any], tops: Ints, where: NDArray[np.int32]) -> None:
+            if eliminate(part.start, part.stop, given, self._blocks, places, stack, tops, where, self._table):
+                raise SingularFactorError
+
+        def subtrees(t: int) -> None:
+            stack, where = np.empty(room.stacks[t], self._real), np.empty(n, dtype=np.int32)
+            for number in self._shares[t]:
+                part = tree.subtree(number)
+                eliminated(part, stack, np.zeros(2, dtype=np.int64), where)
+                root = part.stop - 1
+                left[root] = stack[places[root] : places[root] + below[root] ** 2].copy()
+
+        _side_by_side(subtrees, len(self._shares))
+        stack, tops = np.empty(room.last, self._real), np.zeros(2, dtype=np.int64)
+        where = np.empty(n, dtype=np.int32)
+        for k in tree.above:
+            for child in room.children(k):
+                if child in left:
+                    update, side = left.pop(child), room.parity[child]
+                    tops[side] += update.size
+                    places[child] = tops[0] - update.size if side == 0 else stack.size - tops[1]
+                    stack[places[child] : places[child] + update.size] = update
+            eliminated(range(k, k + 1), stack, tops, where)
+
+    def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(self.solve_as_made(b), dtype=np.float64)
+
+    def solve_as_made(self, b: NDArray[Any]) -> NDArray[Any]:
+        """Solve for a block (n, k) in the precision of the factor, columns in Fortran order."""
+        from cmsreduce.linalg.block_substitution import backward, forward, gather, spread
+
+        tree, (n, k), threads = self._tree, b.shape, len(self._shares)
+        W = np.empty((n, k), self._real)
+        gather(b, tree.order, W)
+        shared = int(tree.first[tree.above.start])
+        apart = [np.zeros((n - shared, k), self._real) for _ in self._shares]
+        chosen = [
+            np.concatenate([np.zeros(0, dtype=np.int64), *(np.array(tree.subtree(each)) for each in sorted(share))])
+            for share in self._shares
+        ]
+        above = np.array(tree.above, dtype=np.int64)
+        _side_by_side(lambda t: forward(chosen[t], self._blocks, W, shared, apart[t], self._table), threads)
+        for part in apart:
+            W[shared:] += part
+        forward(above, self._blocks, W, n, apart[0], self._table)
+        backward(above, self._blocks, W, self._table)
+        _side_by_side(lambda t: backward(chosen[t], self._blocks, W, self._table), threads)
+        x = np.empty((n, k), self._real, order="F")
+        spread(W, tree.order, x)
+        return x
+
+    @cached_property
+    def pivots(self) -> NDArray[np.float64]:
+        """Squares of the diagonal of L in the matrix's own row order (n,)."""
+        from cmsreduce.linalg.block_substitution import diagonal
+
+        pivots = np.empty(self.n)
+        pivots[self._tree.order] = diagonal(self._blocks)
+        return pivots**2
+
+    @property
+    def inertia_known(self) -> bool:
+        """True: rows and columns are permuted alike."""
+        return True
+
+
+@cache
+def multifrontal_lacks() -> str:
+    """Say what is missing for a `Multifrontal` factor; nothing where it can be made."""
+    if not dissection_installed():
+        return "METIS (pip install pymetis)"
+    try:
+        # Compiled code needs a folder to be kept in.
+        import_module("cmsreduce.linalg.fronts")
+    except (ImportError, RuntimeError) as error:
+        return f"numba ({error})"
+    return ""
+
+
+def _order(A: sp.csc_array) -> Ints:
+    """Fill-reducing order, found before or found now."""
+    from cmsreduce.linalg.pattern import lower_pattern
+
+    if not A.has_sorted_indices:
+        A = A.sorted_indices()
+    orders, pattern = current_settings().orders, lower_pattern(A)
+    known = orders.of(*pattern)
+    if known is None:
+        known = nested_dissection(A)
+        orders.keep(*pattern, known)
+    return np.asarray(known, dtype=np.int64)
+
+
+class _Room:
+    """Memory that a factorisation takes beside the factor: what supernodes leave for their parents."""
+
+    def __init__(self, tree: Supernodes, shares: list[list[int]]) -> None:
+        from cmsreduce.linalg.fronts import depth_parity, stack_size
+
+        parent = tree.parent
+        children = np.argsort(parent, kind="stable")[np.count_nonzero(parent < 0) :]
+        members = np.concatenate([[0], np.cumsum(np.bincount(parent[children], minlength=parent.size))])
+        self.family, self.parity = (members, children), depth_parity(parent)
+
+        def stack(part: range) -> int:
+            return int(stack_size(part.start, part.stop, tree.begin, *self.family, self.parity))
+
+        self.stacks = [max((stack(tree.subtree(each)) for each in share), default=0) for share in shares]
+        self.last = stack(tree.above)
+        roots = tree.subtrees[1:] - 1
+        self._left = int((np.diff(tree.begin)[roots] ** 2).sum())
+
+    @property
+    def entries(self) -> int:
+        """Entries that are held at most."""
+        return self._left + max(sum(self.stacks), self.last)
+
+    def children(self, k: int) -> list[int]:
+        """Children of supernode k."""
+        members, children = self.family
+        return list(children[members[k] : members[k + 1]].tolist())
+
+
+_CONTROLLERS: list[ThreadpoolController] = []
+
+
+def _side_by_side(work: Callable[[int], None], threads: int) -> None:
+    """Call ``work`` with 0, 1, ... in as many threads, each with one thread of BLAS."""
+    if not _CONTROLLERS:
+        _CONTROLLERS.append(ThreadpoolController())
+    with _CONTROLLERS[0].limit(limits=1, user_api="blas"):
+        if threads == 1:
+            work(0)
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(work, range(threads)))

@@ -1,0 +1,109 @@
+"""Where a sparse symmetric matrix has entries, apart from zeros that are stored."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["couplings", "lower_pattern"]
+
+Starts = NDArray[np.int64]
+Indices = NDArray[np.int32]
+
+
+def couplings(A: sp.csc_array) -> tuple[Starts, Indices]:
+    """Rows that each row of a symmetric matrix is coupled with, itself left out, in compressed form.
+
+    Parameters
+    ----------
+    A : (n, n) csc array
+        An entry that is not zero in one triangle alone, as rounding leaves some, couples too.
+
+    Returns
+    -------
+    starts : (n + 1,) int64
+    indices : int32
+        Some may occur twice.
+    """
+    starts, indices = _couplings(A.indptr, A.indices, A.data, not _mirrored(A.indptr, A.indices, A.data))
+    return starts, indices
+
+
+def lower_pattern(A: sp.csc_array) -> tuple[NDArray[np.int32], Indices]:
+    """Starts (n + 1,) and rows of the columns of the lower triangle: its entries but for zeros, and all diagonal ones.
+
+    Parameters
+    ----------
+    A : (n, n) csc array
+        With sorted indices and a full diagonal.
+    """
+    starts, indices = _lower_pattern(A.indptr, A.indices, A.data)
+    return starts, indices
+
+
+@njit(cache=True)
+def _mirrored(starts: Starts, indices: Indices, data: NDArray[np.float64]) -> bool:
+    """Whether entries that are not zero have their mirror images, by two sums over them that would differ."""
+    one, other = np.uint64(0), np.uint64(0)
+    for j in range(starts.size - 1):
+        for p in range(starts[j], starts[j + 1]):
+            if data[p] != 0:
+                i = indices[p]
+                one += _mixed(i, j)
+                other += _mixed(j, i)
+    return bool(one == other)
+
+
+@njit(cache=True)
+def _mixed(i: int, j: int) -> np.uint64:
+    """Number of an ordered pair (the finalizer of splitmix64)."""
+    x = (np.uint64(i) << np.uint64(32)) ^ np.uint64(j)
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return x ^ (x >> np.uint64(31))
+
+
+@njit(cache=True)
+def _couplings(starts: Starts, indices: Indices, data: NDArray[np.float64], both: bool) -> tuple[Starts, Indices]:
+    n = starts.size - 1
+    ends = np.zeros(n + 1, np.int64)
+    for j in range(n):
+        for p in range(starts[j], starts[j + 1]):
+            i = indices[p]
+            if data[p] != 0 and i != j:
+                ends[j + 1] += 1
+                if both:
+                    ends[i + 1] += 1
+    for j in range(n):
+        ends[j + 1] += ends[j]
+    found, at = np.empty(ends[n], np.int32), ends[:-1].copy()
+    for j in range(n):
+        for p in range(starts[j], starts[j + 1]):
+            i = indices[p]
+            if data[p] != 0 and i != j:
+                found[at[j]] = i
+                at[j] += 1
+                if both:
+                    found[at[i]] = j
+                    at[i] += 1
+    return ends, found
+
+
+@njit(cache=True)
+def _lower_pattern(starts: Starts, indices: Indices, data: NDArray[np.float64]) -> tuple[NDArray[np.int32], Indices]:
+    n = starts.size - 1
+    ends = np.zeros(n + 1, np.int32)
+    for j in range(n):
+        ends[j + 1] = ends[j]
+        for p in range(starts[j], starts[j + 1]):
+            if indices[p] == j or (indices[p] > j and data[p] != 0):
+                ends[j + 1] += 1
+    found, at = np.empty(ends[n], np.int32), 0
+    for j in range(n):
+        for p in range(starts[j], starts[j + 1]):
+            if indices[p] == j or (indices[p] > j and data[p] != 0):
+                found[at] = indices[p]
+                at += 1
+    return ends, found
