@@ -11,27 +11,41 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.blas_calls import multiply, solve_block
 from cmsreduce.linalg.fronts import PANEL, Blocks
 
-__all__ = ["backward", "diagonal", "forward", "gather", "spread"]
+__all__ = ["backward", "diagonal", "forward", "gather", "largest", "spread"]
 
 Ints = NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)
-def gather(b: NDArray[Any], order: Ints, W: NDArray[Any]) -> None:
-    """Rows of a block in the order of elimination."""
-    for i in range(order.size):
-        row = order[i]
-        for q in range(W.shape[1]):
-            W[i, q] = b[row, q]
+def largest(b: NDArray[Any], scale: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Largest size of an entry of each column of a block (n, k) whose rows are scaled; 1 for a column of zeros."""
+    found = np.zeros(b.shape[1])
+    for i in range(b.shape[0]):
+        for q in range(b.shape[1]):
+            found[q] = max(found[q], abs(b[i, q] * scale[i]))
+    return np.where(found > 0, found, 1.0)
 
 
 @njit(cache=True, nogil=True)
-def spread(W: NDArray[Any], order: Ints, x: NDArray[Any]) -> None:
-    """Rows of a block back where they were."""
+def gather(
+    b: NDArray[Any], order: Ints, scale: NDArray[np.float64], size: NDArray[np.float64], W: NDArray[Any]
+) -> None:
+    """Rows of a block in the order of elimination, scaled, each column divided by its size."""
     for i in range(order.size):
         row = order[i]
         for q in range(W.shape[1]):
-            x[row, q] = W[i, q]
+            W[i, q] = b[row, q] * scale[row] / size[q]
+
+
+@njit(cache=True, nogil=True)
+def spread(
+    W: NDArray[Any], order: Ints, scale: NDArray[np.float64], size: NDArray[np.float64], x: NDArray[Any]
+) -> None:
+    """Rows of a block back where they were, scaled, each column multiplied by its size."""
+    for i in range(order.size):
+        row = order[i]
+        for q in range(W.shape[1]):
+            x[row, q] = W[i, q] * scale[row] * size[q]
 
 
 @njit(cache=True, nogil=True)

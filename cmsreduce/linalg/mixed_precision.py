@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import partial
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.basis_store import working_space
 from cmsreduce.linalg.block_lanczos import BlockLanczos, Operator
 from cmsreduce.linalg.factor import BLOCK
 from cmsreduce.linalg.products import symmetric_product
 from cmsreduce.linalg.refined_factor import RefinedFactor
+from cmsreduce.linalg.search_space import SearchSpace
 from cmsreduce.linalg.shift_invert import ShiftedModes, combine_columns
+from cmsreduce.linalg.tall_products import inner
 
 __all__ = ["corrected_modes"]
 
 # Columns of a Lanczos block, and of the basis beyond four times the modes sought.
-_WIDTH, _MORE = 24, 160
+_WIDTH, _MORE = 12, 160
 # Residual of a Ritz value, relative to it, at which the rough space is good enough: below is the noise of the solves.
-_ROUGH = 1e-5
+_ROUGH = 1e-6
 # Ritz vectors beside those sought: a correction shrinks what lies along a mode of lam_j by lam_i / lam_j, so that what
 # remains in the space is better held there.
 _BESIDE = 20
+# Ritz vectors that are handed on at a time, while the Krylov space is still in memory.
+_HANDED = 24
 # A correction has to shrink the worst residual to this share; two in a row that do not are the last.
 _SHRINKS, _PATIENCE = 0.5, 2
 _ROUNDS = 12
@@ -71,27 +77,24 @@ def _corrected(
     K: sp.csc_array, M: sp.csc_array, factor: RefinedFactor, high: float, wanted: int, tolerance: float
 ) -> ShiftedModes | None:
     stiffness, mass = symmetric_product(K), symmetric_product(M)
-    rough = _rough_space(factor, mass, K.shape[0], wanted)
-    m = rough.shape[1]
-    if m < wanted:
-        return None
-    space = working_space(K.shape[0], m + _ROUNDS * wanted)
-    space[:, :m] = rough
-    del rough
-    V = space[:, :m]
+    V = SearchSpace(K.shape[0], 2 * wanted + _BESIDE + _ROUNDS * wanted)
     A, B = np.zeros((0, 0)), np.zeros((0, 0))
-    for first in range(0, V.shape[1], BLOCK):
-        A, B = _joined(V[:, :first], V[:, first : first + BLOCK], A, B, stiffness, mass)
+    for C in _rough_vectors(factor, mass, K.shape[0], wanted):
+        A, B = _joined(V.inner, C, A, B, stiffness, mass)
+        V.append(C)
+        del C
+    if V.m < wanted:
+        return None
     worst, stuck = np.inf, 0
     for _ in range(_ROUNDS):
         lam, Z = _ritz(A, B, wanted)
         if lam[-1] > high:
             return None
-        X = _combined(V, Z)
+        X = V.combined(Z)
         C = _corrections(factor, X, lam, stiffness, mass)
         MC = mass(C)
         # Exact corrections are orthogonal to all modes sought; what is not is the noise of the solves.
-        along = X.T @ MC
+        along = inner(X, MC)
         residual = np.sqrt(np.maximum(np.einsum("ij,ij->j", C, MC) - (along**2).sum(axis=0), 0.0))
         # The solves are off by this share themselves.
         residual /= 1 - factor.contraction
@@ -106,15 +109,13 @@ def _corrected(
         del X
         opened = residual > tolerance
         C, A, B = _widened(V, C[:, opened], MC[:, opened], A, B, stiffness, mass)
-        space[:, m : m + C.shape[1]] = C
-        m += C.shape[1]
-        V = space[:, :m]
+        V.append(C)
         del C, MC
     return None
 
 
-def _rough_space(factor: RefinedFactor, mass: Operator, n: int, wanted: int) -> NDArray[np.float64]:
-    """Ritz vectors (n, q) of a Lanczos run that takes single-precision solves for exact ones."""
+def _rough_vectors(factor: RefinedFactor, mass: Operator, n: int, wanted: int) -> Iterator[NDArray[np.float64]]:
+    """Ritz vectors (n, q), some at a time, of a Lanczos run that takes single-precision solves for exact ones."""
     columns = 4 * wanted + _MORE
     lanczos = BlockLanczos(factor.rough, mass, n, block=_WIDTH, columns=columns, sought=wanted)
     while not lanczos.exhausted:
@@ -124,7 +125,9 @@ def _rough_space(factor: RefinedFactor, mass: Operator, n: int, wanted: int) -> 
         settled = found.size == wanted and bool((ritz.residual[:wanted] <= _ROUGH * found).all())
         if settled or lanczos.m + _WIDTH > columns:
             break
-    return lanczos.vectors(ritz, np.arange(min(2 * wanted + _BESIDE, lanczos.m)))
+    chosen = np.arange(min(2 * wanted + _BESIDE, lanczos.m))
+    for first in range(0, chosen.size, _HANDED):
+        yield lanczos.vectors(ritz, chosen[first : first + _HANDED])
 
 
 def _ritz(
@@ -159,14 +162,14 @@ def _smoothed(
     X -= C
     A, B = np.zeros((0, 0)), np.zeros((0, 0))
     for first in range(0, X.shape[1], BLOCK):
-        A, B = _joined(X[:, :first], X[:, first : first + BLOCK], A, B, stiffness, mass)
+        A, B = _joined(partial(inner, X[:, :first]), X[:, first : first + BLOCK], A, B, stiffness, mass)
     lam, Z = _ritz(A, B, X.shape[1])
     combine_columns(X, Z)
     return lam, X
 
 
 def _widened(
-    V: NDArray[np.float64],
+    V: SearchSpace,
     C: NDArray[np.float64],
     MC: NDArray[np.float64],
     A: NDArray[np.float64],
@@ -175,33 +178,28 @@ def _widened(
     mass: Operator,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Directions of unit mass that corrections (n, k) add to a space, and its Gram matrices with them."""
-    m = V.shape[1]
-    C = np.asarray(la.blas.dgemm(-1.0, V, la.solve(B, V.T @ MC, assume_a="pos"), 1.0, C, overwrite_c=True))
-    A, B = _joined(V, C, A, B, stiffness, mass)
+    m = V.m
+    C = V.taken_from(C, la.solve(B, V.inner(MC), assume_a="pos"))
+    A, B = _joined(V.inner, C, A, B, stiffness, mass)
     scale = 1 / np.sqrt(B.diagonal()[m:])
     squared, U = la.eigh(B[m:, m:] * np.outer(scale, scale))
     new = squared > _NEW
     Z = la.block_diag(np.eye(m), (scale[:, None] * U[:, new]) / np.sqrt(squared[new]))
-    return _combined(C, Z[m:, m:]), Z.T @ A @ Z, Z.T @ B @ Z
+    return np.asarray((Z[m:, m:].T @ C.T).T), Z.T @ A @ Z, Z.T @ B @ Z
 
 
 def _joined(
-    V: NDArray[np.float64],
+    across: Operator,
     C: NDArray[np.float64],
     A: NDArray[np.float64],
     B: NDArray[np.float64],
     stiffness: Operator,
     mass: Operator,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Gram matrices of a space and of what joins it."""
+    """Gram matrices of a space and of what joins it, whose inner products with it are ``across``."""
     grown = []
     for G, product in ((A, stiffness), (B, mass)):
         P = product(C)
-        across, own = V.T @ P, C.T @ P
-        grown.append(np.block([[G, across], [across.T, (own + own.T) / 2]]))
+        with_all, own = across(P), inner(C, P)
+        grown.append(np.block([[G, with_all], [with_all.T, (own + own.T) / 2]]))
     return grown[0], grown[1]
-
-
-def _combined(V: NDArray[np.float64], Z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """V Z, columns in Fortran order."""
-    return np.asarray((Z.T @ V.T).T)

@@ -71,15 +71,16 @@ class Multifrontal(Factor):
         admit(self.cost)
         values = np.empty(stored, self._real)
         self._blocks = Blocks(tree.first, tree.rows, tree.begin, panels, entries, values)
-        self._factorise(A, np.ones(A.shape[0]) if scale is None else scale, room)
+        self._scale = np.ones(A.shape[0]) if scale is None else scale
+        self._factorise(A, room)
 
-    def _factorise(self, A: sp.csc_array, scale: NDArray[np.float64], room: _Room) -> None:
+    def _factorise(self, A: sp.csc_array, room: _Room) -> None:
         from cmsreduce.linalg.fronts import Given, eliminate
 
         tree, n = self._tree, A.shape[0]
         place = np.empty(n, dtype=np.int64)
         place[tree.order] = np.arange(n)
-        given = Given(A.indptr, A.indices, A.data, scale, tree.order, place, *room.family, room.parity)
+        given = Given(A.indptr, A.indices, A.data, self._scale, tree.order, place, *room.family, room.parity)
         places, below = np.zeros(tree.parent.size, dtype=np.int64), np.diff(tree.begin)
         left: dict[int, NDArray[Any]] = {}
 
@@ -108,15 +109,14 @@ class Multifrontal(Factor):
             eliminated(range(k, k + 1), stack, tops, where)
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(self.solve_as_made(b), dtype=np.float64)
-
-    def solve_as_made(self, b: NDArray[Any]) -> NDArray[Any]:
-        """Solve for a block (n, k) in the precision of the factor, columns in Fortran order."""
-        from cmsreduce.linalg.block_substitution import backward, forward, gather, spread
+        """Solution (n, k) for A, whatever the matrix was scaled by; in single precision to seven digits."""
+        from cmsreduce.linalg.block_substitution import backward, forward, gather, largest, spread
 
         tree, (n, k), threads = self._tree, b.shape, len(self._shares)
         W = np.empty((n, k), self._real)
-        gather(b, tree.order, W)
+        # Or small columns would vanish in float32.
+        size = np.ones(k) if self._real == np.float64 else largest(b, self._scale)
+        gather(b, tree.order, self._scale, size, W)
         shared = int(tree.first[tree.above.start])
         apart = [np.zeros((n - shared, k), self._real) for _ in self._shares]
         chosen = [
@@ -130,18 +130,18 @@ class Multifrontal(Factor):
         forward(above, self._blocks, W, n, apart[0], self._table)
         backward(above, self._blocks, W, self._table)
         _side_by_side(lambda t: backward(chosen[t], self._blocks, W, self._table), threads)
-        x = np.empty((n, k), self._real, order="F")
-        spread(W, tree.order, x)
+        x = np.empty((n, k), order="F")
+        spread(W, tree.order, self._scale, size, x)
         return x
 
     @cached_property
     def pivots(self) -> NDArray[np.float64]:
-        """Squares of the diagonal of L in the matrix's own row order (n,)."""
+        """Pivots in the matrix's own row order (n,)."""
         from cmsreduce.linalg.block_substitution import diagonal
 
         pivots = np.empty(self.n)
         pivots[self._tree.order] = diagonal(self._blocks)
-        return pivots**2
+        return np.asarray((pivots / self._scale) ** 2)
 
     @property
     def inertia_known(self) -> bool:

@@ -87,6 +87,8 @@ class RefinedFactor(Factor):
     @cached_property
     def pivots(self) -> NDArray[np.float64]:
         """Pivots in the matrix's own row order (n,), to seven digits; of a block of two rows, its diagonal."""
+        if isinstance(self._rough, Multifrontal):
+            return self._rough.pivots
         return np.asarray(self._rough.pivots / self._scale**2, dtype=np.float64)
 
     @property
@@ -141,6 +143,8 @@ class RefinedFactor(Factor):
 
     def rough(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         """Solution (n, k) to single precision; each column is scaled, or small ones would vanish in float32."""
+        if isinstance(self._rough, Multifrontal):
+            return self._rough(b)
         size = np.ones(b.shape[1])
         c = np.empty(b.shape, dtype=np.float32, order="F")
         # Column by column, while it is at hand: the solve itself takes little longer than a few passes over memory.
