@@ -6,6 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, cached_property
 from importlib import import_module
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -207,15 +208,14 @@ class _Room:
 
 
 _CONTROLLERS: list[ThreadpoolController] = []
+_ONE_AT_A_TIME = Lock()
 
 
 def _side_by_side(work: Callable[[int], None], threads: int) -> None:
     """Call ``work`` with 0, 1, ... in as many threads, each with one thread of BLAS."""
-    if not _CONTROLLERS:
-        _CONTROLLERS.append(ThreadpoolController())
-    with _CONTROLLERS[0].limit(limits=1, user_api="blas"):
-        if threads == 1:
-            work(0)
-            return
-        with ThreadPoolExecutor(threads) as pool:
+    # The limit is the process's own: two callers that set it and give it back in turn would leave it set.
+    with _ONE_AT_A_TIME:
+        if not _CONTROLLERS:
+            _CONTROLLERS.append(ThreadpoolController())
+        with _CONTROLLERS[0].limit(limits=1, user_api="blas"), ThreadPoolExecutor(threads) as pool:
             list(pool.map(work, range(threads)))

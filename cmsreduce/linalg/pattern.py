@@ -45,15 +45,17 @@ def lower_pattern(A: sp.csc_array) -> tuple[NDArray[np.int32], Indices]:
 
 @njit(cache=True)
 def _mirrored(starts: Starts, indices: Indices, data: NDArray[np.float64]) -> bool:
-    """Whether entries that are not zero have their mirror images, by two sums over them that would differ."""
-    one, other = np.uint64(0), np.uint64(0)
+    """Whether entries that are not zero have their mirror images, by sums over both triangles that would differ."""
+    lower, upper = np.uint64(0), np.uint64(0)
     for j in range(starts.size - 1):
         for p in range(starts[j], starts[j + 1]):
+            i = indices[p]
             if data[p] != 0:
-                i = indices[p]
-                one += _mixed(i, j)
-                other += _mixed(j, i)
-    return bool(one == other)
+                if i > j:
+                    lower += _mixed(i, j)
+                elif i < j:
+                    upper += _mixed(j, i)
+    return bool(lower == upper)
 
 
 @njit(cache=True)
