@@ -57,7 +57,8 @@ INTRODUCTION = f"""\
 One Craig-Bampton problem by several programs: {3 * INTERFACE_NODES} constraint modes ({INTERFACE_NODES} nodes of the
 face opposite the held one) and the {MODES} lowest fixed-interface modes of a steel body. Every peer runs in a process
 of its own with the same threads and reads the same two matrices; reading is not timed, nor is the start of a program,
-with the compilation of cmsreduce's loops that a machine does once. `make bench-full` writes this page ([how to run it](../benchmarks/README.md)).
+with the compilation of cmsreduce's loops that a machine does once. `make bench-full` writes this page ([how
+to run it](../benchmarks/README.md)).
 
 - **factorise**: ordering included. **solves**: one block of {3 * INTERFACE_NODES} right-hand sides. **modes**: the
   eigenproblem. A peer that does all in one call has a total only. **Peak**: of the process, matrices and interpreter
