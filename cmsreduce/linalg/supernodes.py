@@ -21,8 +21,8 @@ Ints = NDArray[np.int64]
 _UP_TO = (16, 64, 160)
 _ZEROS = (1.0, 0.3, 0.1, 0.04)
 # Times that a subtree is split at its root to find what threads share best, and what of their speed remains to those
-# that work on one dense block together.
-_SPLITS, _TOGETHER = 200, 0.7
+# that work on one dense block together. A subtree of a smaller share of all operations is not worth it.
+_SPLITS, _TOGETHER, _FINE = 200, 0.7, 1e-3
 
 
 class Supernodes(NamedTuple):
@@ -135,7 +135,7 @@ def _divided(parent: Ints, cost: NDArray[np.float64], threads: int) -> tuple[Int
         seconds = shares([-each for each, _ in roots], threads)[1] + cost[apart].sum() / (_TOGETHER * threads)
         if seconds < least:
             best, least = (sorted(k for _, k in roots), len(apart)), seconds
-        if not roots:
+        if not roots or -roots[0][0] < _FINE * cost.sum():
             break
         _, k = heappop(roots)
         apart.append(k)
