@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from cmsreduce.linalg.factorise import installed_backends
+from cmsreduce.linalg.backends import installed_backends
 from cmsreduce.linalg.solver_settings import BACKENDS
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "data"

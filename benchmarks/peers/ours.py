@@ -13,8 +13,9 @@ import numpy as np
 import scipy.sparse as sp
 from problem import Problem, Report
 
+from cmsreduce.linalg.backends import installed_backends
 from cmsreduce.linalg.eigenpairs import beside_modes, certified_modes, count_below
-from cmsreduce.linalg.factorise import factorise, installed_backends
+from cmsreduce.linalg.factorise import factorise
 from cmsreduce.linalg.kept_pages import kept_pages
 from cmsreduce.linalg.solver_settings import SolverSettings, current_settings, solver_settings
 

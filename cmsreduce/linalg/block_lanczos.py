@@ -9,8 +9,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.search_space import SearchSpace, less
-from cmsreduce.linalg.tall_products import inner
+from cmsreduce.linalg.search_space import SearchSpace
+from cmsreduce.linalg.tall_products import inner, less
 
 __all__ = ["BlockLanczos", "Operator", "Ritz"]
 

@@ -8,8 +8,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blas_calls import multiply, solve_block
 from cmsreduce.linalg.fronts import PANEL, Blocks
+from cmsreduce.linalg.narrow_products import AT_ONCE, SPARE, Part, subtract, subtract_transposed
+from cmsreduce.linalg.register_kernels import COLUMNS
 
 __all__ = ["backward", "diagonal", "forward", "gather", "largest", "spread"]
 
@@ -28,95 +29,155 @@ def largest(b: NDArray[Any], scale: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @njit(cache=True, nogil=True)
 def gather(
-    b: NDArray[Any], order: Ints, scale: NDArray[np.float64], size: NDArray[np.float64], W: NDArray[Any]
+    low: int,
+    high: int,
+    b: NDArray[Any],
+    order: Ints,
+    scale: NDArray[np.float64],
+    size: NDArray[np.float64],
+    W: NDArray[Any],
 ) -> None:
-    """Rows of a block in the order of elimination, scaled, each column divided by its size."""
-    for i in range(order.size):
+    """Rows low, ... of a block in the order of elimination, scaled, each column divided by its size; zeros beyond."""
+    k = b.shape[1]
+    for i in range(low, high):
         row = order[i]
-        for q in range(W.shape[1]):
+        for q in range(k):
             W[i, q] = b[row, q] * scale[row] / size[q]
+        W[i, k:] = 0
 
 
 @njit(cache=True, nogil=True)
 def spread(
-    W: NDArray[Any], order: Ints, scale: NDArray[np.float64], size: NDArray[np.float64], x: NDArray[Any]
+    low: int,
+    high: int,
+    W: NDArray[Any],
+    order: Ints,
+    scale: NDArray[np.float64],
+    size: NDArray[np.float64],
+    x: NDArray[Any],
 ) -> None:
-    """Rows of a block back where they were, scaled, each column multiplied by its size."""
-    for i in range(order.size):
+    """Rows low, ... in the order of elimination back where they were, scaled, each column multiplied by its size."""
+    for i in range(low, high):
         row = order[i]
-        for q in range(W.shape[1]):
+        for q in range(x.shape[1]):
             x[row, q] = W[i, q] * scale[row] * size[q]
 
 
 @njit(cache=True, nogil=True)
-def forward(chosen: Ints, blocks: Blocks, W: NDArray[Any], shared: int, apart: NDArray[Any], table: Ints) -> None:
+def forward(chosen: Ints, blocks: Blocks, W: NDArray[Any], shared: int, apart: NDArray[Any]) -> None:
     """Solve with L for a block W (n, k) in place, supernode by supernode.
 
     What is taken from rows from ``shared`` on is added up in ``apart``, for another thread may take from them too.
     """
-    k, sizes, step = W.shape[1], np.empty(8, np.int32), blocks.values.itemsize
-    work = np.empty((PANEL + _longest(chosen, blocks)) * k, blocks.values.dtype)
+    k = W.shape[1]
+    X, Y = np.empty((PANEL + SPARE) * k, W.dtype), np.empty(AT_ONCE * k, W.dtype)
     for s in chosen:
         start, c = blocks.first[s], blocks.first[s + 1] - blocks.first[s]
         below = blocks.rows[blocks.begin[s] : blocks.begin[s + 1]]
         for panel in range(blocks.panels[s], blocks.panels[s + 1]):
             a = (panel - blocks.panels[s]) * PANEL
             w = min(PANEL, c - a)
-            own, m = c - a - w, c - a - w + below.size
-            here, x, taken = blocks.values.ctypes.data + blocks.entries[panel] * step, work.ctypes.data, w * k
-            for j in range(w):
-                for q in range(k):
-                    work[q * w + j] = W[start + a + j, q]
-            solve_block(table, sizes, True, False, (w, k), (here, w + m), (x, w))
-            for j in range(w):
-                for q in range(k):
-                    W[start + a + j, q] = work[q * w + j]
-            if not m:
-                continue
-            source, to = (here + w * step, w + m), (x + taken * step, m)
-            multiply(table, sizes, False, (m, k, w), source, (x, w, False), to, True, 1)
-            for i in range(own):
-                for q in range(k):
-                    W[start + a + w + i, q] -= work[taken + q * m + i]
-            for i in range(own, m):
-                row = below[i - own]
-                if row < shared:
-                    for q in range(k):
-                        W[row, q] -= work[taken + q * m + i]
-                else:
-                    for q in range(k):
-                        apart[row - shared, q] -= work[taken + q * m + i]
+            own, height, at = c - a - w, c - a + below.size, blocks.entries[panel]
+            triangle = Part(blocks.values, at, height, w, w)
+            _take(W, start + a, w, X)
+            _solve_forward(triangle, X, k)
+            _give(X, start + a, w, W)
+            for low in range(w, height, AT_ONCE):
+                rows = min(AT_ONCE, height - low)
+                Y[: rows * k] = 0
+                subtract(Part(blocks.values, at + low, height, w, rows), X, 0, Y, 0, k)
+                for i in range(rows):
+                    j = low + i - w
+                    row = start + a + w + j if j < own else below[j - own]
+                    if row < shared:
+                        for q in range(k):
+                            W[row, q] += Y[i * k + q]
+                    else:
+                        for q in range(k):
+                            apart[row - shared, q] += Y[i * k + q]
 
 
 @njit(cache=True, nogil=True)
-def backward(chosen: Ints, blocks: Blocks, W: NDArray[Any], table: Ints) -> None:
+def backward(chosen: Ints, blocks: Blocks, W: NDArray[Any]) -> None:
     """Solve with L^T for a block W (n, k) in place, the last of some supernodes first."""
-    k, sizes, step = W.shape[1], np.empty(8, np.int32), blocks.values.itemsize
-    work = np.empty((PANEL + _longest(chosen, blocks)) * k, blocks.values.dtype)
+    k = W.shape[1]
+    X, Y = np.empty((PANEL + SPARE) * k, W.dtype), np.empty(AT_ONCE * k, W.dtype)
     for s in chosen[::-1]:
         start, c = blocks.first[s], blocks.first[s + 1] - blocks.first[s]
         below = blocks.rows[blocks.begin[s] : blocks.begin[s + 1]]
         for panel in range(blocks.panels[s + 1] - 1, blocks.panels[s] - 1, -1):
             a = (panel - blocks.panels[s]) * PANEL
             w = min(PANEL, c - a)
-            own, m = c - a - w, c - a - w + below.size
-            here, x, taken = blocks.values.ctypes.data + blocks.entries[panel] * step, work.ctypes.data, w * k
-            for i in range(own):
+            own, height, at = c - a - w, c - a + below.size, blocks.entries[panel]
+            triangle = Part(blocks.values, at, height, w, w)
+            _take(W, start + a, w, X)
+            for low in range(w, height, AT_ONCE):
+                rows = min(AT_ONCE, height - low)
+                for i in range(rows):
+                    j = low + i - w
+                    row = start + a + w + j if j < own else below[j - own]
+                    for q in range(k):
+                        Y[i * k + q] = W[row, q]
+                subtract_transposed(Part(blocks.values, at + low, height, w, rows), X, 0, Y, 0, k)
+            _solve_backward(triangle, X, k)
+            _give(X, start + a, w, W)
+
+
+@njit(cache=True, nogil=True)
+def _take(W: NDArray[Any], first: int, w: int, X: NDArray[Any]) -> None:
+    """Rows of W, one after the other, and zeros for the columns that a product reads beyond the last."""
+    k = W.shape[1]
+    for j in range(w):
+        for q in range(k):
+            X[j * k + q] = W[first + j, q]
+    X[w * k : (w + SPARE) * k] = 0
+
+
+@njit(cache=True, nogil=True)
+def _give(X: NDArray[Any], first: int, w: int, W: NDArray[Any]) -> None:
+    """Rows back to W."""
+    k = W.shape[1]
+    for j in range(w):
+        for q in range(k):
+            W[first + j, q] = X[j * k + q]
+
+
+@njit(cache=True, nogil=True)
+def _solve_forward(panel: Part, X: NDArray[Any], k: int) -> None:
+    """X = L^-1 X for the triangle of a panel, some columns at a time."""
+    values = panel.values
+    for j in range(0, panel.columns, COLUMNS):
+        end = min(j + COLUMNS, panel.columns)
+        for i in range(j, end):
+            column = panel.at + i * panel.height
+            for q in range(i * k, i * k + k):
+                X[q] /= values[column + i]
+            for r in range(i + 1, end):
                 for q in range(k):
-                    work[taken + q * m + i] = W[start + a + w + i, q]
-            for i in range(own, m):
+                    X[r * k + q] -= values[column + r] * X[i * k + q]
+        subtract(_below(panel, j, end), X, j * k, X, end * k, k)
+
+
+@njit(cache=True, nogil=True)
+def _solve_backward(panel: Part, X: NDArray[Any], k: int) -> None:
+    """X = L^-T X."""
+    values = panel.values
+    for j in range((panel.columns - 1) // COLUMNS * COLUMNS, -1, -COLUMNS):
+        end = min(j + COLUMNS, panel.columns)
+        subtract_transposed(_below(panel, j, end), X, j * k, X, end * k, k)
+        for i in range(end - 1, j - 1, -1):
+            column = panel.at + i * panel.height
+            for r in range(i + 1, end):
                 for q in range(k):
-                    work[taken + q * m + i] = W[below[i - own], q]
-            for j in range(w):
-                for q in range(k):
-                    work[q * w + j] = W[start + a + j, q]
-            if m:
-                source, known = (here + w * step, w + m), (x + taken * step, m, False)
-                multiply(table, sizes, True, (w, k, m), source, known, (x, w), False, -1)
-            solve_block(table, sizes, True, True, (w, k), (here, w + m), (x, w))
-            for j in range(w):
-                for q in range(k):
-                    W[start + a + j, q] = work[q * w + j]
+                    X[i * k + q] -= values[column + r] * X[r * k + q]
+            for q in range(i * k, i * k + k):
+                X[q] /= values[column + i]
+
+
+@njit(cache=True, nogil=True)
+def _below(panel: Part, j: int, end: int) -> Part:
+    """What columns j to ``end`` have below them within the triangle."""
+    return Part(panel.values, panel.at + j * panel.height + end, panel.height, end - j, panel.columns - end)
 
 
 @njit(cache=True)
@@ -132,12 +193,3 @@ def diagonal(blocks: Blocks) -> NDArray[np.float64]:
                 blocks.entries[blocks.panels[s] + j // PANEL] + (j - a) * (front - a + 1)
             ]
     return found
-
-
-@njit(cache=True)
-def _longest(chosen: Ints, blocks: Blocks) -> int:
-    """Rows of the largest front of some supernodes."""
-    longest = 0
-    for s in chosen:
-        longest = max(longest, blocks.first[s + 1] - blocks.first[s] + blocks.begin[s + 1] - blocks.begin[s])
-    return longest

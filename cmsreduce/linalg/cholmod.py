@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.factor import Admit, Factor, SingularFactorError
+from cmsreduce.linalg.layout import by_columns
 from cmsreduce.linalg.superlu import SuperLU
 from cmsreduce.linalg.symbolic import factor_cost
 
@@ -92,7 +93,7 @@ class Cholmod(Factor):
         self._solve_dense = self._factor.solve if renamed else self._factor.solve_A
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(self._solve_dense(np.asfortranarray(b)))
+        return np.asarray(self._solve_dense(by_columns(b)))
 
     @cached_property
     def pivots(self) -> NDArray[np.float64]:

@@ -33,8 +33,8 @@ _AT_CUTOFF = 1e-9
 _RESIDUAL = 1e-9
 
 
-# Modes whose residuals are taken at a time.
-_CHECKED = 16
+# Modes whose residuals are taken at a time, and columns of a matrix that are summed up at a time.
+_CHECKED, _COLUMNS = 16, 4096
 
 
 class CertifiedModes(NamedTuple):
@@ -218,8 +218,15 @@ def _all_modes(K: sp.csc_array, M: sp.csc_array, rigid: NDArray[np.float64], rou
 
 
 def _one_norm(K: sp.csc_array) -> float:
-    # A column without entries is given an entry of its neighbour, which changes no maximum.
-    return float(np.add.reduceat(abs(K.data), np.minimum(K.indptr[:-1], K.nnz - 1)).max()) if K.nnz else 0.0
+    sums = [0.0]
+    # Some columns at a time: the sizes of all entries would be a matrix of their own.
+    for first in range(0, K.shape[0], _COLUMNS):
+        starts = K.indptr[first : first + _COLUMNS + 1]
+        filled = starts[:-1][np.diff(starts) > 0]
+        if filled.size:
+            sizes = abs(K.data[starts[0] : starts[-1]])
+            sums.append(float(np.add.reduceat(sizes, filled - starts[0]).max()))
+    return max(sums)
 
 
 def _check_residuals(

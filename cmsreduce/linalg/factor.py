@@ -82,7 +82,7 @@ class Factor(ABC):
         if b.ndim == 1:
             return self._solve(b[:, None])[:, 0]
         if b.shape[1] <= BLOCK:
-            return self._solve(by_columns(b))
+            return self._solve(b)
         x = np.empty(b.shape, order="F")
         for start in range(0, b.shape[1], BLOCK):
             part = slice(start, start + BLOCK)
@@ -91,7 +91,7 @@ class Factor(ABC):
 
     @abstractmethod
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solve for a block of columns (n, k), in Fortran order."""
+        """Solve for a block (n, k) of any layout; the solution lies by columns."""
 
     @cached_property
     @abstractmethod

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import time
-from collections.abc import Callable
 from dataclasses import replace
-from functools import cache, partial
 from math import ceil, log2
 
 import numpy as np
@@ -14,19 +11,16 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.cholmod import cholmod_factor
+from cmsreduce.linalg.backends import Kind, installed, installed_backends, kinds
 from cmsreduce.linalg.factor import BLOCK, Admit, Factor, FactorCost, SingularFactorError
-from cmsreduce.linalg.multifrontal import Multifrontal, multifrontal_lacks
-from cmsreduce.linalg.mumps import Mumps, mumps_lacks
-from cmsreduce.linalg.pardiso import Pardiso, mkl_library
+from cmsreduce.linalg.multifrontal import multifrontal_lacks
 from cmsreduce.linalg.parted_factor import PartedFactor
 from cmsreduce.linalg.partition import partition
 from cmsreduce.linalg.refined_factor import RefinedFactor, UnrefinableError
 from cmsreduce.linalg.solver_settings import BACKENDS, Backend, SolverSettings, current_settings, solver_settings
-from cmsreduce.linalg.superlu import SuperLU
 from cmsreduce.model import Factorisation
 
-__all__ = ["BLOCK", "Factor", "InsufficientMemoryError", "NotPositiveDefiniteError", "factorise", "installed_backends"]
+__all__ = ["BLOCK", "Factor", "InsufficientMemoryError", "NotPositiveDefiniteError", "factorise"]
 
 # A pivot is what its diagonal entry leaves after cancellation. Of a singular matrix of a few dofs up to a hundred
 # roundings are left (2e-14 seen), of a large one n of them; a cantilever of a thousand elements in a row leaves 1e-10.
@@ -39,7 +33,8 @@ _LEFT_BY_ARITHMETIC = 5.0
 _RAISED = 1e-8
 # Below this size SuperLU is done before another library is loaded.
 _SMALL = 5000
-# From here on a multifrontal Cholesky factor takes less time than PARDISO's, and a solve with it half as long.
+# From here on compiled loops save more than the second that it takes to load them: a multifrontal Cholesky factor of
+# 3e4 rows takes 0.1 s less than PARDISO's, and a solve for eight columns half as long, 0.015 s.
 _LARGE = 50_000
 # A matrix is cut into parts of so many rows at least: as many parts as the factor is times too large, or up to so many
 # doublings of that. More would only move the memory to the rows between them.
@@ -150,7 +145,7 @@ def _made(
 
 def _by_parts(A: sp.csc_array, definite: bool, what: str, parts: int, settings: SolverSettings) -> PartedFactor:
     # Separators are nearly full, which the solver for small sparse matrices is slow at.
-    backend = next(each for each in BACKENDS if _installed(each)) if settings.backend == "auto" else settings.backend
+    backend = next(each for each in BACKENDS if installed(each)) if settings.backend == "auto" else settings.backend
 
     def inner(
         block: sp.csc_array, rows: NDArray[np.int64], what_of_it: str, *, kept: float, again: bool, last: bool
@@ -175,49 +170,23 @@ def _by_parts(A: sp.csc_array, definite: bool, what: str, parts: int, settings: 
 def _in_precision(
     A: sp.csc_array, definite: bool, backend: Backend, admit: Admit, settings: SolverSettings
 ) -> tuple[Factor, str]:
-    """The factor, in double precision unless it is to be single or does not fit, and its precision."""
-    if settings.precision == "single":
-        if backend in _SINGLE:
-            return _single(A, definite, backend, admit, settings), "single"
-        if settings.backend != "auto":
-            raise MatrixError(
-                f"{' and '.join(_SINGLE)} make factors in single precision, {backend} does not: set solver.backend to "
-                "one of them"
-            )
-    if backend == "multifrontal" and settings.backend == "auto" and _installed("pardiso"):
+    """The first factor that fits, in double precision unless it is to be single or does not fit, and its precision."""
+    refused: InsufficientMemoryError | None = None
+    for precision, kind in kinds(backend, settings):
         try:
-            return _definite_first(_TYPES[backend], A, definite, admit), "double"
-        except InsufficientMemoryError:
-            # PARDISO holds nothing beside the factor, and may have it on disk.
-            backend = "pardiso"
-    if backend == "pardiso" and settings.precision == "double":
-        return _definite_first(partial(Pardiso, folder=settings.scratch), A, definite, admit), "double"
-    try:
-        return _definite_first(_TYPES[backend], A, definite, admit), "double"
-    except InsufficientMemoryError as error:
-        if backend not in _SINGLE or settings.precision == "double":
-            raise
-        # Its frames would hold what was found out about the factor, some kB for each row.
-        refused = error.with_traceback(None)
-    try:
-        return _single(A, definite, _chosen(settings.backend, A.shape[0], definite), admit, settings), "single"
-    except UnrefinableError:
-        raise refused from None
-
-
-def _single(A: sp.csc_array, definite: bool, backend: Backend, admit: Admit, settings: SolverSettings) -> Factor:
-    if backend == "multifrontal":
-        try:
-            return _definite_first(partial(RefinedFactor, fronts=True), A, definite, admit)
-        except InsufficientMemoryError:
-            if settings.backend != "auto" or not _installed("pardiso"):
+            return _definite_first(kind, A, definite, admit), precision
+        except InsufficientMemoryError as error:
+            # Its frames would hold what was found out about the factor, some kB for each row.
+            refused = error.with_traceback(None)
+        except UnrefinableError:
+            if refused is None:
                 raise
-    return _definite_first(partial(RefinedFactor, folder=settings.scratch), A, definite, admit)
+            break
+    assert refused is not None
+    raise refused from None
 
 
-def _definite_first(
-    kind: Callable[[sp.csc_array, bool, Admit], Factor], A: sp.csc_array, definite: bool, admit: Admit
-) -> Factor:
+def _definite_first(kind: Kind, A: sp.csc_array, definite: bool, admit: Admit) -> Factor:
     try:
         return kind(A, definite, admit)
     except SingularFactorError:
@@ -246,32 +215,17 @@ def _singular_row(A: sp.csc_array) -> int:
     return raised.weakest[0]
 
 
-def installed_backends() -> tuple[Backend, ...]:
-    """Sparse solvers that can be used here, the quickest first."""
-    return tuple(backend for backend in BACKENDS if _installed(backend))
-
-
-@cache
-def _installed(backend: Backend) -> bool:
-    if backend == "pardiso":
-        return mkl_library() is not None
-    if backend == "cholmod":
-        return importlib.util.find_spec("sksparse") is not None
-    if backend == "multifrontal":
-        return not multifrontal_lacks()
-    return backend != "mumps" or not mumps_lacks()
-
-
 def _chosen(wanted: Backend, n: int, definite: bool) -> Backend:
     """The solver to use: the one asked for, or the quickest for the size."""
     if wanted == "auto":
-        if definite and n >= _LARGE and _installed("multifrontal"):
+        if definite and n >= _LARGE and installed("multifrontal"):
             return "multifrontal"
         # Whether MUMPS can run takes a second to find out, and is not asked here: it is the last.
-        return "superlu" if n < _SMALL else next(backend for backend in BACKENDS if _installed(backend))
-    if wanted != "mumps" and not _installed(wanted):
+        return "superlu" if n < _SMALL else next(backend for backend in BACKENDS if installed(backend))
+    if wanted != "mumps" and not installed(wanted):
+        lacks = f": it lacks {multifrontal_lacks()}" if wanted == "multifrontal" else ""
         raise MatrixError(
-            f"the sparse solver '{wanted}' is not installed here; installed: {', '.join(installed_backends())}"
+            f"the sparse solver '{wanted}' is not installed here{lacks}; installed: {', '.join(installed_backends())}"
         )
     return wanted if n else "superlu"
 
@@ -288,20 +242,3 @@ def _admission(settings: SolverSettings, what: str, n: int) -> Admit:
             )
 
     return admit
-
-
-def _multifrontal(A: sp.csc_array, definite: bool, admit: Admit) -> Factor:
-    """Multifrontal factor of a definite matrix; of any other, whose pivots it does not order, by another solver."""
-    if definite:
-        return Multifrontal(A, admit)
-    return Pardiso(A, definite, admit) if _installed("pardiso") else SuperLU(A, definite, admit)
-
-
-_SINGLE: tuple[Backend, ...] = ("pardiso", "multifrontal")
-_TYPES: dict[str, Callable[[sp.csc_array, bool, Admit], Factor]] = {
-    "pardiso": Pardiso,
-    "multifrontal": _multifrontal,
-    "cholmod": cholmod_factor,
-    "superlu": SuperLU,
-    "mumps": Mumps,
-}

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache, cached_property
-from importlib import import_module
+from functools import cached_property
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +13,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
+from cmsreduce.linalg.compiled import compiled_lacks
 from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
+from cmsreduce.linalg.layout import by_columns
+from cmsreduce.linalg.lower_triangle import lower_pattern
 from cmsreduce.linalg.ordering import dissection_installed, nested_dissection
 from cmsreduce.linalg.solver_settings import current_settings
 
@@ -65,6 +67,10 @@ class Multifrontal(Factor):
         above = tree.above
         load = np.add.reduceat(tree.operations[: above.start], tree.subtrees[:-1]) if above.start else np.zeros(0)
         self._shares = shares(load.tolist(), threads)[0]
+        self._chosen = [
+            np.concatenate([np.zeros(0, dtype=np.int64), *(np.array(tree.subtree(each)) for each in sorted(share))])
+            for share in self._shares
+        ]
         room = _Room(tree, self._shares)
         stored = int(entries[-1])
         size = self._real.itemsize * (stored + room.entries) + np.dtype(np.int32).itemsize * threads * A.shape[0]
@@ -112,27 +118,31 @@ class Multifrontal(Factor):
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         """Solution (n, k) for A, whatever the matrix was scaled by; in single precision to seven digits."""
         from cmsreduce.linalg.block_substitution import backward, forward, gather, largest, spread
+        from cmsreduce.linalg.narrow_products import padded
 
-        tree, (n, k), threads = self._tree, b.shape, len(self._shares)
-        W = np.empty((n, k), self._real)
+        if not (b.flags.c_contiguous or b.flags.f_contiguous):
+            b = by_columns(b)
+        tree, (n, k), threads = self._tree, b.shape, len(self._chosen)
+        W = np.empty((n, padded(k)), self._real)
         # Or small columns would vanish in float32.
         size = np.ones(k) if self._real == np.float64 else largest(b, self._scale)
-        gather(b, tree.order, self._scale, size, W)
+        cuts = np.linspace(0, n, threads + 1).astype(int)
         shared = int(tree.first[tree.above.start])
-        apart = [np.zeros((n - shared, k), self._real) for _ in self._shares]
-        chosen = [
-            np.concatenate([np.zeros(0, dtype=np.int64), *(np.array(tree.subtree(each)) for each in sorted(share))])
-            for share in self._shares
-        ]
-        above = np.array(tree.above, dtype=np.int64)
-        _side_by_side(lambda t: forward(chosen[t], self._blocks, W, shared, apart[t], self._table), threads)
-        for part in apart:
-            W[shared:] += part
-        forward(above, self._blocks, W, n, apart[0], self._table)
-        backward(above, self._blocks, W, self._table)
-        _side_by_side(lambda t: backward(chosen[t], self._blocks, W, self._table), threads)
-        x = np.empty((n, k), order="F")
-        spread(W, tree.order, self._scale, size, x)
+        apart = [np.zeros((n - shared, W.shape[1]), self._real) for _ in self._chosen]
+        above, x = np.array(tree.above, dtype=np.int64), np.empty((n, k), order="F")
+        with ThreadPoolExecutor(threads) as pool:
+
+            def side_by_side(work: Callable[[int], None]) -> None:
+                list(pool.map(work, range(threads)))
+
+            side_by_side(lambda t: gather(cuts[t], cuts[t + 1], b, tree.order, self._scale, size, W))
+            side_by_side(lambda t: forward(self._chosen[t], self._blocks, W, shared, apart[t]))
+            for part in apart:
+                W[shared:] += part
+            forward(above, self._blocks, W, n, apart[0])
+            backward(above, self._blocks, W)
+            side_by_side(lambda t: backward(self._chosen[t], self._blocks, W))
+            side_by_side(lambda t: spread(cuts[t], cuts[t + 1], W, tree.order, self._scale, size, x))
         return x
 
     @cached_property
@@ -150,25 +160,13 @@ class Multifrontal(Factor):
         return True
 
 
-@cache
 def multifrontal_lacks() -> str:
     """Say what is missing for a `Multifrontal` factor; nothing where it can be made."""
-    if not dissection_installed():
-        return "METIS (pip install pymetis)"
-    try:
-        # Compiled code needs a folder to be kept in.
-        import_module("cmsreduce.linalg.fronts")
-    except (ImportError, RuntimeError) as error:
-        return f"numba ({error})"
-    return ""
+    return compiled_lacks() if dissection_installed() else "METIS (pip install pymetis)"
 
 
 def _order(A: sp.csc_array) -> Ints:
     """Fill-reducing order, found before or found now."""
-    from cmsreduce.linalg.pattern import lower_pattern
-
-    if not A.has_sorted_indices:
-        A = A.sorted_indices()
     orders, pattern = current_settings().orders, lower_pattern(A)
     known = orders.of(*pattern)
     if known is None:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg import mumps_ranks
 from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
+from cmsreduce.linalg.layout import by_columns
 from cmsreduce.linalg.ordering import nested_dissection
 from cmsreduce.linalg.refined_factor import powers_of_two
 from cmsreduce.linalg.solver_settings import current_settings
@@ -138,7 +139,7 @@ class Mumps(Factor):
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         scale = self._scale[:, None]
-        return scale * self._group.solve(self._name, scale * b)
+        return scale * self._group.solve(self._name, scale * by_columns(b))
 
 
 def mumps_lacks(python: str | None = None) -> str:

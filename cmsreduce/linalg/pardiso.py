@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.layout import by_columns
+from cmsreduce.linalg.lower_triangle import lower_triangle
 from cmsreduce.linalg.mkl_memory import can_be_mapped, free_on_disk, mapped_entries, watch_if_large
 from cmsreduce.linalg.solver_settings import current_settings
 
@@ -28,8 +29,6 @@ __all__ = ["Pardiso", "mkl_library"]
 _DEFINITE, _INDEFINITE = 2, -2
 # Rows from which its integers have 64 bits: a factor's entries are then more than 32 can count.
 _LONG = 1_500_000
-# Columns of a matrix that are looked at at a time.
-_COLUMNS = 4096
 # Phases.
 _ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
 # Its error codes.
@@ -100,11 +99,9 @@ class Pardiso(Factor):
         scale: NDArray[np.float64] | None = None,
         folder: Path | None = None,
     ) -> None:
-        self._real = np.dtype(np.float64 if scale is None else np.float32)
+        self._scale, self._real = scale, np.dtype(np.float64 if scale is None else np.float32)
         # The upper triangle by rows is the lower one by columns; PARDISO wants every diagonal entry, zeros too.
-        self._values, self._indices, self._indptr = _lower_triangle(
-            A if A.diagonal().all() else _with_diagonal(A), scale, self._real
-        )
+        self._values, self._indices, self._indptr = lower_triangle(A, scale, self._real)
         self._integer = np.dtype(np.int64 if A.shape[0] > _LONG and scale is not None else np.int32)
         self._indices, self._indptr = (part.astype(self._integer, copy=False) for part in (self._indices, self._indptr))
         orders = current_settings().orders
@@ -150,13 +147,27 @@ class Pardiso(Factor):
         return self._values, self._indices, self._indptr
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(self.solve_as_made(b), dtype=np.float64)
-
-    def solve_as_made(self, b: NDArray[Any]) -> NDArray[Any]:
-        """Solve for a block (n, k) in the precision of the factor, columns in Fortran order."""
-        b = by_columns(b, self._real)
-        x = np.empty_like(b)
-        self._call(_SOLVE, self.n, b, x)
+        """Solution (n, k) for A, whatever the matrix was scaled by; in single precision to seven digits."""
+        b = by_columns(b)
+        if self._scale is None:
+            x = np.empty_like(b)
+            self._call(_SOLVE, self.n, b, x)
+            return x
+        size = np.ones(b.shape[1])
+        c = np.empty(b.shape, self._real, order="F")
+        # Column by column, while it is at hand: the solve itself takes little longer than a few passes over memory.
+        for j, column in enumerate(b.T):
+            scaled = column * self._scale
+            # Or small columns would vanish in float32.
+            size[j] = max(scaled.max(), -scaled.min()) or 1.0
+            np.divide(scaled, size[j], out=c[:, j], casting="same_kind")
+        y = np.empty_like(c)
+        self._call(_SOLVE, self.n, c, y)
+        del c
+        x = np.empty(b.shape, order="F")
+        for j in range(size.size):
+            np.multiply(y[:, j], self._scale, out=x[:, j])
+            x[:, j] *= size[j]
         return x
 
     @cached_property
@@ -169,7 +180,7 @@ class Pardiso(Factor):
             raise _failure("gives no pivots", error.value)
         pivots = np.empty(self.n)
         pivots[self._order] = eliminated
-        return pivots
+        return pivots if self._scale is None else np.asarray(pivots / self._scale**2)
 
     @property
     def inertia_known(self) -> bool:
@@ -210,49 +221,6 @@ def _parameters(n: int, single: bool, ordered: bool) -> NDArray[np.int32]:
     iparm[34] = 1  # rows count from 0
     iparm[55] = 1  # keep the pivots
     return iparm
-
-
-def _lower_triangle(
-    A: sp.csc_array, scale: NDArray[np.float64] | None, real: np.dtype[Any]
-) -> tuple[NDArray[Any], NDArray[np.int32], NDArray[np.int32]]:
-    """Values, rows and starts of the columns of the lower triangle, rows ascending; zeros only on the diagonal."""
-    if not A.has_sorted_indices:
-        A = A.sorted_indices()
-    n = A.shape[0]
-    # Some columns at a time: what is set aside here is memory that the factor would have to find elsewhere.
-    blocks = [slice(A.indptr[first], A.indptr[min(first + _COLUMNS, n)]) for first in range(0, n, _COLUMNS)]
-    starts = np.zeros(n + 1, dtype=np.int64)
-    masks = []
-    for first, part in zip(range(0, n, _COLUMNS), blocks, strict=True):
-        lengths = np.diff(A.indptr[first : first + _COLUMNS + 1])
-        rows, columns = A.indices[part], np.repeat(np.arange(first, first + lengths.size), lengths)
-        # Stored zeros would fill the factor, and set K apart from K - sigma M, which has none.
-        masks.append((rows > columns) & (A.data[part] != 0) | (rows == columns))
-        starts[first + 1 : first + lengths.size + 1] = np.bincount(columns[masks[-1]] - first, minlength=lengths.size)
-    starts = starts.cumsum()
-    values, below = np.empty(starts[-1], dtype=real), np.empty(starts[-1], dtype=np.int32)
-    last = 0
-    for first, part, kept in zip(range(0, n, _COLUMNS), blocks, masks, strict=True):
-        own = slice(last, last := int(starts[min(first + _COLUMNS, n)]))
-        entries, below[own] = A.data[part][kept], A.indices[part][kept]
-        if scale is not None:
-            entries *= scale[below[own]]
-            entries *= np.repeat(scale[first : first + _COLUMNS], np.diff(starts[first : first + _COLUMNS + 1]))
-        values[own] = entries
-    return values, below, starts.astype(np.int32)
-
-
-def _with_diagonal(A: sp.csc_array) -> sp.csc_array:
-    """The same matrix with every diagonal entry stored."""
-    n = A.shape[0]
-    rows = np.arange(n)
-    entries = sp.coo_array(A)
-    row, column = entries.coords
-    data = np.concatenate([entries.data, np.zeros(n)])
-    # Adding entries of one place keeps explicit zeros.
-    full = sp.csc_array(sp.coo_array((data, (np.concatenate([row, rows]), np.concatenate([column, rows]))), (n, n)))
-    full.sort_indices()
-    return full
 
 
 def _failure(what: str, code: int) -> MatrixError:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factor import BLOCK, Admit, Factor, FactorCost
+from cmsreduce.linalg.layout import by_columns
 from cmsreduce.linalg.partition import Partition
 
 __all__ = ["Inner", "PartedFactor"]
@@ -183,6 +184,7 @@ class PartedFactor(Factor):
         return self._solve(b[:, None])[:, 0] if b.ndim == 1 else self._solve(b)
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+        b = by_columns(b)
         load = b[self.cut.separator]
         for p, rows in enumerate(self.cut.interiors):
             edge, coupling = self._edges[p]

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["couplings", "lower_pattern"]
+__all__ = ["couplings"]
 
 Starts = NDArray[np.int64]
 Indices = NDArray[np.int32]
@@ -28,18 +28,6 @@ def couplings(A: sp.csc_array) -> tuple[Starts, Indices]:
         Some may occur twice.
     """
     starts, indices = _couplings(A.indptr, A.indices, A.data, not _mirrored(A.indptr, A.indices, A.data))
-    return starts, indices
-
-
-def lower_pattern(A: sp.csc_array) -> tuple[NDArray[np.int32], Indices]:
-    """Starts (n + 1,) and rows of the columns of the lower triangle: its entries but for zeros, and all diagonal ones.
-
-    Parameters
-    ----------
-    A : (n, n) csc array
-        With sorted indices and a full diagonal.
-    """
-    starts, indices = _lower_pattern(A.indptr, A.indices, A.data)
     return starts, indices
 
 
@@ -90,22 +78,4 @@ def _couplings(starts: Starts, indices: Indices, data: NDArray[np.float64], both
                 if both:
                     found[at[i]] = j
                     at[i] += 1
-    return ends, found
-
-
-@njit(cache=True)
-def _lower_pattern(starts: Starts, indices: Indices, data: NDArray[np.float64]) -> tuple[NDArray[np.int32], Indices]:
-    n = starts.size - 1
-    ends = np.zeros(n + 1, np.int32)
-    for j in range(n):
-        ends[j + 1] = ends[j]
-        for p in range(starts[j], starts[j + 1]):
-            if indices[p] == j or (indices[p] > j and data[p] != 0):
-                ends[j + 1] += 1
-    found, at = np.empty(ends[n], np.int32), 0
-    for j in range(n):
-        for p in range(starts[j], starts[j + 1]):
-            if indices[p] == j or (indices[p] > j and data[p] != 0):
-                found[at] = indices[p]
-                at += 1
     return ends, found

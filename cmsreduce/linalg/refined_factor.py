@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.factor import Admit, Factor
-from cmsreduce.linalg.layout import by_columns
-from cmsreduce.linalg.multifrontal import Multifrontal
-from cmsreduce.linalg.pardiso import Pardiso
 from cmsreduce.linalg.products import symmetric_product
 
 __all__ = ["RefinedFactor", "UnrefinableError", "powers_of_two"]
@@ -29,6 +26,8 @@ _MORE_DIGITS = float(np.finfo(np.float64).eps / np.finfo(np.float32).eps)
 _STEPS = 60
 # What is left when corrections no longer shrink to less than this share of the one before is round-off.
 _STALLED = 0.8
+
+Rough = Callable[[sp.csc_array, bool, Admit, NDArray[np.float64]], Factor]
 
 
 class UnrefinableError(ArithmeticError):
@@ -46,10 +45,8 @@ class RefinedFactor(Factor):
         Whether the matrix is taken to be positive definite.
     admit : callable
         Refuses a factor that is too large.
-    folder : Path, optional
-        Where the factor may lie in a file if it is refused in memory.
-    fronts : bool
-        Whether the factor of a definite matrix is multifrontal instead of PARDISO's.
+    rough : callable
+        Makes the factor in single precision, of the matrix, whether it is definite, what admits it and the scale.
 
     Raises
     ------
@@ -67,15 +64,9 @@ class RefinedFactor(Factor):
     Algorithms, section 12.
     """
 
-    def __init__(
-        self, A: sp.csc_array, definite: bool, admit: Admit, folder: Path | None = None, fronts: bool = False
-    ) -> None:
+    def __init__(self, A: sp.csc_array, definite: bool, admit: Admit, rough: Rough) -> None:
         self._scale = powers_of_two(A.diagonal())
-        self._rough: Multifrontal | Pardiso
-        if fronts and definite:
-            self._rough = Multifrontal(A, admit, self._scale)
-        else:
-            self._rough = Pardiso(A, definite, admit, self._scale, folder)
+        self._rough = rough(A, definite, admit, self._scale)
         self.backend = self._rough.backend
         super().__init__(A, self._rough.cost)
         self._product = symmetric_product(A)
@@ -87,9 +78,7 @@ class RefinedFactor(Factor):
     @cached_property
     def pivots(self) -> NDArray[np.float64]:
         """Pivots in the matrix's own row order (n,), to seven digits; of a block of two rows, its diagonal."""
-        if isinstance(self._rough, Multifrontal):
-            return self._rough.pivots
-        return np.asarray(self._rough.pivots / self._scale**2, dtype=np.float64)
+        return self._rough.pivots
 
     @property
     def inertia_known(self) -> bool:
@@ -142,23 +131,8 @@ class RefinedFactor(Factor):
         return x
 
     def rough(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solution (n, k) to single precision; each column is scaled, or small ones would vanish in float32."""
-        if isinstance(self._rough, Multifrontal):
-            return self._rough(b)
-        size = np.ones(b.shape[1])
-        c = np.empty(b.shape, dtype=np.float32, order="F")
-        # Column by column, while it is at hand: the solve itself takes little longer than a few passes over memory.
-        for j, column in enumerate(by_columns(b).T):
-            scaled = column * self._scale
-            size[j] = max(scaled.max(), -scaled.min()) or 1.0
-            np.divide(scaled, size[j], out=c[:, j], casting="same_kind")
-        y = self._rough.solve_as_made(c)
-        del c
-        x = np.empty(b.shape, order="F")
-        for j in range(size.size):
-            np.multiply(y[:, j], self._scale, out=x[:, j])
-            x[:, j] *= size[j]
-        return x
+        """Solution (n, k) to single precision."""
+        return self._rough(b)
 
     def _size(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Norm of each column, each dof measured by the root of its stiffness."""

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.basis_store import working_space
-from cmsreduce.linalg.tall_products import inner
+from cmsreduce.linalg.tall_products import inner, less
 
-__all__ = ["SearchSpace", "less"]
+__all__ = ["SearchSpace"]
 
 Array = NDArray[np.float64]
 
@@ -80,8 +79,3 @@ class SearchSpace:
             combined = np.sum([chunk[rows] @ part for chunk, part in zip(filled, parts, strict=True)], axis=0)
             for first, chunk in zip(range(0, k, self._chunk), filled, strict=False):
                 chunk[rows, : k - first] = combined[:, first : first + chunk.shape[1]]
-
-
-def less(W: Array, V: Array, c: Array) -> Array:
-    """W - V c in the memory of W, (n, p) in Fortran order: without a copy it takes a third of the time."""
-    return np.asarray(la.blas.dgemm(-1.0, V, c, 1.0, W, overwrite_c=True)) if c.size else W

@@ -20,7 +20,7 @@ CONVERGED = 1e-9
 subspace of all modes to about ten times as much, whatever the order of the rows."""
 # Columns of a block. From 10 to 24 a search takes as long: more find as much in fewer solves of more columns each, but
 # take more memory.
-_BLOCK = 12
+_BLOCK = 8
 # Columns of the basis: twice the modes that are sought and so many blocks; a third of it again after every restart.
 _BLOCKS = 14
 # Blocks after which a Lanczos run is given up, for each block of modes that are sought.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
+from cmsreduce.linalg.layout import by_columns
 from cmsreduce.linalg.ordering import dissection_installed, nested_dissection
 from cmsreduce.linalg.symbolic import factor_cost
 
@@ -63,6 +64,7 @@ class SuperLU(Factor):
         super().__init__(A, counted or FactorCost(nnz, 2.0 * nnz**2 / max(A.shape[0], 1), _BYTES * nnz))
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+        b = by_columns(b)
         if self._order is None:
             return np.asarray(self.lu.solve(b))
         x = np.empty_like(b)

@@ -10,16 +10,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.amalgamation import UP_TO, ZEROS, merged
 from cmsreduce.linalg.elimination import column_counts, elimination_tree, postorder
 
 __all__ = ["Supernodes", "shares", "supernodes"]
 
 Ints = NDArray[np.int64]
 
-# Share of zeros that may join the factor when a supernode is merged with its parent, by the columns they then have:
-# small blocks cost more to handle than their zeros.
-_UP_TO = (16, 64, 160)
-_ZEROS = (1.0, 0.3, 0.1, 0.04)
 # Times that a subtree is split at its root to find what threads share best, and what of their speed remains to those
 # that work on one dense block together. A subtree of a smaller share of all operations is not worth it.
 _SPLITS, _TOGETHER, _FINE = 200, 0.7, 1e-3
@@ -102,7 +99,7 @@ def supernodes(starts: Ints, indices: NDArray[np.int32], order: Ints, threads: i
     order, tree = order[post], _renumbered(tree, post)
     place = _inverse(order)
     count = column_counts(starts, indices, order, place, tree)
-    first, parent, new = _merged(tree, count, np.array(_UP_TO), np.array(_ZEROS))
+    first, parent, new = merged(tree, count, np.array(UP_TO), np.array(ZEROS))
     columns, below = np.diff(first), count[new][first[1:] - 1] - 1
     sequence, subtrees = _divided(parent, operations(columns, below), threads)
     order = order[np.concatenate([new[first[k] : first[k + 1]] for k in sequence] or [new])]
@@ -167,94 +164,6 @@ def _inverse(order: Ints) -> Ints:
 def _renumbered(tree: Ints, post: Ints) -> Ints:
     """Parents by new numbers: the vertex at place k was ``post[k]``."""
     return np.append(_inverse(post), -1)[tree[post]]
-
-
-@njit(cache=True)
-def _merged(tree: Ints, count: Ints, up_to: Ints, zeros: NDArray[np.float64]) -> tuple[Ints, Ints, Ints]:
-    """First columns and parents of merged supernodes, and the order of columns that they stand together in."""
-    n = tree.size
-    # Columns with the same rows, in chains.
-    begin = np.empty(n + 1, np.int64)
-    s = 0
-    for j in range(n):
-        if j == 0 or tree[j - 1] != j or count[j - 1] != count[j] + 1:
-            begin[s] = j
-            s += 1
-    begin[s] = n
-    owner = np.empty(n, np.int64)
-    for k in range(s):
-        owner[begin[k] : begin[k + 1]] = k
-    parent = np.full(s, -1, np.int64)
-    head, following = np.full(s, -1, np.int64), np.full(s, -1, np.int64)
-    columns, below, held = np.empty(s, np.int64), np.empty(s, np.int64), np.empty(s)
-    for k in range(s):
-        last = begin[k + 1] - 1
-        columns[k], below[k] = begin[k + 1] - begin[k], count[last] - 1
-        held[k] = columns[k] * below[k] + columns[k] * (columns[k] + 1) / 2.0
-        if tree[last] >= 0:
-            parent[k] = owner[tree[last]]
-    for k in range(s - 1, -1, -1):
-        if parent[k] >= 0:
-            following[k] = head[parent[k]]
-            head[parent[k]] = k
-    # Chains of supernodes that became one: the first of each chain, what follows each, the last.
-    lead, link, tail, gone = np.arange(s), np.full(s, -1, np.int64), np.arange(s), np.zeros(s, np.bool_)
-    for k in range(s):
-        # The widest children first: they bring the fewest zeros.
-        while True:
-            best, best_rows = -1, -1
-            child = head[k]
-            while child != -1:
-                if not gone[child] and columns[child] + below[child] > best_rows:
-                    c = columns[k] + columns[child]
-                    size = c * below[k] + c * (c + 1) / 2.0
-                    share = 1.0 - (held[k] + held[child]) / size
-                    allowed = zeros[np.searchsorted(up_to, c)]
-                    if share <= allowed:
-                        best, best_rows = child, columns[child] + below[child]
-                child = following[child]
-            if best == -1:
-                break
-            gone[best] = True
-            columns[k] += columns[best]
-            held[k] += held[best]
-            link[tail[best]] = lead[k]
-            lead[k] = lead[best]
-            # Its children are this one's now.
-            grandchild = head[best]
-            while grandchild != -1:
-                after = following[grandchild]
-                if not gone[grandchild]:
-                    parent[grandchild] = k
-                    following[grandchild] = head[k]
-                    head[k] = grandchild
-                grandchild = after
-    kept = np.flatnonzero(~gone)
-    number = np.full(s, -1, np.int64)
-    for new in range(kept.size):
-        number[kept[new]] = new
-    small = np.full(kept.size, -1, np.int64)
-    for new in range(kept.size):
-        if parent[kept[new]] >= 0:
-            small[new] = number[parent[kept[new]]]
-    post = postorder(small)
-    final = np.empty(kept.size, np.int64)
-    for new in range(kept.size):
-        final[post[new]] = new
-    first, above, order = np.zeros(kept.size + 1, np.int64), np.full(kept.size, -1, np.int64), np.empty(n, np.int64)
-    done = 0
-    for new in range(kept.size):
-        k = kept[post[new]]
-        if small[post[new]] >= 0:
-            above[new] = final[small[post[new]]]
-        part = lead[k]
-        while part != -1:
-            for j in range(begin[part], begin[part + 1]):
-                order[done] = j
-                done += 1
-            part = link[part]
-        first[new + 1] = done
-    return first, above, order
 
 
 @njit(cache=True)

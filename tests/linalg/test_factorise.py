@@ -332,8 +332,19 @@ def test_two_threads_give_what_one_gives(backend):
 
 
 def test_a_solver_that_is_not_there_is_named(monkeypatch):
-    monkeypatch.setattr("cmsreduce.linalg.factorise._installed", lambda backend: backend == "superlu")
+    for module in ("factorise", "backends"):
+        monkeypatch.setattr(f"cmsreduce.linalg.{module}.installed", lambda backend: backend == "superlu")
     with solver_settings(SolverSettings("cholmod")), pytest.raises(MatrixError, match="'cholmod' is not installed"):
+        factorise(BODIES["banded"])
+
+
+def test_what_a_solver_lacks_is_said(monkeypatch):
+    monkeypatch.setattr("cmsreduce.linalg.multifrontal.dissection_installed", lambda: False)
+    monkeypatch.setattr("cmsreduce.linalg.factorise.installed", lambda backend: backend == "superlu")
+    with (
+        solver_settings(SolverSettings("multifrontal")),
+        pytest.raises(MatrixError, match=r"not installed here: it lacks METIS \(pip install pymetis\); installed: "),
+    ):
         factorise(BODIES["banded"])
 
 

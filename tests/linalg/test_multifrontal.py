@@ -160,8 +160,4 @@ def test_modes_and_static_shapes_are_those_of_superlu(precision):
 
 def test_without_metis_it_is_not_offered(monkeypatch):
     monkeypatch.setattr(multifrontal, "dissection_installed", lambda: False)
-    multifrontal.multifrontal_lacks.cache_clear()
-    try:
-        assert "pymetis" in multifrontal.multifrontal_lacks()
-    finally:
-        multifrontal.multifrontal_lacks.cache_clear()
+    assert "pymetis" in multifrontal.multifrontal_lacks()

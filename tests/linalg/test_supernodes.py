@@ -5,8 +5,9 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.linalg.elimination import column_counts, elimination_tree, postorder
+from cmsreduce.linalg.lower_triangle import lower_pattern
 from cmsreduce.linalg.ordering import nested_dissection
-from cmsreduce.linalg.pattern import couplings, lower_pattern
+from cmsreduce.linalg.pattern import couplings
 from cmsreduce.linalg.supernodes import shares, supernodes
 from tests.linalg.test_factorise import BODIES
 

@@ -125,8 +125,9 @@ def test_a_factor_that_does_not_fit_is_refused(run):
 
 
 def test_a_solver_that_is_not_installed_is_refused(run, monkeypatch):
-    from cmsreduce.linalg import factorise
+    from cmsreduce.linalg import backends, factorise
 
-    monkeypatch.setattr(factorise, "_installed", lambda backend: backend == "superlu")
+    for module in (factorise, backends):
+        monkeypatch.setattr(module, "installed", lambda backend: backend == "superlu")
     code, output, _ = run("backend: cholmod")
     assert code == 2 and "'cholmod' is not installed here; installed: superlu" in output
