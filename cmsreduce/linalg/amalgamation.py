@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.elimination import postorder
+from cmsreduce.linalg.loops import loop
 
 __all__ = ["UP_TO", "ZEROS", "merged"]
 
@@ -19,7 +19,7 @@ small blocks cost more to handle than their zeros. Of solids of 1e5 and 3e5 rows
 15 % longer to factorise and to solve with, none at all a third."""
 
 
-@njit(cache=True)
+@loop
 def merged(tree: Ints, count: Ints, up_to: Ints, zeros: NDArray[np.float64]) -> tuple[Ints, Ints, Ints]:
     """First columns and parents of merged supernodes, and the order of columns that they stand together in."""
     begin, parent = _chains(tree, count)
@@ -57,7 +57,7 @@ def merged(tree: Ints, count: Ints, up_to: Ints, zeros: NDArray[np.float64]) -> 
     return first, parents, order
 
 
-@njit(cache=True)
+@loop
 def _chains(tree: Ints, count: Ints) -> tuple[Ints, Ints]:
     """Columns with the same rows, one after the other: where each supernode begins (s + 1,), and its parent (s,)."""
     n = tree.size
@@ -77,7 +77,7 @@ def _chains(tree: Ints, count: Ints) -> tuple[Ints, Ints]:
     return begin[: s + 1].copy(), parent
 
 
-@njit(cache=True)
+@loop
 def _widest(
     k: int,
     head: Ints,
@@ -102,7 +102,7 @@ def _widest(
     return best
 
 
-@njit(cache=True)
+@loop
 def _numbered(begin: Ints, parent: Ints, lead: Ints, link: Ints, gone: NDArray[np.bool_]) -> tuple[Ints, Ints, Ints]:
     """First columns and parents of the supernodes that are left, children first, and the order of columns."""
     kept = np.flatnonzero(~gone)

@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import get_cython_function_address, intrinsic
 from numpy.typing import NDArray
+
+from cmsreduce.linalg.loops import loop
 
 __all__ = ["GEMM", "POTRF", "SYRK", "TRSM", "factorise_block", "multiply", "routines", "solve_block", "update"]
 
@@ -73,7 +75,7 @@ def _call(context: Any, address: Any, arguments: Any) -> Any:
     return types.void(types.int64, arguments), generate
 
 
-@njit(cache=True)
+@loop
 def multiply(
     table: NDArray[np.int64],
     sizes: NDArray[np.int32],
@@ -110,7 +112,7 @@ def multiply(
     )
 
 
-@njit(cache=True)
+@loop
 def update(
     table: NDArray[np.int64],
     sizes: NDArray[np.int32],
@@ -140,7 +142,7 @@ def update(
     )
 
 
-@njit(cache=True)
+@loop
 def solve_block(
     table: NDArray[np.int64],
     sizes: NDArray[np.int32],
@@ -172,7 +174,7 @@ def solve_block(
     )
 
 
-@njit(cache=True)
+@loop
 def factorise_block(table: NDArray[np.int64], sizes: NDArray[np.int32], w: int, A: tuple[int, int]) -> int:
     """Cholesky factor in the lower triangle of A; 0, or the number of the pivot that is not positive."""
     sizes[0], sizes[1], sizes[2] = w, A[1], 0

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.fronts import PANEL, Blocks
+from cmsreduce.linalg.loops import loop
 from cmsreduce.linalg.narrow_products import AT_ONCE, SPARE, Part, subtract, subtract_transposed
 from cmsreduce.linalg.register_kernels import COLUMNS
 
@@ -17,7 +17,7 @@ __all__ = ["backward", "diagonal", "forward", "gather", "largest", "spread"]
 Ints = NDArray[np.int64]
 
 
-@njit(cache=True, nogil=True)
+@loop
 def largest(b: NDArray[Any], scale: NDArray[np.float64]) -> NDArray[np.float64]:
     """Largest size of an entry of each column of a block (n, k) whose rows are scaled; 1 for a column of zeros."""
     found = np.zeros(b.shape[1])
@@ -27,7 +27,7 @@ def largest(b: NDArray[Any], scale: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(found > 0, found, 1.0)
 
 
-@njit(cache=True, nogil=True)
+@loop
 def gather(
     low: int,
     high: int,
@@ -46,7 +46,7 @@ def gather(
         W[i, k:] = 0
 
 
-@njit(cache=True, nogil=True)
+@loop
 def spread(
     low: int,
     high: int,
@@ -63,7 +63,7 @@ def spread(
             x[row, q] = W[i, q] * scale[row] * size[q]
 
 
-@njit(cache=True, nogil=True)
+@loop
 def forward(chosen: Ints, blocks: Blocks, W: NDArray[Any], shared: int, apart: NDArray[Any]) -> None:
     """Solve with L for a block W (n, k) in place, supernode by supernode.
 
@@ -97,7 +97,7 @@ def forward(chosen: Ints, blocks: Blocks, W: NDArray[Any], shared: int, apart: N
                             apart[row - shared, q] += Y[i * k + q]
 
 
-@njit(cache=True, nogil=True)
+@loop
 def backward(chosen: Ints, blocks: Blocks, W: NDArray[Any]) -> None:
     """Solve with L^T for a block W (n, k) in place, the last of some supernodes first."""
     k = W.shape[1]
@@ -123,7 +123,7 @@ def backward(chosen: Ints, blocks: Blocks, W: NDArray[Any]) -> None:
             _give(X, start + a, w, W)
 
 
-@njit(cache=True, nogil=True)
+@loop
 def _take(W: NDArray[Any], first: int, w: int, X: NDArray[Any]) -> None:
     """Rows of W, one after the other, and zeros for the columns that a product reads beyond the last."""
     k = W.shape[1]
@@ -133,7 +133,7 @@ def _take(W: NDArray[Any], first: int, w: int, X: NDArray[Any]) -> None:
     X[w * k : (w + SPARE) * k] = 0
 
 
-@njit(cache=True, nogil=True)
+@loop
 def _give(X: NDArray[Any], first: int, w: int, W: NDArray[Any]) -> None:
     """Rows back to W."""
     k = W.shape[1]
@@ -142,7 +142,7 @@ def _give(X: NDArray[Any], first: int, w: int, W: NDArray[Any]) -> None:
             W[first + j, q] = X[j * k + q]
 
 
-@njit(cache=True, nogil=True)
+@loop
 def _solve_forward(panel: Part, X: NDArray[Any], k: int) -> None:
     """X = L^-1 X for the triangle of a panel, some columns at a time."""
     values = panel.values
@@ -158,7 +158,7 @@ def _solve_forward(panel: Part, X: NDArray[Any], k: int) -> None:
         subtract(_below(panel, j, end), X, j * k, X, end * k, k)
 
 
-@njit(cache=True, nogil=True)
+@loop
 def _solve_backward(panel: Part, X: NDArray[Any], k: int) -> None:
     """X = L^-T X."""
     values = panel.values
@@ -174,13 +174,13 @@ def _solve_backward(panel: Part, X: NDArray[Any], k: int) -> None:
                 X[q] /= values[column + i]
 
 
-@njit(cache=True, nogil=True)
+@loop
 def _below(panel: Part, j: int, end: int) -> Part:
     """What columns j to ``end`` have below them within the triangle."""
     return Part(panel.values, panel.at + j * panel.height + end, panel.height, end - j, panel.columns - end)
 
 
-@njit(cache=True)
+@loop
 def diagonal(blocks: Blocks) -> NDArray[np.float64]:
     """Diagonal of L, in the order of elimination."""
     found = np.empty(blocks.first[-1])

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from cmsreduce.linalg.loops import loop
 
 __all__ = ["column_counts", "elimination_tree", "postorder"]
 
@@ -12,7 +13,7 @@ Ints = NDArray[np.int64]
 Rows = NDArray[np.int32]
 
 
-@njit(cache=True)
+@loop
 def elimination_tree(starts: Ints, indices: Rows, order: Ints, place: Ints) -> Ints:
     """Parent of each column in the elimination tree, columns in the order of elimination; -1 for a root.
 
@@ -34,7 +35,7 @@ def elimination_tree(starts: Ints, indices: Rows, order: Ints, place: Ints) -> I
     return parent
 
 
-@njit(cache=True)
+@loop
 def postorder(tree: Ints) -> Ints:
     """Vertices of a forest, each right after its subtree."""
     n = tree.size
@@ -64,7 +65,7 @@ def postorder(tree: Ints) -> Ints:
     return post
 
 
-@njit(cache=True)
+@loop
 def column_counts(starts: Ints, indices: Rows, order: Ints, place: Ints, tree: Ints) -> Ints:
     """Entries of each column of the factor, the diagonal one too; columns in postorder.
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blas_calls import factorise_block, multiply, solve_block, update
+from cmsreduce.linalg.loops import loop
 
 __all__ = ["PANEL", "Blocks", "Given", "depth_parity", "eliminate", "place_panels", "stack_size"]
 
@@ -75,7 +75,7 @@ class Given(NamedTuple):
     parity: Ints
 
 
-@njit(cache=True)
+@loop
 def place_panels(first: Ints, begin: Ints) -> tuple[Ints, Ints]:
     """Where the panels of each supernode are numbered from (s + 1,), and where each panel's entries begin (p + 1,)."""
     s = first.size - 1
@@ -92,7 +92,7 @@ def place_panels(first: Ints, begin: Ints) -> tuple[Ints, Ints]:
     return panels, entries
 
 
-@njit(cache=True)
+@loop
 def depth_parity(parent: Ints) -> Ints:
     """0 or 1: whether each supernode lies an even or an odd number of steps below its root."""
     parity = np.zeros(parent.size, np.int64)
@@ -102,7 +102,7 @@ def depth_parity(parent: Ints) -> Ints:
     return parity
 
 
-@njit(cache=True)
+@loop
 def stack_size(low: int, high: int, begin: Ints, members: Ints, children: Ints, parity: Ints) -> int:
     """Entries of updates that are held at most while supernodes are eliminated, see `eliminate`.
 
@@ -122,7 +122,7 @@ def stack_size(low: int, high: int, begin: Ints, members: Ints, children: Ints, 
     return most
 
 
-@njit(cache=True, nogil=True)
+@loop
 def eliminate(
     low: int,
     high: int,
@@ -156,7 +156,7 @@ def eliminate(
     return 0
 
 
-@njit(cache=True)
+@loop
 def _assemble(
     k: int, given: Given, blocks: Blocks, children: Ints, places: Ints, updates: NDArray[Any], where: Rows
 ) -> None:
@@ -186,14 +186,14 @@ def _assemble(
             _add(values, _column(blocks, panel, front, to[q]), updates, places[child] + q * to.size, q, to, ends)
 
 
-@njit(cache=True)
+@loop
 def _column(blocks: Blocks, panel: int, front: int, j: int) -> int:
     """Where row 0 of column j of a front would lie, whose first panel has that number."""
     a = j // PANEL * PANEL
     return int(blocks.entries[panel + j // PANEL] + (j - a) * (front - a) - a)
 
 
-@njit(cache=True)
+@loop
 def _eliminate_columns(k: int, blocks: Blocks, table: Ints, sizes: Rows) -> int:
     """Cholesky factor of the columns of supernode k, panel by panel."""
     c = blocks.first[k + 1] - blocks.first[k]
@@ -217,7 +217,7 @@ def _eliminate_columns(k: int, blocks: Blocks, table: Ints, sizes: Rows) -> int:
     return 0
 
 
-@njit(cache=True)
+@loop
 def _pass_on(
     k: int,
     blocks: Blocks,
@@ -245,7 +245,7 @@ def _pass_on(
                 _add(updates, places[k] + (to[q] - c) * r - c, updates, places[child] + q * to.size, q, to, ends)
 
 
-@njit(cache=True)
+@loop
 def _runs(theirs: Rows, where: Rows) -> tuple[Rows, Rows]:
     """Where a child's rows are in the front, and for each the first one after it that does not follow on."""
     at, ends = np.empty(theirs.size, np.int32), np.empty(theirs.size, np.int32)
@@ -257,7 +257,7 @@ def _runs(theirs: Rows, where: Rows) -> tuple[Rows, Rows]:
     return at, ends
 
 
-@njit(cache=True)
+@loop
 def _add(into: NDArray[Any], at: int, updates: NDArray[Any], source: int, q: int, to: Rows, ends: Rows) -> None:
     """Add column q of an update, from its diagonal on, to a column that lies from ``at`` on."""
     i = q

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba import njit
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.loops import loop
 from cmsreduce.linalg.register_kernels import (
     COLUMNS,
     NARROW,
@@ -53,7 +53,7 @@ def padded(k: int) -> int:
     return -(-k // NARROW) * NARROW
 
 
-@njit(cache=True, nogil=True)
+@loop
 def subtract(part: Part, X: NDArray[Any], x: int, Y: NDArray[Any], y: int, k: int) -> None:
     """Y = Y - A X for a block A; X and Y are rows of k entries that begin at places of arrays.
 
@@ -71,7 +71,7 @@ def subtract(part: Part, X: NDArray[Any], x: int, Y: NDArray[Any], y: int, k: in
         q += WIDE if wide else NARROW
 
 
-@njit(cache=True, nogil=True)
+@loop
 def subtract_transposed(part: Part, X: NDArray[Any], x: int, Y: NDArray[Any], y: int, k: int) -> None:
     """X = X - A^T Y; the rows that X has to spare are spoilt."""
     q = 0

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
 from numpy.typing import NDArray
+
+from cmsreduce.linalg.loops import loop
 
 __all__ = ["couplings"]
 
@@ -31,8 +32,8 @@ def couplings(A: sp.csc_array) -> tuple[Starts, Indices]:
     return starts, indices
 
 
-@njit(cache=True)
-def _mirrored(starts: Starts, indices: Indices, data: NDArray[np.float64]) -> bool:
+@loop
+def _mirrored(starts: Indices, indices: Indices, data: NDArray[np.float64]) -> bool:
     """Whether entries that are not zero have their mirror images, by sums over both triangles that would differ."""
     lower, upper = np.uint64(0), np.uint64(0)
     for j in range(starts.size - 1):
@@ -46,7 +47,7 @@ def _mirrored(starts: Starts, indices: Indices, data: NDArray[np.float64]) -> bo
     return bool(lower == upper)
 
 
-@njit(cache=True)
+@loop
 def _mixed(i: int, j: int) -> np.uint64:
     """Number of an ordered pair (the finalizer of splitmix64)."""
     x = (np.uint64(i) << np.uint64(32)) ^ np.uint64(j)
@@ -55,8 +56,8 @@ def _mixed(i: int, j: int) -> np.uint64:
     return x ^ (x >> np.uint64(31))
 
 
-@njit(cache=True)
-def _couplings(starts: Starts, indices: Indices, data: NDArray[np.float64], both: bool) -> tuple[Starts, Indices]:
+@loop
+def _couplings(starts: Indices, indices: Indices, data: NDArray[np.float64], both: bool) -> tuple[Starts, Indices]:
     n = starts.size - 1
     ends = np.zeros(n + 1, np.int64)
     for j in range(n):

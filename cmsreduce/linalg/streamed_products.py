@@ -6,9 +6,9 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.loops import loop
 from cmsreduce.linalg.narrow_products import AT_ONCE, SPARE, Part, padded, subtract, subtract_transposed
 from cmsreduce.linalg.solver_settings import current_settings
 
@@ -51,7 +51,7 @@ def _flat(V: Array) -> Array:
     return np.lib.stride_tricks.as_strided(V, shape=((V.shape[1] - 1) * step + V.shape[0],), strides=(V.itemsize,))
 
 
-@njit(cache=True, nogil=True)
+@loop
 def _inner(values: Array, height: int, m: int, W: Array, first: int, last: int, X: Array) -> None:
     """X = X - V^T W, of some rows."""
     k = X.size // (m + SPARE)
@@ -64,7 +64,7 @@ def _inner(values: Array, height: int, m: int, W: Array, first: int, last: int, 
         subtract_transposed(Part(values, low, height, m, rows), X, 0, Y, 0, k)
 
 
-@njit(cache=True, nogil=True)
+@loop
 def _less(values: Array, height: int, m: int, W: Array, first: int, last: int, X: Array) -> None:
     """W = W - V X, of some rows."""
     k = X.size // (m + SPARE)

@@ -7,11 +7,11 @@ from heapq import heapify, heappop, heappush, heapreplace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.amalgamation import UP_TO, ZEROS, merged
 from cmsreduce.linalg.elimination import column_counts, elimination_tree, postorder
+from cmsreduce.linalg.loops import loop
 
 __all__ = ["Supernodes", "shares", "supernodes"]
 
@@ -166,7 +166,7 @@ def _renumbered(tree: Ints, post: Ints) -> Ints:
     return np.append(_inverse(post), -1)[tree[post]]
 
 
-@njit(cache=True)
+@loop
 def _rows(
     starts: Ints,
     indices: NDArray[np.int32],
