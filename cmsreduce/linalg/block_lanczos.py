@@ -10,7 +10,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.search_space import SearchSpace
-from cmsreduce.linalg.tall_products import inner, less
+from cmsreduce.linalg.tall_products import column_products, inner, less
 
 __all__ = ["BlockLanczos", "Operator", "Ritz"]
 
@@ -196,7 +196,7 @@ class BlockLanczos:
         self, X: NDArray[np.float64], MX: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Orthonormal basis, and its product with M, of what a block has outside of the basis."""
-        size = float(np.sqrt(max(np.einsum("ij,ij->j", X, MX).max(initial=0.0), 0.0)))
+        size = float(np.sqrt(max(column_products(X, MX).max(initial=0.0), 0.0)))
         if self.m or self._deflated.size:
             missed, rigid = self._V.inner(MX), inner(self._deflated, MX)
             X = less(self._V.taken_from(X.copy(order="F"), missed), self._deflated, rigid)

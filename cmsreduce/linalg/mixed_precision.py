@@ -16,12 +16,12 @@ from cmsreduce.linalg.products import symmetric_product
 from cmsreduce.linalg.refined_factor import RefinedFactor
 from cmsreduce.linalg.search_space import SearchSpace
 from cmsreduce.linalg.shift_invert import ShiftedModes, combine_columns
-from cmsreduce.linalg.tall_products import inner
+from cmsreduce.linalg.tall_products import column_products, inner
 
 __all__ = ["corrected_modes"]
 
 # Columns of a Lanczos block, and of the basis beyond four times the modes sought.
-_WIDTH, _MORE = 12, 160
+_WIDTH, _MORE = 8, 160
 # Residual of a Ritz value, relative to it, at which the rough space is good enough: below is the noise of the solves.
 _ROUGH = 1e-6
 # Ritz vectors beside those sought: a correction shrinks what lies along a mode of lam_j by lam_i / lam_j, so that what
@@ -95,7 +95,7 @@ def _corrected(
         MC = mass(C)
         # Exact corrections are orthogonal to all modes sought; what is not is the noise of the solves.
         along = inner(X, MC)
-        residual = np.sqrt(np.maximum(np.einsum("ij,ij->j", C, MC) - (along**2).sum(axis=0), 0.0))
+        residual = np.sqrt(np.maximum(column_products(C, MC) - (along**2).sum(axis=0), 0.0))
         # The solves are off by this share themselves.
         residual /= 1 - factor.contraction
         last, worst = worst, float(residual.max())

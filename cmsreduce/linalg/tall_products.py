@@ -12,7 +12,7 @@ from cmsreduce.linalg.compiled import compiled_lacks
 from cmsreduce.linalg.pardiso import mkl_library
 from cmsreduce.linalg.solver_settings import current_settings
 
-__all__ = ["inner", "less"]
+__all__ = ["column_products", "inner", "less"]
 
 Array = NDArray[np.float64]
 
@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 _STREAMED = 50_000
 # Columns that are taken from few others in less time than by numpy's BLAS, and how few.
 _MANY, _FEW = 24, 24
+# Rows whose products are summed up at a time.
+_ROWS = 4096
 # Rows from which on MKL is asked: numpy's own BLAS takes half as long again for blocks so tall.
 _TALL = 20_000
 # Names of the C interface to BLAS.
@@ -81,6 +83,20 @@ def less(W: Array, V: Array, c: Array) -> Array:
 
         return streamed_less(W, V, c)
     return np.asarray(la.blas.dgemm(-1.0, V, c, 1.0, W, overwrite_c=True))
+
+
+def column_products(X: Array, Y: Array) -> Array:
+    """x_j^T y_j of the columns of two blocks (n, k), some rows at a time: in a third of the time where they lie unlike.
+
+    Returns
+    -------
+    (k,) float64
+    """
+    total = np.zeros(X.shape[1])
+    for start in range(0, X.shape[0], _ROWS):
+        rows = slice(start, start + _ROWS)
+        total += np.einsum("ij,ij->j", X[rows], Y[rows])
+    return total
 
 
 def _streamed(n: int) -> bool:

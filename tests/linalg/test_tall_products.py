@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
-from cmsreduce.linalg.tall_products import inner, less
+from cmsreduce.linalg.tall_products import column_products, inner, less
 
 
 def laid(n: int, columns: int, how: str, seed: int) -> np.ndarray:
@@ -54,3 +54,11 @@ def test_a_tall_product_is_the_same_each_time(threads):
         first, second = inner(V, W), inner(V, W)
     np.testing.assert_array_equal(first, second)
     np.testing.assert_allclose(first, V.T @ W, rtol=0, atol=1e-13 * 50_001)
+
+
+@pytest.mark.parametrize("left", LAYOUTS)
+@pytest.mark.parametrize("right", LAYOUTS)
+@pytest.mark.parametrize(("n", "k"), [(9_000, 5), (7, 3), (100, 0)])
+def test_products_column_by_column(left, right, n, k):
+    X, Y = laid(n, k, left, 1), laid(n, k, right, 2)
+    np.testing.assert_allclose(column_products(X, Y), (X * Y).sum(axis=0), rtol=0, atol=1e-13 * n)
