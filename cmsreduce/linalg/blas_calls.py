@@ -18,7 +18,7 @@ __all__ = ["GEMM", "POTRF", "SYRK", "TRSM", "factorise_block", "multiply", "rout
 # Places of the routines' addresses; the numbers that every call needs lie behind them: the letters that say what is
 # transposed, and -1, 0, 1 in the precision of the routines.
 GEMM, SYRK, TRSM, POTRF = range(4)
-_LETTERS, _LEFT, _RIGHT, _LOWER, _TRANSPOSED, _PLAIN = 4, 0, 1, 2, 3, 4
+_LETTERS, _RIGHT, _LOWER, _TRANSPOSED, _PLAIN = 4, 0, 1, 2, 3
 _MINUS, _ZERO, _ONE = 5, 6, 7
 
 
@@ -27,7 +27,7 @@ class _Routines:
 
     def __init__(self, real: np.dtype[Any]) -> None:
         kind = "d" if real == np.float64 else "s"
-        self._letters = np.frombuffer(b"LRLTN", dtype=np.uint8).copy()
+        self._letters = np.frombuffer(b"RLTN", dtype=np.uint8).copy()
         self._factors = np.array([-1.0, 0.0, 1.0], dtype=real)
         self.table = np.array(
             [
@@ -146,22 +146,20 @@ def update(
 def solve_block(
     table: NDArray[np.int64],
     sizes: NDArray[np.int32],
-    left: bool,
-    transposed: bool,
     shape: tuple[int, int],
     L: tuple[int, int],
     B: tuple[int, int],
 ) -> None:
-    """B = op(L)^-1 B, or B op(L)^-1, for a lower triangle L."""
+    """B = B L^-T for a lower triangle L."""
     for place, value in enumerate((shape[0], shape[1], L[1], B[1])):
         sizes[place] = value
     at, letters = sizes.ctypes.data, table[_LETTERS]
     _call(
         table[TRSM],
         (
-            letters + (_LEFT if left else _RIGHT),
+            letters + _RIGHT,
             letters + _LOWER,
-            letters + (_TRANSPOSED if transposed else _PLAIN),
+            letters + _TRANSPOSED,
             letters + _PLAIN,
             at,
             at + 4,

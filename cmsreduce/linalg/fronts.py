@@ -208,7 +208,7 @@ def _eliminate_columns(k: int, blocks: Blocks, table: Ints, sizes: Rows) -> int:
         if failed:
             return int(blocks.first[k] + a + failed)
         if height > w:
-            solve_block(table, sizes, False, True, (height - w, w), (here, height), (here + w * step, height))
+            solve_block(table, sizes, (height - w, w), (here, height), (here + w * step, height))
         for later in range(panel + 1, high):
             b = (later - low) * PANEL
             source, to = here + (b - a) * step, base + blocks.entries[later] * step
