@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.layout import by_rows
 from cmsreduce.linalg.solver_settings import current_settings
 from cmsreduce.model import column_blocks, mapped_array, mapped_in, shapes_beside
 
@@ -16,12 +17,12 @@ __all__ = [
     "absolute_parts",
     "combine",
     "combined",
+    "kept_by_rows",
     "new_basis",
     "observed",
     "outgrows",
     "row_blocks",
     "side_by_side",
-    "working_space",
 ]
 
 Array = NDArray[np.float64]
@@ -43,17 +44,18 @@ def new_basis(n: int, m: int) -> Array:
     return mapped_array(folder, n, m)
 
 
-def working_space(n: int, m: int, *, most: int | None = None) -> Array:
-    """Room for columns (n, m) of a search, of which some may never be used; not set to anything in memory.
+def kept_by_rows(X: Array, beside: int) -> Array:
+    """Columns (n, k) of a search by rows: themselves, or on disk where with those ``beside`` they outgrow memory.
 
-    There is one search at a time, so it may take several times what a basis may before it is on disk: as a whole, with
-    ``most`` columns where these are a part of them.
+    There is one search at a time, so it may take several times what a basis may.
     """
-    folder = current_settings().scratch
-    if folder is None or not outgrows(n, (most or m) // _SEARCHES):
-        # Pages that nothing is written to take no memory.
-        return np.empty((n, m), order="F")
-    return mapped_array(folder, n, m)
+    folder, (n, k) = current_settings().scratch, X.shape
+    if folder is None or not k or not outgrows(n, (beside + k) // _SEARCHES):
+        return by_rows(X)
+    place = mapped_array(folder, n, k, by_rows=True)
+    for rows in row_blocks(n, k):
+        place[rows] = X[rows]
+    return place
 
 
 def outgrows(n: int, m: int) -> bool:

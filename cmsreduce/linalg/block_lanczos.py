@@ -9,8 +9,9 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.layout import by_rows
 from cmsreduce.linalg.search_space import SearchSpace
-from cmsreduce.linalg.tall_products import column_products, inner, less
+from cmsreduce.linalg.tall_products import column_products, inner, inner_of_all, less, less_all, times
 
 __all__ = ["BlockLanczos", "Operator", "Ritz"]
 
@@ -102,7 +103,7 @@ class BlockLanczos:
         self._width = max(min(block, room // 4), 1)
         self._columns = min(max(columns, 3 * sought // 2 + 3 * self._width), room)
         self._sought = sought
-        self._V = SearchSpace(n, self._columns)
+        self._V = SearchSpace(n)
         self._T = np.empty((0, 0))
         # The newest block, not yet in the basis, and what it was before it was made orthonormal; the one before it.
         self._X, self._MX, self._border = self._first(start)
@@ -124,11 +125,10 @@ class BlockLanczos:
             self._restart()
         MX, m = self._MX, self.m
         X = self._X = self._V.append(self._X)
-        W = np.asfortranarray(self._operator(MX))
-        H = np.zeros((self.m, X.shape[1]))
-        H[m - self._last.shape[1] : m] = inner(self._last_mass, W)
-        H[m:] = inner(MX, W)
-        W = less(less(W, self._last, H[m - self._last.shape[1] : m]), X, H[m:])
+        W = by_rows(self._operator(MX))
+        H, newest = np.zeros((self.m, X.shape[1])), slice(m - self._last.shape[1], None)
+        H[newest] = inner_of_all([self._last_mass, MX], W)
+        W = less_all(W, [self._last, X], H[newest])
         self._last, self._last_mass = X, MX
         before = abs(H).max()
         for _ in range(_PASSES):
@@ -136,7 +136,7 @@ class BlockLanczos:
             missed, rigid = self._V.inner(MW), inner(self._deflated, MW)
             H += missed
             W = less(self._V.taken_from(W, missed), self._deflated, rigid)
-            left = max(float(np.sqrt(max(inner(W, MW).diagonal().max(), 0.0))), _NEW * before)
+            left = max(float(np.sqrt(max(column_products(W, MW).max(), 0.0))), _NEW * before)
             worst = max(abs(missed).max(), abs(rigid).max(initial=0.0))
             if worst <= _SEMIORTHOGONAL * left:
                 break
@@ -166,7 +166,7 @@ class BlockLanczos:
         """
         S, theta = ritz.S[:, chosen], ritz.theta[chosen]
         tail = self._border @ S[self.m - self._border.shape[1] :]
-        return less(self._V.combined(S), self._X, -tail / theta)
+        return self._V.combined(np.vstack([S, tail / theta]), self._X)
 
     def _restart(self) -> None:
         """Shrink the basis to its best Ritz vectors; the newest block couples them to what follows."""
@@ -186,7 +186,7 @@ class BlockLanczos:
             X = self._operator(self._mass(self._random.standard_normal((n, self._width))))
         else:
             X = start @ self._random.standard_normal((start.shape[1], self._width))
-        X = np.asfortranarray(X)
+        X = by_rows(X)
         MX = self._mass(X)
         for _ in range(_PASSES):
             X, MX = self._cleared(X, MX)
@@ -199,7 +199,7 @@ class BlockLanczos:
         size = float(np.sqrt(max(column_products(X, MX).max(initial=0.0), 0.0)))
         if self.m or self._deflated.size:
             missed, rigid = self._V.inner(MX), inner(self._deflated, MX)
-            X = less(self._V.taken_from(X.copy(order="F"), missed), self._deflated, rigid)
+            X = less(self._V.taken_from(X.copy(), missed), self._deflated, rigid)
             MX = self._mass(X)
         X, _, _ = _orthonormal(X, MX, _NEW * size)
         return X, self._mass(X)
@@ -219,20 +219,14 @@ def _orthonormal(
         kept = squared > max(least**2, _INDEPENDENT * squared.max(initial=0.0))
         if kept.all() and kept.size:
             R = la.cholesky((G + G.T) / 2)
-            W, MW, B = _over(W, R), _over(MW, R), R @ B
+            inverse = la.solve_triangular(R, np.eye(kept.size))
+            W, MW, B = times(W, inverse), times(MW, inverse), R @ B
             if squared[0] > _ALIKE * squared[-1]:
                 break
         else:
             kept = squared > least**2
             root = np.sqrt(squared[kept])
-            W, MW = np.asfortranarray(W @ (U[:, kept] / root)), np.asfortranarray(MW @ (U[:, kept] / root))
+            W, MW = by_rows(times(W, U[:, kept] / root)), by_rows(times(MW, U[:, kept] / root))
             B = (root[:, None] * U[:, kept].T) @ B
         least = 0.0
     return W, MW, B
-
-
-def _over(W: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.float64]:
-    """W R^-1 in the memory of W, which lies by columns or by rows."""
-    if W.flags.f_contiguous:
-        return np.asarray(la.blas.dtrsm(1.0, R, W, side=1, overwrite_b=True))
-    return np.asarray(la.blas.dtrsm(1.0, R, np.ascontiguousarray(W).T, trans_a=True, overwrite_b=True)).T

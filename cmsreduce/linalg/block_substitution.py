@@ -78,14 +78,14 @@ def forward(chosen: Ints, blocks: Blocks, W: NDArray[Any], shared: int, apart: N
             a = (panel - blocks.panels[s]) * PANEL
             w = min(PANEL, c - a)
             own, height, at = c - a - w, c - a + below.size, blocks.entries[panel]
-            triangle = Part(blocks.values, at, height, w, w)
+            triangle = Part(blocks.values, at, height, 1, w, w)
             _take(W, start + a, w, X)
             _solve_forward(triangle, X, k)
             _give(X, start + a, w, W)
             for low in range(w, height, AT_ONCE):
                 rows = min(AT_ONCE, height - low)
                 Y[: rows * k] = 0
-                subtract(Part(blocks.values, at + low, height, w, rows), X, 0, Y, 0, k)
+                subtract(Part(blocks.values, at + low, height, 1, w, rows), X, 0, Y, 0, k)
                 for i in range(rows):
                     j = low + i - w
                     row = start + a + w + j if j < own else below[j - own]
@@ -109,7 +109,7 @@ def backward(chosen: Ints, blocks: Blocks, W: NDArray[Any]) -> None:
             a = (panel - blocks.panels[s]) * PANEL
             w = min(PANEL, c - a)
             own, height, at = c - a - w, c - a + below.size, blocks.entries[panel]
-            triangle = Part(blocks.values, at, height, w, w)
+            triangle = Part(blocks.values, at, height, 1, w, w)
             _take(W, start + a, w, X)
             for low in range(w, height, AT_ONCE):
                 rows = min(AT_ONCE, height - low)
@@ -118,7 +118,7 @@ def backward(chosen: Ints, blocks: Blocks, W: NDArray[Any]) -> None:
                     row = start + a + w + j if j < own else below[j - own]
                     for q in range(k):
                         Y[i * k + q] = W[row, q]
-                subtract_transposed(Part(blocks.values, at + low, height, w, rows), X, 0, Y, 0, k)
+                subtract_transposed(Part(blocks.values, at + low, height, 1, w, rows), X, 0, Y, 0, k)
             _solve_backward(triangle, X, k)
             _give(X, start + a, w, W)
 
@@ -149,7 +149,7 @@ def _solve_forward(panel: Part, X: NDArray[Any], k: int) -> None:
     for j in range(0, panel.columns, COLUMNS):
         end = min(j + COLUMNS, panel.columns)
         for i in range(j, end):
-            column = panel.at + i * panel.height
+            column = panel.at + i * panel.across
             for q in range(i * k, i * k + k):
                 X[q] /= values[column + i]
             for r in range(i + 1, end):
@@ -166,7 +166,7 @@ def _solve_backward(panel: Part, X: NDArray[Any], k: int) -> None:
         end = min(j + COLUMNS, panel.columns)
         subtract_transposed(_below(panel, j, end), X, j * k, X, end * k, k)
         for i in range(end - 1, j - 1, -1):
-            column = panel.at + i * panel.height
+            column = panel.at + i * panel.across
             for r in range(i + 1, end):
                 for q in range(k):
                     X[i * k + q] -= values[column + r] * X[r * k + q]
@@ -177,7 +177,7 @@ def _solve_backward(panel: Part, X: NDArray[Any], k: int) -> None:
 @loop
 def _below(panel: Part, j: int, end: int) -> Part:
     """What columns j to ``end`` have below them within the triangle."""
-    return Part(panel.values, panel.at + j * panel.height + end, panel.height, end - j, panel.columns - end)
+    return Part(panel.values, panel.at + j * panel.across + end, panel.across, 1, end - j, panel.columns - end)
 
 
 @loop

@@ -5,7 +5,10 @@ from __future__ import annotations
 from functools import cache
 from importlib import import_module
 
-__all__ = ["compiled_lacks"]
+__all__ = ["compiled_lacks", "worth_compiling"]
+
+# Rows from which on loops are compiled for it: MKL and numpy's BLAS take twice as long, MKL at some widths ten times.
+_ROWS = 50_000
 
 
 @cache
@@ -17,3 +20,8 @@ def compiled_lacks() -> str:
     except (ImportError, RuntimeError) as error:
         return f"numba ({error})"
     return ""
+
+
+def worth_compiling(n: int) -> bool:
+    """Whether loops are compiled for blocks of so many rows, and can be."""
+    return n >= _ROWS and not compiled_lacks()

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.eigen_residuals import eigen_residuals
 from cmsreduce.linalg.factorise import BLOCK, factorise
 from cmsreduce.linalg.flexibility import ElasticFlexibility, Solve
 from cmsreduce.linalg.mixed_precision import corrected_modes
@@ -21,6 +22,7 @@ from cmsreduce.linalg.repeated import REPEATED, repeated_groups
 from cmsreduce.linalg.shift_invert import CONVERGED
 from cmsreduce.linalg.spectrum_slicing import SLICED, counted_modes
 from cmsreduce.linalg.sturm import STEPPED, sturm_count
+from cmsreduce.linalg.tall_products import column_products
 
 __all__ = ["CertifiedModes", "beside_modes", "certified_modes", "count_below", "modes_below"]
 
@@ -236,8 +238,9 @@ def _check_residuals(
     norm, stiffness, mass = _one_norm(K), symmetric_product(K), symmetric_product(M)
     for first in range(0, w.size, _CHECKED):
         part = slice(first, first + _CHECKED)
-        residual[part] = np.linalg.norm(stiffness(X[:, part]) - mass(X[:, part]) * w[part] ** 2, axis=0)
-        size[part] = norm * np.linalg.norm(X[:, part], axis=0)
+        rest = eigen_residuals(stiffness, mass, X[:, part], w[part] ** 2)
+        residual[part] = np.sqrt(column_products(rest, rest))
+        size[part] = norm * np.sqrt(column_products(X[:, part], X[:, part]))
     if (residual > limit * size).any():
         worst = int(np.argmax(residual / size))
         raise MatrixError(

@@ -75,6 +75,7 @@ class Factor(ABC):
         Returns
         -------
         x : float64, shape of ``b``
+            By columns, or by rows where ``b`` lies so.
         """
         b = np.asarray(b, dtype=np.float64)
         if not b.size:
@@ -91,7 +92,7 @@ class Factor(ABC):
 
     @abstractmethod
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solve for a block (n, k) of any layout; the solution lies by columns."""
+        """Solve for a block (n, k) of any layout; the solution lies by columns, or as the block does."""
 
     @cached_property
     @abstractmethod

@@ -1,4 +1,4 @@
-"""Blocks of vectors, which sparse products lay out by rows, as solves want them: by columns."""
+"""Blocks of vectors by rows, as sparse products and searches want them, and by columns, as shapes are kept."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["by_columns"]
+from cmsreduce.linalg.row_shares import share_rows
+
+__all__ = ["by_columns", "by_rows", "put"]
 
 # Rows that are turned at a time: few enough that all their columns stay at hand.
 _ROWS = 256
@@ -29,6 +31,25 @@ def by_columns(X: NDArray[Any], real: np.dtype[Any] | type[np.floating[Any]] = n
     if X.strides[0] <= X.strides[1]:
         return np.asfortranarray(X, dtype=real)
     turned = np.empty(X.shape, dtype=real, order="F")
-    for first in range(0, X.shape[0], _ROWS):
-        turned[first : first + _ROWS] = X[first : first + _ROWS]
+    put(X, turned)
     return turned
+
+
+def by_rows(X: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lay a block (n, k) out by rows (C order), itself where it is."""
+    if X.flags.c_contiguous:
+        return X
+    turned = np.empty(X.shape)
+    put(X, turned)
+    return turned
+
+
+def put(X: NDArray[Any], place: NDArray[Any], scale: NDArray[np.float64] | None = None) -> None:
+    """Write a block (n, k), each column multiplied by its ``scale`` (k,), to where it may lie otherwise."""
+
+    def work(_: int, low: int, high: int) -> None:
+        for first in range(low, high, _ROWS):
+            rows = slice(first, min(first + _ROWS, high))
+            place[rows] = X[rows] if scale is None else X[rows] * scale
+
+    share_rows(X.shape[0], work)

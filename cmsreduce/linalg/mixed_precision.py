@@ -11,12 +11,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.block_lanczos import BlockLanczos, Operator
+from cmsreduce.linalg.eigen_residuals import eigen_residuals
 from cmsreduce.linalg.factor import BLOCK
+from cmsreduce.linalg.inverse_iteration import ShiftedModes
+from cmsreduce.linalg.layout import put
 from cmsreduce.linalg.products import symmetric_product
 from cmsreduce.linalg.refined_factor import RefinedFactor
 from cmsreduce.linalg.search_space import SearchSpace
-from cmsreduce.linalg.shift_invert import ShiftedModes, combine_columns
-from cmsreduce.linalg.tall_products import column_products, inner
+from cmsreduce.linalg.tall_products import column_products, inner, times
 
 __all__ = ["corrected_modes"]
 
@@ -64,7 +66,7 @@ def corrected_modes(
     What single precision takes from K^-1 lies along the softest motions. They are the first that Lanczos finds, so
     that a Rayleigh-Ritz step with the matrices themselves gives them back; what is left is five digits smaller, and
     residuals, solved for by the same factor, join the space until it holds the modes: Davidson's method. Source: E. R.
-    Davidson, J. Comput. Phys. 17 (1975), 87-94; bound: as in `shift_invert.polished`.
+    Davidson, J. Comput. Phys. 17 (1975), 87-94; bound: as in `inverse_iteration.polished`.
     """
     try:
         return _corrected(K, M, factor, high, wanted, tolerance)
@@ -77,7 +79,7 @@ def _corrected(
     K: sp.csc_array, M: sp.csc_array, factor: RefinedFactor, high: float, wanted: int, tolerance: float
 ) -> ShiftedModes | None:
     stiffness, mass = symmetric_product(K), symmetric_product(M)
-    V = SearchSpace(K.shape[0], 2 * wanted + _BESIDE + _ROUNDS * wanted)
+    V = SearchSpace(K.shape[0])
     A, B = np.zeros((0, 0)), np.zeros((0, 0))
     for C in _rough_vectors(factor, mass, K.shape[0], wanted):
         A, B = _joined(V.inner, C, A, B, stiffness, mass)
@@ -147,11 +149,7 @@ def _corrections(
     C = np.empty(X.shape, order="F")
     for first in range(0, lam.size, BLOCK):
         part = slice(first, first + BLOCK)
-        x = X[:, part]
-        residual, inertia = stiffness(x), mass(x)
-        inertia *= lam[part]
-        residual -= inertia
-        C[:, part] = factor.rough(residual)
+        put(factor.rough(eigen_residuals(stiffness, mass, X[:, part], lam[part])), C[:, part])
     return C
 
 
@@ -164,8 +162,7 @@ def _smoothed(
     for first in range(0, X.shape[1], BLOCK):
         A, B = _joined(partial(inner, X[:, :first]), X[:, first : first + BLOCK], A, B, stiffness, mass)
     lam, Z = _ritz(A, B, X.shape[1])
-    combine_columns(X, Z)
-    return lam, X
+    return lam, times(X, Z)
 
 
 def _widened(

@@ -116,7 +116,7 @@ class Multifrontal(Factor):
             eliminated(range(k, k + 1), stack, tops, where)
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solution (n, k) for A, whatever the matrix was scaled by; in single precision to seven digits."""
+        """Solution (n, k) for A, whatever the matrix was scaled by, laid out as b; in single precision to 7 digits."""
         from cmsreduce.linalg.block_substitution import backward, forward, gather, largest, spread
         from cmsreduce.linalg.narrow_products import padded
 
@@ -129,7 +129,7 @@ class Multifrontal(Factor):
         cuts = np.linspace(0, n, threads + 1).astype(int)
         shared = int(tree.first[tree.above.start])
         apart = [np.zeros((n - shared, W.shape[1]), self._real) for _ in self._chosen]
-        above, x = np.array(tree.above, dtype=np.int64), np.empty((n, k), order="F")
+        above, x = np.array(tree.above, dtype=np.int64), np.empty((n, k), order="C" if b.flags.c_contiguous else "F")
         with ThreadPoolExecutor(threads) as pool:
 
             def side_by_side(work: Callable[[int], None]) -> None:

@@ -11,10 +11,11 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.block_lanczos import Operator
+from cmsreduce.linalg.inverse_iteration import ShiftedModes, polished
 from cmsreduce.linalg.parted_factor import PartedFactor
 from cmsreduce.linalg.pencil import elastic_pairs
 from cmsreduce.linalg.products import symmetric_product
-from cmsreduce.linalg.shift_invert import CONVERGED, ShiftedModes, polished
+from cmsreduce.linalg.shift_invert import CONVERGED
 from cmsreduce.linalg.solver_settings import current_settings, solver_settings
 from cmsreduce.linalg.spectrum_slicing import counted_modes
 from cmsreduce.linalg.sturm import sturm_count

@@ -11,6 +11,10 @@ from cmsreduce.linalg.register_kernels import (
     COLUMNS,
     NARROW,
     WIDE,
+    row_subtract_narrow,
+    row_subtract_wide,
+    row_transposed_narrow,
+    row_transposed_wide,
     subtract_narrow,
     subtract_wide,
     transposed_narrow,
@@ -32,18 +36,19 @@ class Part(NamedTuple):
     Parameters
     ----------
     values : (e,) float64 or float32
-        Array that the block lies in by columns.
+        Array that the block lies in.
     at : int
         Where its first entry lies.
-    height : int
-        Entries from a column to the next.
+    across, down : int
+        Entries from a column to the next, and from a row to the next: one of them is 1.
     columns, rows : int
         Of the block.
     """
 
     values: NDArray[Any]
     at: int
-    height: int
+    across: int
+    down: int
     columns: int
     rows: int
 
@@ -59,28 +64,40 @@ def subtract(part: Part, X: NDArray[Any], x: int, Y: NDArray[Any], y: int, k: in
 
     k is one of `padded`; X has `SPARE` rows more than the block has columns, of zeros if it has rows.
     """
-    q = 0
+    A, rows, q = part.values, part.rows, 0
     while q < k:
         wide = q + WIDE <= k
         for j in range(0, part.columns, COLUMNS):
-            at, left = part.at + j * part.height, min(COLUMNS, part.columns - j)
-            if wide:
-                subtract_wide(part.values, at, part.height, left, X, x + j * k + q, Y, y + q, part.rows, k)
+            a, b, c = part.at + j * part.across, x + j * k + q, y + q
+            left = min(COLUMNS, part.columns - j)
+            if part.down == 1:
+                if wide:
+                    subtract_wide(A, a, part.across, left, X, b, Y, c, rows, k)
+                else:
+                    subtract_narrow(A, a, part.across, left, X, b, Y, c, rows, k)
+            elif wide:
+                row_subtract_wide(A, a, part.down, left, X, b, Y, c, rows, k)
             else:
-                subtract_narrow(part.values, at, part.height, left, X, x + j * k + q, Y, y + q, part.rows, k)
+                row_subtract_narrow(A, a, part.down, left, X, b, Y, c, rows, k)
         q += WIDE if wide else NARROW
 
 
 @loop
 def subtract_transposed(part: Part, X: NDArray[Any], x: int, Y: NDArray[Any], y: int, k: int) -> None:
     """X = X - A^T Y; the rows that X has to spare are spoilt."""
-    q = 0
+    A, rows, q = part.values, part.rows, 0
     while q < k:
         wide = q + WIDE <= k
         for j in range(0, part.columns, COLUMNS):
-            at, left = part.at + j * part.height, min(COLUMNS, part.columns - j)
-            if wide:
-                transposed_wide(part.values, at, part.height, left, X, x + j * k + q, Y, y + q, part.rows, k)
+            a, b, c = part.at + j * part.across, x + j * k + q, y + q
+            left = min(COLUMNS, part.columns - j)
+            if part.down == 1:
+                if wide:
+                    transposed_wide(A, a, part.across, left, X, b, Y, c, rows, k)
+                else:
+                    transposed_narrow(A, a, part.across, left, X, b, Y, c, rows, k)
+            elif wide:
+                row_transposed_wide(A, a, part.down, left, X, b, Y, c, rows, k)
             else:
-                transposed_narrow(part.values, at, part.height, left, X, x + j * k + q, Y, y + q, part.rows, k)
+                row_transposed_narrow(A, a, part.down, left, X, b, Y, c, rows, k)
         q += WIDE if wide else NARROW

@@ -10,10 +10,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.compiled import worth_compiling
 from cmsreduce.linalg.mkl_product import mkl_product
 from cmsreduce.linalg.solver_settings import current_settings
 
 __all__ = ["symmetric_product"]
+
+Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 # Entries below which a second thread costs more than it saves.
 _ENTRIES = 200_000
@@ -22,7 +25,7 @@ _ENTRIES = 200_000
 _ZEROS = 0.5
 
 
-def symmetric_product(A: sp.csc_array) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+def symmetric_product(A: sp.csc_array) -> Product:
     """Product of a symmetric matrix with blocks of vectors; each thread has rows of its own, so sums never differ.
 
     Parameters
@@ -38,13 +41,20 @@ def symmetric_product(A: sp.csc_array) -> Callable[[NDArray[np.float64]], NDArra
     columns = sp.csc_array(A)
     if np.count_nonzero(columns.data) < (1 - _ZEROS) * columns.nnz:
         columns = _without_zeros(columns)
-    n, threads = columns.shape[0], current_settings().thread_count
-    quick = mkl_product(columns) if columns.nnz >= _ENTRIES else None
-    if quick is not None:
-        return quick
-    if threads == 1 or columns.nnz < _ENTRIES:
-        rows = sp.csr_array((columns.data, columns.indices, columns.indptr), shape=(n, n))
+    if columns.nnz < _ENTRIES:
+        rows = _rows(columns, 0, columns.shape[0])
         return lambda X: np.asarray(rows @ np.ascontiguousarray(X))
+    quick = mkl_product(columns) or _shared(columns)
+    if columns.data.dtype != np.float64 or not worth_compiling(columns.shape[0]):
+        return quick
+    from cmsreduce.linalg.compiled_product import compiled_product
+
+    return compiled_product(columns, quick)
+
+
+def _shared(columns: sp.csc_array) -> Product:
+    """Product by scipy's routines, each thread with rows of its own."""
+    n, threads = columns.shape[0], current_settings().thread_count
     cuts = np.searchsorted(columns.indptr, np.linspace(0, columns.nnz, threads + 1)[1:-1])
     ends = [0, *(int(cut) for cut in cuts), n]
     parts = [_rows(columns, start, stop) for start, stop in pairwise(ends)]

@@ -5,77 +5,62 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.basis_store import working_space
-from cmsreduce.linalg.tall_products import inner, less
+from cmsreduce.linalg.basis_store import kept_by_rows
+from cmsreduce.linalg.tall_products import combination, inner_of_all, less_all
 
 __all__ = ["SearchSpace"]
 
 Array = NDArray[np.float64]
 
-# Columns that are allocated at a time: wide enough for dense products, small enough for memory that was freed before.
-_COLUMNS = 48
 # Rows that are combined at a time.
 _ROWS = 4096
 
 
 class SearchSpace:
-    """Columns V (n, m), of which some more may come.
+    """Columns V (n, m), of which some more may come; each block lies by rows, for it is read as a whole.
 
     Parameters
     ----------
     n : int
         Rows.
-    most : int
-        Columns at most.
     """
 
-    def __init__(self, n: int, most: int) -> None:
-        self.n, self.m = n, 0
-        self._most, self._chunk = most, min(_COLUMNS, most)
-        self._chunks: list[Array] = []
+    def __init__(self, n: int) -> None:
+        self.n = n
+        self._blocks: list[Array] = []
 
     @property
-    def _filled(self) -> list[Array]:
-        """Arrays that lie side by side."""
-        full = range(0, self.m, self._chunk)
-        return [chunk[:, : self.m - first] for chunk, first in zip(self._chunks, full, strict=False)]
+    def m(self) -> int:
+        """Columns."""
+        return sum(block.shape[1] for block in self._blocks)
 
     def append(self, X: Array) -> Array:
-        """Add columns (n, k), and return them as they lie here."""
-        first, k = self.m, X.shape[1]
-        while self.m < first + k:
-            chunk, used = divmod(self.m, self._chunk)
-            if chunk == len(self._chunks):
-                self._chunks.append(working_space(self.n, self._chunk, most=self._most))
-            rest = X[:, self.m - first :]
-            here = self._chunks[chunk][:, used : used + rest.shape[1]]
-            here[:] = rest[:, : here.shape[1]]
-            self.m += here.shape[1]
-        return here if k and here.shape[1] == k else X
+        """Add columns (n, k), and return them as they are kept: themselves, if they may be, from now on unchanged."""
+        kept = kept_by_rows(X, self.m)
+        if kept.shape[1]:
+            self._blocks.append(kept)
+        return kept
 
     def inner(self, W: Array) -> Array:
         """V^T W (m, k)."""
-        return np.vstack([np.empty((0, W.shape[1])), *(inner(chunk, W) for chunk in self._filled)])
+        return inner_of_all(self._blocks, W)
 
     def taken_from(self, W: Array, c: Array) -> Array:
-        """W - V c in the memory of W, (n, k) in Fortran order."""
-        first = 0
-        for chunk in self._filled:
-            W = less(W, chunk, c[first : first + chunk.shape[1]])
-            first += chunk.shape[1]
-        return W
+        """W - V c in the memory of W, (n, k) by columns or by rows."""
+        return less_all(W, self._blocks, c)
 
-    def combined(self, S: Array) -> Array:
-        """V S (n, k), in Fortran order."""
-        return self.taken_from(np.zeros((self.n, S.shape[1]), order="F"), -S)
+    def combined(self, S: Array, *beside: Array) -> Array:
+        """V S (n, k), in Fortran order; [V, X] S with columns X ``beside``."""
+        blocks = [*self._blocks, *beside]
+        return combination(blocks, S) if blocks else np.zeros((self.n, S.shape[1]), order="F")
 
     def shrink(self, S: Array) -> None:
         """Replace the columns by V S, for S (m, k) with k <= m."""
-        k, filled = S.shape[1], self._filled
-        parts = np.split(S, np.cumsum([chunk.shape[1] for chunk in filled])[:-1])
-        self.m = k
-        for start in range(0, self.n, _ROWS):
-            rows = slice(start, start + _ROWS)
-            combined = np.sum([chunk[rows] @ part for chunk, part in zip(filled, parts, strict=True)], axis=0)
-            for first, chunk in zip(range(0, k, self._chunk), filled, strict=False):
-                chunk[rows, : k - first] = combined[:, first : first + chunk.shape[1]]
+        before, kept = self._blocks, S.shape[1]
+        starts = np.cumsum([0, *(block.shape[1] for block in before)]).tolist()
+        self._blocks = [block[:, : kept - start] for block, start in zip(before, starts, strict=False) if start < kept]
+        for first in range(0, self.n, _ROWS):
+            rows = slice(first, first + _ROWS)
+            combined = np.hstack([block[rows] for block in before]) @ S
+            for block, start in zip(self._blocks, starts, strict=False):
+                block[rows] = combined[:, start : start + block.shape[1]]

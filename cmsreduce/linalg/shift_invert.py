@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.block_lanczos import BlockLanczos, Operator
-from cmsreduce.linalg.factor import BLOCK
-from cmsreduce.linalg.pencil import refine
-from cmsreduce.linalg.tall_products import column_products, inner
+from cmsreduce.linalg.inverse_iteration import ShiftedModes, polished
 
-__all__ = ["CONVERGED", "ShiftedModes", "Window", "combine_columns", "modes_about", "polished", "refined"]
+__all__ = ["CONVERGED", "Window", "modes_about"]
 
 CONVERGED = 1e-9
 """Residual of a Ritz value that is an eigenvalue, relative to it: a frequency is then right to half of that, and the
@@ -32,8 +29,6 @@ _LOOKED_AT, _LOOK = 400, 0.1
 _NEAR = 1e-5
 # Ritz vectors beyond those sought that outlive a restart where a run has found nothing; doubled until it does.
 _LEAST_SPARE, _MOST_SPARE = 64, 512
-# Rows that are combined at a time.
-_ROWS = 4096
 
 
 class Window(NamedTuple):
@@ -59,27 +54,6 @@ class Window(NamedTuple):
     below: int
     above: int
     enough: int
-
-
-class ShiftedModes(NamedTuple):
-    """Modes of a window, ascending.
-
-    Parameters
-    ----------
-    lam : (k,) float64
-        Squared frequencies.
-    X : (n, k) float64
-        Modes, orthonormal in M.
-    bound : (k,) float64
-        Relative error of each frequency (not squared) at most.
-    complete : bool
-        Whether they are all that were counted; if not, they have no shapes.
-    """
-
-    lam: NDArray[np.float64]
-    X: NDArray[np.float64]
-    bound: NDArray[np.float64]
-    complete: bool
 
 
 def modes_about(
@@ -182,24 +156,6 @@ def _run(
     return np.empty((deflated.shape[0], 0)), np.empty(0), False
 
 
-def combine_columns(X: NDArray[np.float64], Z: NDArray[np.float64]) -> None:
-    """Replace X (n, k) by X Z (n, k) in place."""
-    for start in range(0, X.shape[0], _ROWS):
-        rows = slice(start, start + _ROWS)
-        X[rows] = X[rows] @ Z
-
-
-def refined(
-    K: NDArray[np.float64], M: NDArray[np.float64], lam: NDArray[np.float64], Z: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Eigenpairs of a small pencil after a step of `refine`, orthonormal to round-off whatever the step was.
-
-    Rounding turns modes of a cluster within it by more than rounding, and a step corrects to first order only.
-    """
-    lam, Z = refine(K, M, lam, Z)
-    return lam, Z - Z @ (Z.T @ M @ Z - np.eye(lam.size)) / 2
-
-
 def _squared_frequencies(theta: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
     """Eigenvalues sigma + 1 / theta; infinite where theta vanishes."""
     far = theta == 0
@@ -224,82 +180,3 @@ def _stuck(window: Window, lam: NDArray[np.float64], settled: NDArray[np.bool_])
     radius = window.sigma - window.low if below < window.below else window.high - window.sigma
     in_view = np.count_nonzero(abs(lam - window.sigma) <= radius)
     return bool(settled[: in_view + 1].all())
-
-
-def polished(
-    X: NDArray[np.float64],
-    theta: NDArray[np.float64],
-    sigma: float,
-    solve: Operator,
-    mass: Operator,
-    deflated: NDArray[np.float64],
-    at_once: int = BLOCK,
-) -> ShiftedModes:
-    """Modes after one inverse iteration, which smooths them, with the bound that this iteration proves.
-
-    Parameters
-    ----------
-    X : (n, k) float64
-        Ritz vectors, orthonormal in M; overwritten.
-    theta : (k,) float64
-        Their Ritz values, of (K - sigma M)^-1 M.
-    sigma, solve, mass, deflated
-        As `modes_about` takes them.
-    at_once : int
-        Columns that are solved for at a time.
-
-    Returns
-    -------
-    ShiftedModes
-
-    Notes
-    -----
-    A X - theta X is the residual of the operator A = (K - sigma M)^-1 M, which is self-adjoint in M: in that norm it
-    bounds the distance to an eigenvalue 1 / (lam - sigma) of A.
-    """
-    k = theta.size
-    stiffness, gram, away = np.zeros((k, k)), np.zeros((k, k)), np.empty(k)
-    for first in range(0, k, at_once):
-        part, known = slice(first, min(first + at_once, k)), slice(0, min(first + at_once, k))
-        B = mass(X[:, part])
-        Y = solve(B)
-        MY = mass(Y)
-        # Of the residual itself: its square as a difference of squares would be nothing but round-off.
-        residual = np.sqrt(np.maximum(_product_of_differences(Y, X[:, part], MY, B, theta[part]), 0.0))
-        residual /= abs(theta[part])
-        # Beyond one the residual says nothing; below, the eigenvalue is this far off at most.
-        away[part] = np.where(residual < 1, residual / np.maximum(1 - residual, residual), np.inf) / abs(theta[part])
-        scale = 1 / np.sqrt(column_products(Y, MY))
-        for block in (Y, MY, B):
-            block *= scale
-        X[:, part] = Y - deflated @ inner(deflated, MY) if deflated.size else Y
-        # (K - sigma M) Y = M X: no product with K is needed, in whose round-off a low mode would drown.
-        gram[known, part] = inner(X[:, known], MY)
-        stiffness[known, part] = inner(X[:, known], B) + sigma * gram[known, part]
-    stiffness, gram = _mirrored(stiffness), _mirrored(gram)
-    mu, Z = la.eigh(gram, stiffness)
-    lam, Z = refined(stiffness, gram, 1 / mu[::-1], (Z / np.sqrt(mu))[:, ::-1])
-    order = np.argsort(lam, kind="stable")
-    combine_columns(X, Z[:, order])
-    ascending = np.argsort(sigma + 1 / theta, kind="stable")
-    return ShiftedModes(lam[order], X, away[ascending] / (2 * lam[order]), True)
-
-
-def _product_of_differences(
-    Y: NDArray[np.float64],
-    X: NDArray[np.float64],
-    MY: NDArray[np.float64],
-    MX: NDArray[np.float64],
-    theta: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Column by column (Y - X theta)^T (MY - MX theta), some rows at a time."""
-    total = np.zeros(theta.size)
-    for start in range(0, X.shape[0], _ROWS):
-        rows = slice(start, start + _ROWS)
-        total += np.einsum("ij,ij->j", Y[rows] - X[rows] * theta, MY[rows] - MX[rows] * theta)
-    return total
-
-
-def _mirrored(A: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Symmetric matrix of an upper triangle."""
-    return np.asarray(np.triu(A) + np.triu(A, 1).T)

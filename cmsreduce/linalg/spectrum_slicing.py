@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.block_lanczos import Operator
 from cmsreduce.linalg.factor import BLOCK
+from cmsreduce.linalg.inverse_iteration import ShiftedModes, refined
 from cmsreduce.linalg.products import symmetric_product
-from cmsreduce.linalg.shift_invert import CONVERGED, ShiftedModes, Window, combine_columns, modes_about, refined
+from cmsreduce.linalg.shift_invert import CONVERGED, Window, modes_about
 from cmsreduce.linalg.sturm import STEPPED, shifted_factor
+from cmsreduce.linalg.tall_products import times
 
 __all__ = ["SLICED", "counted_modes"]
 
@@ -211,5 +213,5 @@ def _joined(K: sp.csc_array, mass: Operator, known: _Known) -> ShiftedModes:
     for _ in range(2):
         lam, Z = refined(stiffness, gram, lam, Z)
     order = np.argsort(lam, kind="stable")
-    combine_columns(Phi, Z[:, order])
+    times(Phi, Z[:, order])
     return ShiftedModes(lam[order], Phi, known.bound[np.argsort(known.lam, kind="stable")], True)

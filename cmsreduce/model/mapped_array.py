@@ -39,7 +39,7 @@ _PAGE = 4096
 _FEW = 64
 
 
-def mapped_array(folder: Path, n: int, m: int) -> NDArray[np.float64]:
+def mapped_array(folder: Path, n: int, m: int, *, by_rows: bool = False) -> NDArray[np.float64]:
     """Make room on disk for some shapes.
 
     They are in a file of their own, a contiguous float64 dataset of HDF5, that has no name from the moment it is made:
@@ -52,11 +52,13 @@ def mapped_array(folder: Path, n: int, m: int) -> NDArray[np.float64]:
         Where; it is made.
     n, m : int
         Rows and columns.
+    by_rows : bool
+        Whether they lie by rows, not by columns.
 
     Returns
     -------
     (n, m) float64
-        Zeros, in Fortran order: the columns are the rows of the dataset.
+        Zeros, in Fortran order unless they are ``by_rows``: the columns are the rows of the dataset.
 
     Raises
     ------
@@ -71,8 +73,9 @@ def mapped_array(folder: Path, n: int, m: int) -> NDArray[np.float64]:
         try:
             with h5py.File(path, "w", libver="v110"):
                 pass
-            offset = add_dataset(path, _NAME, (m, n))
-            mapped = np.memmap(path, dtype=_DOUBLE, mode="r+", offset=offset, shape=(m, n))
+            shape = (n, m) if by_rows else (m, n)
+            offset = add_dataset(path, _NAME, shape)
+            mapped = np.memmap(path, dtype=_DOUBLE, mode="r+", offset=offset, shape=shape)
         except BaseException:
             path.unlink(missing_ok=True)
             raise
@@ -85,7 +88,7 @@ def mapped_array(folder: Path, n: int, m: int) -> NDArray[np.float64]:
         path.unlink()
     except PermissionError:
         weakref.finalize(mapped, _remove, path)
-    return np.asarray(mapped).T
+    return np.asarray(mapped) if by_rows else np.asarray(mapped).T
 
 
 def add_dataset(path: Path, name: str, shape: tuple[int, int]) -> int:

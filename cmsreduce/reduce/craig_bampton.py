@@ -14,6 +14,7 @@ from cmsreduce.linalg.basis_store import combined, new_basis, observed, side_by_
 from cmsreduce.linalg.eigenpairs import beside_modes, certified_modes, count_below
 from cmsreduce.linalg.factorise import BLOCK, NotPositiveDefiniteError, factorise
 from cmsreduce.linalg.flexibility import Solve
+from cmsreduce.linalg.layout import by_columns
 from cmsreduce.linalg.null_space import HELD, motions_held
 from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet, column_blocks, congruence
 from cmsreduce.reduce.characteristic import Boundary, InterfaceReduction
@@ -164,7 +165,7 @@ class CraigBampton(Reduction):
             # Block by block: the loads of a wide interface would fill as much memory as its shapes.
             for first in range(0, interface.size, BLOCK):
                 part = slice(first, first + BLOCK)
-                answer = solve(coupling[:, part].toarray())
+                answer = by_columns(solve(coupling[:, part].toarray()))
                 constraint[j, part] = np.negative(answer, out=answer)
             # They carry the rigid modes: what a solve loses of them over a long lever, or a coarse file, is known.
             missed = rigid - constraint @ rigid[interface]

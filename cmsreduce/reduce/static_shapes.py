@@ -14,6 +14,7 @@ from cmsreduce.linalg.basis_store import combined, new_basis, row_blocks
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.factorise import BLOCK, factorise
 from cmsreduce.linalg.flexibility import ElasticFlexibility, Solve
+from cmsreduce.linalg.layout import put
 from cmsreduce.model import FEModel, column_blocks, congruence
 
 __all__ = ["Loads", "elastic_solve", "independent_columns", "residual_shapes", "unit_loads"]
@@ -95,7 +96,7 @@ def residual_shapes(
         part = slice(first, min(first + BLOCK, F.count))
         f = F.block(part)
         held = V.T @ f
-        U[:, part] = solve(f - force @ (V @ held))
+        put(solve(f - force @ (V @ held)), U[:, part])
         _clear(U[:, part], V, force)
         of_known[part] = share @ held**2
     energy = congruence(K, U)

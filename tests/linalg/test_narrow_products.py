@@ -10,17 +10,20 @@ def laid(rows: int, columns: int, real: type, seed: int) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal((rows, columns)).astype(real)
 
 
+@pytest.mark.parametrize("lies", ["by columns", "by rows"])
 @pytest.mark.parametrize("real", [np.float64, np.float32])
 @pytest.mark.parametrize("k", [1, 4, 7, 8, 12, 13, 16, 20, 24, 31, 64])
 @pytest.mark.parametrize(("rows", "columns"), [(1, 1), (5, 3), (40, 8), (17, 9), (300, 31), (64, 64), (0, 6)])
-def test_a_part_of_a_panel(real, k, rows, columns):
-    """The part begins at some row of a higher panel, behind other entries; right-hand sides beyond k are zero."""
-    height, above, before, width = rows + 7, 4, 11, padded(k)
+def test_a_part_of_a_panel(lies, real, k, rows, columns):
+    """The part begins within a panel, behind other entries; right-hand sides beyond k are zero."""
+    above, beside, before, width = 4, 3, 11, padded(k)
     assert k <= width < k + 8
-    panel = laid(height, columns, real, 1)
-    values = np.concatenate([laid(1, before, real, 2)[0], panel.ravel(order="F")])
-    A = panel[above : above + rows]
-    part = Part(values, before + above, height, columns, rows)
+    panel = laid(rows + 7, columns + 5, real, 1)
+    A = panel[above : above + rows, beside : beside + columns]
+    height, length = panel.shape
+    across, down, order = (height, 1, "F") if lies == "by columns" else (1, length, "C")
+    values = np.concatenate([laid(1, before, real, 2)[0], panel.ravel(order=order)])
+    part = Part(values, before + above * down + beside * across, across, down, columns, rows)
     X, Y = (np.zeros((size, width), real) for size in (columns + SPARE, rows + 3))
     X[:columns, :k], Y[:rows, :k] = laid(columns, k, real, 3), laid(rows, k, real, 4)
     tolerance = 10 * np.finfo(real).eps * max(rows, columns)

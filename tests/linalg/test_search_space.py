@@ -23,10 +23,10 @@ def test_products_are_those_of_the_columns(settings, widths):
     V = random.standard_normal((N, sum(widths)))
     W, c, S = random.standard_normal((N, 5)), random.standard_normal((V.shape[1], 5)), np.eye(V.shape[1])[:, ::-1]
     with solver_settings(settings):
-        space, first = SearchSpace(N, 200), 0
+        space, first = SearchSpace(N), 0
         for width in widths:
             block = V[:, first : first + width]
-            np.testing.assert_array_equal(space.append(np.asfortranarray(block)), block)
+            np.testing.assert_array_equal(space.append(block.copy()), block)
             first += width
         assert space.m == V.shape[1]
         np.testing.assert_allclose(space.inner(W), V.T @ W, atol=1e-12)
@@ -40,11 +40,20 @@ def test_products_are_those_of_the_columns(settings, widths):
         # What is added now follows what is left.
         space.append(np.asfortranarray(W))
         np.testing.assert_array_equal(space.combined(np.eye(75))[:, 70:], W)
-        # The newest columns, which lie together, are views of the file or of none.
+        # Columns are in a file or in none.
         assert (mapped_in(space.append(W[:, :1])) is None) == (settings.memory == 1e12)
 
 
 def test_a_space_without_columns_takes_nothing():
-    space, W = SearchSpace(N, 10), np.ones((N, 2), order="F")
+    space, W = SearchSpace(N), np.ones((N, 2), order="F")
     assert space.inner(W).shape == (0, 2)
     np.testing.assert_array_equal(space.taken_from(W, np.empty((0, 2))), 1.0)
+
+
+def test_only_what_outgrows_memory_is_on_disk(tmp_path):
+    """A tenth of the memory is a basis of 20 columns, and a search may take three of them."""
+    with solver_settings(SolverSettings(memory=8.0 * N * 200, scratch=tmp_path)):
+        space = SearchSpace(N)
+        on_disk = [mapped_in(space.append(np.full((N, 8), float(i)))) is not None for i in range(10)]
+        assert on_disk == [False] * 7 + [True] * 3
+        np.testing.assert_array_equal(space.combined(np.eye(80))[0], np.repeat(np.arange(10.0), 8))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
-from cmsreduce.linalg.tall_products import column_products, inner, less
+from cmsreduce.linalg.tall_products import column_products, combination, inner, inner_of_all, less, less_all, times
 
 
 def laid(n: int, columns: int, how: str, seed: int) -> np.ndarray:
@@ -45,6 +45,54 @@ def test_what_is_taken_from_a_block(left, n, m, k):
     found = less(W, V, c)
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13 * m)
     assert found is W or np.shares_memory(found, W)
+
+
+@pytest.mark.parametrize("left", LAYOUTS)
+@pytest.mark.parametrize("n", [300, 20_001, 50_001])
+@pytest.mark.parametrize("k", [4, 8, 30])
+def test_what_is_taken_from_a_block_by_rows(left, n, k):
+    V, W, c = laid(n, 30, left, 1), laid(n, k, "rows", 2), laid(30, k, "columns", 3)
+    wanted = W - V @ c
+    found = less(W, V, c)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13 * 30)
+    assert np.shares_memory(found, W)
+
+
+@pytest.mark.parametrize("n", [300, 20_001, 50_001, 200_003])
+@pytest.mark.parametrize("how", LAYOUTS[:4])
+def test_blocks_side_by_side(n, how):
+    """Blocks of several widths, one of a single column, and right-hand sides of several layouts."""
+    widths = (8, 3, 1, 8, 24)
+    blocks = [laid(n, width, LAYOUTS[i % 4], i) for i, width in enumerate(widths)]
+    V, W = np.hstack(blocks), laid(n, 8, how, 9)
+    np.testing.assert_allclose(inner_of_all(blocks, W), V.T @ W, rtol=0, atol=1e-13 * n)
+    c = laid(V.shape[1], 8, "rows", 10)
+    for given in (np.array(W, order="C"), np.array(W, order="F")):
+        found = less_all(given, blocks, c)
+        np.testing.assert_allclose(found, W - V @ c, rtol=0, atol=1e-13 * V.shape[1])
+        assert np.shares_memory(found, given)
+    assert inner_of_all([], W).shape == (0, 8)
+    np.testing.assert_array_equal(less_all(W.copy(), [], np.empty((0, 8))), W)
+
+
+@pytest.mark.parametrize("how", LAYOUTS)
+@pytest.mark.parametrize("n", [300, 50_001])
+@pytest.mark.parametrize("k", [0, 1, 5, 8, 11])
+def test_a_block_times_a_small_matrix(how, n, k):
+    W, C = laid(n, 11, how, 1), laid(11, k, "rows", 2)
+    wanted = W @ C
+    found = times(W, C)
+    assert found.shape == (n, k) and np.shares_memory(found, W) == (k > 0)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("n", [300, 50_001])
+def test_a_combination_of_blocks(n):
+    blocks = [laid(n, 8, how, i) for i, how in enumerate(LAYOUTS[:4])]
+    S = laid(32, 50, "columns", 9)
+    found = combination(blocks, S)
+    assert found.flags.f_contiguous
+    np.testing.assert_allclose(found, np.hstack(blocks) @ S, rtol=0, atol=1e-13 * 32)
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
