@@ -36,10 +36,8 @@ def eigen_residuals(
     given = by_rows(X)
     residual, inertia = stiffness(given), mass(given)
 
-    def work(_: int, low: int, high: int) -> None:
-        for first in range(low, high, _ROWS):
-            rows = slice(first, min(first + _ROWS, high))
-            residual[rows] -= inertia[rows] * lam
+    def work(_: int, rows: slice) -> None:
+        residual[rows] -= inertia[rows] * lam
 
-    share_rows(X.shape[0], work)
+    share_rows(X.shape[0], _ROWS, work)
     return residual

@@ -116,14 +116,12 @@ def _squared_residuals(Y: Array, X: Array, MY: Array, MX: Array, theta: Array) -
     """
     sums = np.zeros((current_settings().thread_count, 2, theta.size))
 
-    def work(thread: int, low: int, high: int) -> None:
-        for first in range(low, high, _ROWS):
-            rows = slice(first, min(first + _ROWS, high))
-            y, my = Y[rows], MY[rows]
-            sums[thread, 0] += np.einsum("ij,ij->j", y - X[rows] * theta, my - MX[rows] * theta)
-            sums[thread, 1] += np.einsum("ij,ij->j", y, my)
+    def work(thread: int, rows: slice) -> None:
+        y, my = Y[rows], MY[rows]
+        sums[thread, 0] += np.einsum("ij,ij->j", y - X[rows] * theta, my - MX[rows] * theta)
+        sums[thread, 1] += np.einsum("ij,ij->j", y, my)
 
-    share_rows(X.shape[0], work)
+    share_rows(X.shape[0], _ROWS, work)
     squared, energy = sums.sum(axis=0)
     return squared, energy
 

@@ -47,9 +47,7 @@ def by_rows(X: NDArray[np.float64]) -> NDArray[np.float64]:
 def put(X: NDArray[Any], place: NDArray[Any], scale: NDArray[np.float64] | None = None) -> None:
     """Write a block (n, k), each column multiplied by its ``scale`` (k,), to where it may lie otherwise."""
 
-    def work(_: int, low: int, high: int) -> None:
-        for first in range(low, high, _ROWS):
-            rows = slice(first, min(first + _ROWS, high))
-            place[rows] = X[rows] if scale is None else X[rows] * scale
+    def work(_: int, rows: slice) -> None:
+        place[rows] = X[rows] if scale is None else X[rows] * scale
 
-    share_rows(X.shape[0], work)
+    share_rows(X.shape[0], _ROWS, work)

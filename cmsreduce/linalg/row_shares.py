@@ -1,4 +1,4 @@
-"""Work on the rows of tall blocks, shared by threads."""
+"""Work on the rows of tall blocks, some at a time, shared by threads."""
 
 from __future__ import annotations
 
@@ -15,20 +15,28 @@ __all__ = ["share_rows"]
 _FEW = 4096
 
 
-def share_rows(n: int, work: Callable[[int, int, int], None]) -> None:
-    """Call ``work`` in each thread with its number, and its first and last row: not with one of another.
+def share_rows(n: int, at_once: int, work: Callable[[int, slice], None]) -> None:
+    """Call ``work`` with the number of a thread and some rows, until all rows are done.
 
     Parameters
     ----------
     n : int
         Rows.
+    at_once : int
+        Rows of a call at most.
     work : callable
         Releases Python's lock for most of its time, as numpy does in long products and sums.
     """
     threads = current_settings().thread_count if n > _FEW else 1
-    if threads == 1:
-        return work(0, 0, n)
     cuts = np.linspace(0, n, threads + 1).astype(int).tolist()
+
+    def share(thread: int) -> None:
+        low, high = cuts[thread : thread + 2]
+        for first in range(low, high, at_once):
+            work(thread, slice(first, min(first + at_once, high)))
+
+    if threads == 1:
+        share(0)
+        return
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(lambda t: work(t, cuts[t], cuts[t + 1]), range(threads)))
-    return None
+        list(pool.map(share, range(threads)))

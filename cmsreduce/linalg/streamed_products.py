@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -27,13 +27,12 @@ def streamed_inner(blocks: Sequence[Array], W: Array) -> Array:
     parts = [_part(V) for V in blocks]
     sums = [np.zeros((threads, (part.columns + SPARE) * width)) for part in parts]
 
-    def work(thread: int, low: int, high: int) -> None:
-        for first, last in _pieces(low, high, width):
-            Y = _by_rows(W[first:last], width)
-            for part, X in zip(parts, sums, strict=True):
-                _inner(part, first, last, X[thread], Y, width)
+    def work(thread: int, rows: slice) -> None:
+        Y = _by_rows(W[rows], width)
+        for part, X in zip(parts, sums, strict=True):
+            _inner(part, rows.start, rows.stop, X[thread], Y, width)
 
-    share_rows(n, work)
+    share_rows(n, _height(width), work)
     # Always in the same order: a sum does not depend on which thread was first.
     totals = [X.sum(axis=0).reshape(-1, max(width, 1)) for X in sums]
     return np.vstack([np.empty((0, k)), *(-X[: part.columns, :k] for part, X in zip(parts, totals, strict=True))])
@@ -43,15 +42,14 @@ def streamed_less(W: Array, blocks: Sequence[Array], c: Array) -> Array:
     """W - V c in the memory of W (n, k), for blocks V = [V_1, V_2, ...] (n, m) that lie by columns or by rows."""
     width, factors = padded(W.shape[1]), _factors(blocks, c)
 
-    def work(_: int, low: int, high: int) -> None:
-        for first, last in _pieces(low, high, width):
-            Y = _by_rows(W[first:last], width)
-            for part, X in factors:
-                _less(part, first, last, X, Y, width)
-            if not np.may_share_memory(Y, W):
-                _give(Y, width, W, first, last)
+    def work(_: int, rows: slice) -> None:
+        Y = _by_rows(W[rows], width)
+        for part, X in factors:
+            _less(part, rows.start, rows.stop, X, Y, width)
+        if not np.may_share_memory(Y, W):
+            _give(Y, width, W, rows.start, rows.stop)
 
-    share_rows(W.shape[0], work)
+    share_rows(W.shape[0], _height(width), work)
     return W
 
 
@@ -60,14 +58,13 @@ def streamed_combination(blocks: Sequence[Array], S: Array) -> Array:
     found = np.empty((blocks[0].shape[0], S.shape[1]), order="F")
     width, factors = padded(S.shape[1]), _factors(blocks, -S)
 
-    def work(_: int, low: int, high: int) -> None:
-        for first, last in _pieces(low, high, width):
-            Y = np.zeros((last - first) * width)
-            for part, X in factors:
-                _less(part, first, last, X, Y, width)
-            _give(Y, width, found, first, last)
+    def work(_: int, rows: slice) -> None:
+        Y = np.zeros((rows.stop - rows.start) * width)
+        for part, X in factors:
+            _less(part, rows.start, rows.stop, X, Y, width)
+        _give(Y, width, found, rows.start, rows.stop)
 
-    share_rows(found.shape[0], work)
+    share_rows(found.shape[0], _height(width), work)
     return found
 
 
@@ -75,12 +72,14 @@ def streamed_times(W: Array, C: Array) -> Array:
     """W C in the memory of W (n, m), which lies by columns or by rows, for a matrix C (m, k) with k <= m."""
     k, width = C.shape[1], padded(C.shape[1])
     part, X = _part(W), _filled_up(-C, width)
-    share_rows(W.shape[0], lambda _, low, high: _times(part, low, high, X, width, k))
+    share_rows(W.shape[0], _height(width), lambda _, rows: _times(part, rows.start, rows.stop, X, width, k))
     return W[:, :k]
 
 
 def _part(V: Array) -> Part:
-    """A block as products take it."""
+    """A block as products take it; one that lies neither by columns nor by rows is copied."""
+    if V.itemsize not in V.strides or min(V.strides) <= 0:
+        V = np.ascontiguousarray(V)
     (n, m), (down, across) = V.shape, (step // V.itemsize for step in V.strides)
     # All entries from the first to the last, whatever lies between columns, or between rows.
     size = (n - 1) * down + (m - 1) * across + 1 if V.size else 0
@@ -102,10 +101,9 @@ def _filled_up(c: Array, width: int) -> Array:
     return X.reshape(-1)
 
 
-def _pieces(low: int, high: int, width: int) -> Iterator[tuple[int, int]]:
+def _height(width: int) -> int:
     """Rows whose right-hand sides stay at hand."""
-    step = max(_VALUES // max(width, 1), AT_ONCE)
-    return ((first, min(first + step, high)) for first in range(low, high, step))
+    return max(_VALUES // max(width, 1), AT_ONCE)
 
 
 def _by_rows(W: Array, width: int) -> Array:

@@ -145,12 +145,10 @@ def column_products(X: Array, Y: Array) -> Array:
     """
     sums = np.zeros((current_settings().thread_count, X.shape[1]))
 
-    def work(thread: int, low: int, high: int) -> None:
-        for first in range(low, high, _ROWS):
-            rows = slice(first, min(first + _ROWS, high))
-            sums[thread] += np.einsum("ij,ij->j", X[rows], Y[rows])
+    def work(thread: int, rows: slice) -> None:
+        sums[thread] += np.einsum("ij,ij->j", X[rows], Y[rows])
 
-    share_rows(X.shape[0], work)
+    share_rows(X.shape[0], _ROWS, work)
     return np.asarray(sums.sum(axis=0))
 
 

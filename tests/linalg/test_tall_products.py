@@ -63,7 +63,7 @@ def test_what_is_taken_from_a_block_by_rows(left, n, k):
 def test_blocks_side_by_side(n, how):
     """Blocks of several widths, one of a single column, and right-hand sides of several layouts."""
     widths = (8, 3, 1, 8, 24)
-    blocks = [laid(n, width, LAYOUTS[i % 4], i) for i, width in enumerate(widths)]
+    blocks = [laid(n, width, LAYOUTS[i], i) for i, width in enumerate(widths)]
     V, W = np.hstack(blocks), laid(n, 8, how, 9)
     np.testing.assert_allclose(inner_of_all(blocks, W), V.T @ W, rtol=0, atol=1e-13 * n)
     c = laid(V.shape[1], 8, "rows", 10)
