@@ -60,9 +60,9 @@ of its own with the same threads and reads the same two matrices; reading is not
 with the compilation of cmsreduce's loops that a machine does once. `make bench-full` writes this page ([how
 to run it](../benchmarks/README.md)).
 
-- **factorise**: ordering included. **solves**: one block of {3 * INTERFACE_NODES} right-hand sides. **modes**: the
-  eigenproblem. A peer that does all in one call has a total only. **Peak**: of the process, matrices and interpreter
-  included.
+- **factorise**: ordering included; a reduction that counts its modes has cmsreduce's from the count, within its time.
+  **solves**: one block of {3 * INTERFACE_NODES} right-hand sides. **modes**: the eigenproblem. A peer that does all in
+  one call has a total only. **Peak**: of the process, matrices and interpreter included.
 - **Residual**: the worst |K x - lam M x| / |lam M x| (2-norms) of a mode; {RESIDUAL:g} is demanded of it, and of
   |K Psi + K_ji| / |K_ji| of the constraint modes; a peer above it is marked `!`.
 - **Frequencies differ by**: the largest relative difference from cmsreduce's; a mode without a partner within {SAME:g}
@@ -210,8 +210,9 @@ def limit_table(found: Found, limits: Limits | None) -> Iterator[str]:
     memory = ", ".join(f"{rate / 1e9:.1f} ({name})" for name, rate in limits.bandwidth.items())
     yield textwrap.fill(
         f"Measured on {limits.threads} threads: dgemm {products} GFLOP/s; memory {memory} GB/s. The factorisation is "
-        "held against the best dgemm rate; a block of solves against the time in which the best bandwidth reads the "
-        "factor twice; a search for modes against the solves within it.",
+        "held against the best dgemm rate, its numeric phase alone if it is one of fronts; a block of solves "
+        "against the time in which the best bandwidth reads the factor twice; a search for modes against the solves "
+        "within it.",
         120,
     )
     yield f"\n| body | {' | '.join(LIMIT_COLUMNS)} |"

@@ -13,7 +13,17 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.loops import loop
 
-__all__ = ["GEMM", "POTRF", "SYRK", "TRSM", "factorise_block", "multiply", "routines", "solve_block", "update"]
+__all__ = [
+    "GEMM",
+    "POTRF",
+    "SYRK",
+    "TRSM",
+    "factorise_block",
+    "routines",
+    "solve_block",
+    "subtract_product",
+    "update",
+]
 
 # Places of the routines' addresses; the numbers that every call needs lie behind them: the letters that say what is
 # transposed, and -1, 0, 1 in the precision of the routines.
@@ -76,36 +86,32 @@ def _call(context: Any, address: Any, arguments: Any) -> Any:
 
 
 @loop
-def multiply(
+def subtract_product(
     table: NDArray[np.int64],
     sizes: NDArray[np.int32],
-    transposed: bool,
     shape: tuple[int, int, int],
     A: tuple[int, int],
-    B: tuple[int, int, bool],
+    B: tuple[int, int],
     C: tuple[int, int],
-    fresh: bool,
-    sign: int,
 ) -> None:
-    """C = +-op(A) op(B), added to C unless fresh; matrices by columns, given as address and leading dimension."""
+    """C = C - A B^T; matrices by columns, given as address and leading dimension."""
     for place, value in enumerate((shape[0], shape[1], shape[2], A[1], B[1], C[1])):
         sizes[place] = value
-    at = sizes.ctypes.data
-    letter, plain = table[_LETTERS] + _TRANSPOSED, table[_LETTERS] + _PLAIN
+    at, letters = sizes.ctypes.data, table[_LETTERS]
     _call(
         table[GEMM],
         (
-            letter if transposed else plain,
-            letter if B[2] else plain,
+            letters + _PLAIN,
+            letters + _TRANSPOSED,
             at,
             at + 4,
             at + 8,
-            table[_ONE] if sign > 0 else table[_MINUS],
+            table[_MINUS],
             A[0],
             at + 12,
             B[0],
             at + 16,
-            table[_ZERO] if fresh else table[_ONE],
+            table[_ONE],
             C[0],
             at + 20,
         ),

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blas_calls import factorise_block, multiply, solve_block, update
+from cmsreduce.linalg.blas_calls import factorise_block, solve_block, subtract_product, update
 from cmsreduce.linalg.loops import loop
 
 __all__ = ["PANEL", "Blocks", "Given", "depth_parity", "eliminate", "place_panels", "stack_size"]
@@ -213,7 +213,7 @@ def _eliminate_columns(k: int, blocks: Blocks, table: Ints, sizes: Rows) -> int:
             b = (later - low) * PANEL
             source, to = here + (b - a) * step, base + blocks.entries[later] * step
             shape = (front - b, min(PANEL, c - b), w)
-            multiply(table, sizes, False, shape, (source, height), (source, height, True), (to, front - b), False, -1)
+            subtract_product(table, sizes, shape, (source, height), (source, height), (to, front - b))
     return 0
 
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from threadpoolctl import ThreadpoolController
 
+from cmsreduce.linalg.blas_threads import one_blas_thread
 from cmsreduce.linalg.compiled import compiled_lacks
 from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.layout import by_columns
@@ -205,15 +205,11 @@ class _Room:
         return list(children[members[k] : members[k + 1]].tolist())
 
 
-_CONTROLLERS: list[ThreadpoolController] = []
 _ONE_AT_A_TIME = Lock()
 
 
 def _side_by_side(work: Callable[[int], None], threads: int) -> None:
     """Call ``work`` with 0, 1, ... in as many threads, each with one thread of BLAS."""
     # The limit is the process's own: two callers that set it and give it back in turn would leave it set.
-    with _ONE_AT_A_TIME:
-        if not _CONTROLLERS:
-            _CONTROLLERS.append(ThreadpoolController())
-        with _CONTROLLERS[0].limit(limits=1, user_api="blas"), ThreadPoolExecutor(threads) as pool:
-            list(pool.map(work, range(threads)))
+    with _ONE_AT_A_TIME, one_blas_thread(), ThreadPoolExecutor(threads) as pool:
+        list(pool.map(work, range(threads)))

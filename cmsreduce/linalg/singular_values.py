@@ -11,9 +11,9 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.linalg import cython_lapack
-from threadpoolctl import threadpool_limits
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.blas_threads import one_blas_thread
 
 __all__ = ["singular_values"]
 
@@ -59,7 +59,7 @@ def singular_values(A: NDArray[np.float64]) -> Array:
     square = np.zeros((max(p, q), max(p, q)))
     square[:p, :q] = A[np.ix_(rows, columns)]
     # Blocks are so narrow that threads wait for each other longer than they work.
-    with threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         return _band_values(_banded(square))[: min(p, q)]
 
 
