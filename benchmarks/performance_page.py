@@ -78,7 +78,11 @@ to run it](../benchmarks/README.md)).
   itself, within its total; no residual is taken of its shapes. Its hexahedra are the same as here, its linear
   tetrahedra integrate the mass at one point.
 """
-FASTER: dict[tuple[str, str], str] = {}
+_SMALL = (
+    "Of cmsreduce's 0.13 s for the modes 0.06 are solves, by SuperLU, of more columns than a search vector by vector "
+    "takes; the rest is what a step by blocks costs in Python whatever the size."
+)
+FASTER: dict[tuple[str, str], str] = {("bar-3e3", "slepc-cholmod"): _SMALL, ("bar-3e3", "scipy-metis"): "As above."}
 """Why a peer is faster on a body, by (body, peer); printed under the table where it is."""
 
 
