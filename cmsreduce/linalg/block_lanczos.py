@@ -154,7 +154,7 @@ class BlockLanczos:
 
     def ritz(self) -> Ritz:
         """Ritz values of the basis, the largest in size first."""
-        theta, S = la.eigh(self._T)
+        theta, S = la.eigh(self._T, driver="evd")
         order = np.argsort(-abs(theta), kind="stable")
         theta, S = theta[order], S[:, order]
         return Ritz(theta, S, np.linalg.norm(self._border @ S[self.m - self._border.shape[1] :], axis=0))

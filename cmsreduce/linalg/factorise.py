@@ -32,7 +32,7 @@ _LEFT_BY_ARITHMETIC = 5.0
 # Raises a matrix that is exactly singular enough to be factorised, so that its smallest pivot shows where.
 _RAISED = 1e-8
 # Below this size SuperLU is done before another library is loaded.
-_SMALL = 5000
+_SMALL = 1000
 # From here on compiled loops save more than the second that it takes to load them: a multifrontal Cholesky factor of
 # 3e4 rows takes 0.1 s less than PARDISO's, and a solve for eight columns half as long, 0.015 s.
 _LARGE = 50_000

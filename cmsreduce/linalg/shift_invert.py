@@ -22,9 +22,10 @@ _BLOCK = 8
 _BLOCKS = 14
 # Blocks after which a Lanczos run is given up, for each block of modes that are sought.
 _PATIENCE = 40
-# A basis of more columns than these grows by such a share between two looks at its Ritz values, which cost its third
-# power.
-_LOOKED_AT, _LOOK = 400, 0.1
+# Operations of a look at the Ritz values of a basis, over its third power, and of a step, over its entries and the
+# columns of a block. A basis is looked at again when the steps since have cost as much as the look, or when it has
+# grown by such a share; and not before it has grown by so many columns for every mode that is missing.
+_OF_A_LOOK, _OF_A_STEP, _LOOK, _COLUMNS_PER_MODE = 9.0, 8.0, 0.1, 0.5
 # An eigenvalue this close to the shift, relative to it, takes so many digits of all others.
 _NEAR = 1e-5
 # Ritz vectors beyond those sought that outlive a restart where a run has found nothing; doubled until it does.
@@ -145,7 +146,6 @@ def _run(
         # A restart, which shrinks the basis, is looked at too.
         if before < lanczos.m < look and not lanczos.exhausted:
             continue
-        look = int(lanczos.m * (1 + _LOOK)) if lanczos.m > _LOOKED_AT else 0
         ritz = lanczos.ritz()
         if abs(ritz.theta[0]) * _NEAR * window.sigma > 1:
             return None
@@ -153,7 +153,14 @@ def _run(
         chosen, complete = _chosen(window, lam, settled)
         if complete or lanczos.exhausted or (chosen.size and _stuck(window, lam, settled)):
             return lanczos.vectors(ritz, chosen), ritz.theta[chosen], complete
+        look = lanczos.m + _unlooked(lanczos.m, deflated.shape[0], window.enough - chosen.size)
     return np.empty((deflated.shape[0], 0)), np.empty(0), False
+
+
+def _unlooked(m: int, n: int, missing: int) -> int:
+    """Columns by which a basis (n, m) grows before its Ritz values are worth another look."""
+    paid = min(_OF_A_LOOK * m**3 / (_OF_A_STEP * n * m), _LOOK * m)
+    return int(max(paid, missing * _COLUMNS_PER_MODE))
 
 
 def _squared_frequencies(theta: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
