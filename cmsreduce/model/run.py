@@ -206,7 +206,7 @@ class RunResult:
     speed : Speed, optional
         Wall times, if verified.
     reference : mapping of body to str
-        What stands for the unreduced body in the response: ``all modes``, ``sparse dofs`` or ``4 x cutoff``.
+        What stands for the unreduced body in the response: ``all modes``, ``sparse dofs`` or ``modes to 2 x cutoff``.
     settings : mapping
         The whole pipeline file as it was understood.
     notes : tuple of str
