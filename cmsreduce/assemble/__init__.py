@@ -4,10 +4,12 @@ from cmsreduce.assemble.closed_loop import check_closed_loop, closed_loop_modes
 from cmsreduce.assemble.damped_modes import damped_modes
 from cmsreduce.assemble.elastic_states import ElasticStates, elastic_states
 from cmsreduce.assemble.frequency_response import (
+    body_receptances,
     couple,
     frequency_response,
     rigid_response,
 )
+from cmsreduce.assemble.held_bodies import HeldBodies, held_bodies
 from cmsreduce.assemble.joint_elements import with_joint_bodies
 from cmsreduce.assemble.modal_receptance import ModalReceptance
 from cmsreduce.assemble.modal_terms import Change
@@ -31,10 +33,12 @@ from cmsreduce.assemble.system_modes import system_modes
 __all__ = [
     "Change",
     "ElasticStates",
+    "HeldBodies",
     "ModalReceptance",
     "PointStack",
     "Ports",
     "body_points",
+    "body_receptances",
     "body_ports",
     "Receptance",
     "Wiring",
@@ -46,6 +50,7 @@ __all__ = [
     "elastic_states",
     "frequency_response",
     "grounded_rows",
+    "held_bodies",
     "interface_substructure",
     "joined_to",
     "joint_rows",

@@ -96,12 +96,19 @@ def constraint_space(A: sp.csr_array) -> ConstraintSpace:
     weights.eliminate_zeros()
     norms = np.sqrt(np.asarray(weights.multiply(weights).sum(axis=1)).ravel())
     weights = weights[norms > DEPENDENT * norms.max(initial=0.0)]
-    touched = np.diff(sp.csc_array(weights).indptr) > 0
-    values, rows, columns, dropped = [], [], [], []
-    rank = 0
-    for group in connected_rows(weights):
-        at = np.unique(weights[group].indices)
-        block = weights[group][:, at].toarray()
+    uses = np.diff(sp.csc_array(weights).indptr)
+    touched = uses > 0
+    # Dofs that are held one by one, as by the ground, are many: 1 - V V^T turns the sign of each.
+    alone = np.diff(weights.indptr) == 1
+    alone[alone] = uses[weights[alone].indices] == 1
+    held = np.asarray(weights[alone].indices, dtype=np.int64)
+    rank = held.size
+    values, rows, columns, dropped = [np.full(rank, np.sqrt(2.0))], [held], [np.arange(rank)], [held]
+    others = weights[~alone]
+    for group in connected_rows(others):
+        own = others[group]
+        at = np.unique(own.indices)
+        block = own[:, at].toarray()
         V = _reflector(block / np.linalg.norm(block, axis=1, keepdims=True))
         r = V.shape[1]
         values.append(V.ravel())
@@ -109,8 +116,8 @@ def constraint_space(A: sp.csr_array) -> ConstraintSpace:
         columns.append(np.tile(np.arange(rank, rank + r), at.size))
         dropped.append(at[:r])
         rank += r
-    kept = np.setdiff1d(np.arange(n), np.concatenate([np.empty(0, dtype=np.int64), *dropped]))
-    if not values:
+    kept = np.setdiff1d(np.arange(n), np.concatenate(dropped))
+    if not rank:
         return ConstraintSpace(sp.csc_array((n, 0)), kept)
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
     V_all = sp.csc_array(sp.coo_array(entries, shape=(n, rank)))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.assemble.held_bodies import held_bodies
 from cmsreduce.assemble.joint_elements import with_joint_bodies
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.receptance import BRAKED, Receptance, add_between, frequencies_last, receptance
@@ -17,10 +18,31 @@ from cmsreduce.linalg.flexibility_model import frequency_blocks
 from cmsreduce.linalg.null_space import row_basis
 from cmsreduce.model import Configuration, Scene, Substructure, System
 
-__all__ = ["couple", "frequency_response", "rigid_response"]
+__all__ = ["body_receptances", "couple", "frequency_response", "rigid_response"]
 
 # Memory of the receptances and joined flexibilities of the frequencies coupled at a time.
-_BLOCK_BYTES = 2**27
+_BLOCK_BYTES = 2**24
+
+
+def body_receptances(stack: PointStack, omega: NDArray[np.float64]) -> dict[str, Receptance]:
+    """Prepare the receptances of all bodies over the motions that these have (`PointStack.moving`).
+
+    Parameters
+    ----------
+    stack : PointStack
+        Points of all bodies.
+    omega : (f,) float64
+        Circular frequencies in rad/s; others up to the highest may be asked for.
+
+    Raises
+    ------
+    MatrixError
+        At the resonance of a body without damping.
+    """
+    return {
+        name: receptance(sub, omega, stack.motions(name)[stack.moving(name)])
+        for name, sub in stack.substructures.items()
+    }
 
 
 def couple(
@@ -34,7 +56,8 @@ def couple(
     Parameters
     ----------
     receptances : mapping of body to Receptance
-        Dynamic flexibilities over each body's points; they do not depend on how the bodies are turned.
+        Dynamic flexibilities over the motions that each body has, see `body_receptances`; they do not depend on how the
+        bodies are turned.
     stack : PointStack
         Points of all bodies.
     wirings : sequence of Wiring
@@ -61,8 +84,8 @@ def couple(
         np.empty((grid.size, wiring.C1.shape[0], wiring.B.shape[0]), dtype=np.complex128)
         for wiring, grid in zip(wirings, grids, strict=True)
     ]
-    columns = {name: stack.body_columns(name) for name in receptances}
-    entries = sum((place.stop - place.start) ** 2 for place in columns.values())
+    columns = {name: stack.body_columns(name).start + stack.moving(name) for name in receptances}
+    entries = sum(place.size**2 for place in columns.values())
     entries += 3 * sum(each.shape[0] * each.shape[1] for each in joined)
     for part in frequency_blocks(every.size, 16 * entries, _BLOCK_BYTES):
         omega = every[part]
@@ -187,7 +210,8 @@ def frequency_response(
     -------
     H : (f, outputs, inputs) complex128
     """
-    bodies = with_joint_bodies(substructures, scene)
-    stack = PointStack(bodies)
-    Y = {name: receptance(sub, omega, stack.motions(name)) for name, sub in bodies.items()}
-    return couple(Y, stack, [wire(stack, scene, configuration)], [omega])[0]
+    stack = PointStack(with_joint_bodies(substructures, scene))
+    held = held_bodies(stack, scene)
+    return couple(
+        body_receptances(held.stack, omega), held.stack, [held.wiring(wire(stack, scene, configuration))], [omega]
+    )[0]

@@ -14,7 +14,7 @@ from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import SceneError, UnitsError
 from cmsreduce.model import DOF_NAMES, Interface, Joint, Placement, Point, Scene, Substructure, cross_matrix
 
-__all__ = ["Constraints", "check_loops", "constrain"]
+__all__ = ["Constraints", "check_loops", "constrain", "ground_rows"]
 
 # Interfaces of one joint coincide to this share of the size of the system: decks print eight digits or fewer.
 _COINCIDENT = 1e-5
@@ -75,7 +75,7 @@ def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], 
             rows.append(row)
             owner.append(name)
     for point in scene.ground:
-        for row, name in _ground_rows(stack, placed, point):
+        for row, name in ground_rows(stack, point):
             rows.append(row)
             owner.append(name)
     A = np.array(rows) if rows else np.zeros((0, stack.size))
@@ -189,9 +189,18 @@ def _check_carried(face: Interface, k: int, turn: NDArray[np.float64], joint: Jo
         )
 
 
-def _ground_rows(
-    stack: PointStack, placed: Mapping[str, Placement], point: Point
-) -> list[tuple[NDArray[np.float64], str]]:
+def ground_rows(stack: PointStack, point: Point) -> list[tuple[NDArray[np.float64], str]]:
+    """Constraint rows that hold one interface to the ground, and the motion that each locks.
+
+    They lie along the displacement axes of the interface's nodes, so that they are the same however the body stands.
+
+    Parameters
+    ----------
+    stack : PointStack
+        Points of all bodies.
+    point : Point
+        An interface, of which every dof is held.
+    """
     face = interface_at(stack.substructures, point)
     sub = stack.substructures[point.body]
     found = []

@@ -47,7 +47,8 @@ class ModalReceptance:
     omega : (f,) float64
         Circular frequencies in rad/s, none of them zero if a body floats.
     whole : mapping of name to Receptance
-        Receptances of the bodies; those of bodies that are not in modes are asked for once.
+        Receptances of the bodies over the motions that these have; those of bodies that are not in modes are asked for
+        once.
 
     Raises
     ------
@@ -80,7 +81,8 @@ class ModalReceptance:
             here, L = self._columns[name], self._motions[name]
             left, right = self._left[:, here], self._right[:, here]
             if sub.omega is None:
-                add_between(self._base, left, frequencies_last(whole[name](omega)), right)
+                moving = stack.moving(name)
+                add_between(self._base, left[:, moving], frequencies_last(whole[name](omega)), right[:, moving])
             else:
                 self._coupled[name] = CoupledModes.of(sub, left @ L, right @ L)
                 table = ModalTable(left @ L, right @ L, _weights(sub, self._single(name), omega))

@@ -27,6 +27,7 @@ class PointStack:
         self.substructures = substructures
         self._start: dict[tuple[str, str], int] = {}
         self._motions: dict[str, Matrix] = {}
+        self._moving: dict[str, NDArray[np.int64]] = {}
         for name, sub in substructures.items():
             for label in sub.motion:
                 self._start[name, label] = 6 * len(self._start)
@@ -63,6 +64,13 @@ class PointStack:
         if body not in self._motions:
             self._motions[body] = _stacked(self.substructures[body])
         return self._motions[body]
+
+    def moving(self, body: str) -> NDArray[np.int64]:
+        """Which of a body's motions it has: solids have no rotations, and what the ground locks stands still."""
+        if body not in self._moving:
+            entries = sp.coo_array(self.motions(body))
+            self._moving[body] = np.unique(entries.row[entries.data != 0]).astype(np.int64)
+        return self._moving[body]
 
     def spread(self, rows: NDArray[np.float64]) -> sp.csr_array:
         """Rows over the stacked coordinates of all bodies, from rows over the stacked motions."""

@@ -145,7 +145,11 @@ def add_between(G: Complex, left: Real, Y: Complex, right: Real) -> None:
         return
     p, _, f = Y.shape
     half = (left[rows] @ Y.view(np.float64).reshape(p, -1)).reshape(rows.size, p, 2 * f)
-    G[np.ix_(rows, columns)] += (right[columns] @ half).view(np.complex128)
+    both = right[columns] @ half
+    if both.size == 2 * G.size:
+        G.view(np.float64)[...] += both
+    else:
+        G[np.ix_(rows, columns)] += both.view(np.complex128)
 
 
 def frequencies_last(Y: Complex) -> Complex:
@@ -196,10 +200,12 @@ def modal_weights(sub: Substructure, omega: Real, columns: NDArray[np.int64] | N
 def _by_modes(sub: Substructure, L: Real, omega: Real) -> Complex:
     p = L.shape[0]
     Y = np.empty((p, p, omega.size), dtype=np.complex128)
+    row, column = np.triu_indices(p)
     for part in frequency_blocks(omega.size, 16 * 3 * sub.m, _CACHED_BYTES):
         weights = modal_weights(sub, omega[part]).T.view(np.float64)
-        for a in range(p):
-            Y[a, a:, part] = Y[a:, a, part] = ((L[a] * L[a:]) @ weights).view(np.complex128)
+        for pairs in frequency_blocks(row.size, 8 * (sub.m + weights.shape[1]), _CACHED_BYTES):
+            a, b = row[pairs], column[pairs]
+            Y[a, b, part] = Y[b, a, part] = ((L[a] * L[b]) @ weights).view(np.complex128)
     return Y.transpose(2, 0, 1)
 
 

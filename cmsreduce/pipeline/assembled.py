@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import (
+    HeldBodies,
     PointStack,
     Receptance,
     Wiring,
     assemble,
+    body_receptances,
     couple,
     damped_modes,
-    receptance,
+    held_bodies,
     rigid_response,
     system_modes,
     tabulated,
@@ -97,8 +100,13 @@ class AssembledModel:
         self._whole: dict[str, tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]] = {}
         self._resonances: dict[str, Resonances] = {}
         self._damped: dict[str, DampedModes | None] = {}
-        self._receptances: dict[str, Receptance] = {}
+        self._receptances: Mapping[str, Receptance] = {}
         self._prepared_to = 0.0
+
+    @cached_property
+    def held(self) -> HeldBodies:
+        """The bodies that responses are taken of: those in their dofs are held where the ground holds them."""
+        return held_bodies(self.stack, self.scene)
 
     def wiring(self, configuration: Configuration) -> Wiring:
         """Joints, inputs and outputs in a configuration."""
@@ -175,22 +183,20 @@ class AssembledModel:
         return self._undamped[configuration.name]
 
     def receptances(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
-        """Dynamic flexibilities of the single bodies, good for every configuration and any grid within the band."""
+        """Dynamic flexibilities of the ``held`` bodies, good for every configuration and any grid within the band."""
         top = float(omega.max(initial=0.0))
         if not self._receptances or top > self._prepared_to * (1 + _SAME_BAND):
             # Prepared for the band, not for the grid that happens to come first: a run resumed answers the same.
             prepared = decibel_grid(self.scene.band)
             prepared = prepared if top <= prepared[-1] * (1 + _SAME_BAND) else omega
-            self._receptances = {
-                name: receptance(sub, prepared, self.stack.motions(name)) for name, sub in self.substructures.items()
-            }
+            self._receptances = body_receptances(self.held.stack, prepared)
             self._prepared_to = float(prepared.max())
         return self._receptances
 
     def tables(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
         """Receptances at frequencies that are asked for in every configuration."""
         return {
-            name: tabulated(source, omega, self.stack.motions(name).shape[0])
+            name: tabulated(source, omega, self.held.stack.moving(name).size)
             for name, source in self.receptances(omega).items()
         }
 
@@ -206,7 +212,8 @@ class AssembledModel:
     ) -> list[NDArray[np.complex128]]:
         """Frequency responses of several configurations together, each on a grid of its own."""
         Y = self.receptances(np.concatenate([np.empty(0), *grids])) if flexibility is None else flexibility
-        return couple(Y, self.stack, [self.wiring(configuration) for configuration in configurations], grids)
+        wirings = [self.held.wiring(self.wiring(configuration)) for configuration in configurations]
+        return couple(Y, self.held.stack, wirings, grids)
 
     def rigid_response(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Rigid-body part of the response (f, outputs, inputs)."""

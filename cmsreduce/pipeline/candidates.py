@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import Change, ModalReceptance, modal_substructure
+from cmsreduce.assemble import Change, ModalReceptance, held_bodies, modal_substructure
 from cmsreduce.balance import DirectedComponent, Effects, Judge, Selection
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.flexibility_model import frequency_blocks
@@ -78,10 +78,10 @@ class Candidates:
 
     def __init__(self, pool: AssembledModel, targets: Sequence[Target]) -> None:
         self._trials = []
+        held = held_bodies(pool.stack, pool.scene, in_modes=False)
         for target in targets:
-            table = ModalReceptance(
-                pool.substructures, pool.wiring(target.configuration), target.omega, pool.receptances(target.omega)
-            )
+            wiring = held.wiring(pool.wiring(target.configuration))
+            table = ModalReceptance(held.substructures, wiring, target.omega, pool.receptances(target.omega))
             channel = target.row[:, None] * target.column[None, :]
             power = _trapezoid(target.omega) * np.sum(abs(target.elastic * channel) ** 2, axis=(1, 2))
             # Where the full model is silent, every channel's scale is zero, and so is every error.

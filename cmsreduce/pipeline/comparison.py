@@ -251,9 +251,9 @@ class Comparison:
         )
 
     def _decibels(self, model: AssembledModel, configurations: Sequence[Configuration]) -> list[Complex]:
-        """Responses on the decibel grid; the full bodies' receptances there are wanted again and again."""
+        """Responses on the decibel grid; of many configurations, the full bodies' receptances are wanted repeatedly."""
         flexibility = None
-        if model is self.full:
+        if model is self.full and len(self.scene.configurations) > _TOGETHER:
             if self._decibel_flexibility is None:
                 self._decibel_flexibility = self.full.tables(self._decibel)
             flexibility = self._decibel_flexibility

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from cmsreduce.assemble import ModalReceptance, PointStack, couple, receptance, rigid_substructure, wire
+from cmsreduce.assemble import ModalReceptance, PointStack, body_receptances, couple, rigid_substructure, wire
 from cmsreduce.model import Configuration, Damping, Point, Scene
 from tests.assemble.rigs import at, in_joint, joint, modal, physical, rigid_body
 from tests.frames import frame, line
@@ -67,7 +67,7 @@ def rig():
             sensors=sensors[:2] if number == 3 else sensors,
         )
         wirings.append(wire(stack, scene, setting))
-    Y = {name: receptance(sub, OMEGA, stack.motions(name)) for name, sub in subs.items()}
+    Y = body_receptances(stack, OMEGA)
     return subs, stack, wirings, Y
 
 

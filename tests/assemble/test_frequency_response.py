@@ -9,10 +9,10 @@ import scipy.sparse as sp
 from cmsreduce.assemble import (
     PointStack,
     assemble,
+    body_receptances,
     couple,
     frequency_response,
     modal_substructure,
-    receptance,
     receptances,
     rigid_response,
     rigid_substructure,
@@ -151,7 +151,7 @@ def test_a_body_beyond_dense_algebra_is_solved_sparse():
 def test_receptances_hold_for_every_setting():
     subs = bodies(DAMPINGS["modal"], "modes")
     stack = PointStack(subs)
-    Y = {name: receptance(sub, OMEGA, stack.motions(name)) for name, sub in subs.items()}
+    Y = body_receptances(stack, OMEGA)
     scene = Scene(tuple(subs), (0.0, 600.0), JOINTS, (TURNED, Configuration("as built")), **CHANNELS)
     for configuration in scene.configurations:
         found = couple(Y, stack, [wire(stack, scene, configuration)], [OMEGA])[0]

@@ -9,9 +9,9 @@ from cmsreduce.assemble import (
     ModalReceptance,
     PointStack,
     assemble,
+    body_receptances,
     frequency_response,
     place_bodies,
-    receptance,
     rigid_response,
     rigid_substructure,
     state_space,
@@ -132,7 +132,7 @@ def test_every_choice_of_modes_feels_the_joint():
     subs = with_joint_bodies({"bar": modal(bar), "box": rigid_substructure(box)}, scene)
     omega = np.geomspace(5.0, 3000.0, 30)
     stack = PointStack(subs)
-    whole = {name: receptance(sub, omega, stack.motions(name)) for name, sub in subs.items()}
+    whole = body_receptances(stack, omega)
     configuration = scene.configurations[0]
     H = ModalReceptance(subs, wire(stack, scene, configuration), omega, whole).response({})
     exact = frequency_response(subs, scene, configuration, omega)

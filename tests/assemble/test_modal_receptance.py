@@ -12,8 +12,8 @@ import scipy.sparse as sp
 from cmsreduce.assemble import (
     ModalReceptance,
     PointStack,
+    body_receptances,
     modal_substructure,
-    receptance,
     rigid_substructure,
     wire,
 )
@@ -117,7 +117,7 @@ class Rig:
         self.configuration = scene.configurations[0]
         subs = self.substructures({})
         stack = PointStack(subs)
-        whole = {name: receptance(sub, OMEGA, stack.motions(name)) for name, sub in subs.items()}
+        whole = body_receptances(stack, OMEGA)
         self.fast = ModalReceptance(subs, wire(stack, scene, self.configuration), OMEGA, whole)
         self.flexible = {name: part for name, part in parts.items() if isinstance(part, ModalComponent)}
 

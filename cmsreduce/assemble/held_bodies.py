@@ -1,0 +1,112 @@
+"""Bodies held where the ground holds them: no joint forces are left to be solved for there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.assemble.constraint_space import ConstraintSpace, constraint_space
+from cmsreduce.assemble.joints import ground_rows
+from cmsreduce.assemble.points import PointStack
+from cmsreduce.assemble.system import Wiring
+from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.null_space import DEPENDENT, null_space
+from cmsreduce.model import Matrix, Scene, Substructure
+
+__all__ = ["HeldBodies", "held_bodies"]
+
+
+@dataclass(frozen=True, eq=False)
+class HeldBodies:
+    """Bodies of which some have lost the motions that the ground locks.
+
+    Parameters
+    ----------
+    stack : PointStack
+        Their points, in the places that they have without the ground.
+    names : frozenset of str
+        Bodies that are held.
+    """
+
+    stack: PointStack
+    names: frozenset[str]
+
+    @property
+    def substructures(self) -> Mapping[str, Substructure]:
+        """All bodies in their order."""
+        return self.stack.substructures
+
+    def wiring(self, wiring: Wiring) -> Wiring:
+        """What is left to join: of a body that is held no other constraints lie within it than those of the ground."""
+        within = np.zeros(wiring.A.shape[0], dtype=bool)
+        for name in self.names:
+            own = self.stack.body_columns(name)
+            within |= wiring.A[:, own].any(axis=1) & (np.delete(wiring.A, own, axis=1) == 0).all(axis=1)
+        return replace(wiring, A=wiring.A[~within])
+
+
+def held_bodies(stack: PointStack, scene: Scene, *, in_modes: bool = True) -> HeldBodies:
+    """Take the motions that the ground locks out of the coordinates of the bodies.
+
+    Parameters
+    ----------
+    stack : PointStack
+        Points of all bodies.
+    scene : Scene
+        Whose ground.
+    in_modes : bool
+        Whether a body in modes may be held, too, which leaves it in no modes: it is a sum over these only while it is
+        free. Where more of its motions are locked than left, to solve for the rest takes less than the sum does.
+    """
+    locked: dict[str, list[NDArray[np.float64]]] = {}
+    for point in scene.ground:
+        own = stack.body_columns(point.body)
+        locked.setdefault(point.body, []).extend(row[own] for row, _ in ground_rows(stack, point))
+    bodies = dict(stack.substructures)
+    held = {name: rows for name, rows in locked.items() if _pays(bodies[name], len(rows), in_modes)}
+    for name, rows in held.items():
+        bodies[name] = _held(bodies[name], stack.motions(name), np.array(rows))
+    return HeldBodies(PointStack(bodies), frozenset(held))
+
+
+def _pays(sub: Substructure, locked: int, in_modes: bool) -> bool:
+    if sub.rigid.shape[1] == sub.m:
+        return False
+    return sub.omega is None or (in_modes and sub.m <= 2 * locked)
+
+
+def _held(sub: Substructure, motions: Matrix, locked: NDArray[np.float64]) -> Substructure:
+    """One body without the motions of which these rows (c, p) over its points are locked."""
+    A = sp.csr_array(locked @ motions)
+    space = constraint_space(A)
+    T = space.T
+    left, _ = null_space(dense(A @ sub.rigid))
+    return Substructure(
+        sub.name,
+        space.congruent([sub.M]),
+        space.congruent([sub.K]),
+        _congruent(space, sub.D),
+        _congruent(space, sub.loss),
+        np.asarray(T.T @ (sub.rigid @ left)),
+        {label: _free(rows, rows @ T) for label, rows in sub.motion.items()},
+        sub.has,
+        sub.axes,
+        sub.position,
+        sub.interfaces,
+        rounding=sub.rounding,
+    )
+
+
+def _free(before: Matrix, after: Matrix) -> Matrix:
+    """Motions of a point without the rounding of those that are locked."""
+    size, left = (np.linalg.norm(dense(rows), axis=1) for rows in (before, after))
+    moves = np.where(left > DEPENDENT * size, 1.0, 0.0)
+    return sp.csc_array(sp.diags_array(moves) @ after) if sp.issparse(after) else moves[:, None] * after
+
+
+def _congruent(space: ConstraintSpace, A: Matrix | None) -> Matrix | None:
+    return None if A is None else space.congruent([A])
