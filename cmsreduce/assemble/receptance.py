@@ -222,7 +222,7 @@ def _dense(sub: Substructure, load: Real, rigid: Real, omega: Real) -> Complex:
     M, K = dense(sub.M), dense(sub.K)
     D, loss = (zero if part is None else dense(part) for part in (sub.D, sub.loss))
     Y = np.empty((omega.size, *rigid.shape), dtype=np.complex128)
-    for part in frequency_blocks(omega.size, 16 * 3 * sub.m**2):
+    for part in frequency_blocks(omega.size, 16 * 3 * sub.m**2, _CACHED_BYTES):
         w = omega[part, None, None]
         try:
             X = np.linalg.solve(K - w**2 * M + 1j * (loss + w * D), load[None].astype(np.complex128))

@@ -6,6 +6,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.closest_pairs import closest_pairs
+
 __all__ = ["judged_zeros", "transmission_zeros", "visible_modes", "zero_shifts", "zeros_below"]
 
 Array = NDArray[np.float64]
@@ -185,11 +187,8 @@ def zero_shifts(
     inside = full[judged_zeros(full, band, poles, hidden)]
     if not inside.size:
         return np.empty(0)
-    # Only here: loading it takes longer than the zeros.
-    from scipy.optimize import linear_sum_assignment
-
     distance = abs(reduced[None, :] - inside[:, None]) / abs(inside)[:, None]
-    i, j = linear_sum_assignment(distance)
+    i, j = closest_pairs(distance)
     shifts = np.full(inside.size, np.inf)
     shifts[i] = distance[i, j]
     return shifts
