@@ -52,6 +52,9 @@ class HeldBodies:
 def held_bodies(stack: PointStack, scene: Scene, *, in_modes: bool = True) -> HeldBodies:
     """Take the motions that the ground locks out of the coordinates of the bodies.
 
+    Where joints that lock a motion twice are dropped, no body is held: what joints along with the ground lock twice to
+    the digits of a deck would be left as rows of these digits.
+
     Parameters
     ----------
     stack : PointStack
@@ -63,7 +66,7 @@ def held_bodies(stack: PointStack, scene: Scene, *, in_modes: bool = True) -> He
         free. Where more of its motions are locked than left, to solve for the rest takes less than the sum does.
     """
     locked: dict[str, list[NDArray[np.float64]]] = {}
-    for point in scene.ground:
+    for point in scene.ground if scene.redundant == "refuse" else ():
         own = stack.body_columns(point.body)
         locked.setdefault(point.body, []).extend(row[own] for row, _ in ground_rows(stack, point))
     bodies = dict(stack.substructures)

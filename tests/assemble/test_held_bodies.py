@@ -17,7 +17,7 @@ from cmsreduce.assemble import (
     held_bodies,
     wire,
 )
-from cmsreduce.model import Damping, Interface, Point, Scene
+from cmsreduce.model import Damping, Point, Scene
 from tests.assemble.rigs import at, direct, joint, modal, physical
 from tests.frames import line, rotation
 from tests.solids import block
@@ -132,4 +132,11 @@ def test_a_body_that_nothing_holds_is_left_as_it_is():
     found = held(subs, scene)
     assert not found.names
     assert found.substructures["bar"] is subs["bar"]
-    assert isinstance(bar().interfaces["root"], Interface)
+
+
+def test_no_body_is_held_where_what_is_locked_twice_is_dropped():
+    subs = {"bar": physical(bar(LAWS["structural"]), ("46", "52", "54"))}
+    scene = replace(fixed(subs), redundant="drop")
+    assert not held(subs, scene).names
+    expected = direct(assemble(subs, scene, scene.configurations[0]), OMEGA)
+    assert error(frequency_response(subs, scene, scene.configurations[0], OMEGA), expected) < 1e-7
