@@ -42,10 +42,11 @@ class HeldBodies:
 
     def wiring(self, wiring: Wiring) -> Wiring:
         """What is left to join: of a body that is held no other constraints lie within it than those of the ground."""
-        within = np.zeros(wiring.A.shape[0], dtype=bool)
+        entries = wiring.A != 0
+        every, within = entries.sum(axis=1), np.zeros(wiring.A.shape[0], dtype=bool)
         for name in self.names:
-            own = self.stack.body_columns(name)
-            within |= wiring.A[:, own].any(axis=1) & (np.delete(wiring.A, own, axis=1) == 0).all(axis=1)
+            here = entries[:, self.stack.body_columns(name)].sum(axis=1)
+            within |= (here > 0) & (here == every)
         return replace(wiring, A=wiring.A[~within])
 
 

@@ -146,6 +146,7 @@ def add_between(G: Complex, left: Real, Y: Complex, right: Real) -> None:
     p, _, f = Y.shape
     half = (left[rows] @ Y.view(np.float64).reshape(p, -1)).reshape(rows.size, p, 2 * f)
     both = right[columns] @ half
+    # Picked rows and columns are copied before and after the sum.
     if both.size == 2 * G.size:
         G.view(np.float64)[...] += both
     else:
