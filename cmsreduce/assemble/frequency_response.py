@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.assemble.held_bodies import held_bodies
+from cmsreduce.assemble.joined_rows import JoinedRows
 from cmsreduce.assemble.joint_elements import with_joint_bodies
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.receptance import BRAKED, Receptance, add_between, frequencies_last, receptance
+from cmsreduce.assemble.residual_flexibility import residual_flexibility
 from cmsreduce.assemble.system import Wiring, wire
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.flexibility_model import frequency_blocks
-from cmsreduce.linalg.null_space import row_basis
 from cmsreduce.model import Configuration, Scene, Substructure, System
 
 __all__ = ["body_receptances", "couple", "frequency_response", "rigid_response"]
@@ -77,13 +77,37 @@ def couple(
     bodies have are dropped. A frequency of several grids is asked of the bodies once, and all configurations with as
     many joint forces are solved together. Frequencies are taken in blocks: the receptances of none but these are in
     memory.
+
+    Bodies in modes that many forces join are taken as their modes near the band instead, see `residual_flexibility`.
     """
-    joined = [_Joined.of(wiring, stack) for wiring in wirings]
+    joined = [JoinedRows.of(wiring, stack) for wiring in wirings]
+    found = [np.empty(0, dtype=np.complex128)] * len(joined)
+    rest: list[int] = []
+    for k, (each, grid) in enumerate(zip(joined, grids, strict=True)):
+        smooth = residual_flexibility(stack, each, grid)
+        if smooth is None:
+            rest.append(k)
+        else:
+            found[k] = smooth(grid)
+    if rest:
+        solved = _from_receptances(receptances, stack, [joined[k] for k in rest], [grids[k] for k in rest])
+        for k, H in zip(rest, solved, strict=True):
+            found[k] = H
+    return found
+
+
+def _from_receptances(
+    receptances: Mapping[str, Receptance],
+    stack: PointStack,
+    joined: Sequence[JoinedRows],
+    grids: Sequence[NDArray[np.float64]],
+) -> list[NDArray[np.complex128]]:
+    """Responses (f_k, outputs, inputs) of several configurations, by the forces in their joints."""
     every = np.unique(np.concatenate([np.empty(0), *grids]))
     places = [np.searchsorted(every, grid) for grid in grids]
     found = [
-        np.empty((grid.size, wiring.C1.shape[0], wiring.B.shape[0]), dtype=np.complex128)
-        for wiring, grid in zip(wirings, grids, strict=True)
+        np.empty((grid.size, each.outputs, each.shape[1] - each.c), dtype=np.complex128)
+        for each, grid in zip(joined, grids, strict=True)
     ]
     columns = {name: stack.body_columns(name).start + stack.moving(name) for name in receptances}
     entries = sum(place.size**2 for place in columns.values())
@@ -107,57 +131,7 @@ def couple(
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Joined:
-    """What joins, drives and measures the bodies in one configuration, as rows over the stacked motions.
-
-    Parameters
-    ----------
-    left : (c + displacements + rates, size) float64
-        Independent constraints, then the outputs that measure anything.
-    right : (c + inputs, size) float64
-        The same constraints, then the inputs.
-    c, outputs : int
-        Constraints; outputs, silent ones too.
-    displacement, rate : tuple of int
-        Which outputs the last rows on the left are.
-    """
-
-    left: NDArray[np.float64]
-    right: NDArray[np.float64]
-    c: int
-    outputs: int
-    displacement: tuple[int, ...]
-    rate: tuple[int, ...]
-
-    @classmethod
-    def of(cls, wiring: Wiring, stack: PointStack) -> _Joined:
-        # Joints that lock the same motion of a reduced body twice would leave lambda undetermined.
-        A = row_basis(dense(stack.spread(wiring.A))) @ wiring.A
-        displacement, rate = (np.flatnonzero(rows.any(axis=1)) for rows in (wiring.C1, wiring.C2))
-        left = np.vstack([A, wiring.C1[displacement], wiring.C2[rate]])
-        measured = tuple(displacement.tolist()), tuple(rate.tolist())
-        return cls(left, np.vstack([A, wiring.B]), A.shape[0], wiring.C1.shape[0], *measured)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows on the left and on the right."""
-        return self.left.shape[0], self.right.shape[0]
-
-    def response(self, G: NDArray[np.complex128], omega: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Outputs under unit inputs (f, outputs, inputs), from the flexibility of the bodies between all rows."""
-        c = self.c
-        both = G[:, c:, c:]
-        if c:
-            both = both - G[:, c:, :c] @ np.linalg.solve(G[:, :c, :c], G[:, :c, c:])
-        H = np.zeros((omega.size, self.outputs, both.shape[2]), dtype=np.complex128)
-        d = len(self.displacement)
-        H[:, self.displacement] = both[:, :d]
-        H[:, self.rate] += 1j * omega[:, None, None] * both[:, d:]
-        return H
-
-
-def _alike(joined: Sequence[_Joined]) -> list[list[int]]:
+def _alike(joined: Sequence[JoinedRows]) -> list[list[int]]:
     """Numbers of the configurations whose flexibilities can be stacked."""
     groups: dict[tuple[object, ...], list[int]] = {}
     for number, each in enumerate(joined):

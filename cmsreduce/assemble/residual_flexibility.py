@@ -1,0 +1,179 @@
+"""Joined bodies as their modes near a band, and the residual flexibility of all others.
+
+Modes that resonate well above the band answer within it by flexibilities that vary smoothly with frequency, and so do
+the joint forces that they alone would pass on. With a, b, c the rows of A, B, C over the modes near the band, Z their
+dynamic stiffness and Y the receptance of the residual modes,
+
+    (Z + a^T S a) q = (b^T - a^T S A Y B) u,    S = (A Y A^T)^-1,
+    y = (c - C Y A^T S a) q + (C Y B - C Y A^T S A Y B) u,
+
+in which everything but Z is taken at a few Chebyshev points of the band and interpolated: no matter how many modes the
+bodies have and how many forces act in their joints, a frequency costs a solve for the modes near the band.
+
+Every root of a residual mode is at least 1.5 times the top of the band away from zero. Joined they are no nearer: for
+any shape x the coefficients of x^H (K + i w D - w^2 M) x are sums of those of the modes, none negative, and its roots
+are no nearer than the nearest of theirs (where loss factors differ, by more than the root of the cosine of half their
+angles' difference). The ellipse with foci at both ends of the band [0, top] that reaches to 1.5 top lies within that
+distance, and 24 points of the band leave (2 + sqrt(3))^-24 = 2e-14 of what is analytic there (Trefethen, Approximation
+Theory and Approximation Practice, SIAM 2013, theorem 8.2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from cmsreduce.assemble.joined_rows import JoinedRows
+from cmsreduce.assemble.points import PointStack
+from cmsreduce.assemble.receptance import is_diagonal, modal_weights
+from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.flexibility_model import frequency_blocks
+from cmsreduce.model import Matrix, Substructure
+
+__all__ = ["ResidualFlexibility", "residual_flexibility"]
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Modes with a root nearer to zero than this many times the top of the band are near it.
+_BEYOND = 1.5
+_NODES = 24
+# To fewer forces or frequencies the receptances are coupled as quickly: 12 forces and 21 modes near the band take as
+# long either way, 90 forces and 21 modes a sixteenth.
+_FEWEST_FORCES = 12
+_FEWEST_POINTS = 4 * _NODES
+# Least eigenvalue of A Y_r A^T, scaled to ones on its diagonal: below it the residual modes do not span the joints.
+_SPANNED = 1e-10
+# Memory of the matrices of the frequencies solved at a time, which stay in the cache.
+_BLOCK_BYTES = 2**22
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualFlexibility:
+    """Responses of one configuration at any frequencies up to the top of a band.
+
+    Parameters
+    ----------
+    joined : JoinedRows
+        Joints, inputs and outputs.
+    stiffness : (k, k) complex128
+        K + i loss of the modes near the band.
+    drag, mass : (k, k) float64
+        Their D and M.
+    residual : (nodes, k + rows measured, k + inputs) complex128
+        What the residual modes add at the Chebyshev points of [0, top].
+    top : float
+        In rad/s.
+    """
+
+    joined: JoinedRows
+    stiffness: Complex
+    drag: Real
+    mass: Real
+    residual: Complex
+    top: float
+
+    def __call__(self, omega: Real) -> Complex:
+        """Response (f, outputs, inputs) at frequencies (f,) in rad/s, none above the top."""
+        k = self.stiffness.shape[0]
+        nodes, rows, columns = self.residual.shape
+        H = np.empty((omega.size, self.joined.outputs, columns - k), dtype=np.complex128)
+        for part in frequency_blocks(omega.size, 3 * 16 * rows * columns, _BLOCK_BYTES):
+            w = omega[part, None, None]
+            values = _interpolation(omega[part] / self.top) @ self.residual.reshape(nodes, -1).view(np.float64)
+            E = values.view(np.complex128).reshape(-1, rows, columns)
+            Z = E[:, :k, :k] + self.stiffness + 1j * w * self.drag - w**2 * self.mass
+            both = E[:, k:, k:] + E[:, k:, :k] @ np.linalg.solve(Z, E[:, :k, k:])
+            H[part] = self.joined.measured(both, omega[part])
+        return H
+
+
+def residual_flexibility(stack: PointStack, joined: JoinedRows, omega: Real) -> ResidualFlexibility | None:
+    """Split the modes of joined bodies in those near a band and the residual ones.
+
+    Coordinates of a body that is not in modes all count as near.
+
+    Parameters
+    ----------
+    stack : PointStack
+        Points of all bodies.
+    joined : JoinedRows
+        Joints, inputs and outputs of the configuration.
+    omega : (f,) float64
+        Circular frequencies in rad/s that will be asked for.
+
+    Returns
+    -------
+    ResidualFlexibility or None
+        None where the receptances are coupled in less time, or where the residual modes do not span the joints.
+    """
+    if omega.size < _FEWEST_POINTS or joined.c < _FEWEST_FORCES:
+        return None
+    top = float(omega.max())
+    bodies = stack.substructures
+    near = {name: _near(sub, _BEYOND * top) for name, sub in bodies.items()}
+    if sum(int(np.count_nonzero(columns)) for columns in near.values()) > joined.c:
+        return None
+    far = {name: np.flatnonzero(~columns) for name, columns in near.items()}
+    left, right = _over(joined.left, stack, far), _over(joined.right, stack, far)
+    at_near = {name: np.flatnonzero(columns) for name, columns in near.items()}
+    near_left, near_right = _over(joined.left, stack, at_near), _over(joined.right, stack, at_near)
+    c, k = joined.c, near_left.shape[1]
+    residual = np.empty((_NODES, near_left.shape[0] - c + k, near_right.shape[0] - c + k), dtype=np.complex128)
+    for E, node in zip(residual, (chebyshev.chebpts1(_NODES) + 1) / 2 * top, strict=True):
+        weights = [modal_weights(sub, np.array([node]), far[name])[0] for name, sub in bodies.items() if far[name].size]
+        G = (left * np.concatenate([np.empty(0), *weights])) @ right.T
+        if not _is_spanned(G[:c, :c]):
+            return None
+        forces = np.linalg.solve(G[:c, :c], np.hstack([near_left[:c], G[:c, c:]]))
+        E[:k], E[k:] = near_right[:c].T @ forces, -G[c:, :c] @ forces
+        E[:k, k:] = near_right[c:].T - E[:k, k:]
+        E[k:, :k] += near_left[c:]
+        E[k:, k:] += G[c:, c:]
+    K, M, D, loss = (
+        la.block_diag(*[_part(getattr(sub, letter), at_near[name]) for name, sub in bodies.items()])
+        for letter in ("K", "M", "D", "loss")
+    )
+    return ResidualFlexibility(joined, K + 1j * loss, D, M, residual, top)
+
+
+def _near(sub: Substructure, reach: float) -> NDArray[np.bool_]:
+    """Which coordinates have a root m w^2 - i d w - (k + i g) = 0 with ``abs(w) <= reach``, or are no modes."""
+    if not is_diagonal(sub):
+        return np.ones(sub.m, dtype=bool)
+    m, k, d, g = (np.zeros(sub.m) if A is None else np.asarray(A.diagonal()) for A in (sub.M, sub.K, sub.D, sub.loss))
+    stiffness = k + 1j * g
+    root = np.sqrt(4 * m * stiffness - d**2)
+    # m times the root farther away; the nearer one is their product divided by it. Without mass there is one root.
+    far = np.maximum(abs(1j * d + root), abs(1j * d - root)) / 2
+    return np.asarray(abs(stiffness) <= reach * far)
+
+
+def _over(rows: Real, stack: PointStack, columns: dict[str, NDArray[np.int64]]) -> Real:
+    """Rows over the motions as rows over some coordinates of each body."""
+    parts = [rows[:, stack.body_columns(name)] @ dense(stack.motions(name)[:, own]) for name, own in columns.items()]
+    return np.hstack([np.empty((rows.shape[0], 0)), *parts])
+
+
+def _is_spanned(G: Complex) -> bool:
+    size = np.diagonal(G).real
+    if not (size > 0).all():
+        return False
+    root = np.sqrt(size)
+    return bool(la.eigvalsh(G.real / np.outer(root, root), subset_by_index=[0, 0])[0] > _SPANNED)
+
+
+def _part(A: Matrix | None, own: NDArray[np.int64]) -> Real:
+    return np.zeros((own.size, own.size)) if A is None else dense(A[own][:, own])
+
+
+def _interpolation(x: Real) -> Real:
+    """Values at x in [0, 1] from those at the Chebyshev points (f, nodes)."""
+    nodes = chebyshev.chebpts1(_NODES)
+    weights = chebyshev.chebvander(nodes, _NODES - 1) * (2 / _NODES)
+    weights[:, 0] /= 2
+    return np.asarray(chebyshev.chebvander(2 * x - 1, _NODES - 1) @ weights.T)
