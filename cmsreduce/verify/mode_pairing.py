@@ -99,6 +99,9 @@ def pair_modes(old_omega: Array, new_omega: Array, old: Array, new: Array) -> Mo
     i, j = linear_sum_assignment(cost)
     same = cost[i, j] < _DIFFERENT
     i, j = i[same], j[same]
+    for each in np.unique(group[i]):
+        # A group is as like to one new mode as to another: of equal sums rounding would choose.
+        j[group[i] == each] = np.sort(j[group[i] == each])
     return ModePairing(
         old=i,
         new=j,

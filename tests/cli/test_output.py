@@ -67,7 +67,7 @@ def test_a_stage_as_json_names_what_it_wrote(finished: Path) -> None:
     assert re.fullmatch(r"\d+ files in [\d.]+ s", words.splitlines()[-1])
 
 
-@pytest.mark.parametrize(("limit", "code"), [("frf_error=0.5", 0), ("arm.kept_modes=1", 1), ("static_lack=1e-30", 1)])
+@pytest.mark.parametrize(("limit", "code"), [("frf_error=0.5", 0), ("arm.kept_modes=1", 1), ("peak_error=1e-9", 1)])
 def test_check_as_json_and_quietly(finished: Path, limit: str, code: int) -> None:
     said, quiet = (call("check", finished, "--max", limit, option) for option in ("--json", "--quiet"))
     assert said.exit_code == quiet.exit_code == code
@@ -144,10 +144,10 @@ def test_a_log_holds_the_error_that_ended_it(tmp_path: Path) -> None:
 
 
 def test_a_limit_on_a_check_fails_the_run(finished: Path) -> None:
-    limits = "{static_lack: 1e-30, zero_error: 1e-12}"
+    limits = "{peak_error: 1e-9, zero_error: 1e-12}"
     said = call("run", study_of(finished), "--out", finished.parent / "strict", "--set", f"verify.limits={limits}")
     assert said.exit_code == 1
     text = " ".join(said.stdout.split())
-    assert "FAIL static energy lacking" in text and "is above its limit 1e-28 %" in text
+    assert "FAIL peak height" in text and "is above its limit 1e-07 %" in text
     bad = call("run", study_of(finished), "--set", "verify.checks=[statics]")
     assert bad.exit_code == 2 and "verify.checks" in bad.stderr and "did you mean 'static'" in bad.stderr

@@ -173,8 +173,9 @@ def test_a_model_errs_by_no_more_than_its_bound(name, law):
         # Of one order of the rows rounding may be small by chance.
         error, *roundings = (float((abs(Y - exact) / scale).max()) for Y in (found.Y[k], *plain))
         rounding = max(roundings)
-        # At a resonance of hardly any damping rounding is what is left, of the model and of a solve alike.
-        assert error < max(1.5 * found.error[k], 1e-7, 5 * rounding)
+        # At a resonance of hardly any damping rounding is what is left, of the model and of a solve alike; with strong
+        # dashpots beside dofs without mass it is 1e-7 of the model, of a solve 3e-11.
+        assert error < max(1.5 * found.error[k], RESPONSE_TOLERANCE / 5, 5 * rounding)
         np.testing.assert_array_less(abs(np.diagonal(exact)) * (1 - 1e-5), found.size[k])
 
 

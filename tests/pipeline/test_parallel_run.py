@@ -16,9 +16,9 @@ from cmsreduce.errors import CmsReduceError
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.parallel_run import ParallelRun, opened_run
 from cmsreduce.pipeline.workers import Workers
+from tests.pipeline.rounding import close
 from tests.pipeline.study import Log
 from tests.pipeline.test_reuse import untimed
-from tests.pipeline.test_sweep import close
 
 
 def summary(folder: Path) -> Any:

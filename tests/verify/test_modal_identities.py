@@ -49,7 +49,8 @@ def test_a_uniform_cantilever_has_the_momentum_of_its_roots():
     s = (np.sinh(ROOTS) - np.sin(ROOTS)) / (np.cosh(ROOTS) + np.cos(ROOTS))
     np.testing.assert_allclose(p[1] ** 2, 4 * s**2 * mass / ROOTS**2, rtol=1e-5)
     np.testing.assert_allclose(p[5] ** 2, 4 * mass * LENGTH**2 / ROOTS**4, rtol=1e-5)
-    np.testing.assert_allclose(p[[0, 2, 3, 4]], 0, atol=1e-9)
+    # The highest eigenvalue is 3e9 times the distance of these modes: rounding mixes the others in by as much.
+    np.testing.assert_allclose(p[[0, 2, 3, 4]], 0, atol=1e-7)
 
 
 def test_all_modes_together_have_the_mass_that_is_not_at_the_clamp():

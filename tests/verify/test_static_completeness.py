@@ -47,8 +47,8 @@ def test_free_modes_clamped_afterwards_lack_what_the_clamp_bends(beam, count, ti
     assert found.reduced[-2, 0] == pytest.approx(tip, abs=2e-5)
     work = (load.T @ found.full).item(), (load.T @ found.reduced).item()
     assert work[0] == pytest.approx(1 / 20, rel=1e-6)
-    # K of order 12 / h^3 = 8e8 in double precision: its energies are known to 1e-7.
-    assert found.error[0] == pytest.approx(1 - work[1] / work[0], abs=1e-7)
+    # K of order 12 / h^3 = 8e8 in double precision: its energies are known to 1e-7, of the whole, its part, their lack.
+    assert found.error[0] == pytest.approx(1 - work[1] / work[0], abs=3e-7)
 
 
 def test_residual_modes_of_the_root_make_ten_modes_complete(beam):
