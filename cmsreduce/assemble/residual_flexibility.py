@@ -20,7 +20,9 @@ Theory and Approximation Practice, SIAM 2013, theorem 8.2).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as la
@@ -32,12 +34,14 @@ from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.receptance import is_diagonal, modal_weights
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.flexibility_model import frequency_blocks
+from cmsreduce.linalg.null_space import null_space
 from cmsreduce.model import Matrix, Substructure
 
 __all__ = ["ResidualFlexibility", "residual_flexibility"]
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Ints = NDArray[np.int64]
 
 # Modes with a root nearer to zero than this many times the top of the band are near it.
 _BEYOND = 1.5
@@ -113,32 +117,62 @@ def residual_flexibility(stack: PointStack, joined: JoinedRows, omega: Real) -> 
     """
     if omega.size < _FEWEST_POINTS or joined.c < _FEWEST_FORCES:
         return None
-    top = float(omega.max())
-    bodies = stack.substructures
-    near = {name: _near(sub, _BEYOND * top) for name, sub in bodies.items()}
-    if sum(int(np.count_nonzero(columns)) for columns in near.values()) > joined.c:
+    top, c = float(omega.max()), joined.c
+    near = {name: _near(sub, _BEYOND * top) for name, sub in stack.substructures.items()}
+    if sum(int(np.count_nonzero(columns)) for columns in near.values()) > c:
         return None
+    modes = _near_modes(stack, joined, {name: np.flatnonzero(columns) for name, columns in near.items()})
     far = {name: np.flatnonzero(~columns) for name, columns in near.items()}
     left, right = _over(joined.left, stack, far), _over(joined.right, stack, far)
-    at_near = {name: np.flatnonzero(columns) for name, columns in near.items()}
-    near_left, near_right = _over(joined.left, stack, at_near), _over(joined.right, stack, at_near)
-    c, k = joined.c, near_left.shape[1]
-    residual = np.empty((_NODES, near_left.shape[0] - c + k, near_right.shape[0] - c + k), dtype=np.complex128)
+    k = modes.left.shape[1]
+    residual = np.empty((_NODES, left.shape[0] - c + k, right.shape[0] - c + k), dtype=np.complex128)
     for E, node in zip(residual, (chebyshev.chebpts1(_NODES) + 1) / 2 * top, strict=True):
-        weights = [modal_weights(sub, np.array([node]), far[name])[0] for name, sub in bodies.items() if far[name].size]
+        weights = [
+            modal_weights(stack.substructures[name], np.array([node]), own)[0] for name, own in far.items() if own.size
+        ]
         G = (left * np.concatenate([np.empty(0), *weights])) @ right.T
         if not _is_spanned(G[:c, :c]):
             return None
-        forces = np.linalg.solve(G[:c, :c], np.hstack([near_left[:c], G[:c, c:]]))
-        E[:k], E[k:] = near_right[:c].T @ forces, -G[c:, :c] @ forces
-        E[:k, k:] = near_right[c:].T - E[:k, k:]
-        E[k:, :k] += near_left[c:]
+        forces = np.linalg.solve(G[:c, :c], np.hstack([modes.left[:c], G[:c, c:]]))
+        E[:k], E[k:] = modes.right[:c].T @ forces, -G[c:, :c] @ forces
+        E[:k, k:] = modes.right[c:].T - E[:k, k:]
+        E[k:, :k] += modes.left[c:]
         E[k:, k:] += G[c:, c:]
+    return ResidualFlexibility(joined, modes.stiffness, modes.drag, modes.mass, residual, top)
+
+
+class _NearModes(NamedTuple):
+    """Rows of the joints and channels over the modes near the band (.., k), and matrices of these (k, k)."""
+
+    left: Real
+    right: Real
+    stiffness: Complex
+    drag: Real
+    mass: Real
+
+
+def _near_modes(stack: PointStack, joined: JoinedRows, columns: Mapping[str, Ints]) -> _NearModes:
+    """The modes near the band, those that are no more than a free motion of the whole first.
+
+    Joints and stiffness do nothing in these: their inertia is all there is of them, and far below the resonances less
+    than the rounding of the stiffness that the joints have, unless that is known to be zero.
+    """
+    c, bodies = joined.c, stack.substructures
+    left, right = _over(joined.left, stack, columns), _over(joined.right, stack, columns)
     K, M, D, loss = (
-        la.block_diag(*[_part(getattr(sub, letter), at_near[name]) for name, sub in bodies.items()])
+        la.block_diag(*[_part(getattr(sub, letter), columns[name]) for name, sub in bodies.items()])
         for letter in ("K", "M", "D", "loss")
     )
-    return ResidualFlexibility(joined, K + 1j * loss, D, M, residual, top)
+    rigid = la.block_diag(*[sub.rigid[columns[name]] for name, sub in bodies.items()])
+    free = la.qr(rigid @ null_space(left[:c] @ rigid)[0], mode="economic")[0]
+    f = free.shape[1]
+    if f:
+        T = np.hstack([free, la.qr(M @ free)[0][:, f:]])
+        left, right, K, M, D, loss = left @ T, right @ T, *(T.T @ A @ T for A in (K, M, D, loss))
+        M[:f, f:] = M[f:, :f] = 0
+        for nothing in (left[:c].T, right[:c].T, K, K.T, loss, loss.T):
+            nothing[:f] = 0
+    return _NearModes(left, right, K + 1j * loss, D, M)
 
 
 def _near(sub: Substructure, reach: float) -> NDArray[np.bool_]:
@@ -153,7 +187,7 @@ def _near(sub: Substructure, reach: float) -> NDArray[np.bool_]:
     return np.asarray(abs(stiffness) <= reach * far)
 
 
-def _over(rows: Real, stack: PointStack, columns: dict[str, NDArray[np.int64]]) -> Real:
+def _over(rows: Real, stack: PointStack, columns: Mapping[str, Ints]) -> Real:
     """Rows over the motions as rows over some coordinates of each body."""
     parts = [rows[:, stack.body_columns(name)] @ dense(stack.motions(name)[:, own]) for name, own in columns.items()]
     return np.hstack([np.empty((rows.shape[0], 0)), *parts])
@@ -167,7 +201,7 @@ def _is_spanned(G: Complex) -> bool:
     return bool(la.eigvalsh(G.real / np.outer(root, root), subset_by_index=[0, 0])[0] > _SPANNED)
 
 
-def _part(A: Matrix | None, own: NDArray[np.int64]) -> Real:
+def _part(A: Matrix | None, own: Ints) -> Real:
     return np.zeros((own.size, own.size)) if A is None else dense(A[own][:, own])
 
 

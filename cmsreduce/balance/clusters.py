@@ -15,6 +15,9 @@ __all__ = ["CORRELATED", "cluster_groups", "correlated_groups", "correlation"]
 CORRELATED = 0.1
 """Correlation above which modes form a cluster: below, neighbours shift each other's Hankel values by a tenth."""
 
+# Modes of less than this share of the loudest one's amplitude are not moved at all, or not seen: their rows are
+# rounding, alike by chance.
+_SILENT = 1e-9
 # Modes more alike than this stay together.
 _ONE_SHAPE = 0.99
 
@@ -36,7 +39,7 @@ def correlation(G: Array, group: Groups) -> Array:
     -------
     (g, g) float64
         |G_ij| / sqrt(|G_ii| |G_jj|) in Frobenius norms of the blocks, between 0 and 1 but for rounding, the same for
-        any shapes of a repeated mode; zero where a mode is silent.
+        any shapes of a repeated mode; zero where a mode is silent but for rounding.
     """
     e, g = group.size, int(group.max(initial=-1)) + 1
     power = G[:e, :e] ** 2 + G[:e, e:] ** 2 + G[e:, :e] ** 2 + G[e:, e:] ** 2
@@ -44,8 +47,9 @@ def correlation(G: Array, group: Groups) -> Array:
     member[np.arange(e), group] = 1.0
     size = np.sqrt(member.T @ power @ member)
     own = np.sqrt(size.diagonal())
+    loud = own > _SILENT * own.max(initial=0.0)
     scale = np.outer(own, own)
-    return np.asarray(np.divide(size, scale, out=np.zeros((g, g)), where=scale > 0))
+    return np.asarray(np.divide(size, scale, out=np.zeros((g, g)), where=np.outer(loud, loud)))
 
 
 def correlated_groups(

@@ -62,11 +62,12 @@ def error(found, expected):
     return (abs(found - expected).max(axis=0) / abs(expected).max(axis=0)).max()
 
 
-def by_forces(subs, scene, monkeypatch):
+def by_forces(subs, scene, monkeypatch, omega=OMEGA):
     """By the forces in all joints, at every frequency."""
     monkeypatch.setattr(RESIDUAL, "_FEWEST_FORCES", 1000)
     stack = PointStack(subs)
-    return couple(body_receptances(stack, OMEGA), stack, [wire(stack, scene, scene.configurations[0])], [OMEGA])[0]
+    wiring = wire(stack, scene, scene.configurations[0])
+    return couple(body_receptances(stack, omega), stack, [wiring], [omega])[0]
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -78,6 +79,15 @@ def test_it_answers_as_the_assembled_matrices_do(law, monkeypatch):
     # The assembled matrices lose seven digits to the stiffest modes; by forces in the joints it is 3e-10 at most.
     assert error(found(OMEGA), expected) < 2e-8
     assert error(found(OMEGA), by_forces(subs, scene, monkeypatch)) < 1e-9
+
+
+def test_free_bodies_keep_their_rigid_motion_far_below_the_stiffness_of_the_joints(monkeypatch):
+    """At a thousandth of the lowest resonance it is a millionth of what joints answer a relative motion with."""
+    subs, scene = two_bars("modal")
+    scene = replace(scene, ground=())
+    omega = np.geomspace(0.1, 1200.0, 150)
+    found, expected = split(subs, scene, omega)(omega), by_forces(subs, scene, monkeypatch, omega)
+    assert (abs(found - expected) / abs(expected).max(axis=(1, 2), keepdims=True)).max() < 1e-9
 
 
 def test_a_mode_that_creeps_back_within_the_band_is_near_it():

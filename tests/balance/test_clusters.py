@@ -43,6 +43,14 @@ def test_close_frequencies_alone_make_no_cluster(B, C, together):
     assert (found[0] == found[1]) == together
 
 
+@pytest.mark.parametrize(("size", "together"), [(1e-11, False), (1e-6, True)])
+def test_rows_that_are_rounding_beside_a_loud_mode_are_alike_by_chance(size, together):
+    rows = np.array([[1.0], [size], [size]])
+    ch = ModalChannels("three", np.array([1.0, 2.0, 2.001]), np.full(3, 0.005), rows, rows.T, np.zeros((0, 3)))
+    found = cluster_groups(ch)
+    assert (found[1] == found[2]) == together and found[0] not in found[1:]
+
+
 @pytest.mark.parametrize(("apart", "together"), [(0.001, True), (0.01, True), (0.5, False)])
 def test_golden_pairs(apart, together):
     found = cluster_groups(two_close_modes(apart, (1, 0.9)))
