@@ -87,8 +87,12 @@ def couple(
         smooth = residual_flexibility(stack, each, grid)
         if smooth is None:
             rest.append(k)
-        else:
+            continue
+        try:
             found[k] = smooth(grid)
+        except np.linalg.LinAlgError:
+            # A free motion at zero frequency, or a resonance without damping: receptances say whose.
+            rest.append(k)
     if rest:
         solved = _from_receptances(receptances, stack, [joined[k] for k in rest], [grids[k] for k in rest])
         for k, H in zip(rest, solved, strict=True):

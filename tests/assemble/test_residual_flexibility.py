@@ -11,6 +11,7 @@ import pytest
 from cmsreduce.assemble import PointStack, assemble, body_receptances, couple, rigid_substructure, wire
 from cmsreduce.assemble.joined_rows import JoinedRows
 from cmsreduce.assemble.residual_flexibility import residual_flexibility
+from cmsreduce.errors import MatrixError
 from cmsreduce.model import Damping, Point, Scene
 from tests.assemble.rigs import at, direct, joint, modal, rigid_body
 from tests.frames import line
@@ -88,6 +89,15 @@ def test_free_bodies_keep_their_rigid_motion_far_below_the_stiffness_of_the_join
     omega = np.geomspace(0.1, 1200.0, 150)
     found, expected = split(subs, scene, omega)(omega), by_forces(subs, scene, monkeypatch, omega)
     assert (abs(found - expected) / abs(expected).max(axis=(1, 2), keepdims=True)).max() < 1e-9
+
+
+def test_free_bodies_have_no_response_at_zero_frequency():
+    subs, scene = two_bars("modal")
+    scene = replace(scene, ground=())
+    stack, omega = PointStack(subs), np.concatenate([[0.0], OMEGA])
+    wiring = wire(stack, scene, scene.configurations[0])
+    with pytest.raises(MatrixError, match="body 'one' has no damping and resonates at 0 Hz"):
+        couple(body_receptances(stack, omega), stack, [wiring], [omega])
 
 
 def test_a_mode_that_creeps_back_within_the_band_is_near_it():
