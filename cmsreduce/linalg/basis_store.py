@@ -22,6 +22,7 @@ __all__ = [
     "observed",
     "outgrows",
     "row_blocks",
+    "search_outgrows",
     "side_by_side",
 ]
 
@@ -44,13 +45,15 @@ def new_basis(n: int, m: int) -> Array:
     return mapped_array(folder, n, m)
 
 
-def kept_by_rows(X: Array, beside: int) -> Array:
-    """Columns (n, k) of a search by rows: themselves, or on disk where with those ``beside`` they outgrow memory.
+def search_outgrows(n: int, m: int) -> bool:
+    """Whether a search over vectors (n, m) is to be on disk: there is one at a time, which may take several bases."""
+    return outgrows(n, m // _SEARCHES)
 
-    There is one search at a time, so it may take several times what a basis may.
-    """
+
+def kept_by_rows(X: Array, beside: int) -> Array:
+    """Columns (n, k) of a search by rows: themselves, or on disk where with those ``beside`` they outgrow memory."""
     folder, (n, k) = current_settings().scratch, X.shape
-    if folder is None or not k or not outgrows(n, (beside + k) // _SEARCHES):
+    if folder is None or not k or not search_outgrows(n, beside + k):
         return by_rows(X)
     place = mapped_array(folder, n, k, by_rows=True)
     for rows in row_blocks(n, k):

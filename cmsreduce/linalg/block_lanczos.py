@@ -189,7 +189,8 @@ class BlockLanczos:
             X = start @ self._random.standard_normal((start.shape[1], self._width))
         X = by_rows(X)
         MX = self._mass(X)
-        for _ in range(_PASSES):
+        # What is deflated is taken out twice, like all that is orthogonalised.
+        for _ in range(_PASSES if self._deflated.size else 1):
             X, MX = self._cleared(X, MX)
         return X, MX, np.empty((X.shape[1], 0))
 

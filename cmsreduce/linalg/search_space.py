@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.basis_store import kept_by_rows
+from cmsreduce.linalg.basis_store import kept_by_rows, search_outgrows
+from cmsreduce.linalg.layout import by_rows
 from cmsreduce.linalg.tall_products import combination, inner_of_all, less_all
 
 __all__ = ["SearchSpace"]
@@ -28,6 +29,8 @@ class SearchSpace:
     def __init__(self, n: int) -> None:
         self.n = n
         self._blocks: list[Array] = []
+        # Columns that are known to have room in memory.
+        self._sure = 0
 
     @property
     def m(self) -> int:
@@ -36,7 +39,11 @@ class SearchSpace:
 
     def append(self, X: Array) -> Array:
         """Add columns (n, k), and return them as they are kept: themselves, if they may be, from now on unchanged."""
-        kept = kept_by_rows(X, self.m)
+        wanted = self.m + X.shape[1]
+        if wanted > self._sure and not search_outgrows(self.n, 2 * wanted):
+            # To ask the system takes as long as a product with all columns.
+            self._sure = 2 * wanted
+        kept = by_rows(X) if wanted <= self._sure else kept_by_rows(X, self.m)
         if kept.shape[1]:
             self._blocks.append(kept)
         return kept

@@ -57,3 +57,14 @@ def test_only_what_outgrows_memory_is_on_disk(tmp_path):
         on_disk = [mapped_in(space.append(np.full((N, 8), float(i)))) is not None for i in range(10)]
         assert on_disk == [False] * 7 + [True] * 3
         np.testing.assert_array_equal(space.combined(np.eye(80))[0], np.repeat(np.arange(10.0), 8))
+
+
+def test_the_system_is_asked_for_its_memory_as_columns_double(tmp_path, monkeypatch):
+    """To 256 columns by eights: at 8, 24, 56, 120 and 248, each time for twice as many."""
+    asked = []
+    monkeypatch.setattr("cmsreduce.linalg.solver_settings.available_memory", lambda: asked.append(space.m + 8) or 1e12)
+    with solver_settings(SolverSettings(scratch=tmp_path)):
+        space = SearchSpace(N)
+        for _ in range(32):
+            space.append(np.zeros((N, 8)))
+    assert asked == [8, 24, 56, 120, 248]
