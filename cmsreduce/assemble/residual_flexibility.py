@@ -12,10 +12,11 @@ bodies have and how many forces act in their joints, a frequency costs a solve f
 
 Every root of a residual mode is at least 1.5 times the top of the band away from zero. Joined they are no nearer: for
 any shape x the coefficients of x^H (K + i w D - w^2 M) x are sums of those of the modes, none negative, and its roots
-are no nearer than the nearest of theirs (where loss factors differ, by more than the root of the cosine of half their
-angles' difference). The ellipse with foci at both ends of the band [0, top] that reaches to 1.5 top lies within that
-distance, and 24 points of the band leave (2 + sqrt(3))^-24 = 2e-14 of what is analytic there (Trefethen, Approximation
-Theory and Approximation Practice, SIAM 2013, theorem 8.2).
+are no nearer than the nearest of theirs. Loss factors that differ from mode to mode turn the stiffness of each by an
+angle of its own, and may bring them nearer by the root of the cosine of half the largest difference of these. The
+ellipse with foci at both ends of the band [0, top] that reaches to 1.5 top lies within that distance, and 24 points of
+the band leave (2 + sqrt(3))^-24 = 2e-14 of what is analytic there (Trefethen, Approximation Theory and Approximation
+Practice, SIAM 2013, theorem 8.2).
 """
 
 from __future__ import annotations
