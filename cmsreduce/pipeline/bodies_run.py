@@ -126,8 +126,7 @@ class BodiesRun:
                 points = flexible.points(self.scene)
                 found[name] = Reference(modal_substructure(rigid, points), rigid, "rigid: off every path")
                 continue
-            self.ledger.progress.stage("verify", f"{name}, unreduced")
-            found[name] = self.unreduced(name)
+            found[name] = self.ledger.timed("verify", f"{name}, unreduced", partial(self.unreduced, name))
         return found
 
     def unreduced(self, name: str) -> Reference:

@@ -12,7 +12,9 @@ import scipy.linalg as la
 from click.testing import CliRunner
 
 from cmsreduce.cli import main
+from cmsreduce.config import load_pipeline
 from cmsreduce.model import FEModel
+from cmsreduce.pipeline import Run, Silent
 from tests.pipeline.study import write_body
 from tests.solids import block
 
@@ -131,3 +133,14 @@ def test_a_solver_that_is_not_installed_is_refused(run, monkeypatch):
         monkeypatch.setattr(module, "installed", lambda backend: backend == "superlu")
     code, output, _ = run("backend: cholmod")
     assert code == 2 and "'cholmod' is not installed here; installed: superlu" in output
+
+
+def test_the_unreduced_body_is_represented_under_the_same_settings(files: Path, tmp_path: Path, monkeypatch) -> None:
+    """A stand-in, as larger bodies have; left to itself it would take SuperLU for so few rows."""
+    monkeypatch.setattr("cmsreduce.pipeline.reference.ALL_MODES_LIMIT", 0)
+    path = files / f"{tmp_path.name}.yaml"
+    path.write_text(BAR.format(output=tmp_path / "out", solver="backend: pardiso"))
+    run = Run(load_pipeline(path), tmp_path / "out", Silent())
+    assert run.references["bar"].label == "modes to 2 x cutoff"
+    done = run.ledger.factorised["bar, unreduced"]["verify"]
+    assert done and {each.backend for each in done} == {"pardiso"}
