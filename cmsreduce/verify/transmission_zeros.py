@@ -27,6 +27,8 @@ _FAR, _TERMS = 2.0, 14
 _BEYOND = 1.2
 # A root with less than this share of itself off the real axis is on it.
 _ON_AXIS = 1e-7
+# Zeros whose magnitudes differ by less than this share may be mirror images, which rounding puts in any order.
+_ALIKE = 1e-6
 
 
 def transmission_zeros(
@@ -50,8 +52,8 @@ def transmission_zeros(
     Returns
     -------
     (z,) complex128
-        In rad/s, those of positive imaginary part and those on the real axis, by magnitude. Of an undamped collocated
-        pair they lie on the imaginary axis, between the poles.
+        In rad/s, those of positive imaginary part and those on the real axis, by magnitude, the one on the right first
+        of a pair of mirror images. Of an undamped collocated pair they lie on the imaginary axis, between the poles.
 
     Notes
     -----
@@ -71,8 +73,7 @@ def transmission_zeros(
     alpha, beta = la.eigvals(A, E, homogeneous_eigvals=True)
     finite = abs(alpha) < _INFINITE * abs(beta)
     zeros = size * alpha[finite] / beta[finite]
-    upper = zeros[zeros.imag >= 0]
-    return np.asarray(upper[np.argsort(abs(upper))], dtype=np.complex128)
+    return _in_order(zeros[zeros.imag >= 0])
 
 
 def zeros_below(omega: Array, residue: Array, top: float, *, static: float = 0.0) -> NDArray[np.complex128]:
@@ -114,8 +115,15 @@ def zeros_below(omega: Array, residue: Array, top: float, *, static: float = 0.0
     root = top * np.sqrt(alpha[near] / beta[near] + 0j)
     real = abs(root.imag) <= _ON_AXIS * abs(root)
     upper = np.where(root.imag < 0, -root, root)
-    zeros = np.concatenate([upper[~real], root.real[real], -root.real[real]])
-    return np.asarray(zeros[np.argsort(abs(zeros), kind="stable")], dtype=np.complex128)
+    return _in_order(np.concatenate([upper[~real], root.real[real], -root.real[real]]))
+
+
+def _in_order(zeros: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Zeros by magnitude; of mirror images, whose magnitudes differ by rounding alone, that on the right first."""
+    zeros = zeros[np.argsort(abs(zeros))]
+    size = abs(zeros)
+    group = np.cumsum(np.diff(size, prepend=0.0) > _ALIKE * size)
+    return np.asarray(zeros[np.lexsort((-zeros.real, group))], dtype=np.complex128)
 
 
 def visible_modes(omega: Array, residue: Array) -> tuple[Array, Array]:

@@ -71,6 +71,14 @@ def test_a_static_gain_takes_the_place_of_the_stiff_mode(channel):
     np.testing.assert_allclose(hz(zeros)[:4], [0.324460, 3.110220, 6.032206, 15.098271], rtol=2e-3)
 
 
+@pytest.mark.parametrize("change", [-1e-13, 0.0, 1e-13])
+def test_mirror_images_come_in_one_order_whatever_the_rounding(change):
+    """1 / (s^2 + 1) - 2 / (s^2 + 4) + 1 / (s^2 + 9) is zero at s^2 = 11."""
+    omega, residue = np.array([1.0, 2.0, 3.0]), np.array([1.0, -2.0 * (1 + change), 1.0])
+    for zeros in (transmission_zeros(omega, residue, np.ones(3)), zeros_below(omega, residue, 10.0)):
+        np.testing.assert_allclose(zeros[abs(zeros) < 10], [np.sqrt(11), -np.sqrt(11)], rtol=1e-9)
+
+
 def test_two_masses_and_a_spring():
     """Unit masses, unit spring: force and displacement of one have a zero where the other is its absorber, w = 1."""
     omega, b = np.array([0.0, np.sqrt(2)]), np.array([1, 1]) / np.sqrt(2)
