@@ -211,7 +211,7 @@ class Pardiso(Factor):
 def _parameters(n: int, single: bool, ordered: bool) -> NDArray[np.int32]:
     iparm = np.zeros(64, dtype=np.int32)
     iparm[0] = 1  # values of our own
-    iparm[1] = 3 if n > _TWO_LEVELS else 2  # nested dissection; on all threads where it is long
+    iparm[1] = 3  # nested dissection, on all threads: a small matrix too spends most of its time here
     iparm[4] = 1 if ordered else 2  # take an order, or give the one that was found
     iparm[9] = _PERTURBED
     iparm[17] = iparm[18] = -1  # count entries and operations
