@@ -224,8 +224,12 @@ def only_motions(K: sp.csc_array, R: NDArray[np.float64] | None, rounding: float
     (n, r) float64 or None
         None if K may have a mechanism, or a motion so soft that only `stiffness_null_space` can tell.
     """
-    shapes = _geometric_motions(K, R, rounding)
-    r = shapes.shape[1]
+    shapes, resisted = _geometric_motions(K, R, rounding)
+    r, sound = shapes.shape[1], max(_SOUND_PIVOT, _SOUND_ROUNDINGS * rounding)
+    # The last pivot is the least energy of a motion that moves its dof by one: no more than a motion's that is resisted
+    # for nothing but the digits of the coordinates. The factor would be in vain.
+    if resisted.shape[1] and _last_pivots(K, resisted).min() <= sound:
+        return None
     # As many dofs as there are motions, chosen so that each motion moves one of them far.
     order = la.qr(shapes.T, mode="r", pivoting=True)[1] if r else np.empty(0, dtype=np.int64)
     free = np.setdiff1d(np.arange(K.shape[0]), order[:r])
@@ -233,8 +237,12 @@ def only_motions(K: sp.csc_array, R: NDArray[np.float64] | None, rounding: float
         factor = factorise(sp.csc_array(K[free][:, free]), what="the stiffness held against its rigid motions")
     except NotPositiveDefiniteError:
         return None
-    sound = factor.weakest[1] > max(_SOUND_PIVOT, _SOUND_ROUNDINGS * rounding)
-    return shapes if sound else None
+    return shapes if factor.weakest[1] > sound else None
+
+
+def _last_pivots(K: sp.csc_array, X: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Energy of motions (n, k) that move a dof by one, relative to its diagonal entry, for a dof as most are (k,)."""
+    return np.asarray(np.einsum("ij,ij->j", X, K @ X) / np.mean(X**2 * K.diagonal()[:, None], axis=0))
 
 
 def rigid_body_modes(
@@ -244,6 +252,8 @@ def rigid_body_modes(
     rounding: float,
     name: str,
     proven: NDArray[np.float64] | None = None,
+    *,
+    prove: bool = True,
 ) -> NDArray[np.float64]:
     """Rigid-body modes: counted by geometry and by the null space of K, never by a frequency.
 
@@ -259,6 +269,8 @@ def rigid_body_modes(
         Name of the body, for messages.
     proven : (n, r) float64, optional
         What `only_motions` says, where that is known.
+    prove : bool
+        Whether to ask `only_motions` where that is not known; it is in vain where it has found no proof.
 
     Returns
     -------
@@ -271,9 +283,9 @@ def rigid_body_modes(
     MatrixError
         If a rigid motion carries no mass.
     """
-    if proven is None and K.shape[0] > _DENSE_LIMIT:
+    if proven is None and prove and K.shape[0] > _DENSE_LIMIT:
         proven = only_motions(K, R, rounding)
-    shapes = _geometric_motions(K, R, rounding) if proven is None else proven
+    shapes = _geometric_motions(K, R, rounding)[0] if proven is None else proven
     N = stiffness_null_space(K, rounding, shapes) if proven is None else proven
     if N.shape[1] > shapes.shape[1]:
         # Only what geometry does not span is a mechanism; the geometric shapes are the more accurate ones.
@@ -295,16 +307,19 @@ def rigid_body_modes(
     return np.asarray(shapes @ (V / np.sqrt(weight)))
 
 
-def _geometric_motions(K: sp.csc_array, R: NDArray[np.float64] | None, rounding: float) -> NDArray[np.float64]:
-    """Combinations of the rigid-body shapes that K resists neither by force nor by energy (n, r)."""
+def _geometric_motions(
+    K: sp.csc_array, R: NDArray[np.float64] | None, rounding: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Combinations of the rigid-body shapes that K resists neither by force nor by energy (n, r), and the others."""
     lengths = np.empty(0) if R is None else np.linalg.norm(R, axis=0)
     if R is None or not lengths.any():
-        return np.empty((K.shape[0], 0))
+        return np.empty((K.shape[0], 0)), np.empty((K.shape[0], 0))
     Q, s, _ = la.svd(R[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
     Q = Q[:, s > DEPENDENT * s.max()]
     _, s, vt = la.svd(K @ Q, full_matrices=False)
-    shapes = Q @ vt[s <= _RIGID_FACTOR * max(rounding, _DOUBLE) * spla.norm(K, 1)].T
+    shapes, unforced = Q @ vt.T, s <= _RIGID_FACTOR * max(rounding, _DOUBLE) * spla.norm(K, 1)
     scaled, d = _unit_diagonal(K)
     # In a coarse file a weak spring is lost among the forces of stiff parts, but not in its own energy.
     limit = max(_LEFT_BY_FILE * rounding, _LEFT_BY_CONDENSATION)
-    return np.asarray(shapes[:, _is_rounding(_energy_share(scaled, shapes * d[:, None]), limit)])
+    rigid = unforced & _is_rounding(_energy_share(scaled, shapes * d[:, None]), limit)
+    return shapes[:, rigid], shapes[:, ~rigid]

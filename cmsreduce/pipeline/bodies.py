@@ -140,13 +140,14 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
     whole = in_units(as_read, scene.units)
     # One factorisation tells of large bodies that nothing moves without stiffness or mass but the body as a whole.
-    proven = only_motions(whole.K, _rigid_shapes(whole), whole.rounding) if whole.n > _LARGE else None
+    asked = whole.n > _LARGE
+    proven = only_motions(whole.K, _rigid_shapes(whole), whole.rounding) if asked else None
     determined = hold_undetermined(whole, named, proven)
     body = determined.body
     check_connected(body)
     if body is not whole:
-        proven = None
-    rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), body.rounding, name, proven)
+        asked, proven = False, None
+    rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), body.rounding, name, proven, prove=not asked)
     checks, notes = [], []
     if proof.status == "proven":
         checks.append(Check("row order: K times rigid motions", proof.residual, proof.tolerance))

@@ -153,8 +153,7 @@ def _undetermined_motions(
     rest = np.flatnonzero(~empty)
     inner = sp.csc_array(A[rest][:, rest])
     try:
-        ratio = factorise(inner, definite=False).weakest[1]
-        sound = bool(ratio > max(_SOUND_PIVOT, 1e3 * body.rounding))
+        sound = factorise(inner).weakest[1] > max(_SOUND_PIVOT, 1e3 * body.rounding)
     except NotPositiveDefiniteError:
         sound = False
     found = np.empty((rest.size, 0)) if sound else stiffness_null_space(inner, body.rounding)

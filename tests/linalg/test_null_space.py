@@ -1,14 +1,18 @@
 """Null spaces of constraints, rigid-body modes and mechanisms of frames."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.null_space import null_space, rigid_body_modes, row_basis, stiffness_null_space
+from cmsreduce.linalg.null_space import null_space, only_motions, rigid_body_modes, row_basis, stiffness_null_space
+from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
 from cmsreduce.model import rigid_body_shapes
 from tests.frames import frame, line
+from tests.solids import block
 
 XYZ = [[0, 0, 0], [1, 0, 0], [1, 1, 0.2], [0, 1, 0], [0.4, 0.5, 0.8]]
 BARS = [(1, 2), (2, 3), (3, 4), (4, 1), (1, 5), (2, 5), (3, 5)]
@@ -104,6 +108,29 @@ def test_a_body_beyond_dense_algebra(geometry):
     # All of the mass takes part in translation.
     T = rigid_body_shapes(body.dofs, body.nodes)[:, :3]
     np.testing.assert_allclose(((Phi.T @ (body.M @ T)) ** 2).sum(axis=0), 2700 * 4e-4 * np.sqrt(10.25), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("digits", "factors"), [(16, 1), (7, 0), (5, 1)])
+def test_coordinates_of_few_digits_prove_nothing_and_hide_no_motion(digits, factors):
+    """Rotations by printed coordinates strain the body by their rounding; what that shows needs no factor."""
+    body = line("mast", [0, 0, 0], [3, 1, 0.5], 110)
+    printed = replace(body.nodes, xyz=np.array([[float(f"{x:.{digits - 1}e}") for x in row] for row in body.nodes.xyz]))
+    R = rigid_body_shapes(body.dofs, printed)
+    with solver_settings(SolverSettings()) as settings:
+        proven = only_motions(body.K, R, body.rounding)
+    assert len(settings.work) == factors
+    assert (proven is not None) == (digits == 16)
+    Phi = rigid_body_modes(body.K, body.M, R, body.rounding, "mast", proven, prove=False)
+    assert Phi.shape[1] == 6
+    assert abs(body.K @ Phi).max() < 1e-9 * abs(body.K).max() * abs(Phi).max()
+
+
+def test_soft_mounts_are_proven_to_hold():
+    """Springs of a millionth of the diagonal at one face: far softer than any other motion, and no rounding."""
+    body = block("bar", [2.7, 0.2, 0.2], [27, 2, 2])
+    K = sp.csc_array(body.K + sp.diags_array(np.where(np.arange(body.n) < 27, 1e-6, 0.0) * body.K.diagonal()))
+    proven = only_motions(K, rigid_body_shapes(body.dofs, body.nodes), body.rounding)
+    assert proven is not None and proven.shape == (body.n, 0)
 
 
 @pytest.mark.parametrize("elements", [20, 60, 100])
