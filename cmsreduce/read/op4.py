@@ -23,7 +23,8 @@ from cmsreduce.read.op4_layout import FORMS, TYPES, Op4Header, op4_headers
 __all__ = ["stored_matrices"]
 
 _SYMMETRIC = 6
-_SHORT = 32  # numbers up to which a string costs less to copy than to look through
+# Numbers that are looked through for zeros together.
+_AT_ONCE = 1_000_000
 
 
 def stored_matrices(path: Path) -> list[StoredMatrix]:
@@ -96,40 +97,41 @@ def _pyyeti_op4() -> Any:
 
 
 class _Strings:
-    """Strings of numbers down a column, as they come.
-
-    Sparse files come in many short ones, which are run on end to end; dense files come in whole columns, of which
-    the zeros are dropped at once.
-    """
+    """Strings of numbers down a column, as they come, run on end to end; the zeros of dense files are soon dropped."""
 
     def __init__(self) -> None:
-        self.starts = array("q")
-        self.counts = array("q")
-        self.columns = array("q")
-        self.values = array("d")
-        self.long: list[tuple[NDArray[np.int64], int, NDArray[np.float64]]] = []
+        self._starts, self._counts, self._columns, self._values = array("q"), array("q"), array("q"), array("d")
+        self._kept: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]] = []
 
-    def add(self, row: int, column: int, values: Sequence[float]) -> None:
+    def add(self, row: int, column: int, values: Sequence[float] | NDArray[np.number]) -> None:
         """Take a string that starts at a row, both counted from zero."""
-        if len(values) <= _SHORT:
-            self.starts.append(row)
-            self.counts.append(len(values))
-            self.columns.append(column)
-            self.values.extend(values)
+        self._starts.append(row)
+        self._counts.append(len(values))
+        self._columns.append(column)
+        if isinstance(values, np.ndarray):
+            self._values.frombytes(values.astype(np.float64).tobytes())
         else:
-            numbers = np.asarray(values, dtype=np.float64)
-            kept = np.flatnonzero(numbers)
-            self.long.append((kept + row, column, numbers[kept]))
+            # As an array first: one number after the other takes twice as long.
+            self._values.extend(array("d", values))
+        if len(self._values) >= _AT_ONCE:
+            self._drop_zeros()
 
     def assemble(self, rows: int, columns: int) -> sp.csc_array:
         """Sparse array of all strings."""
-        starts, counts, cols = (np.array(part, dtype=np.int64) for part in (self.starts, self.counts, self.columns))
-        within = np.arange(len(self.values)) - np.repeat(np.cumsum(counts) - counts, counts)
-        long = self.long
-        row = np.concatenate([np.repeat(starts, counts) + within, *(part[0] for part in long)])
-        col = np.concatenate([np.repeat(cols, counts), *(np.full(part[0].size, part[1]) for part in long)])
-        values = np.concatenate([np.array(self.values, dtype=np.float64), *(part[2] for part in long)])
-        return canonical(row, col, values, (rows, columns))
+        self._drop_zeros()
+        row, column, values = (np.concatenate(parts) for parts in zip(*self._kept, strict=True))
+        return canonical(row, column, values, (rows, columns))
+
+    def _drop_zeros(self) -> None:
+        starts, counts, columns = (np.array(part, np.int64) for part in (self._starts, self._counts, self._columns))
+        values = np.array(self._values, np.float64)
+        kept = np.flatnonzero(values)
+        # Row of the first number of each string, less the place of that number among all.
+        ahead = starts - (np.cumsum(counts) - counts)
+        string = np.repeat(np.arange(counts.size), counts)[kept]
+        self._kept.append((kept + ahead[string], columns[string], values[kept]))
+        for part in (self._starts, self._counts, self._columns, self._values):
+            del part[:]
 
 
 def _collect_strings(reader: Any) -> None:
