@@ -20,7 +20,7 @@ from cmsreduce.pipeline.result import component_checks, run_result
 from cmsreduce.pipeline.run import STAGES, Run
 from cmsreduce.pipeline.run_lock import sole_use
 from cmsreduce.pipeline.step_advice import body_costly_modes
-from cmsreduce.report import render_report
+from cmsreduce.report import render_report, start_packing
 from cmsreduce.write import (
     TARGETS,
     atomic_path,
@@ -73,6 +73,8 @@ def _carried_out(run: Run, source: Path, overrides: Sequence[str], until: str | 
     reached = STAGES[: STAGES.index(last) + 1]
     if run.ledger.only == "project" and run.pipeline.project is None:
         raise StageError("the pipeline has no `project:`; add it, or take `--only project` out")
+    if report and last == "write":
+        start_packing()
     names = run.reduced_names
     wanted: dict[str, Callable[[], object]] = {
         "reduce": lambda: [run.reduced(name) for name in names],

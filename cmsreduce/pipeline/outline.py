@@ -130,10 +130,8 @@ def _edges(cells: Mapping[str, NDArray[np.int64]]) -> Lines:
 
 def _coupled(body: FEModel, nodes: Nodes) -> Lines:
     """Lines between nodes that the stiffness couples; where that is a crowd, the shortest that hold all together."""
-    K = body.K.tocoo()
     node = np.where(body.dofs.component > 0, nodes.index(body.dofs.node), -1)
-    a, b = node[K.row], node[K.col]
-    pairs = np.unique(np.column_stack([a, b])[(a >= 0) & (b >= 0) & (a < b)], axis=0)
+    pairs = _coupled_groups(body.K, node, len(nodes))
     if len(pairs) <= _CROWDED / 2 * max(np.unique(pairs).size, 1):
         return np.asarray(pairs, dtype=np.int64)
     length = np.linalg.norm(nodes.xyz[pairs[:, 0]] - nodes.xyz[pairs[:, 1]], axis=1)
@@ -143,6 +141,16 @@ def _coupled(body: FEModel, nodes: Nodes) -> Lines:
     graph = sp.coo_array((np.maximum(length, tiny), (pairs[:, 0], pairs[:, 1])), shape=(N, N)).tocsr()
     tree = minimum_spanning_tree(graph).tocoo()
     return np.column_stack([tree.row, tree.col]).astype(np.int64)
+
+
+def _coupled_groups(A: sp.csc_array, group: NDArray[np.int64], count: int) -> Lines:
+    """Pairs of groups of rows, the lower one first and in order, between which a symmetric matrix has entries."""
+    known = np.flatnonzero(group >= 0)
+    member = sp.csr_array((np.ones(known.size, bool), (known, group[known])), shape=(group.size, count))
+    stored = sp.csc_array((np.ones(A.nnz, bool), A.indices, A.indptr), shape=A.shape)
+    coupled = sp.csr_array(sp.triu(member.T @ stored @ member, 1))
+    coupled.sort_indices()
+    return np.column_stack(coupled.nonzero()).astype(np.int64)
 
 
 def _thinned(xyz: NDArray[np.float64], always: NDArray[np.bool_], most: int) -> NDArray[np.int64]:

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
-from cmsreduce.pipeline.outline import cells_of, outline
+from cmsreduce.pipeline.outline import _coupled_groups, cells_of, outline
 from tests.frames import line
 
 BODY = line("bar", [0, 0, 0], [1.5, 0, 0], 30)
@@ -32,6 +33,14 @@ def test_of_a_crowd_the_shortest_lines_are_drawn() -> None:
     found = outline(full, {})
     assert len(found.lines) == 30
     np.testing.assert_allclose(np.linalg.norm(np.diff(found.xyz[found.lines], axis=1), axis=2), 0.05)
+
+
+def test_pairs_are_those_between_which_there_is_an_entry_even_a_zero() -> None:
+    A = sp.csc_array(np.array([[4.0, 1.0, 0.0, 2.0], [1.0, 4.0, 3.0, 0.0], [0.0, 3.0, 4.0, 5.0], [2.0, 0.0, 5.0, 4.0]]))
+    A.data[A.data == 3.0] = 0.0
+    # Row 3 belongs to no group.
+    np.testing.assert_array_equal(_coupled_groups(A, np.array([2, 0, 1, -1]), 3), [[0, 1], [0, 2]])
+    assert _coupled_groups(A, np.array([0, 0, 0, -1]), 1).shape == (0, 2)
 
 
 @pytest.mark.parametrize("most", [20, 10, 5])
