@@ -199,7 +199,11 @@ def _is_spanned(G: Complex) -> bool:
     if not (size > 0).all():
         return False
     root = np.sqrt(size)
-    return bool(la.eigvalsh(G.real / np.outer(root, root), subset_by_index=[0, 0])[0] > _SPANNED)
+    try:
+        np.linalg.cholesky(G.real / np.outer(root, root) - _SPANNED * np.eye(root.size))
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def _part(A: Matrix | None, own: Ints) -> Real:

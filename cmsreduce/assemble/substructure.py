@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
@@ -171,11 +172,11 @@ def _motions(
     Mapping[str, NDArray[np.float64]],
     Mapping[str, NDArray[np.float64]],
 ]:
-    motion: dict[str, Matrix] = {}
+    turns: dict[str, NDArray[np.float64]] = {}
     has: dict[str, NDArray[np.bool_]] = {}
     axes: dict[str, NDArray[np.float64]] = {}
     position: dict[str, NDArray[np.float64]] = {}
-    known = body.recovery
+    known, every = body.recovery, [np.empty(0, dtype=np.int64)]
     for node in _nodes_of(body, points):
         label = str(node)
         rows = known.dofs.rows(node, np.arange(1, 7))
@@ -189,12 +190,19 @@ def _motions(
         frame, xyz = _geometry(body, node)
         turn = np.zeros((6, 6))
         turn[:3, :3] = turn[3:, 3:] = frame.T
-        own = known.T[rows[here]]
-        if isinstance(shapes, sp.sparray):
-            motion[label] = sp.csc_array(sp.csc_array(turn[:, here]) @ (own @ shapes))
-        else:
-            motion[label] = turn[:, here] @ observed(own, np.asarray(shapes))
-        has[label], axes[label], position[label] = here, frame, xyz
+        every.append(rows[here])
+        turns[label], has[label], axes[label], position[label] = turn[:, here], here, frame, xyz
+    # Of all points at once: each product by itself would look through the shapes again.
+    T = known.T[np.concatenate(every)]
+    ends, motion = np.cumsum([rows.size for rows in every]), dict[str, Matrix]()
+    if isinstance(shapes, sp.sparray):
+        moved = sp.csr_array(T @ shapes)
+        for (label, turn), part in zip(turns.items(), pairwise(ends), strict=True):
+            motion[label] = sp.csc_array(sp.csc_array(turn) @ moved[slice(*part)])
+    else:
+        seen = observed(T, np.asarray(shapes))
+        for (label, turn), part in zip(turns.items(), pairwise(ends), strict=True):
+            motion[label] = turn @ seen[slice(*part)]
     return motion, has, axes, position
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import (
@@ -27,12 +28,14 @@ from cmsreduce.assemble import (
     with_joint_bodies,
 )
 from cmsreduce.assemble.system_modes import undetermined
+from cmsreduce.linalg.congruence import column_blocks
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.pencil import UndeterminedError, elastic_and_massless
+from cmsreduce.linalg.products import symmetric_product
 from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System
 from cmsreduce.verify import decibel_grid
 
-__all__ = ["AssembledModel", "DampedModes", "Resonances", "cross_orthogonality"]
+__all__ = ["AssembledModel", "DampedModes", "Resonances", "cross_orthogonality", "mass_products"]
 
 Number = TypeVar("Number", np.float64, np.complex128)
 
@@ -220,13 +223,38 @@ class AssembledModel:
         return rigid_response(self.system(configuration), omega)
 
 
-def cross_orthogonality(
-    full: Mapping[str, NDArray[Number]],
-    reduced: Mapping[str, NDArray[Number]],
+def mass_products(
     bodies: Mapping[str, FEModel],
-    full_shapes: Mapping[str, ModalComponent | None],
-    reduced_shapes: Mapping[str, ModalComponent | None],
+    full: Mapping[str, ModalComponent | None],
+    reduced: Mapping[str, ModalComponent | None],
     substructures: Mapping[str, Substructure],
+) -> dict[str, Matrix]:
+    """Mass of each body between its coordinates in two models, body: (m_i, r_i) array.
+
+    Parameters
+    ----------
+    bodies : mapping of name to FEModel
+        Mass matrices of the flexible bodies.
+    full, reduced : mapping of name to ModalComponent or None
+        Modes that the coordinates of either model are amplitudes of; None where they are dofs.
+    substructures : mapping of name to Substructure
+        Bodies of the full model, for the masses of the rigid ones.
+    """
+    found: dict[str, Matrix] = {}
+    for name, sub in substructures.items():
+        if name not in bodies:
+            found[name] = sub.M
+            continue
+        M, left, right = bodies[name].M, full[name], reduced[name]
+        if right is None:
+            found[name] = M if left is None else _times(M, left.Phi).T
+        else:
+            found[name] = _times(M, right.Phi, None if left is None else left.Phi)
+    return found
+
+
+def cross_orthogonality(
+    full: Mapping[str, NDArray[Number]], reduced: Mapping[str, NDArray[Number]], masses: Mapping[str, Matrix]
 ) -> NDArray[Number]:
     """Mass products of the shapes of two models (full modes, reduced modes), the full ones conjugated.
 
@@ -234,24 +262,21 @@ def cross_orthogonality(
     ----------
     full, reduced : mapping of body to (m_i, k) array
         Shapes of either model in each body's own coordinates, real or complex.
-    bodies : mapping of name to FEModel
-        Mass matrices of the flexible bodies.
-    full_shapes, reduced_shapes : mapping of name to ModalComponent or None
-        Modes that the coordinates of either model are amplitudes of; None where they are dofs.
-    substructures : mapping of name to Substructure
-        Bodies of the full model, for the masses of the rigid ones.
+    masses : mapping of body to (m_i, r_i) array
+        See `mass_products`.
     """
-    cross: list[NDArray[Number]] = []
-    for name, sub in substructures.items():
-        if name not in bodies:
-            cross.append(np.asarray(full[name].conj().T @ (sub.M @ reduced[name])))
-            continue
-        here, there = (
-            shapes[name] if modes is None else modes.Phi @ shapes[name]
-            for shapes, modes in ((full, full_shapes[name]), (reduced, reduced_shapes[name]))
-        )
-        cross.append(np.asarray(here.conj().T @ (bodies[name].M @ there)))
+    cross = [np.asarray(full[name].conj().T @ (M @ reduced[name])) for name, M in masses.items()]
     return np.asarray(np.sum(cross, axis=0))
+
+
+def _times(M: sp.csc_array, Phi: NDArray[np.float64], Psi: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    """M Phi of a symmetric matrix, or Psi^T M Phi."""
+    product = symmetric_product(M)
+    found = np.empty(((Phi if Psi is None else Psi.T).shape[0], Phi.shape[1]))
+    for part in column_blocks(Phi.shape[1]):
+        moved = product(Phi[:, part])
+        found[:, part] = moved if Psi is None else Psi.T @ moved
+    return found
 
 
 def _by_body(system: System, X: NDArray[Number]) -> dict[str, NDArray[Number]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from cmsreduce.model import (
     ConfigurationResult,
     DampedPairs,
     FEModel,
+    Matrix,
     ModalComponent,
     ModelErrors,
     ModeLikeness,
@@ -22,7 +24,7 @@ from cmsreduce.model import (
     Scene,
     Speed,
 )
-from cmsreduce.pipeline.assembled import AssembledModel, Number, cross_orthogonality
+from cmsreduce.pipeline.assembled import AssembledModel, Number, cross_orthogonality, mass_products
 from cmsreduce.pipeline.progress import Progress
 from cmsreduce.verify import (
     FrequencyPairs,
@@ -118,6 +120,7 @@ class Comparison:
         self.full, self.full_shapes, self.bodies, self.scene, self.points = full, full_shapes, bodies, scene, points
         self._decibel = decibel_grid(scene.band)
         self._decibel_flexibility: Mapping[str, Receptance] | None = None
+        self._masses: WeakKeyDictionary[ReducedModel, dict[str, Matrix]] = WeakKeyDictionary()
         self.full_seconds = 0.0
         self.reduced_seconds = 0.0
 
@@ -276,7 +279,11 @@ class Comparison:
     def _cross_orthogonality(
         self, full: Mapping[str, NDArray[Number]], reduced: Mapping[str, NDArray[Number]], model: ReducedModel
     ) -> NDArray[Number]:
-        return cross_orthogonality(full, reduced, self.bodies, self.full_shapes, model.shapes, self.full.substructures)
+        masses = self._masses.get(model)
+        if masses is None:
+            masses = mass_products(self.bodies, self.full_shapes, model.shapes, self.full.substructures)
+            self._masses[model] = masses
+        return cross_orthogonality(full, reduced, masses)
 
 
 def _thinned(grid: NDArray[np.float64], omega: NDArray[np.float64], zeta: NDArray[np.float64]) -> NDArray[np.float64]:

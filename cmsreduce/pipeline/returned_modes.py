@@ -9,8 +9,8 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.dense import dense
-from cmsreduce.model import ExtraneousMode, SampledModes, Scene
-from cmsreduce.pipeline.assembled import cross_orthogonality
+from cmsreduce.model import ExtraneousMode, Matrix, SampledModes, Scene
+from cmsreduce.pipeline.assembled import cross_orthogonality, mass_products
 from cmsreduce.pipeline.comparison import ReducedModel
 from cmsreduce.pipeline.system_projection import ModesOfSystem, SystemModes, all_modes
 from cmsreduce.project import extraneous_count, extraneous_modes, project_shapes, returned
@@ -37,12 +37,12 @@ def sampled_modes(
     chosen : mapping of configuration to SystemModes
         The modes.
     """
-    again_of = ModesOfSystem(model, 2 * source.omega, source.gain)
+    again_of, masses = ModesOfSystem(model, 2 * source.omega, source.gain), _masses(model, source.model)
     found = []
     for name, modes in chosen.items():
         everything = all_modes(model, modes.configuration)
         if modes.s is None:
-            cross = _products(model, source.model, modes, everything)
+            cross = cross_orthogonality(modes.by_body, everything.by_body, masses)
             # Each chosen mode is found again as the one that holds most of it.
             nearest = everything.omega[abs(cross).argmax(axis=1)] if everything.count else np.full(modes.count, np.inf)
             error = abs(nearest / modes.omega - 1)
@@ -63,16 +63,16 @@ def extraneous_in_band(
     model: ReducedModel, source: ModesOfSystem, chosen: Mapping[str, SystemModes], scene: Scene
 ) -> tuple[ExtraneousMode, ...]:
     """Modes in the band that nobody chose, in every configuration that was sampled."""
-    undriven = ModesOfSystem(source.model, source.omega)
+    undriven, masses = ModesOfSystem(source.model, source.omega), _masses(model, source.model)
     found: list[ExtraneousMode] = []
     for name, modes in chosen.items():
         again = all_modes(model, modes.configuration)
-        held = returned(_products(model, source.model, modes, again), _gram(modes))
+        held = returned(cross_orthogonality(modes.by_body, again.by_body, masses), _gram(modes))
         inside = np.flatnonzero(again.omega <= 2 * np.pi * scene.band[1])
         if not inside.size:
             continue
         again = again.only(inside)
-        own = _products(model, source.model, undriven.at(modes.configuration), again)
+        own = cross_orthogonality(undriven.at(modes.configuration).by_body, again.by_body, masses)
         found += extraneous_modes(
             name,
             again.omega,
@@ -98,12 +98,10 @@ def _predicted(model: ReducedModel, modes: SystemModes, chosen: int) -> int:
     return int(extraneous_count(list(system.sizes.values()), constrained, chosen + rigid) - followers)
 
 
-def _products(model: ReducedModel, source: ReducedModel, modes: SystemModes, again: SystemModes) -> Real:
-    """Mass products of the chosen modes and those of the reassembled system (n_R, k)."""
+def _masses(model: ReducedModel, source: ReducedModel) -> dict[str, Matrix]:
+    """Mass of each body between its coordinates in the source and in the reassembled system."""
     bodies = {name: component.body for name, component in model.shapes.items() if component is not None}
-    return cross_orthogonality(
-        modes.by_body, again.by_body, bodies, source.shapes, model.shapes, source.assembled.substructures
-    )
+    return mass_products(bodies, source.shapes, model.shapes, source.assembled.substructures)
 
 
 def _gram(modes: SystemModes) -> Real | None:
