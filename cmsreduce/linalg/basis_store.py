@@ -9,9 +9,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.congruence import column_blocks
 from cmsreduce.linalg.layout import by_rows
+from cmsreduce.linalg.products import symmetric_product
 from cmsreduce.linalg.solver_settings import current_settings
-from cmsreduce.model import column_blocks, mapped_array, mapped_in, shapes_beside
+from cmsreduce.model import mapped_array, mapped_in, shapes_beside
 
 __all__ = [
     "absolute_parts",
@@ -119,17 +121,15 @@ def side_by_side(n: int, blocks: Sequence[tuple[NDArray[np.int64] | None, Array]
 
 def absolute_parts(A: sp.csc_array, Phi: Array) -> Array:
     """Absolute parts abs(phi)^T abs(A) abs(phi) that the energy of each shape is the sum of (m,)."""
-    size, found = abs(A), np.empty(Phi.shape[1])
+    size, found = symmetric_product(abs(A)), np.empty(Phi.shape[1])
     for part in column_blocks(Phi.shape[1]):
         X = abs(Phi[:, part])
-        found[part] = np.einsum("ij,ij->j", X, size @ X)
+        found[part] = np.einsum("ij,ij->j", X, size(X))
     return found
 
 
 def observed(C: sp.csr_array | sp.csc_array, Phi: Array) -> Array:
-    """Motions C Phi (p, m) of some rows of a body in its shapes; of a basis on disk only what C holds is read."""
-    if mapped_in(Phi) is None:
-        return np.asarray(C @ Phi)
+    """Motions C Phi (p, m) of some rows of a body in its shapes; only what C holds is read of these."""
     C = sp.csr_array(C)
     used = np.unique(C.indices)
     near = sp.csr_array(C[:, used])

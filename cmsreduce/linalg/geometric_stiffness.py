@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError, SingularInterfaceError
 from cmsreduce.linalg.bar_stiffness import BarStiffness
+from cmsreduce.linalg.congruence import congruence
 from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
 from cmsreduce.linalg.inertia_loads import inertia_loads
-from cmsreduce.model import INERTIA_LOADS, Bars, FEModel, GeometricStiffness, Recovery, UnitLoad
+from cmsreduce.model import INERTIA_LOADS, Bars, FEModel, GeometricStiffness, ModalStiffening, Recovery, UnitLoad
 
-__all__ = ["bar_tensions", "bars_stiffness", "unit_forces"]
+__all__ = ["bar_tensions", "bars_stiffness", "modal_stiffening", "unit_forces"]
 
 Array = NDArray[np.float64]
 
@@ -68,6 +69,12 @@ def bars_stiffness(
     tension = _tensions(body, stiffness, unit_forces(body, loads, about), held)
     matrices = tuple(stiffness.stiffness(column) for column in tension.T)
     return GeometricStiffness(tuple(loads), matrices, (BARS,) * len(matrices), about, holding)
+
+
+def modal_stiffening(stiffening: GeometricStiffness, Phi: Array) -> ModalStiffening:
+    """Geometric stiffness of a body in its modes Phi (n, m): Phi^T K_l Phi of each unit load l."""
+    K = [congruence(A, Phi) for A in stiffening.matrices]
+    return ModalStiffening(stiffening.loads, np.array(K).reshape(len(K), Phi.shape[1], Phi.shape[1]), stiffening.origin)
 
 
 def bar_tensions(body: FEModel, bars: Bars, forces: Array, held: NDArray[np.int64]) -> Array:

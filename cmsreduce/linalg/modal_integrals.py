@@ -10,9 +10,10 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import DofMapError
+from cmsreduce.linalg.congruence import column_blocks
 from cmsreduce.linalg.lumped_mass import lumped_mass
 from cmsreduce.linalg.untied import untied_body
-from cmsreduce.model import FEModel, Lumping, ModalIntegrals, column_blocks, mapped_in, rigid_body_shapes
+from cmsreduce.model import FEModel, Lumping, ModalIntegrals, mapped_in, rigid_body_shapes
 
 __all__ = ["MassBlocks", "modal_integrals", "nodal_motion", "rigid_mass"]
 

@@ -14,12 +14,13 @@ from cmsreduce.linalg.compiled import worth_compiling
 from cmsreduce.linalg.mkl_product import mkl_product
 from cmsreduce.linalg.solver_settings import current_settings
 
-__all__ = ["symmetric_product"]
+__all__ = ["Product", "symmetric_product"]
 
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Product with a vector (n,) or a block of them (n, k)."""
 
-# Entries below which a second thread costs more than it saves.
-_ENTRIES = 200_000
+# Entries below which MKL, and a second thread of scipy's routines, cost more than they save.
+_FEW_FOR_MKL, _FEW_FOR_THREADS = 20_000, 200_000
 # A matrix that stores more zeros than this share of its entries, as an element's mass does between its directions, is
 # copied without them; for fewer the copy costs more than it saves.
 _ZEROS = 0.5
@@ -41,10 +42,7 @@ def symmetric_product(A: sp.csc_array) -> Product:
     columns = sp.csc_array(A)
     if np.count_nonzero(columns.data) < (1 - _ZEROS) * columns.nnz:
         columns = _without_zeros(columns)
-    if columns.nnz < _ENTRIES:
-        rows = _rows(columns, 0, columns.shape[0])
-        return lambda X: np.asarray(rows @ np.ascontiguousarray(X))
-    quick = mkl_product(columns) or _shared(columns)
+    quick = (mkl_product(columns) if columns.nnz >= _FEW_FOR_MKL else None) or _shared(columns)
     if columns.data.dtype != np.float64 or not worth_compiling(columns.shape[0]):
         return quick
     from cmsreduce.linalg.compiled_product import compiled_product
@@ -55,6 +53,9 @@ def symmetric_product(A: sp.csc_array) -> Product:
 def _shared(columns: sp.csc_array) -> Product:
     """Product by scipy's routines, each thread with rows of its own."""
     n, threads = columns.shape[0], current_settings().thread_count
+    if columns.nnz < _FEW_FOR_THREADS:
+        rows = _rows(columns, 0, n)
+        return lambda X: np.asarray(rows @ np.ascontiguousarray(X))
     cuts = np.searchsorted(columns.indptr, np.linspace(0, columns.nnz, threads + 1)[1:-1])
     ends = [0, *(int(cut) for cut in cuts), n]
     parts = [_rows(columns, start, stop) for start, stop in pairwise(ends)]

@@ -5,7 +5,6 @@ from cmsreduce.model.body import FEModel, RigidBody, Source
 from cmsreduce.model.certificate import ModeCertificate
 from cmsreduce.model.check import Check
 from cmsreduce.model.completeness import AxisCompleteness
-from cmsreduce.model.congruence import column_blocks, congruence
 from cmsreduce.model.controller import Controller
 from cmsreduce.model.costly_modes import CostlyMode, CostlyModes
 from cmsreduce.model.damping import Damping
@@ -175,9 +174,7 @@ __all__ = [
     "add_dataset",
     "checksum",
     "chosen_columns",
-    "column_blocks",
     "components_from_digits",
-    "congruence",
     "cross_matrix",
     "dof_index",
     "in_units",

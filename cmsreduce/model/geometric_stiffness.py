@@ -11,7 +11,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError
-from cmsreduce.model.congruence import congruence
 from cmsreduce.model.units import Units
 
 __all__ = ["INERTIA_LOADS", "SQUARES", "GeometricStiffness", "ModalStiffening", "UnitLoad", "loads_in_words"]
@@ -137,11 +136,6 @@ class GeometricStiffness:
     sources: tuple[str, ...]
     origin: NDArray[np.float64]
     held: str
-
-    def reduced(self, Phi: NDArray[np.float64]) -> ModalStiffening:
-        """Restate in modes Phi (n, m): Phi^T K_l Phi."""
-        K = [congruence(A, Phi) for A in self.matrices]
-        return ModalStiffening(self.loads, np.array(K).reshape(len(K), Phi.shape[1], Phi.shape[1]), self.origin)
 
 
 @dataclass(frozen=True, eq=False)

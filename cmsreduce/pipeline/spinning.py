@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.config.stiffening_keys import SpinKeys
 from cmsreduce.linalg.basis_store import combined
+from cmsreduce.linalg.geometric_stiffness import modal_stiffening
 from cmsreduce.linalg.modal_integrals import modal_integrals
 from cmsreduce.linalg.null_space import motions_held, null_space
 from cmsreduce.linalg.spinning import SpinningModes, spinning_modes
@@ -64,7 +65,7 @@ def _of_body(name: str, spin: SpinKeys, flexible: FlexibleBody, component: Modal
     if spin.axis is not None and not axes:
         axes = {" ".join(f"{x:g}" for x in spin.axis): spin.axis}
     rate, K = 2 * np.pi * abs(spin.rate), np.diag(omega**2)
-    stiffening = None if flexible.stiffening is None else flexible.stiffening.reduced(Phi)
+    stiffening = None if flexible.stiffening is None else modal_stiffening(flexible.stiffening, Phi)
     for label, axis in axes.items():
         w = rate * np.asarray(axis) / np.linalg.norm(axis)
         stress = None if stiffening is None else stiffening.spinning(w)

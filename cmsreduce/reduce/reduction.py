@@ -6,13 +6,15 @@ from abc import ABC, abstractmethod
 from typing import ClassVar
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.congruence import column_blocks, congruence
 from cmsreduce.linalg.kept_pages import kept_pages
 from cmsreduce.linalg.null_space import rigid_body_modes
 from cmsreduce.linalg.solver_settings import current_settings
-from cmsreduce.model import FEModel, ModeSet, ReducedComponent, column_blocks, congruence, rigid_body_shapes
+from cmsreduce.model import FEModel, ModeSet, ReducedComponent, rigid_body_shapes
 from cmsreduce.reduce.neglected import Basis, Examined
 
 __all__ = ["Reduction", "project", "recover"]
@@ -23,6 +25,8 @@ __all__ = ["Reduction", "project", "recover"]
 _SPANNED, _SPANNED_FACTOR = 1e-5, 1e4
 # Corrections of the normal equations, whose condition is the square of the basis's.
 _REFINEMENTS = 3
+# Combinations of shapes that repeat each other weigh no more than this share of the heaviest: rounding.
+_REPEATED = 1e-14
 
 
 class Reduction(ABC):
@@ -120,31 +124,51 @@ class Reduction(ABC):
             As `reduce` does.
         """
         with kept_pages(body.n, current_settings().memory_limit):
-            return self._examined(body, interface, loads, rigid, tested, enrich)
+            rigid = _rigid_modes(body) if rigid is None else rigid
+            modes, left_out = self._some_basis(body, interface, rigid, loads)
+            missed = np.empty(0) if tested is None else left_out.missed(tested)
+            beyond = left_out.enriched(modes) if enrich else None
+            del left_out
+            richer = None if beyond is None else project(body, beyond, rigid)
+            return Examined(project(body, modes, rigid), missed, richer)
 
-    def _examined(
+    def reduce_enriched(
         self,
         body: FEModel,
-        interface: ArrayLike,
-        loads: NDArray[np.float64] | None,
-        rigid: NDArray[np.float64] | None,
-        tested: NDArray[np.float64] | None,
-        enrich: bool,
-    ) -> Examined:
-        if rigid is None:
-            R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
-            rigid = rigid_body_modes(body.K, body.M, R, body.rounding, body.name)
-        rows = np.asarray(interface, dtype=np.int64)
-        modes, left_out = self.basis(body, rows, rigid, loads)
-        if modes.m == 0:
+        interface: ArrayLike = (),
+        loads: NDArray[np.float64] | None = None,
+        rigid: NDArray[np.float64] | None = None,
+    ) -> ReducedComponent:
+        """Reduce a body to its mode set and the shapes that this misses first.
+
+        Parameters
+        ----------
+        body, interface, loads, rigid
+            As `reduce` takes them.
+
+        Raises
+        ------
+        MatrixError
+            As `reduce` does.
+        """
+        with kept_pages(body.n, current_settings().memory_limit):
+            rigid = _rigid_modes(body) if rigid is None else rigid
+            modes, left_out = self._some_basis(body, interface, rigid, loads)
+            modes = left_out.enriched(modes)
+            del left_out
+            return project(body, modes, rigid)
+
+    def _some_basis(
+        self, body: FEModel, interface: ArrayLike, rigid: NDArray[np.float64], loads: NDArray[np.float64] | None
+    ) -> Basis:
+        """Shapes of the mode set, of which there must be one."""
+        found = self.basis(body, np.asarray(interface, dtype=np.int64), rigid, loads)
+        if found.modes.m == 0:
             raise MatrixError(
                 f"body '{body.name}': its {self.method} basis is empty, for the body is held, and has no mode below "
                 f"the cutoff of {self.cutoff_hz:g} Hz; raise the cutoff, or take a set with static shapes"
             )
-        missed = np.empty(0) if tested is None else left_out.missed(tested)
-        beyond = left_out.enriched(modes) if enrich else None
-        del left_out
-        return Examined(project(body, modes, rigid), missed, None if beyond is None else project(body, beyond, rigid))
+        return found
 
 
 def project(body: FEModel, modes: ModeSet, rigid: NDArray[np.float64]) -> ReducedComponent:
@@ -172,19 +196,36 @@ def project(body: FEModel, modes: ModeSet, rigid: NDArray[np.float64]) -> Reduce
     Phi = modes.Phi
     M, K = congruence(body.M, Phi), congruence(body.K, Phi)
     D = None if body.D is None else congruence(body.D, Phi)
+    q = _coordinates(body, modes, M, K, rigid) if rigid.shape[1] else np.zeros((modes.m, 0))
+    weight = np.linalg.cholesky(congruence(M, q)) if q.shape[1] else np.empty((0, 0))
+    q = np.linalg.solve(weight, q.T).T
+    # What rounding leaves of K on a rigid motion is taken out, so that rigid modes have frequency zero exactly.
+    P = np.eye(modes.m) - (M @ q) @ q.T
+    return ReducedComponent(body, modes, M, congruence(K, P.T), D, q)
+
+
+def _coordinates(
+    body: FEModel,
+    modes: ModeSet,
+    M: NDArray[np.float64],
+    K: NDArray[np.float64],
+    rigid: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Rigid-body modes in the coordinates of a basis (m, r), with M and K over it."""
+    Phi = modes.Phi
     # Rigid motion strains nothing, so any share of K may be added to the norm: the mass alone is blind to shapes
     # without mass. The share is small enough that what rounding leaves of K on rigid shapes does not count.
     strain, inertia = _uncoupled(body.K.diagonal(), Phi), float(np.trace(M))
     share = inertia / strain if strain > 0 else 0.0
     W = M + share * K
     # Scaled to a unit diagonal: columns of a basis differ by the square root of a mass.
-    scale = np.sqrt(np.maximum(W.diagonal(), np.finfo(float).tiny))
-    scaled = W / np.outer(scale, scale)
-    q, missed = np.zeros((modes.m, rigid.shape[1])), rigid
+    scale = np.sqrt(np.maximum(W.diagonal(), np.finfo(float).tiny))[:, None]
+    weight, V = la.eigh(W / (scale * scale.T))
+    own = weight > _REPEATED * weight[-1]
+    solve, q, missed = V[:, own] / np.sqrt(weight[own]) / scale, np.zeros((modes.m, rigid.shape[1])), rigid
     for _ in range(_REFINEMENTS):
         force = body.M @ missed + share * (body.K @ missed)
-        step, *_ = np.linalg.lstsq(scaled, (Phi.T @ force) / scale[:, None], rcond=1e-14)
-        q = q + step / scale[:, None]
+        q = q + solve @ (solve.T @ (Phi.T @ force))
         missed = rigid - Phi @ q
     lost = np.sqrt(np.maximum(np.einsum("ij,ij->j", missed, body.M @ missed), 0.0))
     if (lost > max(_SPANNED, _SPANNED_FACTOR * body.rounding)).any():
@@ -192,11 +233,12 @@ def project(body: FEModel, modes: ModeSet, rigid: NDArray[np.float64]) -> Reduce
             f"body '{body.name}': a rigid-body motion is not in the span of its {modes.method} basis (missed by "
             f"{lost.max():.1e} in the mass norm); the row order or the geometry may be wrong"
         )
-    weight = np.linalg.cholesky(congruence(M, q)) if q.shape[1] else np.empty((0, 0))
-    q = np.linalg.solve(weight, q.T).T
-    # What rounding leaves of K on a rigid motion is taken out, so that rigid modes have frequency zero exactly.
-    P = np.eye(modes.m) - (M @ q) @ q.T
-    return ReducedComponent(body, modes, M, congruence(K, P.T), D, q)
+    return q
+
+
+def _rigid_modes(body: FEModel) -> NDArray[np.float64]:
+    R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+    return rigid_body_modes(body.K, body.M, R, body.rounding, body.name)
 
 
 def recover(component: ReducedComponent, q: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,11 +11,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.basis_store import combined, new_basis, row_blocks
+from cmsreduce.linalg.congruence import column_blocks, congruence
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.factorise import BLOCK, factorise
 from cmsreduce.linalg.flexibility import ElasticFlexibility, Solve
 from cmsreduce.linalg.layout import put
-from cmsreduce.model import FEModel, column_blocks, congruence
+from cmsreduce.linalg.products import Product, symmetric_product
+from cmsreduce.model import FEModel
 
 __all__ = ["Loads", "elastic_solve", "independent_columns", "residual_shapes", "unit_loads"]
 
@@ -26,6 +28,8 @@ _NEW = 1e-12
 _BEYOND_MODES = 1e-18
 # Shapes of a basis are dependent when the others leave this share of one's strain energy.
 _DEPENDENT = 1e-13
+# The root of rounding: of orthonormality as far off as this, a step of Newton's iteration leaves rounding.
+_NEARLY_ORTHONORMAL = 1e-8
 
 
 @dataclass(frozen=True)
@@ -89,14 +93,14 @@ def residual_shapes(
     if not F.count:
         return np.zeros((n, 0)), np.empty(0, dtype=np.int64)
     # K V = M V w^2 for modes: through M a mode much softer than the rest is taken out without the rounding of K V.
-    V, force = (_orthonormal(known, K), K) if M is None else (known, M)
+    V, force = (_orthonormal(known, K), symmetric_product(K)) if M is None else (known, symmetric_product(M))
     share = np.ones(V.shape[1]) if M is None else 1 / _energies(K, V)
     U, of_known = new_basis(n, F.count), np.empty(F.count)
     for first in range(0, F.count, BLOCK):
         part = slice(first, min(first + BLOCK, F.count))
         f = F.block(part)
         held = V.T @ f
-        put(solve(f - force @ (V @ held)), U[:, part])
+        put(solve(f - force(V @ held)), U[:, part])
         _clear(U[:, part], V, force)
         of_known[part] = share @ held**2
     energy = congruence(K, U)
@@ -149,16 +153,16 @@ def unit_loads(n: int, rows: NDArray[np.int64], others: NDArray[np.float64] | No
     return loads if others is None else sp.csc_array(sp.hstack([loads, sp.csc_array(others)]))
 
 
-def _clear(shapes: NDArray[np.float64], V: NDArray[np.float64], force: sp.csc_array) -> None:
-    """Take out of shapes, in place, what others hold of them in the norm of a matrix."""
+def _clear(shapes: NDArray[np.float64], V: NDArray[np.float64], force: Product) -> None:
+    """Take out of shapes, in place, what others hold of them in the norm of a matrix, by its product."""
     for part in column_blocks(shapes.shape[1]):
-        shapes[:, part] -= V @ (V.T @ (force @ shapes[:, part]))
+        shapes[:, part] -= V @ (V.T @ force(shapes[:, part]))
 
 
 def _energies(K: sp.csc_array, V: NDArray[np.float64]) -> NDArray[np.float64]:
-    found = np.empty(V.shape[1])
+    found, product = np.empty(V.shape[1]), symmetric_product(K)
     for part in column_blocks(V.shape[1]):
-        found[part] = np.einsum("ij,ij->j", V[:, part], K @ V[:, part])
+        found[part] = np.einsum("ij,ij->j", V[:, part], product(V[:, part]))
     return found
 
 
@@ -180,7 +184,11 @@ def _orthonormal(shapes: NDArray[np.float64], K: sp.csc_array) -> NDArray[np.flo
     for _ in range(2):
         energy = congruence(K, shapes)
         scale = 1 / np.sqrt(np.maximum(energy.diagonal(), np.finfo(float).tiny))
-        weight, W = la.eigh(energy * np.outer(scale, scale)) if scale.size else (np.empty(0), np.empty((0, 0)))
+        G = energy * np.outer(scale, scale)
+        if G.shape[0] * abs(G - np.eye(G.shape[0])).max(initial=0.0) <= _NEARLY_ORTHONORMAL:
+            # Modes and residual shapes are: one step of Newton's iteration for the inverse root of G makes them so.
+            return combined(shapes, scale[:, None] * (1.5 * np.eye(G.shape[0]) - 0.5 * G))
+        weight, W = la.eigh(G)
         own = weight > _DEPENDENT
         shapes = combined(shapes, scale[:, None] * W[:, own] / np.sqrt(weight[own]))
     return shapes

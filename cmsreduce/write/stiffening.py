@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.geometric_stiffness import modal_stiffening
 from cmsreduce.model import GeometricStiffness
 from cmsreduce.write.datasets import put, put_texts
 
@@ -15,7 +16,7 @@ __all__ = ["put_stiffening"]
 
 def put_stiffening(group: Any, stiffening: GeometricStiffness, Phi: NDArray[np.float64]) -> None:
     """Write the geometric stiffness of a body in its modes Phi (n, m)."""
-    reduced = stiffening.reduced(Phi)
+    reduced = modal_stiffening(stiffening, Phi)
     group.attrs["axes"] = "basic frame of the body"
     group.attrs["held"] = stiffening.held
     put_texts(group, "load", [load.label for load in reduced.loads], about="unit load of each matrix")

@@ -96,6 +96,9 @@ def test_looking_changes_nothing_of_the_reduction(method):
     np.testing.assert_array_equal(found.component.modes.Phi, plain.modes.Phi)
     np.testing.assert_array_equal(found.component.K, plain.K)
     assert found.enriched.modes.m > plain.modes.m
+    alone = reduction(method, 200.0).reduce_enriched(body, i_set(body))
+    np.testing.assert_array_equal(alone.modes.Phi, found.enriched.modes.Phi)
+    np.testing.assert_array_equal(alone.K, found.enriched.K)
     np.testing.assert_allclose(found.enriched.modes.Phi[:, : plain.modes.m], plain.modes.Phi)
     # What is added is new: without strain in common with modes and static shapes that answer loads.
     added, old = found.enriched.modes.Phi[:, plain.modes.m :], plain.modes.Phi

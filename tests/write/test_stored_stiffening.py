@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import WriteError
-from cmsreduce.linalg.geometric_stiffness import bars_stiffness
+from cmsreduce.linalg.geometric_stiffness import bars_stiffness, modal_stiffening
 from cmsreduce.linalg.modal_integrals import modal_integrals
 from cmsreduce.model import INERTIA_LOADS, SQUARES, UnitLoad
 from cmsreduce.write import ComponentFile
@@ -25,7 +25,9 @@ POINTS = [UnitLoad(kind, axis, "4") for kind in ("force", "moment") for axis in 
 
 
 def stored(loads: list[UnitLoad], origin=(0.0, 0.0, 0.0)) -> ComponentFile:
-    found = bars_stiffness(BODY, bars_of(PAIRS, BAR), loads, held=HELD, origin=np.array(origin)).reduced(SHAPES)
+    found = modal_stiffening(
+        bars_stiffness(BODY, bars_of(PAIRS, BAR), loads, held=HELD, origin=np.array(origin)), SHAPES
+    )
     return ComponentFile(
         name="arm",
         method="craig-bampton",

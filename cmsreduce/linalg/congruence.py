@@ -8,6 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.products import symmetric_product
+
 __all__ = ["column_blocks", "congruence"]
 
 # Wide enough to read a matrix few times, narrow enough beside the block of right-hand sides of a solve.
@@ -24,7 +26,7 @@ def congruence(A: sp.csc_array | NDArray[np.float64], Phi: NDArray[np.float64]) 
 
     Parameters
     ----------
-    A : (n, n) sparse array
+    A : (n, n) array, sparse or dense
         Symmetric.
     Phi : (n, m) float64
         Shapes; they may be on disk.
@@ -35,11 +37,11 @@ def congruence(A: sp.csc_array | NDArray[np.float64], Phi: NDArray[np.float64]) 
         Symmetric to the last bit.
     """
     m = Phi.shape[1]
-    found = np.empty((m, m))
+    found, product = np.empty((m, m)), symmetric_product(A) if sp.issparse(A) else A.__matmul__
     for part in column_blocks(m):
         # Of a symmetric matrix half is enough: the basis is read half as often.
         known = slice(part.stop)
-        found[known, part] = Phi[:, known].T @ np.asarray(A @ Phi[:, part])
+        found[known, part] = Phi[:, known].T @ product(Phi[:, part])
         found[part, known] = found[known, part].T
         found[part, part] = (found[part, part] + found[part, part].T) / 2
     return found
