@@ -19,7 +19,8 @@ __all__ = ["Product", "symmetric_product"]
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Product with a vector (n,) or a block of them (n, k)."""
 
-# Entries below which MKL, and a second thread of scipy's routines, cost more than they save.
+# Entries below which MKL, and a second thread of scipy's routines, cost more than they save. MKL takes 15 ms to load
+# and half of scipy's 0.17 ms for 28 000 entries and 32 columns; a small run has two hundred such products.
 _FEW_FOR_MKL, _FEW_FOR_THREADS = 20_000, 200_000
 # A matrix that stores more zeros than this share of its entries, as an element's mass does between its directions, is
 # copied without them; for fewer the copy costs more than it saves.

@@ -23,7 +23,7 @@ from cmsreduce.read.op4_layout import FORMS, TYPES, Op4Header, op4_headers
 __all__ = ["stored_matrices"]
 
 _SYMMETRIC = 6
-# Numbers that are looked through for zeros together.
+# Numbers that are looked through for zeros together: 8 MB, much beside one string and little beside a dense file.
 _AT_ONCE = 1_000_000
 
 
