@@ -34,9 +34,8 @@ class ModalReceptance:
     """Response in one configuration at fixed frequencies, for any choice of the bodies' modes.
 
     What a mode adds to its body's receptance does not depend on the other modes kept. It is tabulated once, and a
-    choice of modes costs a sum and a solve with as many unknowns as there are joint forces. Modes that a body couples,
-    by a damping matrix or as directions of clusters, have no such terms: their receptance is solved anew for every
-    choice, cluster by cluster.
+    choice of modes costs a sum and a solve with as many unknowns as there are joint forces. Modes that a damping
+    matrix couples have no such terms: their receptance is solved anew for every choice, cluster by cluster.
 
     Parameters
     ----------

@@ -4,14 +4,11 @@ from cmsreduce.balance.bounds import balanced_bound, elastic_norm, keep_bound, m
 from cmsreduce.balance.clusters import CORRELATED, cluster_groups, correlated_groups, correlation
 from cmsreduce.balance.comparison import with_rankings
 from cmsreduce.balance.component_cost import ComponentCost, component_costs
-from cmsreduce.balance.directed import DirectedComponent, directed
-from cmsreduce.balance.directed_bounds import direction_error, directions_bound, keep_directions_bound
-from cmsreduce.balance.directions import Directions, cluster_directions, keep_directions
 from cmsreduce.balance.frequency import ByFrequency
 from cmsreduce.balance.gregory import Gregory
 from cmsreduce.balance.hankel import Hankel, balanced, hankel_values
 from cmsreduce.balance.judge import Effects, Judge
-from cmsreduce.balance.modal_gain import ModalGain, PeakAmplitude, modal_gains
+from cmsreduce.balance.modal_gain import ModalGain, modal_gains
 from cmsreduce.balance.physical_states import PhysicalStates, choose_coordinates, physical_states
 from cmsreduce.balance.ranking import CLOSE, GramianRanking, Ranking, mode_spacing
 from cmsreduce.balance.scaling import Sized, Turning, characteristic_length, scaled, sized, turning_rows
@@ -26,8 +23,6 @@ __all__ = [
     "BandPass",
     "ByFrequency",
     "ComponentCost",
-    "DirectedComponent",
-    "Directions",
     "GramianRanking",
     "Effects",
     "Found",
@@ -36,7 +31,6 @@ __all__ = [
     "Judge",
     "LowPass",
     "ModalGain",
-    "PeakAmplitude",
     "PhysicalStates",
     "Ranking",
     "Selection",
@@ -48,20 +42,14 @@ __all__ = [
     "balanced_bound",
     "characteristic_length",
     "choose_coordinates",
-    "cluster_directions",
     "cluster_groups",
     "component_costs",
     "correlated_groups",
     "correlation",
-    "directed",
-    "direction_error",
-    "directions_bound",
     "elastic_norm",
     "hankel_values",
     "keep_all",
     "keep_bound",
-    "keep_directions",
-    "keep_directions_bound",
     "keep_error",
     "keep_fraction",
     "keep_modes",
@@ -77,7 +65,5 @@ __all__ = [
     "with_rankings",
 ]
 
-RANKINGS: dict[str, Ranking] = {
-    kind.name: kind() for kind in (Gregory, Hankel, ComponentCost, ModalGain, PeakAmplitude, ByFrequency)
-}
+RANKINGS: dict[str, Ranking] = {kind.name: kind() for kind in (Gregory, Hankel, ComponentCost, ModalGain, ByFrequency)}
 """Rankings by name."""
