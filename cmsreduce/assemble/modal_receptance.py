@@ -92,10 +92,6 @@ class ModalReceptance:
         alone = self._row_basis({name: np.empty(0, dtype=np.int64) for name in substructures})
         self._same_joints = alone.shape[0] == self._basis.shape[0]
 
-    def is_coupled(self, body: str) -> bool:
-        """Whether a body couples some of its modes."""
-        return body in self._coupled and bool(self._coupled[body].clusters)
-
     def response(self, kept: Kept, at: NDArray[np.int64] | None = None) -> Complex:
         """Response with some of the modes, rigid-body part included.
 

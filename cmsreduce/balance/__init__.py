@@ -1,14 +1,14 @@
 """Rank modes by what they do between the inputs and outputs of a scene, and truncate."""
 
-from cmsreduce.balance.bounds import balanced_bound, elastic_norm, keep_bound, mode_bounds
-from cmsreduce.balance.clusters import CORRELATED, cluster_groups, correlated_groups, correlation
+from cmsreduce.balance.bounds import elastic_norm, keep_bound, mode_bounds
+from cmsreduce.balance.clusters import cluster_groups, correlated_groups, correlation
 from cmsreduce.balance.comparison import with_rankings
 from cmsreduce.balance.component_cost import ComponentCost, component_costs
 from cmsreduce.balance.frequency import ByFrequency
 from cmsreduce.balance.gregory import Gregory
 from cmsreduce.balance.hankel import Hankel, balanced, hankel_values
 from cmsreduce.balance.judge import Effects, Judge
-from cmsreduce.balance.modal_gain import ModalGain, modal_gains
+from cmsreduce.balance.modal_gain import ModalGain
 from cmsreduce.balance.physical_states import PhysicalStates, choose_coordinates, physical_states
 from cmsreduce.balance.ranking import CLOSE, GramianRanking, Ranking, mode_spacing
 from cmsreduce.balance.scaling import Sized, Turning, characteristic_length, scaled, sized, turning_rows
@@ -18,7 +18,6 @@ from cmsreduce.balance.weighting import BandPass, LowPass, TransferFunction, Wei
 
 __all__ = [
     "CLOSE",
-    "CORRELATED",
     "RANKINGS",
     "BandPass",
     "ByFrequency",
@@ -39,7 +38,6 @@ __all__ = [
     "Turning",
     "Weighting",
     "balanced",
-    "balanced_bound",
     "characteristic_length",
     "choose_coordinates",
     "cluster_groups",
@@ -54,7 +52,6 @@ __all__ = [
     "keep_fraction",
     "keep_modes",
     "keep_total",
-    "modal_gains",
     "mode_bounds",
     "mode_spacing",
     "physical_states",
