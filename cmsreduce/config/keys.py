@@ -38,7 +38,6 @@ __all__ = [
     "Frequency",
     "Keys",
     "Name",
-    "NotAvailable",
     "Number",
     "OneOrMore",
     "Plain",
@@ -51,7 +50,6 @@ __all__ = [
     "WrittenItems",
     "WrittenVector",
     "exactly_one",
-    "one_of",
     "parse_point",
     "reported",
 ]
@@ -138,17 +136,6 @@ def reported(function: Callable[[Any], _T]) -> Callable[[Any], _T]:
     return report
 
 
-def one_of(offered: Sequence[str], planned: Sequence[str]) -> BeforeValidator:
-    """Refuse words that the grammar knows but this version does not offer."""
-
-    def refuse(value: object) -> object:
-        if isinstance(value, str) and value in planned:
-            raise ValueError(f"'{value}' is not available in this version, {' or '.join(offered)} is")
-        return value
-
-    return BeforeValidator(refuse)
-
-
 def check_name(text: str) -> str:
     """Give back a name that can stand in a reference and in a file name.
 
@@ -220,11 +207,6 @@ def _check_units(text: str) -> str:
     return Units.parse(text).name
 
 
-def _refuse(value: object) -> None:
-    if value is not None:
-        raise ValueError("this is not available in this version: take the key out")
-
-
 def _plainly(quantity: Quantity) -> str | float:
     return str(quantity) if quantity.unit else quantity.value
 
@@ -273,5 +255,3 @@ WrittenItems = tuple[Written, ...]
 """Numbers with or without units."""
 WrittenVector = Annotated[tuple[Written, Written, Written], BeforeValidator(_check_vector)]
 """Three numbers with or without units."""
-NotAvailable = Annotated[None, BeforeValidator(_refuse)]
-"""Key that a later version gives a meaning; no value is accepted."""

@@ -16,7 +16,7 @@ from cmsreduce.config.located import Entry, Location, find
 from cmsreduce.config.suggestion import closest
 from cmsreduce.errors import ConfigError
 
-__all__ = ["Problem", "config_error", "located", "problems_of"]
+__all__ = ["REMOVED", "Problem", "config_error", "located", "problems_of"]
 
 # More than a screen of messages hides the first one, which often causes the others.
 _MOST_REPORTED = 10
@@ -34,6 +34,13 @@ _EXPECTED = {
     "path_type": "a file name",
     "finite_number": "a finite number",
 }
+
+_NO_PARTS = (
+    "bodies are no longer reduced in parts. Take the key out: a factor that does not fit in memory is made in single "
+    "precision, or on disk; solver.memory says how much it may take"
+)
+REMOVED = {"solver.parts": _NO_PARTS, "reduce.parts": _NO_PARTS}
+"""Keys of earlier versions, each with the mapping that held it: what became of them, and what to write instead."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +137,9 @@ def _missing(root: Entry, loc: tuple[int | str, ...], grammar: type[Keys], whole
 
 def _unknown(root: Entry, loc: tuple[int | str, ...], grammar: type[Keys]) -> Problem:
     entry, followed = find(root, loc)
+    removed = REMOVED.get(".".join(str(key) for key in loc[-2:]))
+    if removed:
+        return Problem(entry.where, f"key '{path_text(followed)}': {removed}")
     known, word = known_keys(loc[:-1], grammar), str(loc[-1])
     meant = closest(word, known)
     places = [place for place in places_of(word, grammar) if place]

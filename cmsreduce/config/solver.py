@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import BeforeValidator, Field, Strict, WithJsonSchema
 
 from cmsreduce.config.keys import Count, Keys, Plain
 from cmsreduce.linalg.solver_settings import Backend, Precision
 
-__all__ = ["Parts", "SolverKeys"]
+__all__ = ["SolverKeys"]
 
 _BYTES = {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12, "KiB": 2.0**10, "MiB": 2.0**20, "GiB": 2.0**30}
 _BYTES["TiB"] = 2.0**40
@@ -31,21 +31,6 @@ def _memory(value: object) -> object:
 
 Memory = Annotated[float, BeforeValidator(_memory), Field(gt=0), WithJsonSchema({"type": "string"})]
 """An amount of memory, in bytes."""
-
-
-def _parts(value: object) -> object:
-    """Parts as a number, or auto."""
-    if value == "auto" or (type(value) is int and value >= 1):
-        return value
-    raise ValueError(f"a number of parts, 1 or more, or auto is expected, found {value!r}")
-
-
-Parts = Annotated[
-    int | Literal["auto"],
-    BeforeValidator(_parts),
-    WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 1}, {"const": "auto", "type": "string"}]}),
-]
-"""In how many parts a matrix is factorised."""
 
 
 class SolverKeys(Keys):
@@ -87,11 +72,4 @@ class SolverKeys(Keys):
         description="Interpreter of the processes of mumps, which has petsc4py; by default the one that runs "
         "cmsreduce, or else /usr/bin/python3, which Debian's python3-petsc4py belongs to.",
         examples=["/usr/bin/python3"],
-    )
-    parts: Parts = Field(
-        default=1,
-        description="Parts in which a matrix is cut and factorised one after the other, with the factor of one in "
-        "memory at a time; `auto` does so where the factor as a whole does not fit in memory. Modes then start "
-        "from those of the parts and are refined to the same accuracy.",
-        examples=["auto"],
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 from pydantic import (
     BeforeValidator,
@@ -15,8 +15,7 @@ from pydantic import (
 
 from cmsreduce.config.balance_keys import RankingKeys
 from cmsreduce.config.frame_keys import BodyWriteKeys
-from cmsreduce.config.keys import Flag, Keys, Plain, Positive, one_of
-from cmsreduce.config.solver import Parts
+from cmsreduce.config.keys import Flag, Keys, Plain, Positive
 from cmsreduce.model.scene import DOF_NAMES
 
 __all__ = [
@@ -47,7 +46,6 @@ Format = Literal[
 ]
 
 _CONSTRAINT_MODES = ("craig-bampton", "guyan")
-_PLANNED_FORMATS = ("contops",)
 _DIALECTS = {"sid": ("by-axis", "by-mode"), "mbdyn": ("invariants", "lumped")}
 
 
@@ -137,13 +135,6 @@ class ReduceKeys(ModeSetKeys):
         description="Modes above this multiple of the upper end of scene.band are treated statically: they keep their "
         "stiffness and lose their mass, so that they ask for no small steps of an integrator.",
         examples=[8.0],
-    )
-
-    parts: Parts | None = Field(
-        default=None,
-        description="Parts in which the body is cut while it is reduced, one of them in memory at a time; `auto` where "
-        "its factor does not fit. By default what solver.parts says.",
-        examples=[16, "auto"],
     )
 
     @property
@@ -269,7 +260,7 @@ class VerifyKeys(Keys):
         return tuple(dict.fromkeys([*(self.checks or ()), *limited]))
 
 
-WrittenFormat = Annotated[Format, one_of(get_args(Format), _PLANNED_FORMATS), BeforeValidator(_as_text)]
+WrittenFormat = Annotated[Format, BeforeValidator(_as_text)]
 
 
 class WriteKeys(BodyWriteKeys):
