@@ -32,7 +32,7 @@ from cmsreduce.model import FEModel, ModalChannels, ModalComponent, Scene
 from cmsreduce.pipeline.selection import modal_channels
 from cmsreduce.pipeline.sized_channels import SizedRows, channel_sizes, sized_in
 
-__all__ = ["arm", "candidates", "ranked", "ranking_channels", "scaling_words"]
+__all__ = ["candidates", "ranked", "ranking_channels", "scaling_words"]
 
 # Gramians of more modes are made only for the ranking that is asked for.
 _MOST_COMPARED = 1000
