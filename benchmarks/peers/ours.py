@@ -8,9 +8,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-# Before numpy: it tells OpenBLAS's threads to sleep when they have nothing to do.
-import cmsreduce  # noqa: F401  isort: skip
-
 import numpy as np
 import scipy.sparse as sp
 from problem import Problem, Report

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from threadpoolctl import threadpool_limits
-
+from cmsreduce.linalg.blas_threads import blas_threads
 from cmsreduce.linalg.kept_pages import kept_bytes
 from cmsreduce.linalg.ordering import KnownOrders
 from cmsreduce.model import Factorisation
@@ -22,9 +21,11 @@ __all__ = [
     "Parts",
     "Precision",
     "SolverSettings",
+    "allowed_threads",
     "available_memory",
     "current_settings",
     "solver_settings",
+    "usable_cores",
 ]
 
 Precision = Literal["auto", "double", "single"]
@@ -52,7 +53,8 @@ class SolverSettings:
     memory : float, optional
         Bytes that a factor may take; most of what is free if absent.
     threads : int, optional
-        Threads of a product, a factorisation or a solve; all cores, or what OMP_NUM_THREADS allows, if absent.
+        Threads of a product, a factorisation, a solve or dense algebra; if absent all cores, or what OMP_NUM_THREADS
+        allows, but one for dense algebra.
     precision : str
         ``double``; ``single`` for factors in float32, whose solutions are refined to double precision; ``auto`` takes
         single where a factor in double precision would not fit in memory.
@@ -95,14 +97,18 @@ class SolverSettings:
     @property
     def thread_count(self) -> int:
         """Threads to use; what OMP_NUM_THREADS allows, unless these settings say it."""
-        if self.threads is not None:
-            return self.threads
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        allowed = os.environ.get("OMP_NUM_THREADS", "")
-        return min(cores, int(allowed)) if allowed.isdigit() and int(allowed) else cores
+        return self.threads or _ALLOWED.get() or usable_cores()
+
+
+def usable_cores() -> int:
+    """Cores that this process may use, or as many as OMP_NUM_THREADS allows."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    allowed = os.environ.get("OMP_NUM_THREADS", "")
+    return min(cores, int(allowed)) if allowed.isdigit() and int(allowed) else cores
 
 
 _SETTINGS: ContextVar[SolverSettings | None] = ContextVar("solver_settings", default=None)
+_ALLOWED: ContextVar[int | None] = ContextVar("allowed_threads", default=None)
 
 
 def current_settings() -> SolverSettings:
@@ -112,7 +118,11 @@ def current_settings() -> SolverSettings:
 
 @contextmanager
 def solver_settings(settings: SolverSettings) -> Iterator[SolverSettings]:
-    """Put settings in force within a `with` block; threads of dense algebra are limited with those of sparse.
+    """Put settings in force within a `with` block.
+
+    Dense algebra takes the threads that the settings name, or one: threads of OpenBLAS that wait for more work spin, on
+    the cores that sparse work needs next, and a run of small bodies then takes twice to four times the processor time.
+    Sparse and tall products share their rows among all threads by themselves.
 
     Parameters
     ----------
@@ -126,10 +136,26 @@ def solver_settings(settings: SolverSettings) -> Iterator[SolverSettings]:
     """
     token = _SETTINGS.set(settings)
     try:
-        with nullcontext() if settings.threads is None else threadpool_limits(settings.threads):
+        with blas_threads(settings.threads or 1):
             yield settings
     finally:
         _SETTINGS.reset(token)
+
+
+@contextmanager
+def allowed_threads(count: int) -> Iterator[None]:
+    """Allow so many threads within a `with` block, unless settings name a number: other processes use the other cores.
+
+    Parameters
+    ----------
+    count : int
+    """
+    token = _ALLOWED.set(count)
+    try:
+        with blas_threads(count):
+            yield
+    finally:
+        _ALLOWED.reset(token)
 
 
 def available_memory() -> float:
