@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from cmsreduce.linalg.blas_threads import blas_threads
-from cmsreduce.linalg.kept_pages import kept_bytes
+from cmsreduce.linalg.kept_pages import kept_bytes, kept_pages
 from cmsreduce.linalg.ordering import KnownOrders
 from cmsreduce.model import Factorisation
 
@@ -66,7 +66,10 @@ class SolverSettings:
         Parts in which a matrix is factorised, one after the other; ``auto`` for as many as it takes where the factor
         as a whole does not fit in memory.
     scratch : Path, optional
-        Folder for bases and factors that outgrow memory; without it bases stay there, and such factors are refused.
+        Folder for bases that outgrow memory, and with ``replace_allocators`` for factors; without it bases stay there.
+    replace_allocators : bool
+        Whether the allocators of the C library and of MKL may be set or replaced while a body is reduced, for the whole
+        process: pages are then used again (`kept_pages`), and factors that outgrow memory lie in files (`mkl_memory`).
     work : list of Factorisation
         Every factorisation that was done under these settings, in order.
     orders : KnownOrders
@@ -81,6 +84,7 @@ class SolverSettings:
     python: str | None = None
     parts: Parts = 1
     scratch: Path | None = None
+    replace_allocators: bool = False
     work: list[Factorisation] = field(default_factory=list, compare=False)
     orders: KnownOrders = field(default_factory=KnownOrders, compare=False, repr=False)
 
@@ -93,6 +97,10 @@ class SolverSettings:
     def basis_limit(self) -> float:
         """Bytes beyond which a basis is kept on disk."""
         return _BASIS_SHARE * self.memory_limit
+
+    def pages_kept(self, n: int) -> AbstractContextManager[None]:
+        """Context in which the pages of work on n rows are used again, where allocators may be set for that."""
+        return kept_pages(n, self.memory_limit) if self.replace_allocators else nullcontext()
 
     @property
     def thread_count(self) -> int:

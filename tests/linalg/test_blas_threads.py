@@ -23,7 +23,7 @@ from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
 
 library = mkl_library()
 A = sp.csc_array(sp.diags_array([-1.0, 3.0, -1.0], offsets=[-1, 0, 1], shape=(6000, 6000)))
-with solver_settings(SolverSettings("multifrontal", memory=1e9, scratch=Path(sys.argv[1]))):
+with solver_settings(SolverSettings("multifrontal", memory=1e9, scratch=Path(sys.argv[1]), replace_allocators=True)):
     factor = factorise(A)
     assert abs(A @ factor(np.ones(6000)) - 1).max() < 1e-12
     mkl_memory.watch_if_large(library, 10**6)
