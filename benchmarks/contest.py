@@ -101,7 +101,10 @@ PEERS = {
         "cmsreduce, single-precision factor", "ours.py", ("single",), environment={"PYTHONPATH": str(ROOT)}
     ),
     f"{OURS}-disk": Peer(
-        "cmsreduce, factor on disk", "ours.py", ("single", "uncounted"), environment={"PYTHONPATH": str(ROOT)}
+        "cmsreduce, factor on disk",
+        "ours.py",
+        ("single", "uncounted", "on-disk"),
+        environment={"PYTHONPATH": str(ROOT)},
     ),
     "scipy": Peer("scipy: splu, eigsh", "scipy_plain.py", ("default",)),
     "scipy-mmd": Peer("scipy, MMD order", "scipy_plain.py", ("mmd",)),

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import functools
-import gc
-import importlib
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -62,7 +59,6 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(command)
     def told(*args: Any, quiet: bool, as_json: bool, log_file: Path | None, **options: Any) -> Any:
-        _load()
         from cmsreduce.report.output import opened_output
 
         with opened_output(quiet=quiet, as_json=as_json, log_file=log_file) as output:
@@ -76,19 +72,6 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
     ):
         result = option(result)
     return result
-
-
-def _load() -> None:
-    """Load what commands need, once, unseen by the garbage collector, whose looks take a tenth of a short run."""
-    if "cmsreduce.pipeline" in sys.modules:
-        return
-    gc.disable()
-    try:
-        importlib.import_module("cmsreduce.pipeline")
-        importlib.import_module("cmsreduce.report.output")
-        gc.freeze()
-    finally:
-        gc.enable()
 
 
 def worker_options(command: Callable[..., Any]) -> Callable[..., Any]:

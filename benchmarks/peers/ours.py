@@ -8,9 +8,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-# Before numpy: it tells OpenBLAS's threads to sleep when they have nothing to do.
-import cmsreduce  # noqa: F401  isort: skip
-
 import numpy as np
 import scipy.sparse as sp
 from problem import Problem, Report
@@ -18,7 +15,6 @@ from problem import Problem, Report
 from cmsreduce.linalg.backends import installed_backends
 from cmsreduce.linalg.eigenpairs import beside_modes, certified_modes, count_below
 from cmsreduce.linalg.factorise import factorise
-from cmsreduce.linalg.kept_pages import kept_pages
 from cmsreduce.linalg.multifrontal import Multifrontal
 from cmsreduce.linalg.ordering import KnownOrders
 from cmsreduce.linalg.solver_settings import SolverSettings, current_settings, solver_settings
@@ -31,7 +27,7 @@ def main(folder: Path) -> None:
     """Factorise, solve for the constraint modes, find the modes, and count them once more for their price."""
     problem, report = Problem.load(folder), Report()
     loaded()
-    with kept_pages(problem.K.shape[0], current_settings().memory_limit):
+    with current_settings().pages_kept(problem.K.shape[0]):
         reduce(problem, report)
     report.write(folder / "report.json")
 
@@ -106,5 +102,6 @@ def cost(factor: object) -> dict[str, object]:
 if __name__ == "__main__":
     given = Path(sys.argv[1])
     precision = "single" if "single" in sys.argv[2:] else "auto"
-    with solver_settings(SolverSettings(precision=precision, scratch=given / "scratch")):
+    allocators = "on-disk" in sys.argv[2:]
+    with solver_settings(SolverSettings(precision=precision, scratch=given / "scratch", replace_allocators=allocators)):
         main(given)

@@ -62,16 +62,16 @@ class SolverKeys(Keys):
     )
     memory: Memory | None = Field(
         default=None,
-        description="Memory that a factor may take; one that needs more is made on disk (pardiso), or refused before "
-        "anything is made. By default most of what is free.",
+        description="Memory that a factor may take; one that needs more is refused before anything is made, or made on "
+        "disk (pardiso with replace_allocators). By default most of what is free.",
         examples=["8 GiB"],
     )
     precision: Precision = Field(
         default="auto",
         description="Precision of the factor, with pardiso or multifrontal: double, or single, which takes half the "
         "memory and is refined to the same accuracy in several times the solves; auto takes single where double would "
-        "not fit in memory. Entries that do not fit either way lie in a file beside the stages. Anything so ill "
-        "conditioned that refinement does not converge is refused.",
+        "not fit in memory. Anything so ill conditioned that "
+        "refinement does not converge is refused.",
         examples=["auto"],
     )
     ranks: Annotated[int, Strict(), Field(ge=1)] = Field(
@@ -82,4 +82,12 @@ class SolverKeys(Keys):
         description="Interpreter of the processes of mumps, which has petsc4py; by default the one that runs "
         "cmsreduce, or else /usr/bin/python3, which Debian's python3-petsc4py belongs to.",
         examples=["/usr/bin/python3"],
+    )
+    replace_allocators: bool = Field(
+        default=False,
+        strict=True,
+        description="Whether MKL's allocator may be replaced by one of cmsreduce's, so that a factor of pardiso which "
+        "does not fit in memory lies in a file, and the C library's be set to use freed pages again while a body is "
+        "reduced (docs/large-bodies.md). Linux only; it changes the whole process.",
+        examples=[True],
     )

@@ -65,7 +65,7 @@ def kinds(backend: Backend, settings: SolverSettings) -> list[tuple[str, Kind]]:
     # PARDISO holds nothing beside the factor, and may have it on disk.
     followed = backend == "multifrontal" and settings.backend == "auto" and installed("pardiso")
     taken: list[Backend] = [backend, "pardiso"] if followed else [backend]
-    on_disk = partial(Pardiso, folder=settings.scratch)
+    on_disk = partial(Pardiso, folder=settings.scratch if settings.replace_allocators else None)
     rough: dict[str, Rough] = {"pardiso": on_disk, "multifrontal": _rough_fronts}
     single: list[tuple[str, Kind]] = [
         ("single", partial(RefinedFactor, rough=rough[each])) for each in taken if each in rough

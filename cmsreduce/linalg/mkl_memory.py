@@ -47,7 +47,7 @@ _ENTRIES = _Entries()
 
 
 def watch_if_large(library: ctypes.CDLL, n: int) -> None:
-    """Have MKL ask here for memory, where a factor of so many rows may outgrow what there is and has a folder.
+    """Have MKL ask here for memory, where settings allow it and a factor of so many rows may outgrow memory.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def watch_if_large(library: ctypes.CDLL, n: int) -> None:
     Source: Intel oneAPI Math Kernel Library, developer guide, "Redefining Memory Functions" (i_malloc).
     """
     settings = current_settings()
-    if settings.scratch is not None and _BYTES_A_ROW * n > settings.memory_limit:
+    if settings.replace_allocators and settings.scratch is not None and _BYTES_A_ROW * n > settings.memory_limit:
         _watch(library)
 
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
-from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blas_threads import one_blas_thread
+from cmsreduce.linalg.blas_threads import blas_threads
 from cmsreduce.linalg.compiled import compiled_lacks
 from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.layout import by_columns
@@ -106,14 +105,15 @@ class Multifrontal(Factor):
         _side_by_side(subtrees, len(self._shares))
         stack, tops = np.empty(room.last, self._real), np.zeros(2, dtype=np.int64)
         where = np.empty(n, dtype=np.int32)
-        for k in tree.above:
-            for child in room.children(k):
-                if child in left:
-                    update, side = left.pop(child), room.parity[child]
-                    tops[side] += update.size
-                    places[child] = tops[0] - update.size if side == 0 else stack.size - tops[1]
-                    stack[places[child] : places[child] + update.size] = update
-            eliminated(range(k, k + 1), stack, tops, where)
+        with blas_threads(len(self._shares)):
+            for k in tree.above:
+                for child in room.children(k):
+                    if child in left:
+                        update, side = left.pop(child), room.parity[child]
+                        tops[side] += update.size
+                        places[child] = tops[0] - update.size if side == 0 else stack.size - tops[1]
+                        stack[places[child] : places[child] + update.size] = update
+                eliminated(range(k, k + 1), stack, tops, where)
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         """Solution (n, k) for A, whatever the matrix was scaled by, laid out as b; in single precision to 7 digits."""
@@ -205,11 +205,7 @@ class _Room:
         return list(children[members[k] : members[k + 1]].tolist())
 
 
-_ONE_AT_A_TIME = Lock()
-
-
 def _side_by_side(work: Callable[[int], None], threads: int) -> None:
     """Call ``work`` with 0, 1, ... in as many threads, each with one thread of BLAS."""
-    # The limit is the process's own: two callers that set it and give it back in turn would leave it set.
-    with _ONE_AT_A_TIME, one_blas_thread(), ThreadPoolExecutor(threads) as pool:
+    with blas_threads(1), ThreadPoolExecutor(threads) as pool:
         list(pool.map(work, range(threads)))

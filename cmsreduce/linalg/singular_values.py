@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cython_lapack
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.blas_threads import one_blas_thread
+from cmsreduce.linalg.blas_threads import blas_threads
 
 __all__ = ["singular_values"]
 
@@ -59,7 +59,7 @@ def singular_values(A: NDArray[np.float64]) -> Array:
     square = np.zeros((max(p, q), max(p, q)))
     square[:p, :q] = A[np.ix_(rows, columns)]
     # Blocks are so narrow that threads wait for each other longer than they work.
-    with one_blas_thread():
+    with blas_threads(1):
         return _band_values(_banded(square))[: min(p, q)]
 
 

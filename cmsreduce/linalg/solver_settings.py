@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from threadpoolctl import threadpool_limits
-
-from cmsreduce.linalg.kept_pages import kept_bytes
+from cmsreduce.linalg.blas_threads import blas_threads
+from cmsreduce.linalg.kept_pages import kept_bytes, kept_pages
 from cmsreduce.linalg.ordering import KnownOrders
 from cmsreduce.model import Factorisation
 
@@ -21,9 +20,11 @@ __all__ = [
     "Backend",
     "Precision",
     "SolverSettings",
+    "allowed_threads",
     "available_memory",
     "current_settings",
     "solver_settings",
+    "usable_cores",
 ]
 
 Precision = Literal["auto", "double", "single"]
@@ -50,7 +51,8 @@ class SolverSettings:
     memory : float, optional
         Bytes that a factor may take; most of what is free if absent.
     threads : int, optional
-        Threads of a product, a factorisation or a solve; all cores, or what OMP_NUM_THREADS allows, if absent.
+        Threads of a product, a factorisation, a solve or dense algebra; if absent all cores, or what OMP_NUM_THREADS
+        allows, but one for dense algebra.
     precision : str
         ``double``; ``single`` for factors in float32, whose solutions are refined to double precision; ``auto`` takes
         single where a factor in double precision would not fit in memory.
@@ -59,7 +61,10 @@ class SolverSettings:
     python : str, optional
         Interpreter of ``mumps``, which has petsc4py; this one or the system's if absent.
     scratch : Path, optional
-        Folder for bases and factors that outgrow memory; without it bases stay there, and such factors are refused.
+        Folder for bases that outgrow memory, and with ``replace_allocators`` for factors; without it bases stay there.
+    replace_allocators : bool
+        Whether the allocators of the C library and of MKL may be set or replaced while a body is reduced, for the whole
+        process: pages are then used again (`kept_pages`), and factors that outgrow memory lie in files (`mkl_memory`).
     work : list of Factorisation
         Every factorisation that was done under these settings, in order.
     orders : KnownOrders
@@ -73,6 +78,7 @@ class SolverSettings:
     ranks: int = 2
     python: str | None = None
     scratch: Path | None = None
+    replace_allocators: bool = False
     work: list[Factorisation] = field(default_factory=list, compare=False)
     orders: KnownOrders = field(default_factory=KnownOrders, compare=False, repr=False)
 
@@ -86,17 +92,25 @@ class SolverSettings:
         """Bytes beyond which a basis is kept on disk."""
         return _BASIS_SHARE * self.memory_limit
 
+    def pages_kept(self, n: int) -> AbstractContextManager[None]:
+        """Context in which the pages of work on n rows are used again, where allocators may be set for that."""
+        return kept_pages(n, self.memory_limit) if self.replace_allocators else nullcontext()
+
     @property
     def thread_count(self) -> int:
         """Threads to use; what OMP_NUM_THREADS allows, unless these settings say it."""
-        if self.threads is not None:
-            return self.threads
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        allowed = os.environ.get("OMP_NUM_THREADS", "")
-        return min(cores, int(allowed)) if allowed.isdigit() and int(allowed) else cores
+        return self.threads or _ALLOWED.get() or usable_cores()
+
+
+def usable_cores() -> int:
+    """Cores that this process may use, or as many as OMP_NUM_THREADS allows."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    allowed = os.environ.get("OMP_NUM_THREADS", "")
+    return min(cores, int(allowed)) if allowed.isdigit() and int(allowed) else cores
 
 
 _SETTINGS: ContextVar[SolverSettings | None] = ContextVar("solver_settings", default=None)
+_ALLOWED: ContextVar[int | None] = ContextVar("allowed_threads", default=None)
 
 
 def current_settings() -> SolverSettings:
@@ -106,7 +120,11 @@ def current_settings() -> SolverSettings:
 
 @contextmanager
 def solver_settings(settings: SolverSettings) -> Iterator[SolverSettings]:
-    """Put settings in force within a `with` block; threads of dense algebra are limited with those of sparse.
+    """Put settings in force within a `with` block.
+
+    Dense algebra takes the threads that the settings name, or one: threads of OpenBLAS that wait for more work spin, on
+    the cores that sparse work needs next, and a run of small bodies then takes twice to four times the processor time.
+    Sparse and tall products share their rows among all threads by themselves.
 
     Parameters
     ----------
@@ -120,10 +138,26 @@ def solver_settings(settings: SolverSettings) -> Iterator[SolverSettings]:
     """
     token = _SETTINGS.set(settings)
     try:
-        with nullcontext() if settings.threads is None else threadpool_limits(settings.threads):
+        with blas_threads(settings.threads or 1):
             yield settings
     finally:
         _SETTINGS.reset(token)
+
+
+@contextmanager
+def allowed_threads(count: int) -> Iterator[None]:
+    """Allow so many threads within a `with` block, unless settings name a number: other processes use the other cores.
+
+    Parameters
+    ----------
+    count : int
+    """
+    token = _ALLOWED.set(count)
+    try:
+        with blas_threads(count):
+            yield
+    finally:
+        _ALLOWED.reset(token)
 
 
 def available_memory() -> float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ReadError, StageError
+from cmsreduce.linalg.blas_threads import blas_threads
 from cmsreduce.model import Configuration, RunResult
 from cmsreduce.pipeline.framing import frame_of, integral_frame_of, outboard_of
 from cmsreduce.pipeline.ledger import REPORT
@@ -64,7 +65,8 @@ def execute(
     CmsReduceError
         Whatever a stage finds wrong; what was finished before it is kept.
     """
-    with sole_use(run.folder, run.ledger.progress.note):
+    # What is done between stages, and for the report, is dense algebra of small matrices, too.
+    with sole_use(run.folder, run.ledger.progress.note), blas_threads(run.ledger.solver.threads or 1):
         return _carried_out(run, source, overrides, until, report)
 
 

@@ -6,21 +6,15 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
-from functools import partial
 from multiprocessing import get_context, parent_process
 from threading import Lock, Thread
 from typing import Any
 
-from threadpoolctl import threadpool_limits
-
-from cmsreduce.linalg.solver_settings import available_memory
+from cmsreduce.linalg.solver_settings import allowed_threads, available_memory, usable_cores
 
 __all__ = ["Workers", "local_workers"]
-
-# What libraries read to know how many threads they may start.
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 # Share of the free memory that the processes may take together: the rest is for the bases beside the factors.
 _SHARE = 0.9
@@ -69,13 +63,13 @@ def local_workers(jobs: int) -> Workers:
         How many.
     """
     threads, memory = _threads_each(jobs), _SHARE * available_memory() / jobs
-    return Workers(jobs, threads, memory, partial(_pool, threads), (BrokenProcessPool,), jobs == 1)
+    return Workers(jobs, threads, memory, _pool, (BrokenProcessPool,), jobs == 1)
 
 
 @contextmanager
-def _pool(threads: int, jobs: int) -> Iterator[Executor]:
+def _pool(jobs: int) -> Iterator[Executor]:
     # Started afresh, not forked: threads of the libraries do not survive a fork.
-    pool = ProcessPoolExecutor(jobs, get_context("spawn"), _begin_process, (threads,))
+    pool = ProcessPoolExecutor(jobs, get_context("spawn"), _begin_process)
     try:
         for _ in range(jobs):
             pool.submit(_awake)
@@ -87,9 +81,7 @@ def _pool(threads: int, jobs: int) -> Iterator[Executor]:
 
 def _threads_each(jobs: int) -> int:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    allowed = os.environ.get(_THREADS[0], "")
-    most = min(cores, int(allowed)) if allowed.isdigit() and int(allowed) else cores
-    return max(1, min(most, cores // jobs))
+    return max(1, min(usable_cores(), cores // jobs))
 
 
 def _awake() -> None:
@@ -97,21 +89,11 @@ def _awake() -> None:
 
 
 def _in_turn(threads: int, work: Callable[..., Any], *arguments: object) -> Any:
-    with _TURN:
-        if threads:
-            _limit_threads(threads)
+    with _TURN, allowed_threads(threads) if threads else nullcontext():
         return work(*arguments)
 
 
-def _limit_threads(threads: int) -> None:
-    """Give this process so many threads: libraries loaded by now are told, those to come read the environment."""
-    for name in _THREADS:
-        os.environ[name] = str(threads)
-    threadpool_limits(threads)
-
-
-def _begin_process(threads: int) -> None:
-    _limit_threads(threads)
+def _begin_process() -> None:
     Thread(target=_end_with_parent, daemon=True).start()
 
 

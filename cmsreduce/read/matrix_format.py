@@ -10,7 +10,7 @@ from pathlib import Path
 from cmsreduce.errors import ReadError
 from cmsreduce.read.entry_lines import COORDINATE, LABELLED
 from cmsreduce.read.matlab_layout import is_level_4
-from cmsreduce.read.op4_layout import is_ascii_header
+from cmsreduce.read.op4_printed import is_ascii_header
 
 __all__ = ["FORMATS", "detect_format", "require_file"]
 

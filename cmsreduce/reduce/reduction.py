@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.congruence import column_blocks, congruence
-from cmsreduce.linalg.kept_pages import kept_pages
 from cmsreduce.linalg.null_space import rigid_body_modes
 from cmsreduce.linalg.solver_settings import current_settings
 from cmsreduce.model import FEModel, ModeSet, ReducedComponent, rigid_body_shapes
@@ -123,7 +122,7 @@ class Reduction(ABC):
         MatrixError
             As `reduce` does.
         """
-        with kept_pages(body.n, current_settings().memory_limit):
+        with current_settings().pages_kept(body.n):
             rigid = _rigid_modes(body) if rigid is None else rigid
             modes, left_out = self._some_basis(body, interface, rigid, loads)
             missed = np.empty(0) if tested is None else left_out.missed(tested)
@@ -151,7 +150,7 @@ class Reduction(ABC):
         MatrixError
             As `reduce` does.
         """
-        with kept_pages(body.n, current_settings().memory_limit):
+        with current_settings().pages_kept(body.n):
             rigid = _rigid_modes(body) if rigid is None else rigid
             modes, left_out = self._some_basis(body, interface, rigid, loads)
             modes = left_out.enriched(modes)

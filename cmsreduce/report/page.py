@@ -61,15 +61,12 @@ def render_report(run: RunResult) -> str:
     from jinja2 import Environment, FunctionLoader, StrictUndefined
     from markupsafe import Markup
 
-    from cmsreduce.report.template_cache import TemplateCache
-
     environment = Environment(
         loader=FunctionLoader(part),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        bytecode_cache=TemplateCache(),
     )
     environment.filters |= {"number": number, "seconds": seconds}
     models = (run.model, *compared(run))

@@ -1,13 +1,14 @@
-"""One thread for dense algebra, given back after, and nothing said to MKL, which would then take no file."""
+"""Threads of dense algebra are limited within a block and given back after it; MKL is left alone."""
 
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from threadpoolctl import threadpool_info
+from threadpoolctl import threadpool_info, threadpool_limits
 
-from cmsreduce.linalg.blas_threads import one_blas_thread
+from cmsreduce.linalg.blas_threads import blas_threads
+from cmsreduce.linalg.solver_settings import SolverSettings, allowed_threads, solver_settings
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = """
@@ -22,7 +23,7 @@ from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
 
 library = mkl_library()
 A = sp.csc_array(sp.diags_array([-1.0, 3.0, -1.0], offsets=[-1, 0, 1], shape=(6000, 6000)))
-with solver_settings(SolverSettings("multifrontal", memory=1e9, scratch=Path(sys.argv[1]))):
+with solver_settings(SolverSettings("multifrontal", memory=1e9, scratch=Path(sys.argv[1]), replace_allocators=True)):
     factor = factorise(A)
     assert abs(A @ factor(np.ones(6000)) - 1).max() < 1e-12
     mkl_memory.watch_if_large(library, 10**6)
@@ -35,12 +36,46 @@ def threads() -> list[int]:
     return [each["num_threads"] for each in threadpool_info() if each["internal_api"] not in ("mkl", "openmp")]
 
 
+@pytest.fixture(autouse=True)
+def two():
+    """Two threads, whatever the environment says."""
+    with threadpool_limits(2, "blas"):
+        yield
+
+
 def test_one_thread_and_then_as_before():
-    before = threads()
-    assert before
-    with one_blas_thread():
+    assert set(threads()) == {2}
+    with blas_threads(1):
         assert set(threads()) == {1}
-    assert threads() == before
+        with blas_threads(2):
+            assert set(threads()) == {2}
+        assert set(threads()) == {1}
+    assert set(threads()) == {2}
+
+
+def test_blocks_of_two_threads_that_overlap_leave_nothing_behind():
+    first, second = blas_threads(1), blas_threads(1)
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert set(threads()) == {1}
+    second.__exit__(None, None, None)
+    assert set(threads()) == {2}
+
+
+def test_settings_take_one_thread_unless_they_name_more():
+    with solver_settings(SolverSettings()):
+        assert set(threads()) == {1}
+    with solver_settings(SolverSettings(threads=2)):
+        assert set(threads()) == {2}
+    assert set(threads()) == {2}
+
+
+def test_threads_that_are_allowed_are_not_exceeded():
+    with allowed_threads(1):
+        assert SolverSettings().thread_count == 1 and set(threads()) == {1}
+        assert SolverSettings(threads=2).thread_count == 2
+    assert set(threads()) == {2}
 
 
 @pytest.mark.pardiso

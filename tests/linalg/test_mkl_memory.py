@@ -1,5 +1,6 @@
 """A factor on disk: the same numbers, and nothing left behind. In processes of their own: MKL asks for memory once."""
 
+import ast
 import json
 import subprocess
 import sys
@@ -41,7 +42,8 @@ SCRIPT = """
     model = body()
     if earlier:
         factorise(model.K)
-    with solver_settings(SolverSettings("pardiso", precision=precision, memory=memory, scratch=folder)) as settings:
+    allowed = {"memory": memory, "scratch": folder, "replace_allocators": "refused" not in sys.argv}
+    with solver_settings(SolverSettings("pardiso", precision=precision, **allowed)) as settings:
         count = count_below(model.K, model.M, OMEGA)
         factor = factorise(model.K)
         told = {"mapped": mapped(), "files": len(list(folder.iterdir()))}
@@ -67,8 +69,8 @@ def needed(precision):
     return settings.work[0].mib * 2**20, settings.work[0].entries * {"single": 4, "double": 8}[precision]
 
 
-def in_a_process(precision, memory, folder, earlier=False):
-    arguments = [precision, str(memory), str(folder), "earlier" if earlier else "first"]
+def in_a_process(precision, memory, folder, how="first"):
+    arguments = [precision, str(memory), str(folder), how]
     command = [sys.executable, "-c", textwrap.dedent(SCRIPT), *arguments]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
 
@@ -89,7 +91,7 @@ def test_what_does_not_fit_in_memory_is_on_disk(tmp_path, precision):
 
 def test_where_mkl_had_memory_before_it_is_refused(tmp_path):
     whole, entries = needed("single")
-    done = in_a_process("single", whole - entries / 2, tmp_path, earlier=True)
+    done = in_a_process("single", whole - entries / 2, tmp_path, "earlier")
     assert done.returncode == 1 and "InsufficientMemoryError" in done.stderr
     assert not list(tmp_path.iterdir())
 
@@ -99,9 +101,52 @@ def test_without_room_or_folder_it_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("cmsreduce.linalg.pardiso.can_be_mapped", lambda: True)
     monkeypatch.setattr("cmsreduce.linalg.pardiso.free_on_disk", lambda folder: entries / 2)
     for scratch in (tmp_path, None):
-        limited = SolverSettings("pardiso", memory=whole - entries / 2, scratch=scratch)
+        limited = SolverSettings("pardiso", memory=whole - entries / 2, scratch=scratch, replace_allocators=True)
         with solver_settings(limited), pytest.raises(InsufficientMemoryError):
             factorise(body().K)
+
+
+def test_unless_it_is_allowed_it_is_refused(tmp_path):
+    whole, entries = needed("single")
+    done = in_a_process("single", whole - entries / 2, tmp_path, "refused")
+    assert done.returncode == 1 and "InsufficientMemoryError" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+# Reduces a body that both tricks would be done for, in a process whose C library and MKL report every touch.
+UNTOUCHED = """
+    import ctypes, sys
+    from pathlib import Path
+    from cmsreduce.linalg import kept_pages, mkl_memory
+    from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+    from cmsreduce.reduce import CraigBampton
+    from tests.solids import block
+
+    touched = []
+    kept_pages._LEAST_ROWS, mkl_memory._BYTES_A_ROW = 1000, 1e12
+    class Watched:
+        def __init__(self, library):
+            self.__dict__["library"] = library
+        def __getattr__(self, name):
+            touched.append(name)
+            return getattr(self.library, name)
+    library, system = kept_pages._library, mkl_memory._system
+    kept_pages._library = lambda: Watched(library())
+    mkl_memory._system = lambda: Watched(system())
+
+    body = block("bar", (1.0, 0.2, 0.2), (20, 4, 4))
+    allowed = {"scratch": Path(sys.argv[1]), "replace_allocators": sys.argv[2] == "allowed"}
+    with solver_settings(SolverSettings("pardiso", **allowed)):
+        CraigBampton(1500.0).reduce(body, range(75))
+    print(sorted({"mallopt", "mmap"} & set(touched) | ({"i_malloc"} if mkl_memory._ENTRIES.watching else set())))
+"""
+
+
+@pytest.mark.parametrize(("how", "touched"), [("allowed", ["i_malloc", "mallopt"]), ("refused", [])])
+def test_no_allocator_is_touched_unless_it_is_allowed(tmp_path, how, touched):
+    command = [sys.executable, "-c", textwrap.dedent(UNTOUCHED), str(tmp_path), how]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=True)
+    assert ast.literal_eval(done.stdout) == touched
 
 
 def test_room_is_that_of_the_folder_s_disk(tmp_path):
