@@ -1,4 +1,4 @@
-"""Modes of a body that its stiffness or damping couples, cluster by cluster, as terms of its receptance."""
+"""Modes of a body that its damping couples, cluster by cluster, as terms of its receptance."""
 
 from __future__ import annotations
 

@@ -34,9 +34,8 @@ class ModalReceptance:
     """Response in one configuration at fixed frequencies, for any choice of the bodies' modes.
 
     What a mode adds to its body's receptance does not depend on the other modes kept. It is tabulated once, and a
-    choice of modes costs a sum and a solve with as many unknowns as there are joint forces. Modes that a body couples,
-    by a damping matrix or as directions of clusters, have no such terms: their receptance is solved anew for every
-    choice, cluster by cluster.
+    choice of modes costs a sum and a solve with as many unknowns as there are joint forces. Modes that a damping
+    matrix couples have no such terms: their receptance is solved anew for every choice, cluster by cluster.
 
     Parameters
     ----------
@@ -92,10 +91,6 @@ class ModalReceptance:
         # Joints that the motions present in every choice already tell apart need no look at each choice.
         alone = self._row_basis({name: np.empty(0, dtype=np.int64) for name in substructures})
         self._same_joints = alone.shape[0] == self._basis.shape[0]
-
-    def is_coupled(self, body: str) -> bool:
-        """Whether a body couples some of its modes."""
-        return body in self._coupled and bool(self._coupled[body].clusters)
 
     def response(self, kept: Kept, at: NDArray[np.int64] | None = None) -> Complex:
         """Response with some of the modes, rigid-body part included.

@@ -1,17 +1,14 @@
 """Rank modes by what they do between the inputs and outputs of a scene, and truncate."""
 
-from cmsreduce.balance.bounds import balanced_bound, elastic_norm, keep_bound, mode_bounds
-from cmsreduce.balance.clusters import CORRELATED, cluster_groups, correlated_groups, correlation
+from cmsreduce.balance.bounds import elastic_norm, keep_bound, mode_bounds
+from cmsreduce.balance.clusters import cluster_groups, correlated_groups, correlation
 from cmsreduce.balance.comparison import with_rankings
 from cmsreduce.balance.component_cost import ComponentCost, component_costs
-from cmsreduce.balance.directed import DirectedComponent, directed
-from cmsreduce.balance.directed_bounds import direction_error, directions_bound, keep_directions_bound
-from cmsreduce.balance.directions import Directions, cluster_directions, keep_directions
 from cmsreduce.balance.frequency import ByFrequency
 from cmsreduce.balance.gregory import Gregory
 from cmsreduce.balance.hankel import Hankel, balanced, hankel_values
 from cmsreduce.balance.judge import Effects, Judge
-from cmsreduce.balance.modal_gain import ModalGain, PeakAmplitude, modal_gains
+from cmsreduce.balance.modal_gain import ModalGain
 from cmsreduce.balance.physical_states import PhysicalStates, choose_coordinates, physical_states
 from cmsreduce.balance.ranking import CLOSE, GramianRanking, Ranking, mode_spacing
 from cmsreduce.balance.scaling import Sized, Turning, characteristic_length, scaled, sized, turning_rows
@@ -21,13 +18,10 @@ from cmsreduce.balance.weighting import BandPass, LowPass, TransferFunction, Wei
 
 __all__ = [
     "CLOSE",
-    "CORRELATED",
     "RANKINGS",
     "BandPass",
     "ByFrequency",
     "ComponentCost",
-    "DirectedComponent",
-    "Directions",
     "GramianRanking",
     "Effects",
     "Found",
@@ -36,7 +30,6 @@ __all__ = [
     "Judge",
     "LowPass",
     "ModalGain",
-    "PeakAmplitude",
     "PhysicalStates",
     "Ranking",
     "Selection",
@@ -45,28 +38,20 @@ __all__ = [
     "Turning",
     "Weighting",
     "balanced",
-    "balanced_bound",
     "characteristic_length",
     "choose_coordinates",
-    "cluster_directions",
     "cluster_groups",
     "component_costs",
     "correlated_groups",
     "correlation",
-    "directed",
-    "direction_error",
-    "directions_bound",
     "elastic_norm",
     "hankel_values",
     "keep_all",
     "keep_bound",
-    "keep_directions",
-    "keep_directions_bound",
     "keep_error",
     "keep_fraction",
     "keep_modes",
     "keep_total",
-    "modal_gains",
     "mode_bounds",
     "mode_spacing",
     "physical_states",
@@ -77,7 +62,5 @@ __all__ = [
     "with_rankings",
 ]
 
-RANKINGS: dict[str, Ranking] = {
-    kind.name: kind() for kind in (Gregory, Hankel, ComponentCost, ModalGain, PeakAmplitude, ByFrequency)
-}
+RANKINGS: dict[str, Ranking] = {kind.name: kind() for kind in (Gregory, Hankel, ComponentCost, ModalGain, ByFrequency)}
 """Rankings by name."""

@@ -15,7 +15,7 @@ from cmsreduce.linalg.flexibility_model import frequency_blocks
 from cmsreduce.linalg.repeated import repeated_groups
 from cmsreduce.model import ModalChannels
 
-__all__ = ["balanced_bound", "elastic_norm", "keep_bound", "mode_bounds"]
+__all__ = ["elastic_norm", "keep_bound", "mode_bounds"]
 
 Real = NDArray[np.float64]
 
@@ -131,28 +131,6 @@ def keep_bound(channels: ModalChannels, limit: float) -> NDArray[np.int64]:
         if spent > room:
             kept.append(groups[k])
     return np.sort(np.concatenate([np.empty(0, dtype=np.int64), *kept]))
-
-
-def balanced_bound(hankel: NDArray[np.float64], states: int) -> float:
-    """Bound ||G - G_k|| of balanced truncation: twice the sum of the Hankel values left out.
-
-    Parameters
-    ----------
-    hankel : (n,) float64
-        Hankel singular values, largest first, each as often as it occurs.
-    states : int
-        States kept.
-
-    Notes
-    -----
-    Source: Glover (1984), Enns (1984); theory section 4.
-
-    Examples
-    --------
-    >>> balanced_bound(np.array([3.0, 2.0, 0.25, 0.25]), 2)
-    1.0
-    """
-    return float(2 * np.sum(hankel[states:]))
 
 
 def _check_damped(channels: ModalChannels) -> None:

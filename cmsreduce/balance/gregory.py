@@ -26,6 +26,9 @@ class Gregory(Ranking):
     Modes of one repeated frequency share one coefficient, ||C B||_2 / (4 zeta w^2) with their rows B and their columns
     C = [C1; w C2]: the largest Hankel singular value of the group, the same for whatever shapes were taken of its
     subspace, and Gregory's for a single mode.
+
+    INCA's peak amplitude |c_i b_i| / (2 zeta w^2), the response of a mode alone at its resonance, is twice this
+    coefficient and gives the same order.
     """
 
     name: ClassVar[str] = "gregory"

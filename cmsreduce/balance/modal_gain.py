@@ -1,4 +1,4 @@
-"""Gains of single modes: INCA's modal gain and peak amplitude, and Gregory's coefficient."""
+"""Gains of single modes: INCA's modal gain, and the part of Gregory's coefficient that needs no damping."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.balance.ranking import Ranking
-from cmsreduce.linalg.gramians import check_damped
 from cmsreduce.linalg.repeated import repeated_groups
 from cmsreduce.model import ModalChannels
 
-__all__ = ["ModalGain", "PeakAmplitude", "modal_gains"]
+__all__ = ["ModalGain", "modal_gains"]
 
 
 def modal_gains(channels: ModalChannels) -> NDArray[np.float64]:
@@ -51,25 +50,3 @@ class ModalGain(Ranking):
     def coefficients(self, channels: ModalChannels) -> NDArray[np.float64]:
         """See `Ranking.coefficients`."""
         return modal_gains(channels)
-
-
-class PeakAmplitude(Ranking):
-    """INCA's peak amplitude |c_i b_i| / (2 zeta w^2): the response of a mode alone at its resonance.
-
-    Notes
-    -----
-    It is twice Gregory's coefficient, and orders the modes alike.
-    """
-
-    name: ClassVar[str] = "peak-amplitude"
-
-    def coefficients(self, channels: ModalChannels) -> NDArray[np.float64]:
-        """See `Ranking.coefficients`.
-
-        Raises
-        ------
-        DampingError
-            If a mode has no damping: its peak would be infinite.
-        """
-        check_damped(channels, "ranking by peak amplitude")
-        return np.asarray(modal_gains(channels) / (2 * channels.zeta * channels.omega**2))

@@ -1,8 +1,7 @@
 """How many of the ranked modes to keep: a number, or a fraction.
 
 Modes of one repeated frequency are kept or left out together: any other shapes of their subspace would do as well, and
-a part of it would be whatever part the solver happened to find. Directions of a cluster that has been rotated are no
-longer alike: those of one frequency are told apart by their gains.
+a part of it would be whatever part the solver happened to find.
 """
 
 from __future__ import annotations
@@ -12,7 +11,6 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.balance.directed import DirectedComponent
 from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.repeated import repeated_groups
 from cmsreduce.model import ModalComponent
@@ -25,9 +23,7 @@ Selection = dict[str, Columns]
 
 
 def whole_groups(component: ModalComponent) -> list[Columns]:
-    """Elastic columns, those of a repeated frequency or of equal directions together, by frequency."""
-    if isinstance(component, DirectedComponent):
-        return component.groups
+    """Elastic columns, those of a repeated frequency together, by frequency."""
     group = repeated_groups(component.omega[component.elastic])
     return [component.rigid_count + np.flatnonzero(group == number) for number in np.unique(group)]
 

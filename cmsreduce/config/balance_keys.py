@@ -17,12 +17,15 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from cmsreduce.config.keys import Count, Flag, Keys, Name, Positive
+from cmsreduce.config.keys import Count, Flag, Keys, Name, Positive, refused
 from cmsreduce.config.ranking_options import ClusterKeys, ScalingKeys, WeightingKeys
 
 __all__ = ["BalanceKeys", "KeepKeys", "RankingKeys"]
 
-Rank = Literal["gregory", "hankel", "component-cost", "modal-gain", "peak-amplitude", "frequency", "system-cost"]
+Rank = Annotated[
+    Literal["gregory", "hankel", "component-cost", "modal-gain", "frequency", "system-cost"],
+    refused({"peak-amplitude": "is no longer a ranking: write gregory, which gives the same order"}),
+]
 KeepRule = Literal["all", "modes", "total", "fraction", "frf_error", "bound"]
 
 
@@ -131,8 +134,8 @@ class RankingKeys(Keys):
     rank: Rank = Field(
         default="gregory",
         description="Order of the modes. gregory: modal influence coefficient; hankel: exact Hankel norm of what is "
-        "lost, clusters seen whole; component-cost: share in the mean square response to white noise; modal-gain, "
-        "peak-amplitude: INCA's criteria; frequency: lowest first; system-cost: share in the mean square response of "
+        "lost, clusters seen whole; component-cost: share in the mean square response to white noise; modal-gain: "
+        "INCA's criterion; frequency: lowest first; system-cost: share in the mean square response of "
         "the assembled system to white noise at its actuators, at the worst configuration.",
         examples=["gregory"],
     )
@@ -154,8 +157,8 @@ class RankingKeys(Keys):
     clusters: ClusterKeys = Field(
         default=ClusterKeys(),
         description="Which modes act together: the correlation of their Gramians above which they are a cluster, which "
-        "the hankel ranking sees whole and `rotate` turns; none for no clusters but repeated modes.",
-        examples=[0.1, {"correlation": 0.1, "rotate": True}],
+        "the hankel ranking sees whole; none for no clusters but repeated modes.",
+        examples=[0.1, {"correlation": 0.1}],
     )
 
     @model_validator(mode="after")
@@ -178,12 +181,3 @@ class BalanceKeys(RankingKeys):
         "case is a search of its own.",
         examples=[True],
     )
-
-    @model_validator(mode="after")
-    def _compares_modes(self) -> BalanceKeys:
-        if self.sensitivity and self.clusters.rotate:
-            raise ValueError(
-                "sensitivity compares sets of modes, but the directions of rotated clusters are others with every "
-                "damping: take `rotate` or `sensitivity` out"
-            )
-        return self

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from types import NoneType, UnionType
+from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import AliasChoices, BaseModel
@@ -72,12 +72,9 @@ def is_mapping_of_values(keys: Sequence[str | int]) -> bool:
 
 
 def known_keys(keys: Sequence[str | int], grammar: type[Keys] = Pipeline) -> list[str]:
-    """Keys that may be written in the mapping that keys lead to; those of later versions are not among them."""
+    """Keys that may be written in the mapping that keys lead to."""
     return [
-        _field_names(name, field)[0]
-        for model in models_at(keys, grammar)
-        for name, field in model.model_fields.items()
-        if field.annotation is not NoneType
+        _field_names(name, field)[0] for model in models_at(keys, grammar) for name, field in model.model_fields.items()
     ]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar
 
@@ -38,7 +38,6 @@ __all__ = [
     "Frequency",
     "Keys",
     "Name",
-    "NotAvailable",
     "Number",
     "OneOrMore",
     "Plain",
@@ -51,8 +50,8 @@ __all__ = [
     "WrittenItems",
     "WrittenVector",
     "exactly_one",
-    "one_of",
     "parse_point",
+    "refused",
     "reported",
 ]
 
@@ -64,7 +63,8 @@ class Keys(BaseModel):
     """A mapping of the pipeline file: known keys only, frozen, finite numbers.
 
     ``alternatives`` are keys of which one excludes the others; ``short_key`` is the key that a lone value stands
-    for, and ``short_schema`` what such a lone value may be.
+    for, and ``short_schema`` what such a lone value may be. ``removed`` are keys of earlier versions, each with what to
+    write instead.
     """
 
     # Validators are built once, for the whole pipeline, rather than for each mapping in it as well.
@@ -73,6 +73,7 @@ class Keys(BaseModel):
     alternatives: ClassVar[tuple[str, ...]] = ()
     short_key: ClassVar[str] = ""
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = ()
+    removed: ClassVar[Mapping[str, str]] = {}
 
     @model_validator(mode="before")
     @classmethod
@@ -138,12 +139,12 @@ def reported(function: Callable[[Any], _T]) -> Callable[[Any], _T]:
     return report
 
 
-def one_of(offered: Sequence[str], planned: Sequence[str]) -> BeforeValidator:
-    """Refuse words that the grammar knows but this version does not offer."""
+def refused(words: Mapping[str, str]) -> BeforeValidator:
+    """Refuse words of earlier or later versions, each with the reason and what to write instead."""
 
     def refuse(value: object) -> object:
-        if isinstance(value, str) and value in planned:
-            raise ValueError(f"'{value}' is not available in this version, {' or '.join(offered)} is")
+        if isinstance(value, str) and value in words:
+            raise ValueError(f"'{value}' {words[value]}")
         return value
 
     return BeforeValidator(refuse)
@@ -220,11 +221,6 @@ def _check_units(text: str) -> str:
     return Units.parse(text).name
 
 
-def _refuse(value: object) -> None:
-    if value is not None:
-        raise ValueError("this is not available in this version: take the key out")
-
-
 def _plainly(quantity: Quantity) -> str | float:
     return str(quantity) if quantity.unit else quantity.value
 
@@ -273,5 +269,3 @@ WrittenItems = tuple[Written, ...]
 """Numbers with or without units."""
 WrittenVector = Annotated[tuple[Written, Written, Written], BeforeValidator(_check_vector)]
 """Three numbers with or without units."""
-NotAvailable = Annotated[None, BeforeValidator(_refuse)]
-"""Key that a later version gives a meaning; no value is accepted."""

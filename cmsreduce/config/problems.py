@@ -10,7 +10,7 @@ from typing import Any
 from pydantic_core import ErrorDetails
 
 from cmsreduce.config.grammar import Pipeline
-from cmsreduce.config.grammar_tree import field_at, known_keys, places_of
+from cmsreduce.config.grammar_tree import field_at, known_keys, models_at, places_of
 from cmsreduce.config.keys import Keys
 from cmsreduce.config.located import Entry, Location, find
 from cmsreduce.config.suggestion import closest
@@ -131,6 +131,9 @@ def _missing(root: Entry, loc: tuple[int | str, ...], grammar: type[Keys], whole
 def _unknown(root: Entry, loc: tuple[int | str, ...], grammar: type[Keys]) -> Problem:
     entry, followed = find(root, loc)
     known, word = known_keys(loc[:-1], grammar), str(loc[-1])
+    for model in models_at(loc[:-1], grammar):
+        if word in model.removed:
+            return Problem(entry.where, f"key '{path_text(followed)}' has been removed. {model.removed[word]}")
     meant = closest(word, known)
     places = [place for place in places_of(word, grammar) if place]
     if meant:

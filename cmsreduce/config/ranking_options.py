@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, PlainSerializer, Strict, WithJsonSchema, model_validator
@@ -133,12 +134,16 @@ ClusterLimit = Annotated[
 
 
 class ClusterKeys(Keys):
-    """Which modes act together, and whether shapes may be mixed there; a correlation alone stands for the first key."""
+    """Modes that act together; a correlation alone stands for the key."""
 
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = (
         {"const": "none"},
         {"type": "number", "exclusiveMinimum": 0, "maximum": 1},
     )
+    removed: ClassVar[Mapping[str, str]] = {
+        "rotate": "Shapes of a cluster are not rotated any more. Take the key out: `rank: hankel` weighs modes of a "
+        "cluster together, and `keep: {frf_error: ...}` finds the fewest modes"
+    }
 
     correlation: ClusterLimit = Field(
         default=0.1,
@@ -146,14 +151,8 @@ class ClusterKeys(Keys):
         "but repeated modes.",
         examples=[0.1],
     )
-    rotate: Flag = Field(
-        default=False,
-        description="Turn the shapes of each cluster to where its inputs act and its outputs look, and keep or leave "
-        "out these directions instead of its modes; modes by themselves stay as they are. Needs damping.",
-        examples=[True],
-    )
 
     @classmethod
     def written_out(cls, value: object) -> object:
-        """A correlation is short for clusters that are not rotated."""
+        """A correlation is short for a mapping with this key."""
         return value if isinstance(value, (dict, Keys)) else {"correlation": value}

@@ -15,7 +15,7 @@ from pydantic import (
 
 from cmsreduce.config.balance_keys import RankingKeys
 from cmsreduce.config.frame_keys import BodyWriteKeys
-from cmsreduce.config.keys import Flag, Keys, Plain, Positive, one_of
+from cmsreduce.config.keys import Flag, Keys, Plain, Positive, refused
 from cmsreduce.config.solver import Parts
 from cmsreduce.model.scene import DOF_NAMES
 
@@ -47,7 +47,7 @@ Format = Literal[
 ]
 
 _CONSTRAINT_MODES = ("craig-bampton", "guyan")
-_PLANNED_FORMATS = ("contops",)
+_PLANNED_FORMATS = {"contops": f"is not available in this version, {' or '.join(get_args(Format))} is"}
 _DIALECTS = {"sid": ("by-axis", "by-mode"), "mbdyn": ("invariants", "lumped")}
 
 
@@ -269,7 +269,7 @@ class VerifyKeys(Keys):
         return tuple(dict.fromkeys([*(self.checks or ()), *limited]))
 
 
-WrittenFormat = Annotated[Format, one_of(get_args(Format), _PLANNED_FORMATS), BeforeValidator(_as_text)]
+WrittenFormat = Annotated[Format, refused(_PLANNED_FORMATS), BeforeValidator(_as_text)]
 
 
 class WriteKeys(BodyWriteKeys):

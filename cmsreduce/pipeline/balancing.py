@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 from functools import cache, cached_property, partial
 from typing import Protocol
 
-from cmsreduce.balance import DirectedComponent, Selection, keep_all
+from cmsreduce.balance import Selection, keep_all
 from cmsreduce.config import ModeSetKeys, Pipeline, RankingKeys
 from cmsreduce.errors import ConfigError, DampingError, MatrixError
 from cmsreduce.model import ModalChannels, ModalComponent, Scene, SensitivityCase, SensitivityRecord
@@ -16,7 +16,7 @@ from cmsreduce.pipeline.candidates import system_errors
 from cmsreduce.pipeline.comparison import Comparison, ReducedModel
 from cmsreduce.pipeline.ledger import Ledger
 from cmsreduce.pipeline.paths import off_every_path
-from cmsreduce.pipeline.ranked import candidates, ranked, ranking_channels, scaling_words
+from cmsreduce.pipeline.ranked import ranked, ranking_channels, scaling_words
 from cmsreduce.pipeline.selection import Choice, choice_from, choice_to, select, truncate
 from cmsreduce.pipeline.sensitivity import Change, ChangedBodies, changed_comparison, changed_model, sensitivity
 from cmsreduce.pipeline.sized_channels import SizedRows, sized_rows
@@ -26,8 +26,6 @@ __all__ = ["Balancing"]
 
 Components = Mapping[str, ModalComponent]
 
-# Rules that say how many, and look at no error.
-_TAKEN_AS_IT_IS = ("modes", "total", "fraction")
 # Costs in a system of more modes take minutes; a search goes without them.
 _MOST_COSTED = 400
 
@@ -109,11 +107,6 @@ class Balancing:
         )
         for note in found.notes:
             self.ledger.note(note)
-        for name, component in self.ranked.items():
-            # A search, or a bound, has looked at what fewer directions do.
-            if isinstance(component, DirectedComponent) and self.pipeline.keep_of(name).rule in _TAKEN_AS_IT_IS:
-                for note in component.notes(found.selection[name]):
-                    self.ledger.note(note)
         return found
 
     def scaling(self, name: str) -> str:
@@ -162,7 +155,7 @@ class Balancing:
         """Bodies whose shapes have changed, with the coefficients of the shapes that they have now."""
         keys = {name: self.pipeline.balance_of(name) for name in components}
         found = {
-            name: component if (own := keys[name]) is None else self._by_itself(ranked, component, own, components)
+            name: component if (own := keys[name]) is None else self._by_itself(component, own, components)
             for name, component in components.items()
         }
         return self._in_the_system(found, keys)
@@ -193,16 +186,13 @@ class Balancing:
     ) -> dict[str, ModalComponent]:
         modal = {name: self.mode_sets.modal(name, other) for name in keys}
         found = {
-            name: modal[name] if own is None else self._by_itself(candidates, modal[name], own, modal)
-            for name, own in keys.items()
+            name: modal[name] if own is None else self._by_itself(modal[name], own, modal) for name, own in keys.items()
         }
         return self._in_the_system(found, keys)
 
-    def _by_itself(
-        self, ranking: Callable[..., ModalComponent], component: ModalComponent, keys: RankingKeys, every: Components
-    ) -> ModalComponent:
+    def _by_itself(self, component: ModalComponent, keys: RankingKeys, every: Components) -> ModalComponent:
         flexible = self.bodies[component.name]
-        return ranking(component, flexible.ports, keys, self.scene, self._sized(component.name, keys, every))
+        return ranked(component, flexible.ports, keys, self.scene, self._sized(component.name, keys, every))
 
     def _sized(self, name: str, keys: RankingKeys, every: Components) -> SizedRows | None:
         """Channels that the user gave a size, on one body; None without any."""
@@ -249,9 +239,8 @@ class Balancing:
         channels: dict[str, ModalChannels] = {}
         if keys.keep.rule == "bound":
             for name, component in found.items():
-                modes = component.modes if isinstance(component, DirectedComponent) else component
                 rows = self._sized(name, keys, self.ranked)
-                channels[name] = ranking_channels(modes, self.bodies[name].ports, keys, self.scene, rows)
+                channels[name] = ranking_channels(component, self.bodies[name].ports, keys, self.scene, rows)
         # Bodies with a rule of their own are as that left them.
         settled = {name: self.ranked[name].truncated(columns) for name, columns in fixed.items()}
         system = partial(system_errors, {**self.ranked, **settled, **found}, self._model, self._comparison)

@@ -19,7 +19,6 @@ from cmsreduce.model import (
 )
 from cmsreduce.pipeline.assembled import AssembledModel
 from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible, read_rigid
-from cmsreduce.pipeline.candidates import candidate_substructure
 from cmsreduce.pipeline.comparison import Comparison, ReducedModel
 from cmsreduce.pipeline.ledger import Ledger
 from cmsreduce.pipeline.mode_sets import ModeSets
@@ -158,7 +157,7 @@ class BodiesRun:
 
     def joined(self, components: Mapping[str, ModalComponent]) -> ReducedModel:
         """The system of some reduced bodies; a body that is not among them enters as it was read."""
-        subs = {name: candidate_substructure(c, self.bodies[name].points(self.scene)) for name, c in components.items()}
+        subs = {name: modal_substructure(c, self.bodies[name].points(self.scene)) for name, c in components.items()}
         shapes: dict[str, ModalComponent | None] = dict(components)
         for name in self.bodies:
             if name not in components:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import Change, ModalReceptance, held_bodies, modal_substructure
-from cmsreduce.balance import DirectedComponent, Effects, Judge, Selection
-from cmsreduce.linalg.dense import dense
+from cmsreduce.assemble import Change, ModalReceptance, held_bodies
+from cmsreduce.balance import Effects, Judge, Selection
 from cmsreduce.linalg.flexibility_model import frequency_blocks
-from cmsreduce.model import Matrix, ModalComponent, Substructure
+from cmsreduce.model import ModalComponent
 from cmsreduce.pipeline.assembled import AssembledModel
 from cmsreduce.pipeline.comparison import Comparison, ReducedModel, Target
 
-__all__ = ["Candidates", "SystemErrors", "candidate_substructure", "system_errors"]
+__all__ = ["Candidates", "SystemErrors", "system_errors"]
 
 # Points of a configuration that are looked at first: those that the last candidate refused there missed most.
 _HARDEST = 96
@@ -118,33 +116,6 @@ class Candidates:
     def effects(self, selection: Selection, changes: Sequence[Change]) -> Effects:
         """Effects of putting in columns that are left out, and of leaving out such as are in."""
         return Effects(np.array([_gram(trial, selection, changes) for trial in self._trials]))
-
-
-def candidate_substructure(component: ModalComponent, points: Iterable[str]) -> Substructure:
-    """Build a body in what may be kept of it: its modes, or directions of clusters, which it couples.
-
-    Parameters
-    ----------
-    component : ModalComponent
-        m candidates.
-    points : iterable of str
-        Interface names and node ids whose motion is wanted.
-    """
-    if not isinstance(component, DirectedComponent):
-        return modal_substructure(component, points)
-    of_modes, whole = modal_substructure(component.modes, points), component.whole
-
-    def turned(A: Matrix) -> Matrix:
-        return sp.csc_array(whole.T @ dense(A) @ whole)
-
-    return replace(
-        of_modes,
-        K=turned(of_modes.K),
-        D=None if of_modes.D is None else turned(of_modes.D),
-        loss=None if of_modes.loss is None else turned(of_modes.loss),
-        motion={label: dense(rows) @ whole for label, rows in of_modes.motion.items()},
-        omega=component.omega,
-    )
 
 
 def system_errors(

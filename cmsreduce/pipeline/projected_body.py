@@ -8,14 +8,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.balance import keep_directions
 from cmsreduce.linalg.basis_store import combined
 from cmsreduce.linalg.graded import weighted_singular_values
 from cmsreduce.linalg.strain import energies
 from cmsreduce.model import ModalComponent, ModeBlock, ModeKind, ModeSet
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import FlexibleBody
-from cmsreduce.project import Projection, project_shapes
+from cmsreduce.project import Projection, keep_combinations, project_shapes
 from cmsreduce.reduce import project
 
 __all__ = ["attachment_amplitudes", "remade"]
@@ -93,7 +92,7 @@ def remade(
     if attached is not None:
         Q = np.hstack([Q, project_shapes(own.name, [attached - Q @ (Q.T @ attached)], unit, _NEW).Q])
     Q = np.linalg.qr(Q)[0] if Q.shape[1] else Q
-    return keep_directions(own, Q, (WHY,) * own.elastic_count), found
+    return keep_combinations(own, Q, WHY), found
 
 
 def _of_other_modes(

@@ -20,7 +20,6 @@ from cmsreduce.balance import (
     Weighting,
     characteristic_length,
     cluster_groups,
-    directed,
     scaled,
     sized,
     turning_rows,
@@ -32,7 +31,7 @@ from cmsreduce.model import FEModel, ModalChannels, ModalComponent, Scene
 from cmsreduce.pipeline.selection import modal_channels
 from cmsreduce.pipeline.sized_channels import SizedRows, channel_sizes, sized_in
 
-__all__ = ["arm", "candidates", "ranked", "ranking_channels", "scaling_words"]
+__all__ = ["arm", "ranked", "ranking_channels", "scaling_words"]
 
 # Gramians of more modes are made only for the ranking that is asked for.
 _MOST_COMPARED = 1000
@@ -77,26 +76,6 @@ def ranked(
     numbered = np.zeros(component.omega.size, dtype=np.int64)
     numbered[component.elastic] = _clusters_only(cluster)
     return replace(found, cluster=numbered)
-
-
-def candidates(
-    component: ModalComponent, ports: Ports, keys: RankingKeys, scene: Scene, rows: SizedRows | None = None
-) -> ModalComponent:
-    """Rank what may be kept of a body: its modes, or where ``keys`` says so, the directions of its clusters.
-
-    Raises
-    ------
-    DampingError
-        If the ranking or the rotation needs damping and a mode has none.
-    """
-    found = ranked(component, ports, keys, scene, rows)
-    if not keys.clusters.rotate:
-        return found
-    channels, weighting = ranking_channels(component, ports, keys, scene, rows), _weighting(keys, scene)
-    band = None if weighting is None else weighting.band
-    rankings, ranking = _rankings(keys)
-    cluster = cluster_groups(channels, keys.clusters.correlation, band)
-    return directed(found, channels, cluster, ranking, rankings, weighting)
 
 
 def _rankings(keys: RankingKeys) -> tuple[dict[str, Ranking], Ranking]:

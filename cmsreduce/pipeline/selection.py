@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,13 +12,10 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble import Ports
 from cmsreduce.balance import (
-    DirectedComponent,
     Selection,
-    direction_error,
     elastic_norm,
     keep_all,
     keep_bound,
-    keep_directions_bound,
     keep_error,
     keep_fraction,
     keep_modes,
@@ -203,14 +200,9 @@ def _bounded(components: Mapping[str, ModalComponent], asked: float, channels: M
     selection, bounds = {}, {}
     for name, component in components.items():
         body = channels[name]
-        if isinstance(component, DirectedComponent):
-            kept, bound = keep_directions_bound(component, body, asked)
-            left_out = direction_error(body, component.Q[:, kept])
-        else:
-            kept = keep_bound(body, asked)
-            left_out = body.only(np.setdiff1d(np.arange(body.count), kept))
-            bound = sum(mode_bounds(left_out)[1])
-        size = elastic_norm(body)
+        kept, size = keep_bound(body, asked), elastic_norm(body)
+        left_out = body.only(np.setdiff1d(np.arange(body.count), kept))
+        bound = sum(mode_bounds(left_out)[1])
         selection[name] = component.elastic.start + kept
         bounds[name] = BoundRecord(asked, bound / size if size else 0.0, elastic_norm(left_out) / size if size else 0.0)
     return Choice(selection, bounds=bounds)
@@ -224,5 +216,5 @@ def truncate(
     for name, component in components.items():
         e = component.elastic
         why = component.why[: e.start] + (reasons[name],) * component.elastic_count + component.why[e.stop :]
-        kept[name] = replace(component, why=why).truncated(selection[name])
+        kept[name] = component.truncated(selection[name], why)
     return kept

@@ -1,17 +1,20 @@
-"""What chosen modes of a system, in any number of configurations, ask of one body."""
+"""The share of one body in chosen modes of a system, in any number of configurations."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.model import Matrix
+from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.basis_store import combined
+from cmsreduce.linalg.graded import weighted_singular_values
+from cmsreduce.model import Matrix, ModalComponent
 
-__all__ = ["INDEPENDENT", "Projection", "project_shapes"]
+__all__ = ["INDEPENDENT", "Projection", "keep_combinations", "project_shapes"]
 
 INDEPENDENT = 1e-8
 """A direction of a body's projected shapes is one of its own when it holds more than this share of the amplitude of a
@@ -19,6 +22,10 @@ mode of the system of unit modal mass: 1e-16 of its kinetic energy. System modes
 
 # What Gram and Schmidt leave of a column that depends on those before it.
 _ROUNDING = 1e-13
+# A mode that lies along one old mode to this share of its square is that mode.
+_SAME = 1 - 1e-6
+# Products of unit columns, to the rounding of a few thousand terms.
+_ORTHONORMAL = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +96,73 @@ def project_shapes(
     U, singular, _ = la.svd(R, full_matrices=False)
     rank = int(np.count_nonzero(singular > tolerance))
     return Projection(body, np.asarray(basis @ U[:, :rank]), np.asarray(singular))
+
+
+def keep_combinations(component: ModalComponent, Q: NDArray[np.float64], why: str) -> ModalComponent:
+    """Cut a body down to chosen combinations of its elastic modes.
+
+    Parameters
+    ----------
+    component : ModalComponent
+        r rigid, e elastic, s static modes; rigid and static ones are kept.
+    Q : (e, k) float64
+        Orthonormal columns: what is kept of the elastic modes.
+    why : str
+        Reason for all of them.
+
+    Returns
+    -------
+    ModalComponent
+        k elastic modes, orthonormal in M and K: combinations of the columns that bring Q^T K Q to diagonal form. Their
+        frequencies lie between the old ones. Of modal damping, which no longer is diagonal, the diagonal is kept: what
+        couples them is zeta times a difference of the combined frequencies; a damping matrix is projected whole.
+        Kind, source and ranking are those of the old mode that each is most alike; the reason of one that is no old
+        mode names that mode.
+
+    Raises
+    ------
+    MatrixError
+        If the columns of ``Q`` are not orthonormal, or not as long as the elastic modes.
+    """
+    e, r = component.elastic, component.rigid_count
+    Q = np.asarray(Q, dtype=np.float64)
+    if Q.shape[0] != component.elastic_count or not np.allclose(Q.T @ Q, np.eye(Q.shape[1]), rtol=0, atol=_ORTHONORMAL):
+        raise MatrixError(
+            f"body '{component.name}': combinations {Q.shape} must be orthonormal columns over its "
+            f"{component.elastic_count} elastic modes"
+        )
+    w, d = component.omega[e], 2 * component.zeta[e] * component.omega[e]
+    omega, X = weighted_singular_values(w, Q)
+    Y = Q @ X
+    like = abs(Y).argmax(axis=0) if Y.size else np.zeros(0, dtype=np.int64)
+    # A mode that is kept as it was keeps its sign, too.
+    Y = Y * np.sign(Y[like, np.arange(like.size)])
+    same = (Y**2).max(axis=0, initial=0.0) > _SAME
+    whole = la.block_diag(np.eye(r), Y, np.eye(component.static_count))
+    reasons = [
+        why if one else f"combination of modes, most alike mode {r + k + 1}; {why}"
+        for k, one in zip(like, same, strict=True)
+    ]
+    columns = np.concatenate([np.arange(r), r + like, np.arange(e.stop, component.omega.size)])
+    D = None if component.D is None else whole.T @ component.D @ whole
+    zeta = np.einsum("ij,i,ij->j", Y, d, Y) if D is None else D.diagonal()[r : r + omega.size]
+    loss = component.damping.structural
+    ratio = zeta / (2 * omega) if loss is None else np.full(omega.size, loss / 2)
+    static = component.omega[e.stop :]
+    return replace(
+        component,
+        Phi=combined(component.Phi, whole),
+        omega=np.concatenate([component.omega[:r], omega, static]),
+        zeta=np.concatenate([np.zeros(r), ratio, np.zeros(static.size)]),
+        D=D,
+        kind=tuple(component.kind[k] for k in columns),
+        source_hz=component.source_hz[columns],
+        sigma=component.sigma[columns],
+        spacing=component.spacing[columns],
+        why=(*component.why[:r], *reasons, *component.why[e.stop :]),
+        rankings={name: values[columns] for name, values in component.rankings.items()},
+        cluster=None if component.cluster is None else component.cluster[columns],
+    )
 
 
 def _orthonormal(X: NDArray[np.float64], M: Matrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

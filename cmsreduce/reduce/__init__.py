@@ -7,7 +7,7 @@ from cmsreduce.reduce.characteristic import InterfaceReduction
 from cmsreduce.reduce.craig_bampton import CraigBampton, Guyan
 from cmsreduce.reduce.macneal_rubin import MacNealRubin
 from cmsreduce.reduce.neglected import Examined
-from cmsreduce.reduce.reduction import Reduction, project, recover
+from cmsreduce.reduce.reduction import Reduction, project
 from cmsreduce.reduce.rigid import kept_rigid
 
 __all__ = [
@@ -23,7 +23,6 @@ __all__ = [
     "Reduction",
     "kept_rigid",
     "project",
-    "recover",
     "reduction",
 ]
 

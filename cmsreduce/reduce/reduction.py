@@ -1,4 +1,4 @@
-"""The base of all mode sets: a method supplies its shapes, projection and recovery are common."""
+"""The base of all mode sets: a method supplies its shapes, the projection is common."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cmsreduce.linalg.solver_settings import current_settings
 from cmsreduce.model import FEModel, ModeSet, ReducedComponent, rigid_body_shapes
 from cmsreduce.reduce.neglected import Basis, Examined
 
-__all__ = ["Reduction", "project", "recover"]
+__all__ = ["Reduction", "project"]
 
 # A rigid-body mode that the basis misses by more than this, in the mass norm, is not in its span. Ten-digit punch
 # files leave 1e-8 of a rigid motion in the constraint modes, stiffness that differs by twelve decades 1e-6, and single
@@ -239,11 +239,6 @@ def _coordinates(
 def _rigid_modes(body: FEModel) -> NDArray[np.float64]:
     R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
     return rigid_body_modes(body.K, body.M, R, body.rounding, body.name)
-
-
-def recover(component: ReducedComponent, q: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Displacements of the unreduced body from reduced coordinates: (m,) or (m, k) -> (n,) or (n, k)."""
-    return np.asarray(component.modes.Phi @ q)
 
 
 def _uncoupled(diagonal: NDArray[np.float64], Phi: NDArray[np.float64]) -> float:

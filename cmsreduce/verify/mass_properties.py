@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import FEModel, cross_matrix, rigid_body_shapes
 
-__all__ = ["MassProperties", "mass_disorder", "mass_properties", "rigid_mass_properties"]
+__all__ = ["MassProperties", "mass_disorder", "rigid_mass_properties"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,20 +30,6 @@ class MassProperties:
     mass: NDArray[np.float64]
     cg: NDArray[np.float64]
     inertia: NDArray[np.float64]
-
-
-def mass_properties(body: FEModel) -> MassProperties:
-    """Mass properties from R^T M R (theory section 8).
-
-    Raises
-    ------
-    DofMapError
-        If the body has no geometry.
-    """
-    if body.nodes is None:
-        raise DofMapError(f"body '{body.name}' has no geometry, so it has no centre of mass")
-    R = rigid_body_shapes(body.dofs, body.nodes)
-    return rigid_mass_properties(R.T @ (body.M @ R))
 
 
 def rigid_mass_properties(rigid: NDArray[np.float64]) -> MassProperties:

@@ -1,42 +1,22 @@
-"""Whether a basis deforms under static loads as the body does: what converged frequencies do not tell."""
+"""Static displacements that a basis misses; converged frequencies do not show them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.factorise import factorise
 from cmsreduce.linalg.flexibility import ElasticFlexibility
-from cmsreduce.linalg.null_space import motions_held, null_space
+from cmsreduce.linalg.null_space import motions_held
 from cmsreduce.model import FEModel, ModalComponent
 
-__all__ = ["HeldResponse", "held_response", "static_completeness"]
+__all__ = ["static_completeness"]
 
 Array = NDArray[np.float64]
 
 # Of a load that its reactions balance dof by dof, this share is left as rounding.
 _NOTHING = 1e-10
-
-
-@dataclass(frozen=True, eq=False)
-class HeldResponse:
-    """Static displacements of a body held at some dofs, and of a basis with the same dofs held.
-
-    Parameters
-    ----------
-    full, reduced : (n, s) float64
-        Displacement under each load.
-    error : (s,) float64
-        |u - u_r|_K^2 / |u|_K^2.
-    """
-
-    full: Array
-    reduced: Array
-    error: Array
 
 
 def static_completeness(
@@ -79,40 +59,6 @@ def static_completeness(
     some = size > _NOTHING * np.linalg.norm(loads, axis=0)
     lacking = 1 - share.sum(axis=0) / np.where(some, energy, 1.0)
     return np.where(some, np.maximum(lacking, 0.0), 0.0)
-
-
-def held_response(K: sp.csc_array, Phi: Array, held: NDArray[np.int64], loads: Array) -> HeldResponse:
-    """Static response of a basis whose interface is held afterwards, beside that of the body.
-
-    Parameters
-    ----------
-    K : (n, n) sparse array
-        Stiffness; holding the dofs makes it definite.
-    Phi : (n, m) float64
-        Any basis.
-    held : (i,) int64
-        Rows of the interface.
-    loads : (n, s) float64
-        Loads.
-
-    Returns
-    -------
-    HeldResponse
-
-    Notes
-    -----
-    Free modes have the interface move, and force it back with constraints: their static response converges as the
-    inverse of their number, however many frequencies are right (theory section 7).
-    """
-    free = np.setdiff1d(np.arange(K.shape[0]), held)
-    full = np.zeros_like(loads)
-    full[free] = factorise(sp.csc_array(K[free][:, free]), what="the stiffness held at the interface")(loads[free])
-    basis = Phi @ null_space(Phi[held])[0]
-    # Shapes that repeat each other, or move nothing, are left out by least squares.
-    reduced = basis @ la.lstsq(basis.T @ (K @ basis), basis.T @ loads)[0]
-    difference = full - reduced
-    lacking, energy = (np.einsum("ij,ij->j", u, K @ u) for u in (difference, full))
-    return HeldResponse(full, reduced, lacking / np.where(energy > 0, energy, 1.0))
 
 
 def _balanced(body: FEModel, rigid: Array, loads: Array, interface: NDArray[np.int64]) -> Array:

@@ -8,13 +8,10 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.closest_pairs import closest_pairs
 
-__all__ = ["judged_zeros", "transmission_zeros", "visible_modes", "zero_shifts", "zeros_below"]
+__all__ = ["judged_zeros", "visible_modes", "zero_shifts", "zeros_below"]
 
 Array = NDArray[np.float64]
 
-# Eigenvalues of the pencil beyond this many times the highest pole are at infinity: a channel has one for each
-# derivative that it lacks.
-_INFINITE = 1e4
 # A mode with less than this share of what the others are at its frequency has its zero as close to its pole, relative:
 # they cancel.
 _INVISIBLE = 1e-6
@@ -29,51 +26,6 @@ _BEYOND = 1.2
 _ON_AXIS = 1e-7
 # Zeros whose magnitudes differ by less than this share may be mirror images, which rounding puts in any order.
 _ALIKE = 1e-6
-
-
-def transmission_zeros(
-    omega: Array, b: Array, c: Array, zeta: Array | None = None, *, rate: bool = False, static: float = 0.0
-) -> NDArray[np.complex128]:
-    """Zeros of c (s^2 + 2 zeta w s + w^2)^-1 b + static, modes of unit modal mass.
-
-    Parameters
-    ----------
-    omega : (k,) float64
-        Frequencies in rad/s, 0 of rigid modes.
-    b, c : (k,) float64
-        Modal input and output of one pair of channels.
-    zeta : (k,) float64, optional
-        Damping ratios; none by default.
-    rate : bool
-        Whether the output is a rate, which adds a zero at s = 0.
-    static : float
-        Gain of static modes.
-
-    Returns
-    -------
-    (z,) complex128
-        In rad/s, those of positive imaginary part and those on the real axis, by magnitude, the one on the right first
-        of a pair of mirror images. Of an undamped collocated pair they lie on the imaginary axis, between the poles.
-
-    Notes
-    -----
-    Generalised eigenvalues of Rosenbrock's pencil (Emami-Naeini, Van Dooren 1982), frequencies in units of the highest.
-    """
-    k, size = omega.size, float(omega.max(initial=0.0)) or 1.0
-    w, damping = omega / size, np.zeros(omega.size) if zeta is None else zeta
-    # Channels of order one: the pencil's entries are compared with each other.
-    gb, gc = float(abs(b).max(initial=0.0)) or 1.0, float(abs(c).max(initial=0.0)) or 1.0
-    A = np.zeros((2 * k + 1, 2 * k + 1))
-    A[:k, k : 2 * k] = np.eye(k)
-    A[k : 2 * k, :k], A[k : 2 * k, k : 2 * k] = -np.diag(w**2), -np.diag(2 * damping * w)
-    A[k : 2 * k, -1] = b / gb
-    A[-1, slice(k, 2 * k) if rate else slice(0, k)] = c / gc
-    A[-1, -1] = static * size**2 / (gb * gc)
-    E = np.diag(np.r_[np.ones(2 * k), 0.0])
-    alpha, beta = la.eigvals(A, E, homogeneous_eigvals=True)
-    finite = abs(alpha) < _INFINITE * abs(beta)
-    zeros = size * alpha[finite] / beta[finite]
-    return _in_order(zeros[zeros.imag >= 0])
 
 
 def zeros_below(omega: Array, residue: Array, top: float, *, static: float = 0.0) -> NDArray[np.complex128]:
@@ -93,11 +45,14 @@ def zeros_below(omega: Array, residue: Array, top: float, *, static: float = 0.0
     Returns
     -------
     (z,) complex128
-        As of `transmission_zeros` without damping, up to a little above ``top``.
+        In rad/s up to a little above ``top``, those of positive imaginary part and those on the real axis, by
+        magnitude, the one on the right first of a pair of mirror images. Of a collocated pair they lie on the imaginary
+        axis, between the poles.
 
     Notes
     -----
-    Rosenbrock's pencil in lambda = s^2, of half the size, with the modes far above as a polynomial in lambda.
+    Rosenbrock's pencil (Emami-Naeini, Van Dooren 1982) in lambda = s^2, of half the size, with the modes far above as a
+    polynomial in lambda.
     """
     w2, r = (omega / top) ** 2, residue / (float(abs(residue).max(initial=0.0)) or 1.0)
     low = omega <= _FAR * top

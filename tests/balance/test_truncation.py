@@ -1,13 +1,15 @@
 """How many ranked modes are kept."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from cmsreduce.balance import keep_all, keep_fraction, keep_modes
+from cmsreduce.balance import Gregory, Hankel, keep_all, keep_fraction, keep_modes
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import DofTable, FEModel, ModalComponent
+from cmsreduce.model import DofTable, FEModel, ModalChannels, ModalComponent
+from tests.lyapunov import response, two_close_modes
 
 
 def component(name: str, rigid: int, sigma: list[float], omega: list[float] | None = None, static: int = 0):
@@ -115,3 +117,18 @@ def test_a_fraction_never_splits_a_repeated_mode():
 
 def test_all_means_all_elastic_and_no_static():
     assert as_lists(keep_all(GROUPED)) == {"frame": [1, 2, 3, 4, 5, 6, 7]}
+
+
+@pytest.mark.parametrize("ranking", [Gregory(), Hankel()])
+@pytest.mark.parametrize(
+    ("apart", "c", "error"),
+    [(0.001, (1, 0.9), 89.91), (0.001, (1, -0.9), 89.91), (0.01, (1, 0.9), 89.11), (0.5, (1, 0.9), 60.00)],
+)
+def test_one_mode_of_the_golden_pairs(ranking, apart, c, error):
+    """H-infinity errors with the most important mode kept; theory section 4 has the models."""
+    pair = two_close_modes(apart, c)
+    body = ranking.rank(replace(component("body", 0, [0.0, 0.0], pair.omega), zeta=pair.zeta), pair)
+    kept = body.truncated(keep_modes({"body": body}, 1)["body"])
+    left = ModalChannels("left", kept.omega, kept.zeta, kept.Phi.T @ pair.B, pair.C1 @ kept.Phi, pair.C2 @ kept.Phi)
+    w = np.unique(np.concatenate([np.linspace(0.9, 1.1, 40001), pair.omega[1] + np.linspace(-0.02, 0.02, 40001)]))
+    assert abs(response(pair, w) - response(left, w)).max() == pytest.approx(error, abs=0.006)

@@ -12,6 +12,13 @@ MISTAKES = {
     "unknown key": (
         "rank: gregory, keep: {frf", "rank: gregory, keeep: {frf", 0,
         "key 'balance.keeep' is unknown: did you mean 'keep'? Known keys: rank, keep, weighting, scaling, clusters"),
+    "key that was removed": (
+        "balance: {rank: gregory", "balance: {clusters: {rotate: true}, rank: gregory", 0,
+        "key 'balance.clusters.rotate' has been removed. Shapes of a cluster are not rotated any more. Take the key "
+        "out: `rank: hankel` weighs modes of a cluster together"),
+    "ranking that was removed": (
+        "rank: gregory, keep: {frf", "rank: peak-amplitude, keep: {frf", 0,
+        "key 'balance.rank': 'peak-amplitude' is no longer a ranking: write gregory, which gives the same order"),
     "unknown key, deep": (
         "rotor.bdf}", "rotor.bdf, fromat: bulk}", 0,
         "key 'components.rotor.geometry.fromat' is unknown: did you mean 'format'? Known keys: file, format"),

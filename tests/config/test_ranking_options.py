@@ -39,7 +39,7 @@ def test_scaling_by_a_length(written, value, unit, plain):
 
 def test_defaults_and_words():
     assert (DEFAULT.weighting, DEFAULT.scaling.length) == (None, "auto")
-    assert (DEFAULT.clusters.correlation, DEFAULT.clusters.rotate) == (0.1, False)
+    assert DEFAULT.clusters.correlation == 0.1
     assert (RankingKeys(scaling="none").scaling.length, RankingKeys(clusters="none").clusters.correlation) == (
         "none",
         1.0,
@@ -76,12 +76,12 @@ def test_sizes_of_channels(written, units, kind, worth):
 
 
 @pytest.mark.parametrize(
-    ("written", "correlation", "rotate"),
-    [(0.3, 0.3, False), ("none", 1.0, False), ({"rotate": True}, 0.1, True), ({"correlation": "none"}, 1.0, False)],
+    ("written", "correlation"),
+    [(0.3, 0.3), ("none", 1.0), ({}, 0.1), ({"correlation": 0.2}, 0.2), ({"correlation": "none"}, 1.0)],
 )
-def test_clusters(written, correlation, rotate):
+def test_clusters(written, correlation):
     keys = RankingKeys(clusters=written)
-    assert (keys.clusters.correlation, keys.clusters.rotate) == (correlation, rotate)
+    assert keys.clusters.correlation == correlation
     assert RankingKeys.model_validate(keys.model_dump(mode="json")) == keys
 
 
@@ -104,10 +104,10 @@ def test_clusters(written, correlation, rotate):
         ({"clusters": 1.5}, "between 0 and 1"),
         ({"clusters": True}, "between 0 and 1"),
         ({"clusters": {"correlation": 0}}, "between 0 and 1"),
-        ({"clusters": {"rotate": 1}}, "bool"),
         ({"keep": {"total": 5}}, "take rank system-cost"),
         ({"keep": {"total": 5, "modes": 3}, "rank": "system-cost"}, "modes and total are two rules"),
         ({"rank": "hankels"}, "hankel"),
+        ({"rank": "peak-amplitude"}, "write gregory, which gives the same order"),
     ],
 )
 def test_mistakes(keys, words):

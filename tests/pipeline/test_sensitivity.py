@@ -114,9 +114,3 @@ def test_sensors_of_one_and_of_several_outputs(opened: Callable[..., Run]) -> No
     assert names[2:] == ["without gyro.ry", "without gyro.rz"]
     names = [change.name for change in changes(opened("scene.sensors={gyro: {at: hub.cg, measure: ry}}").scene)]
     assert names == ["damping x 0.2", "damping x 5"]
-
-
-def test_rotated_clusters_have_no_modes_to_compare(study: Path) -> None:
-    settings = ["--set", "balance={clusters: {rotate: true}, sensitivity: true}"]
-    found = CliRunner().invoke(main, ["run", str(study), *settings])
-    assert found.exit_code == 2 and "take `rotate` or `sensitivity` out" in " ".join(found.output.split())
