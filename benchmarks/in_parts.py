@@ -1,6 +1,6 @@
 """A body reduced as a whole and in parts, in one run: same modes, time and memory as ratios.
 
-``python benchmarks/in_parts.py [BODY] [PARTS ...]`` prints the table of benchmarks/large-bodies.md; each line is a process of
+``python benchmarks/in_parts.py [BODY] [PARTS ...]`` prints the table of docs/large-bodies.md; each line is a process of
 its own, whose peak memory is the system's figure. ``0`` keeps no factor of a part: the least memory.
 """
 
