@@ -28,8 +28,9 @@ SIZES = (3e4, 1e5, 3e5, 1e6, 3e6)
 ASKED = (1e7, 1e8)
 # The body that is cut, and in how many parts.
 CUT, PARTS = 3e5, (4, 8, 16)
-# benchmarks/performance.md, slender solid of 1e6 dofs on 2 cores: operations of a second in the factorisation; seconds for an
-# entry of the factor in 60 static solves and 50 modes together; bytes for a dof beside the factor (matrices, basis).
+# benchmarks/performance.md, slender solid of 1e6 dofs on 2 cores: operations of a second in the factorisation; seconds
+# for an entry of the factor in 60 static solves and 50 modes together; bytes for a dof beside the factor (matrices,
+# basis).
 RATE, SOLVES, BESIDE = 43.1e9, 98.3 / 1.2e9, 6.4e3
 # What one node of a cluster is taken to have.
 NODE_BYTES, NODE_CORES, SHARE = 512 * 2.0**30, 64, 0.5

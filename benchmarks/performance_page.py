@@ -54,28 +54,29 @@ Found = dict[tuple[str, str], dict]
 INTRODUCTION = f"""\
 # Performance
 
-One Craig-Bampton problem by several programs: {3 * INTERFACE_NODES} constraint modes ({INTERFACE_NODES} nodes of the face opposite the held one) and
-the {MODES} lowest fixed-interface modes of a steel body. Every peer runs in a process of its own, with the same threads, and
-reads the same two matrices. Not timed: reading, the start of a program, and the compilation of cmsreduce's loops, which a
-machine does once. `make bench-full` writes this page ([how to run it](README.md)).
+One Craig-Bampton problem by several programs: {3 * INTERFACE_NODES} constraint modes ({INTERFACE_NODES} nodes of the
+face opposite the held one) and the {MODES} lowest fixed-interface modes of a steel body. Every peer runs in a process
+of its own, with the same threads, and reads the same two matrices. Not timed: reading, the start of a program, and
+the compilation of cmsreduce's loops, which a machine does once. `make bench-full` writes this page ([how to run
+it](README.md)).
 
-- **factorise**: with ordering. A reduction that counts its modes has cmsreduce's ordering from the count, within its time.
-  **solves**: one block of {3 * INTERFACE_NODES} right-hand sides. **modes**: the eigenproblem. A peer that does all in one call has a
-  total only. **Peak**: of the process, with matrices and interpreter.
-- **Residual**: the worst |K x - lam M x| / |lam M x| (2-norms) of a mode. The limit is {RESIDUAL:g}, also for
-  |K Psi + K_ji| / |K_ji| of the constraint modes; a peer above it is marked `!`.
-- **Frequencies differ by**: the largest relative difference from cmsreduce's. A mode without a partner within {SAME:g} is
-  missed.
-- cmsreduce computes all modes below a cutoff between the {MODES}th and the next, and a Sturm count (inertia of K - sigma M)
-  proves that none is missing. No peer has that proof; its time is given apart and is not in the total.
-- **single-precision factor** is `solver: {{precision: single}}`. cmsreduce takes it where a factor in double precision does
-  not fit: half the memory; residuals correct modes and static shapes to the same accuracy.
-- **scipy** is splu and eigsh as its users write them, with SuperLU's default order (COLAMD), its best own order (MMD on
-  A + A^T, symmetric mode) and METIS's order. **SLEPc** is Krylov-Schur of the Debian packages; with MUMPS in one process,
-  where OpenBLAS takes the threads, and in two. **Exudyn** factorises once for the modes and once for the constraint modes,
-  by SuperLU in its default order. **sdynpy** is dense. **CalculiX** solves no static problem and assembles K and M
-  itself, within its total; its shapes have no residual here. Its hexahedra are the same as here, its linear tetrahedra
-  integrate the mass at one point.
+- **factorise**: with ordering. A reduction that counts its modes has cmsreduce's ordering from the count, within its
+  time. **solves**: one block of {3 * INTERFACE_NODES} right-hand sides. **modes**: the eigenproblem. A peer that does
+  all in one call has a total only. **Peak**: of the process, with matrices and interpreter.
+- **Residual**: the worst |K x - lam M x| / |lam M x| (2-norms) of a mode. The limit is {RESIDUAL:g}. The constraint modes have
+  the same limit on |K Psi + K_ji| / |K_ji|. A peer above it is marked `!`.
+- **Frequencies differ by**: the largest relative difference from cmsreduce's. A mode without a partner within
+  {SAME:g} is missed.
+- cmsreduce computes all modes below a cutoff between the {MODES}th and the next, and a Sturm count (inertia of K -
+  sigma M) proves that none is missing. No peer has that proof; its time is given apart and is not in the total.
+- **single-precision factor** is `solver: {{precision: single}}`. cmsreduce takes it where a factor in double
+  precision does not fit: half the memory; residuals correct modes and static shapes to the same accuracy.
+- **scipy** is splu and eigsh as its users write them, with SuperLU's default order (COLAMD), its best own order (MMD
+  on A + A^T, symmetric mode) and METIS's order. **SLEPc** is Krylov-Schur of the Debian packages; with MUMPS in one
+  process, where OpenBLAS takes the threads, and in two. **Exudyn** factorises once for the modes and once for the
+  constraint modes, by SuperLU in its default order. **sdynpy** is dense. **CalculiX** solves no static problem and
+  assembles K and M itself, within its total; its shapes have no residual here. Its hexahedra are the same as here,
+  its linear tetrahedra integrate the mass at one point.
 """
 _SMALL = (
     "Three quarters of cmsreduce's time for the modes are not solves: steps by blocks cost that in Python whatever the "

@@ -1,8 +1,8 @@
 """Rankings on the space station ISS-1R: error against order, real modes kept, beside balanced states.
 
-Prints the tables of benchmarks/rankings.md; ``--write`` puts them there. `control.balred` needs slycot (`pip install slycot`)
-and is left out without it. ISS-1R is iss.mat of the SLICOT collection of models, by default in ../shared/data/slicot;
-another place is given as an argument.
+Prints the tables of benchmarks/rankings.md; ``--write`` puts them there. `control.balred` needs slycot
+(`pip install slycot`) and is left out without it. ISS-1R is iss.mat of the SLICOT collection of models, by default in
+../shared/data/slicot; another place is given as an argument.
 """
 
 from __future__ import annotations
