@@ -63,8 +63,8 @@ it](README.md)).
 - **factorise**: with ordering. A reduction that counts its modes has cmsreduce's ordering from the count, within its
   time. **solves**: one block of {3 * INTERFACE_NODES} right-hand sides. **modes**: the eigenproblem. A peer that does
   all in one call has a total only. **Peak**: of the process, with matrices and interpreter.
-- **Residual**: the worst |K x - lam M x| / |lam M x| (2-norms) of a mode. The limit is {RESIDUAL:g}. The constraint modes have
-  the same limit on |K Psi + K_ji| / |K_ji|. A peer above it is marked `!`.
+- **Residual**: the worst |K x - lam M x| / |lam M x| (2-norms) of a mode. The limit is {RESIDUAL:g}. The constraint
+  modes have the same limit on |K Psi + K_ji| / |K_ji|. A peer above it is marked `!`.
 - **Frequencies differ by**: the largest relative difference from cmsreduce's. A mode without a partner within
   {SAME:g} is missed.
 - cmsreduce computes all modes below a cutoff between the {MODES}th and the next, and a Sturm count (inertia of K -
