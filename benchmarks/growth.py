@@ -19,15 +19,12 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from cmsreduce.linalg.ordering import nested_dissection  # noqa: E402
-from cmsreduce.linalg.partition import partition  # noqa: E402
 from cmsreduce.linalg.symbolic import factor_cost  # noqa: E402
 
 Cells = tuple[int, int, int]
 
 SIZES = (3e4, 1e5, 3e5, 1e6, 3e6)
 ASKED = (1e7, 1e8)
-# The body that is cut, and in how many parts.
-CUT, PARTS = 3e5, (4, 8, 16)
 # benchmarks/performance.md, slender solid of 1e6 dofs on 2 cores: operations of a second in the factorisation; seconds
 # for an entry of the factor in 60 static solves and 50 modes together; bytes for a dof beside the factor (matrices,
 # basis).
@@ -80,30 +77,13 @@ def counted(cells: Cells) -> tuple[int, float, float]:
     return 3 * graph.shape[0], 9.0 * cost.nnz, 27.0 * cost.flops
 
 
-def cut(cells: Cells, parts: int) -> tuple[float, float]:
-    """Entries of the largest part's factor, and of the separator's matrix, of a body in parts."""
-    graph = nodes_graph(cells)
-    found = partition(graph, parts)
-    between = sp.csr_array(graph[found.separator])
-    largest = max(found.interiors, key=len)
-    own = sp.csc_array(graph[largest][:, largest])
-    edges = [np.count_nonzero(np.diff(sp.csr_array(between[:, rows]).indptr)) for rows in found.interiors]
-    return 9.0 * factor_cost(own, nested_dissection(own)).nnz, 9.0 * float(np.sum(np.square(edges)))
-
-
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--largest", type=float, default=1e6, help="dofs of the largest body that is ordered")
     largest = parser.parse_args().largest
     found = {}
-    print("| body | dofs | parts | one part's factor, of the whole's | S, of the whole's |\n|---|---|---|---|---|")
-    for name, cells in BODIES.items():
-        n, whole, _ = counted(cells(CUT))
-        for parts in PARTS:
-            one, between = cut(cells(CUT), parts)
-            print(f"| {name} | {n} | {parts} | {one / whole:.2f} | {between / whole:.2f} |", flush=True)
-    print("\n| body | dofs | entries | a dof | GFLOP |\n|---|---|---|---|---|")
+    print("| body | dofs | entries | a dof | GFLOP |\n|---|---|---|---|---|")
     for name, cells in BODIES.items():
         found[name] = np.array([counted(cells(n)) for n in SIZES if n <= largest])
         for n, entries, flops in found[name]:

@@ -19,14 +19,20 @@ DECK = ROOT / "sample_models" / "galileo" / "stator"
 
 def sources(package: Path) -> list[Path]:
     """Python files of a package, those of its tests left out."""
-    return sorted(path for path in package.rglob("*.py") if not {"tests", "test"} & set(path.relative_to(package).parts))
+    return sorted(
+        path for path in package.rglob("*.py") if not {"tests", "test"} & set(path.relative_to(package).parts)
+    )
 
 
 def docstrings(tree: ast.Module) -> Iterator[ast.stmt]:
     """Statements that are docstrings, attribute docstrings included."""
     for node in ast.walk(tree):
         for child in ast.iter_child_nodes(node):
-            if isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant) and isinstance(child.value.value, str):
+            if (
+                isinstance(child, ast.Expr)
+                and isinstance(child.value, ast.Constant)
+                and isinstance(child.value.value, str)
+            ):
                 yield child
 
 
@@ -42,7 +48,9 @@ def code_lines(text: str, tree: ast.Module) -> int:
         number for each in docstrings(tree) for number in range(each.lineno, (each.end_lineno or each.lineno) + 1)
     }
     lines = enumerate(text.splitlines(), 1)
-    return sum(1 for number, line in lines if number not in skipped and line.strip() and not line.strip().startswith("#"))
+    return sum(
+        1 for number, line in lines if number not in skipped and line.strip() and not line.strip().startswith("#")
+    )
 
 
 def dataclasses(tree: ast.Module) -> Iterator[bool]:

@@ -1,6 +1,6 @@
 """The grammar of the pipeline file, and how a file becomes a pipeline and a scene."""
 
-from cmsreduce.config.balance_keys import BalanceKeys, KeepKeys, RankingKeys
+from cmsreduce.config.balance_keys import RankingKeys
 from cmsreduce.config.body_starter import BodyDraft, body_pipeline
 from cmsreduce.config.channel_sizes import Size, channel_kind
 from cmsreduce.config.component import Component
@@ -15,16 +15,13 @@ from cmsreduce.config.stages import (
     ModeSetKeys,
     ReduceKeys,
     VerifyKeys,
-    WriteKeys,
 )
 from cmsreduce.config.starter import starter_pipeline
 
 __all__ = [
-    "BalanceKeys",
     "BodyDraft",
     "Component",
     "InterfaceKeys",
-    "KeepKeys",
     "MatrixFile",
     "ModeSetKeys",
     "Pipeline",
@@ -34,7 +31,6 @@ __all__ = [
     "ScalingKeys",
     "Size",
     "VerifyKeys",
-    "WriteKeys",
     "body_pipeline",
     "build_scene",
     "channel_kind",

@@ -15,7 +15,7 @@ from cmsreduce.model.joint_element import JointElement
 from cmsreduce.model.scene import DOF_NAMES
 from cmsreduce.model.units import SI, Units
 
-__all__ = ["ELEMENT_FIGURES", "JointKeys"]
+__all__ = ["JointKeys"]
 
 ELEMENT_FIGURES: tuple[ElementFigure, ...] = ("stiffness", "damping", "inertia")
 """Keys of what acts on a joint's free motions."""

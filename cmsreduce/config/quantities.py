@@ -10,7 +10,7 @@ from typing import Literal
 from cmsreduce.errors import UnitsError
 from cmsreduce.model.units import Units
 
-__all__ = ["EXAMPLES", "Dimension", "Quantity", "measure", "parse_quantity"]
+__all__ = ["Dimension", "Quantity", "measure", "parse_quantity"]
 
 Dimension = Literal["frequency", "angle", "length", "time"]
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, ClassVar
 
 from pydantic import BeforeValidator, Field, Strict, WithJsonSchema
 
 from cmsreduce.config.keys import Count, Keys, Plain
 from cmsreduce.linalg.solver_settings import Backend, Precision
 
-__all__ = ["Parts", "SolverKeys"]
+__all__ = ["NO_PARTS", "SolverKeys"]
 
 _BYTES = {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12, "KiB": 2.0**10, "MiB": 2.0**20, "GiB": 2.0**30}
 _BYTES["TiB"] = 2.0**40
@@ -33,23 +34,17 @@ Memory = Annotated[float, BeforeValidator(_memory), Field(gt=0), WithJsonSchema(
 """An amount of memory, in bytes."""
 
 
-def _parts(value: object) -> object:
-    """Parts as a number, or auto."""
-    if value == "auto" or (type(value) is int and value >= 1):
-        return value
-    raise ValueError(f"a number of parts, 1 or more, or auto is expected, found {value!r}")
-
-
-Parts = Annotated[
-    int | Literal["auto"],
-    BeforeValidator(_parts),
-    WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 1}, {"const": "auto", "type": "string"}]}),
-]
-"""In how many parts a matrix is factorised."""
+NO_PARTS = {
+    "parts": "Bodies are not reduced in parts any more. Take the key out: a factor that does not fit in memory is "
+    "made in single precision, or on disk; `solver.memory` says how much it may take"
+}
+"""The key `parts` of earlier versions, with what to write instead."""
 
 
 class SolverKeys(Keys):
     """How sparse matrices are factorised, and with how much of the machine."""
+
+    removed: ClassVar[Mapping[str, str]] = NO_PARTS
 
     backend: Backend = Field(
         default="auto",
@@ -87,11 +82,4 @@ class SolverKeys(Keys):
         description="Interpreter of the processes of mumps, which has petsc4py; by default the one that runs "
         "cmsreduce, or else /usr/bin/python3, which Debian's python3-petsc4py belongs to.",
         examples=["/usr/bin/python3"],
-    )
-    parts: Parts = Field(
-        default=1,
-        description="Parts in which a matrix is cut and factorised one after the other, with the factor of one in "
-        "memory at a time; `auto` does so where the factor as a whole does not fit in memory. Modes then start "
-        "from those of the parts and are refined to the same accuracy.",
-        examples=["auto"],
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, get_args
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import (
     BeforeValidator,
@@ -15,8 +16,8 @@ from pydantic import (
 
 from cmsreduce.config.balance_keys import RankingKeys
 from cmsreduce.config.frame_keys import BodyWriteKeys
-from cmsreduce.config.keys import Flag, Keys, Plain, Positive, refused
-from cmsreduce.config.solver import Parts
+from cmsreduce.config.keys import Flag, Keys, Plain, Positive
+from cmsreduce.config.solver import NO_PARTS
 from cmsreduce.model.scene import DOF_NAMES
 
 __all__ = [
@@ -47,7 +48,6 @@ Format = Literal[
 ]
 
 _CONSTRAINT_MODES = ("craig-bampton", "guyan")
-_PLANNED_FORMATS = {"contops": f"is not available in this version, {' or '.join(get_args(Format))} is"}
 _DIALECTS = {"sid": ("by-axis", "by-mode"), "mbdyn": ("invariants", "lumped")}
 
 
@@ -124,6 +124,8 @@ class ModeSetKeys(Keys):
 class ReduceKeys(ModeSetKeys):
     """Which mode set a body is reduced with, up to which frequency, and which loads it shall answer exactly."""
 
+    removed: ClassVar[Mapping[str, str]] = NO_PARTS
+
     residuals: tuple[Residual, ...] = Field(
         default=(),
         description="Residual vectors, which make the static response exact: `sensors` for what they measure, "
@@ -137,13 +139,6 @@ class ReduceKeys(ModeSetKeys):
         description="Modes above this multiple of the upper end of scene.band are treated statically: they keep their "
         "stiffness and lose their mass, so that they ask for no small steps of an integrator.",
         examples=[8.0],
-    )
-
-    parts: Parts | None = Field(
-        default=None,
-        description="Parts in which the body is cut while it is reduced, one of them in memory at a time; `auto` where "
-        "its factor does not fit. By default what solver.parts says.",
-        examples=[16, "auto"],
     )
 
     @property
@@ -269,7 +264,7 @@ class VerifyKeys(Keys):
         return tuple(dict.fromkeys([*(self.checks or ()), *limited]))
 
 
-WrittenFormat = Annotated[Format, refused(_PLANNED_FORMATS), BeforeValidator(_as_text)]
+WrittenFormat = Annotated[Format, BeforeValidator(_as_text)]
 
 
 class WriteKeys(BodyWriteKeys):

@@ -13,8 +13,6 @@ from cmsreduce.linalg.eigen_residuals import eigen_residuals
 from cmsreduce.linalg.factorise import BLOCK, factorise
 from cmsreduce.linalg.flexibility import ElasticFlexibility, Solve
 from cmsreduce.linalg.mixed_precision import corrected_modes
-from cmsreduce.linalg.multilevel import multilevel_modes
-from cmsreduce.linalg.parted_factor import PartedFactor
 from cmsreduce.linalg.pencil import UndeterminedError, elastic_pairs
 from cmsreduce.linalg.products import symmetric_product
 from cmsreduce.linalg.refined_factor import RefinedFactor
@@ -150,8 +148,6 @@ def certified_modes(
         if solve is None:
             solve = factorise(K, what="the stiffness") if not none.size else ElasticFlexibility(K, M, none)
         modes = None
-        if isinstance(solve, PartedFactor) and not none.size:
-            modes = multilevel_modes(K, M, _reach(omega), wanted, solve, tolerance)
         if isinstance(solve, RefinedFactor) and not none.size and wanted <= SLICED:
             modes = corrected_modes(K, M, solve, _reach(omega) ** 2 * (1 + STEPPED), wanted, tolerance)
         if modes is None:

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
-from math import ceil, log2
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.backends import Kind, installed, installed_backends, kinds
 from cmsreduce.linalg.factor import BLOCK, Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.multifrontal import multifrontal_lacks
-from cmsreduce.linalg.parted_factor import PartedFactor
-from cmsreduce.linalg.partition import partition
 from cmsreduce.linalg.refined_factor import RefinedFactor, UnrefinableError
-from cmsreduce.linalg.solver_settings import BACKENDS, Backend, SolverSettings, current_settings, solver_settings
+from cmsreduce.linalg.solver_settings import BACKENDS, Backend, SolverSettings, current_settings
 from cmsreduce.model import Factorisation
 
 __all__ = ["BLOCK", "Factor", "InsufficientMemoryError", "NotPositiveDefiniteError", "factorise"]
@@ -37,9 +32,6 @@ _SMALL = 1000
 # From here on compiled loops save more than the second that it takes to load them: a multifrontal Cholesky factor of
 # 3e4 rows takes 0.1 s less than PARDISO's, and a solve for eight columns half as long, 0.015 s.
 _LARGE = 50_000
-# A matrix is cut into parts of so many rows at least: as many parts as the factor is times too large, or up to so many
-# doublings of that. More would only move the memory to the rows between them.
-_LEAST_ROWS, _DOUBLED = 50, 4
 
 
 class NotPositiveDefiniteError(MatrixError):
@@ -51,15 +43,7 @@ class NotPositiveDefiniteError(MatrixError):
 
 
 class InsufficientMemoryError(MatrixError):
-    """A factor would not fit in the memory that it may take: it needs so many ``bytes``; nothing was allocated."""
-
-    def __init__(self, message: str, needed: float = 0.0) -> None:
-        super().__init__(message)
-        self.bytes = needed
-
-    def __reduce__(self) -> tuple[type[InsufficientMemoryError], tuple[str, float]]:
-        """For a process that hands it to another."""
-        return type(self), (str(self), self.bytes)
+    """A factor would not fit in the memory that it may take; nothing was allocated."""
 
 
 def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix") -> Factor:
@@ -92,7 +76,7 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
     backend = _chosen(settings.backend, A.shape[0], definite)
     started, admit = time.perf_counter(), _admission(settings, what, A.shape[0])
     try:
-        factor, precision = _made(A, definite, what, backend, admit, settings)
+        factor, precision = _in_precision(A, definite, backend, admit, settings)
     except UnrefinableError:
         raise MatrixError(
             f"{what} ({A.shape[0]} rows) is too ill conditioned for a factor in single precision; set "
@@ -102,11 +86,8 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
         row = _singular_row(A)
         raise NotPositiveDefiniteError(f"{what} is singular: nothing holds row {row + 1}", row) from None
     seconds, cost = time.perf_counter() - started, factor.cost
-    parts = len(factor.cut.interiors) if isinstance(factor, PartedFactor) else 1
     settings.work.append(
-        Factorisation(
-            factor.backend, factor.n, cost.nnz, cost.flops / 1e9, cost.bytes / 2**20, seconds, precision, parts
-        )
+        Factorisation(factor.backend, factor.n, cost.nnz, cost.flops / 1e9, cost.bytes / 2**20, seconds, precision)
     )
     # Of a factor in single precision, refinement that converges has proven the signs of all pivots.
     proven = isinstance(factor, RefinedFactor) and factor.inertia_known and not factor.negative_pivots
@@ -118,54 +99,6 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
                 f"{what} is not positive definite: pivot ratio {ratio:.1e} at row {row + 1}", row
             )
     return factor
-
-
-def _made(
-    A: sp.csc_array, definite: bool, what: str, backend: Backend, admit: Admit, settings: SolverSettings
-) -> tuple[Factor, str]:
-    """The factor, as a whole or by parts, and its precision."""
-    n, parts = A.shape[0], settings.parts
-    if parts == "auto":
-        try:
-            return _in_precision(A, definite, backend, admit, settings)
-        except InsufficientMemoryError as refused:
-            fewest = ceil(refused.bytes / settings.memory_limit)
-            tried = [2 ** ceil(log2(max(fewest, 2))) * 2**doubled for doubled in range(_DOUBLED)]
-            possible = [count for count in tried if n >= _LEAST_ROWS * count]
-            for count in possible:
-                try:
-                    return _by_parts(A, definite, what, count, settings), "double"
-                except InsufficientMemoryError:
-                    if count == possible[-1]:
-                        raise
-            raise
-    if parts > 1 and n >= _LEAST_ROWS * parts:
-        return _by_parts(A, definite, what, parts, settings), "double"
-    return _in_precision(A, definite, backend, admit, settings)
-
-
-def _by_parts(A: sp.csc_array, definite: bool, what: str, parts: int, settings: SolverSettings) -> PartedFactor:
-    # Separators are nearly full, which the solver for small sparse matrices is slow at.
-    backend = next(each for each in BACKENDS if installed(each)) if settings.backend == "auto" else settings.backend
-
-    def inner(
-        block: sp.csc_array, rows: NDArray[np.int64], what_of_it: str, *, kept: float, again: bool, last: bool
-    ) -> Factor:
-        memory = None if settings.memory is None else max(settings.memory - kept, 1.0)
-        # What is made again is the same work.
-        work: list[Factorisation] = [] if again else settings.work
-        own = replace(settings, backend=backend, parts=1, memory=memory, work=work)
-        try:
-            with solver_settings(own):
-                # Whether the whole is singular is seen in the last pivots, against the whole's diagonal.
-                return factorise(block, definite=definite and not last, what=f"{what}, {what_of_it}")
-        except NotPositiveDefiniteError as error:
-            row = int(rows[error.row])
-            raise NotPositiveDefiniteError(f"{what} is not positive definite at row {row + 1} ({error})", row) from None
-
-    cut = partition(A, parts)
-    admit = _admission(settings, f"{what}, the rows between its {parts} parts", cut.separator.size)
-    return PartedFactor(A, cut, inner, admit, settings.memory_limit)
 
 
 def _in_precision(
@@ -237,9 +170,8 @@ def _admission(settings: SolverSettings, what: str, n: int) -> Admit:
         if cost.bytes > limit:
             raise InsufficientMemoryError(
                 f"{what} ({n} rows): its factor has {cost.nnz:.3g} entries and needs {cost.bytes / 2**30:.3g} GiB, "
-                f"{limit / 2**30:.3g} GiB may be used; close other programs, raise `solver.memory`, let it be "
-                "done in parts (`solver.parts: auto`), or split the body into components",
-                cost.bytes,
+                f"{limit / 2**30:.3g} GiB may be used; close other programs, raise `solver.memory`, or "
+                "split the body into components"
             )
 
     return admit

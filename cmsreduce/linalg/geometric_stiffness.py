@@ -15,7 +15,7 @@ from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
 from cmsreduce.linalg.inertia_loads import inertia_loads
 from cmsreduce.model import INERTIA_LOADS, Bars, FEModel, GeometricStiffness, ModalStiffening, Recovery, UnitLoad
 
-__all__ = ["bar_tensions", "bars_stiffness", "modal_stiffening", "unit_forces"]
+__all__ = ["bars_stiffness", "modal_stiffening", "unit_forces"]
 
 Array = NDArray[np.float64]
 
@@ -75,17 +75,6 @@ def modal_stiffening(stiffening: GeometricStiffness, Phi: Array) -> ModalStiffen
     """Geometric stiffness of a body in its modes Phi (n, m): Phi^T K_l Phi of each unit load l."""
     K = [congruence(A, Phi) for A in stiffening.matrices]
     return ModalStiffening(stiffening.loads, np.array(K).reshape(len(K), Phi.shape[1], Phi.shape[1]), stiffening.origin)
-
-
-def bar_tensions(body: FEModel, bars: Bars, forces: Array, held: NDArray[np.int64]) -> Array:
-    """Force along each bar (b, l) under static loads on the rows (n, l), some rows held.
-
-    Raises
-    ------
-    SingularInterfaceError
-        As `bars_stiffness`.
-    """
-    return _tensions(body, BarStiffness(body, bars), forces, held)
 
 
 def unit_forces(body: FEModel, loads: Sequence[UnitLoad], origin: Array) -> Array:

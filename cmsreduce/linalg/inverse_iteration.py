@@ -52,7 +52,6 @@ def polished(
     solve: Operator,
     mass: Operator,
     deflated: Array,
-    at_once: int = BLOCK,
 ) -> ShiftedModes:
     """Modes after one inverse iteration, which smooths them, with the bound that this iteration proves.
 
@@ -64,8 +63,6 @@ def polished(
         Their Ritz values, of (K - sigma M)^-1 M.
     sigma, solve, mass, deflated
         As `modes_about` takes them.
-    at_once : int
-        Columns that are solved for at a time.
 
     Returns
     -------
@@ -78,8 +75,8 @@ def polished(
     """
     k = theta.size
     stiffness, gram, away = np.zeros((k, k)), np.zeros((k, k)), np.empty(k)
-    for first in range(0, k, at_once):
-        part, known = slice(first, min(first + at_once, k)), slice(0, min(first + at_once, k))
+    for first in range(0, k, BLOCK):
+        part, known = slice(first, min(first + BLOCK, k)), slice(0, min(first + BLOCK, k))
         B = mass(by_rows(X[:, part]))
         Y = solve(B)
         MY = mass(Y)

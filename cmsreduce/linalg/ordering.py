@@ -18,7 +18,7 @@ _SEED = 1
 # A row coupled with more groups than this many times the root of their number, and with more than a few, belongs to no
 # place of the graph: it would sit in every separator. Order it last, as minimum-degree codes do with theirs.
 _DENSE, _DENSE_AT_LEAST = 10.0, 16
-# Patterns whose order is remembered: those of a few components at work, and of the parts of one.
+# Patterns whose order is remembered: those of a few components at work.
 _KNOWN = 8
 
 

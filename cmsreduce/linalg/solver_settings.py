@@ -19,7 +19,6 @@ from cmsreduce.model import Factorisation
 __all__ = [
     "BACKENDS",
     "Backend",
-    "Parts",
     "Precision",
     "SolverSettings",
     "available_memory",
@@ -28,7 +27,6 @@ __all__ = [
 ]
 
 Precision = Literal["auto", "double", "single"]
-Parts = int | Literal["auto"]
 Backend = Literal["auto", "pardiso", "multifrontal", "cholmod", "superlu", "mumps"]
 BACKENDS: tuple[Backend, ...] = ("pardiso", "multifrontal", "cholmod", "superlu", "mumps")
 """Sparse solvers, the quickest first; the last is only taken where it is asked for."""
@@ -60,9 +58,6 @@ class SolverSettings:
         Processes of ``mumps``.
     python : str, optional
         Interpreter of ``mumps``, which has petsc4py; this one or the system's if absent.
-    parts : int or str
-        Parts in which a matrix is factorised, one after the other; ``auto`` for as many as it takes where the factor
-        as a whole does not fit in memory.
     scratch : Path, optional
         Folder for bases and factors that outgrow memory; without it bases stay there, and such factors are refused.
     work : list of Factorisation
@@ -77,7 +72,6 @@ class SolverSettings:
     precision: Precision = "auto"
     ranks: int = 2
     python: str | None = None
-    parts: Parts = 1
     scratch: Path | None = None
     work: list[Factorisation] = field(default_factory=list, compare=False)
     orders: KnownOrders = field(default_factory=KnownOrders, compare=False, repr=False)

@@ -104,11 +104,6 @@ class Balancing:
     left: Array
     sigma: Array
 
-    def truncated(self, A: Array, B: Array, C: Array, states: int) -> tuple[Array, Array, Array]:
-        """A model cut down to the first balanced states: its error is at most twice the sum of the other sigma."""
-        left, right = self.left[:, :states], self.right[:, :states]
-        return left.T @ A @ right, left.T @ B, C @ right
-
 
 def balancing(Lc: NDArray[np.float64], Lo: NDArray[np.float64]) -> Balancing:
     """Balance a model by the square-root method.

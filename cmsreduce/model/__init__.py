@@ -11,7 +11,7 @@ from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import SCALAR, DofTable, components_from_digits
 from cmsreduce.model.drawing import BodyDrawing, JointDrawing, PortDrawing, SceneDrawing, SystemShapes
 from cmsreduce.model.factorisation import Factorisation
-from cmsreduce.model.floating_frame import FRAME_KINDS, FloatingFrame, FrameCondition, FrameKind, IntegralFrame
+from cmsreduce.model.floating_frame import FloatingFrame, FrameCondition, IntegralFrame
 from cmsreduce.model.followers import Followers
 from cmsreduce.model.gain_sum import GainSum, HighGain
 from cmsreduce.model.geometric_stiffness import INERTIA_LOADS, SQUARES, GeometricStiffness, ModalStiffening, UnitLoad
@@ -114,11 +114,9 @@ __all__ = [
     "Damping",
     "DofTable",
     "FEModel",
-    "FRAME_KINDS",
     "FloatingFrame",
     "Followers",
     "FrameCondition",
-    "FrameKind",
     "IntegralFrame",
     "EffectiveMassCurve",
     "Factorisation",

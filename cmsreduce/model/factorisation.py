@@ -23,8 +23,6 @@ class Factorisation:
         Wall time of both phases.
     precision : str
         ``double``, or ``single`` where the factor is in float32 and its solutions are refined.
-    parts : int
-        Parts in which it was done, the factor of one in memory at a time; 1 for a matrix taken as a whole.
     """
 
     backend: str
@@ -34,4 +32,3 @@ class Factorisation:
     mib: float
     seconds: float
     precision: str = "double"
-    parts: int = 1

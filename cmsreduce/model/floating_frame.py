@@ -10,13 +10,10 @@ from numpy.typing import NDArray
 
 from cmsreduce.model.modal_integrals import Lumping
 
-__all__ = ["FRAME_KINDS", "FloatingFrame", "FrameCondition", "FrameKind", "IntegralFrame"]
+__all__ = ["FloatingFrame", "FrameCondition", "FrameKind", "IntegralFrame"]
 
 FrameKind = Literal["clamped", "mean-axis", "chord"]
 """What the deforming modes do not do: move or turn an interface; have momentum; leave a line between two interfaces."""
-
-FRAME_KINDS: tuple[FrameKind, ...] = ("clamped", "mean-axis", "chord")
-"""Every kind of floating frame."""
 
 
 @dataclass(frozen=True)

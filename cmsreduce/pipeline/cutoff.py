@@ -16,7 +16,6 @@ from cmsreduce.pipeline.comparison import Comparison, ReducedModel
 from cmsreduce.pipeline.stage_store import stage_key
 
 __all__ = [
-    "DEFAULT_ERROR",
     "MOST",
     "START",
     "CutoffChoice",

@@ -27,7 +27,7 @@ from cmsreduce.pipeline.step_advice import file_rounding
 from cmsreduce.read import detect_format, matrix_names, read_geometry
 from cmsreduce.write import ComponentFile, read_component, summary
 
-__all__ = ["Inspected", "describe", "inspected"]
+__all__ = ["Inspected", "inspected"]
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _PIPELINES = {".yaml", ".yml"}
@@ -68,11 +68,6 @@ def inspected(path: Path) -> Inspected:
     else:
         found = _model_file(path)
     return Inspected([f"{path}:", *(f"  {line}" for line in found.lines)], {"path": str(path), **found.data})
-
-
-def describe(path: Path) -> Iterator[str]:
-    """Lines of `inspected`."""
-    yield from inspected(path).lines
 
 
 def _run(path: Path) -> Inspected:

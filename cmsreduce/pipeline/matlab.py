@@ -15,7 +15,7 @@ from cmsreduce.pipeline.assembled import AssembledModel
 from cmsreduce.pipeline.run import Run
 from cmsreduce.write import StateSpace, write_matlab
 
-__all__ = ["balanced_states", "system_states", "write_system_states"]
+__all__ = ["write_system_states"]
 
 
 def write_system_states(run: Run) -> Path:

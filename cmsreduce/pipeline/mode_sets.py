@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import cached_property, partial
 from typing import Any
 
@@ -14,7 +14,6 @@ from cmsreduce import __version__
 from cmsreduce.assemble import rigid_substructure
 from cmsreduce.config import ModeSetKeys, Pipeline, ReduceKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.linalg.solver_settings import current_settings, solver_settings
 from cmsreduce.model import ModalComponent, ReducedComponent, RigidBody, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import FlexibleBody, probing_loads
@@ -233,11 +232,7 @@ class ModeSets:
         ports, (_, tested) = flexible.ports, self._tested(name, keys)
         inside, cutoff = self._interface_cutoffs(other), _multiple(keys) * self.scene.band[1]
         method = body_reduction(name, keys, cutoff, self.bodies, self.rigid_bodies, inside, self.scene)
-        settings = current_settings()
-        with solver_settings(replace(settings, parts=keys.parts or settings.parts)):
-            return method.examine(
-                flexible.body, ports.interface, ports.static_loads, flexible.rigid, tested, enrich=enrich
-            )
+        return method.examine(flexible.body, ports.interface, ports.static_loads, flexible.rigid, tested, enrich=enrich)
 
     def _work(self, name: str, other: ModeSetKeys | None) -> tuple[ReducedComponent, dict[str, float]]:
         """A body reduced, and the share of the static flexibility that its basis misses under loads of the scene."""

@@ -12,7 +12,7 @@ from cmsreduce.pipeline.reduction_health import channel_gains
 from cmsreduce.pipeline.run import Run
 from cmsreduce.verify.effective_mass import effective_mass
 
-__all__ = ["effective_mass_curves", "gain_curves", "held_modes"]
+__all__ = ["effective_mass_curves", "gain_curves"]
 
 Array = NDArray[np.float64]
 

@@ -31,7 +31,7 @@ from cmsreduce.model import FEModel, ModalChannels, ModalComponent, Scene
 from cmsreduce.pipeline.selection import modal_channels
 from cmsreduce.pipeline.sized_channels import SizedRows, channel_sizes, sized_in
 
-__all__ = ["arm", "ranked", "ranking_channels", "scaling_words"]
+__all__ = ["ranked", "ranking_channels", "scaling_words"]
 
 # Gramians of more modes are made only for the ranking that is asked for.
 _MOST_COMPARED = 1000
@@ -96,7 +96,7 @@ def ranking_channels(
 ) -> ModalChannels:
     """A body's elastic modes between its inputs and outputs, scaled as asked."""
     channels = modal_channels(component, ports)
-    length = arm(component.body, keys, scene)
+    length = _arm(component.body, keys, scene)
     if length is None and rows is None:
         return channels
     body, at_interface = component.body, component.body.dofs.component[ports.interface] > _TRANSLATIONS
@@ -110,7 +110,7 @@ def ranking_channels(
     return sized(channels, *sized_in(component, ports, rows), turning, length or 1.0)
 
 
-def arm(body: FEModel, keys: RankingKeys, scene: Scene) -> float | None:
+def _arm(body: FEModel, keys: RankingKeys, scene: Scene) -> float | None:
     """Length at which rotations of a body count as arcs, in the scene's unit; None where they count as radians."""
     stated = keys.scaling.length
     if stated == "none":
@@ -120,7 +120,7 @@ def arm(body: FEModel, keys: RankingKeys, scene: Scene) -> float | None:
 
 def scaling_words(body: FEModel, keys: RankingKeys, scene: Scene) -> str:
     """How the inputs and outputs of a body are made comparable, in one line."""
-    length, unit, stated = arm(body, keys, scene), scene.units.name.partition("-")[0], keys.scaling
+    length, unit, stated = _arm(body, keys, scene), scene.units.name.partition("-")[0], keys.scaling
     if length is None:
         words = f"a radian counts as one {unit}"
     else:

@@ -22,7 +22,7 @@ from cmsreduce.pipeline.assembled import AssembledModel
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.comparison import Comparison, ReducedModel
 
-__all__ = ["DAMPING", "Change", "ChangedBodies", "changed_comparison", "changed_model", "changes", "sensitivity"]
+__all__ = ["Change", "ChangedBodies", "changed_comparison", "changed_model", "changes", "sensitivity"]
 
 DAMPING = (0.2, 5.0)
 """Factors on the damping of every body: what a ratio that was never measured may be off by."""

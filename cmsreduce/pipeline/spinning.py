@@ -17,7 +17,7 @@ from cmsreduce.linalg.spinning import SpinningModes, spinning_modes
 from cmsreduce.model import ModalComponent
 from cmsreduce.pipeline.bodies import FlexibleBody
 
-__all__ = ["SLENDER", "spin_notes"]
+__all__ = ["spin_notes"]
 
 Array = NDArray[np.float64]
 

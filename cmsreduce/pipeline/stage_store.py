@@ -19,7 +19,7 @@ from cmsreduce.model import CHECKSUM, checksum, map_dataset, mapped_in
 from cmsreduce.pipeline.code_version import code_version
 from cmsreduce.write import atomic_path, hdf5_file, put_texts
 
-__all__ = ["SHARED", "STAGES_FOLDER", "StageStore", "share_stages", "stage_key"]
+__all__ = ["STAGES_FOLDER", "StageStore", "share_stages", "stage_key"]
 
 Arrays = dict[str, NDArray[Any]]
 

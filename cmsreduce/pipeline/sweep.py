@@ -30,7 +30,7 @@ from cmsreduce.pipeline.sweep_points import SweepAxis, SweepPoint, sweep_points
 from cmsreduce.pipeline.sweep_run import CommonWork, SweepRun
 from cmsreduce.pipeline.workers import Workers
 
-__all__ = ["POINTS_FOLDER", "default_folder", "sweep"]
+__all__ = ["sweep"]
 
 POINTS_FOLDER = "points"
 """Folder of a sweep with a run directory for each point."""

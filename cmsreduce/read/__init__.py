@@ -6,13 +6,13 @@ from cmsreduce.read.bulk import BulkDeck, read_bulk
 from cmsreduce.read.controller import read_controller
 from cmsreduce.read.deck_mass import DeckMass, deck_mass
 from cmsreduce.read.differential_stiffness import read_differential_stiffness
-from cmsreduce.read.frames import BASIC, CoordinateSystem
+from cmsreduce.read.frames import CoordinateSystem
 from cmsreduce.read.geometry import Geometry, read_geometry
 from cmsreduce.read.labelled_matrix import LabelledMatrix, MatrixInfo
 from cmsreduce.read.matrix import matrix_names, read_matrix, sha256_of
 from cmsreduce.read.matrix_format import detect_format
 from cmsreduce.read.members import read_members
-from cmsreduce.read.mesh_cells import CELL_CORNERS, read_cells
+from cmsreduce.read.mesh_cells import read_cells
 from cmsreduce.read.rigid_elements import read_followers
 from cmsreduce.read.row_order import RowOrderProof, prove_row_order
 from cmsreduce.read.sources import InterfaceSpec, MatrixSource
@@ -20,8 +20,6 @@ from cmsreduce.read.tie import Tie, tie_nodes
 from cmsreduce.read.undetermined import Determined, hold_undetermined
 
 __all__ = [
-    "BASIC",
-    "CELL_CORNERS",
     "BulkDeck",
     "CoordinateSystem",
     "DeckMass",

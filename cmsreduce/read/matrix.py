@@ -11,7 +11,7 @@ from cmsreduce.read.dof_list import dof_list_beside, read_dof_list
 from cmsreduce.read.labelled_matrix import LabelledMatrix, MatrixInfo, StoredMatrix
 from cmsreduce.read.matrix_format import FORMATS, detect_format, require_file
 
-__all__ = ["FORMATS", "LabelledMatrix", "MatrixInfo", "detect_format", "matrix_names", "read_matrix", "sha256_of"]
+__all__ = ["FORMATS", "matrix_names", "read_matrix", "sha256_of"]
 
 _NAMELESS = ("calculix", "abaqus", "matrix-market", "npy")
 

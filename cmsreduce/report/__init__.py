@@ -3,7 +3,6 @@
 from cmsreduce.report.page import render_report
 from cmsreduce.report.page_parts import start_packing
 from cmsreduce.report.picture import response_picture
-from cmsreduce.report.progress import watch
 from cmsreduce.report.terminal import print_summary
 
-__all__ = ["print_summary", "render_report", "response_picture", "start_packing", "watch"]
+__all__ = ["print_summary", "render_report", "response_picture", "start_packing"]

@@ -12,7 +12,7 @@ from cmsreduce.report.output import Output
 if TYPE_CHECKING:
     from rich.table import Table
 
-__all__ = ["finding_table", "print_findings"]
+__all__ = ["print_findings"]
 
 _STYLES = {"pass": "green", "FAIL": "bold red", "info": "dim"}
 

@@ -11,7 +11,7 @@ from cmsreduce.report.output import Output
 if TYPE_CHECKING:
     from rich.table import Table
 
-__all__ = ["inspection_table", "print_inspected"]
+__all__ = ["print_inspected"]
 
 _VERDICTS = {"pass": "green", "FAIL": "bold red"}
 # A longer text before a colon is a sentence, not the name of what follows.

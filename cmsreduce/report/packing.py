@@ -7,9 +7,9 @@ import gzip
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-__all__ = ["ArrayStore", "compressed", "quantised_from"]
+__all__ = ["ArrayStore", "compressed"]
 
 _GAP = -32768
 _TOP = 32767
@@ -68,13 +68,3 @@ class ArrayStore:
 def compressed(data: bytes, level: int = 9) -> str:
     """Gzip in base64, the same for the same bytes: it holds no time."""
     return base64.b64encode(gzip.compress(data, level, mtime=0)).decode("ascii")
-
-
-def quantised_from(block: bytes, where: dict[str, Any]) -> NDArray[np.float64]:
-    """An array out of the uncompressed block of bytes, as the page reads it."""
-    array = np.frombuffer(block, dtype=f"<{where['as']}", count=where["n"], offset=where["at"]).astype(np.float64)
-    if where.get("sum"):
-        return np.asarray(np.cumsum(array))
-    if "step" in where:
-        return np.where(array == _GAP, np.nan, where["low"] + (array + _TOP) * where["step"])
-    return array

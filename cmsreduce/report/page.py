@@ -18,7 +18,7 @@ from cmsreduce.report.scene_data import scene_data
 from cmsreduce.report.tables import channel_rows, check_rows, configuration_rows, mode_rows, sensitivity_rows, timings
 from cmsreduce.report.wording import broken, checked, compared, headline, measured, number, seconds, worst
 
-__all__ = ["page_data", "render_report"]
+__all__ = ["render_report"]
 
 # In the order they depend on each other.
 _SCRIPTS = ("arrays", "style", "responses", "modes", "checks", "viewer", "scene")

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.model.sweep_result import SweepResult, SweepRow
 
-__all__ = ["COSTS", "Cost", "Trade", "pareto_front", "trades"]
+__all__ = ["Cost", "Trade", "pareto_front", "trades"]
 
 # Errors below rounding are equal, and have a place on a logarithmic axis.
 _EXACT = float(np.finfo(float).eps)

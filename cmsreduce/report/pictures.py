@@ -15,7 +15,7 @@ from cmsreduce.report.picture import response_picture
 from cmsreduce.report.scene_pictures import scene_picture, shapes_picture
 from cmsreduce.report.wording import FIGURES, compared, worst
 
-__all__ = ["error_picture", "write_pictures"]
+__all__ = ["write_pictures"]
 
 
 def write_pictures(run: RunResult, folder: Path, suffix: str = ".png") -> list[Path]:

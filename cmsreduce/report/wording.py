@@ -9,7 +9,6 @@ from cmsreduce.model import Check, ProjectionRecord, RunResult
 
 __all__ = [
     "FIGURES",
-    "MORE_FIGURES",
     "Figure",
     "Worst",
     "broken",

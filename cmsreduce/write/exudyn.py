@@ -13,7 +13,7 @@ from cmsreduce.write.atomic import atomic_path
 from cmsreduce.write.component_file import ComponentFile
 from cmsreduce.write.flexible_body import FlexibleBody, flexible_body
 
-__all__ = ["exudyn_arrays", "write_exudyn"]
+__all__ = ["write_exudyn"]
 
 _FILE_VERSION = 1
 _EULER_PARAMETERS = 4  # rotation coordinates of the node that carries the frame

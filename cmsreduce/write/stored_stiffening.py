@@ -12,7 +12,7 @@ from cmsreduce.errors import WriteError
 from cmsreduce.model import INERTIA_LOADS, SQUARES, ModalIntegrals, ModalStiffening, UnitLoad
 from cmsreduce.write.component_file import ComponentFile
 
-__all__ = ["FrameStiffening", "frame_stiffening", "stored_stiffening"]
+__all__ = ["FrameStiffening", "frame_stiffening"]
 
 # Of a length of one and of a direction: a frame that was meant to be the same is off by round-off of its axes.
 _SAME_FRAME = 1e-12

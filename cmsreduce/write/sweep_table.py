@@ -16,7 +16,7 @@ from cmsreduce.model.sweep_result import SweepResult, SweepRow
 from cmsreduce.write.atomic import atomic_path
 from cmsreduce.write.datasets import hdf5_file, put, put_texts
 
-__all__ = ["SWEEP_FORMAT", "SWEEP_FORMAT_VERSION", "write_sweep_csv", "write_sweep_table"]
+__all__ = ["write_sweep_csv", "write_sweep_table"]
 
 SWEEP_FORMAT, SWEEP_FORMAT_VERSION = "cmsreduce sweep", 1
 

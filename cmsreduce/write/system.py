@@ -16,7 +16,7 @@ from cmsreduce.linalg.pencil import elastic_pairs
 from cmsreduce.model import DOF_NAMES, Joint, Matrix, System, Units
 from cmsreduce.write.datasets import hdf5_file, put, put_texts, put_units
 
-__all__ = ["SYSTEM_FORMAT", "SYSTEM_FORMAT_VERSION", "write_system"]
+__all__ = ["write_system"]
 
 SYSTEM_FORMAT = "cmsreduce-system"
 SYSTEM_FORMAT_VERSION = 1

@@ -78,9 +78,9 @@ MISTAKES = {
     "tie of a rigid body": (
         "{hinge: {position: [0, 0, 0]}}", "{hinge: {nodes: [1], position: [0, 0, 0], tie: rigid}}", 0,
         "an interface of a rigid body is given by its position"),
-    "format of a later version": (
+    "unknown format": (
         "[hdf5]", "[hdf5, contops]", 0,
-        "key 'write.formats[1]': 'contops' is not available in this version, hdf5 or matlab or abcd or nastran or"),
+        "key 'write.formats[1]': found the text 'contops'; expected hdf5 or matlab or abcd or nastran or"),
     "dialect of a format that has none": (
         "{formats: [hdf5]}", "{formats: [hdf5, mbsim], dialects: {mbsim: lumped}}", 0,
         "key 'write': 'mbsim' has no dialects (those that have: sid, mbdyn)"),
@@ -163,11 +163,12 @@ MISTAKES = {
         "name: galileo", "name: galileo\nsolver: {backend: umfpack}", 1,
         "expected auto or pardiso or multifrontal or cholmod or superlu or mumps"),
     "no ranks": ("name: galileo", "name: galileo\nsolver: {ranks: 0}", 1, "key 'solver.ranks'"),
-    "no parts": (
-        "name: galileo", "name: galileo\nsolver: {parts: 0}", 1,
-        "key 'solver.parts': a number of parts, 1 or more, or auto is expected, found 0"),
-    "many parts": (
-        "name: galileo", "name: galileo\nsolver: {parts: many}", 1, "or auto is expected, found 'many'"),
+    "parts, which left": (
+        "name: galileo", "name: galileo\nsolver: {parts: auto}", 1,
+        "key 'solver.parts' has been removed. Bodies are not reduced in parts any more."),
+    "parts of one body, which left": (
+        "method: guyan", "method: guyan, parts: 16", 0,
+        "key 'components.rotor.reduce.parts' has been removed. Bodies are not reduced in parts any more."),
     "alias of itself": ("cg: [0, 0, 0.2]", "cg: &a [*a]", 0, "contains itself through an alias"),
 }  # fmt: skip
 

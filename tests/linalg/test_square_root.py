@@ -60,7 +60,9 @@ def test_both_transformed_gramians_are_the_hankel_values(ch):
 def worst(ch, states: int) -> tuple[float, float]:
     """Largest response, and largest error of the balanced model of so many states, of a single channel."""
     W, V = gramians(ch)
-    A, B, C = balancing(semidefinite_root(W), semidefinite_root(V)).truncated(*dense_states(ch), states)
+    found, (A, B, C) = balancing(semidefinite_root(W), semidefinite_root(V)), dense_states(ch)
+    left, right = found.left[:, :states], found.right[:, :states]
+    A, B, C = left.T @ A @ right, left.T @ B, C @ right
     w = np.unique(np.concatenate([np.linspace(0.9, 1.1, 40001), ch.omega[1] + np.linspace(-0.02, 0.02, 40001)]))
     H = response(ch, w)[:, 0, 0]
     poles, X = la.eig(A)

@@ -94,23 +94,6 @@ def test_each_solver_finds_the_modes_that_dense_algebra_finds(run, bar, backend)
     np.testing.assert_allclose(found, clamped(bar, np.arange(27, bar.n))[:6], rtol=1e-5)
 
 
-@pytest.mark.parametrize("where", ["solver", "reduce"])
-def test_a_body_is_reduced_in_parts(files, tmp_path, where):
-    text = BAR.format(output=tmp_path / "out", solver="backend: superlu, threads: 1")
-    here = {"solver": "solver: {parts: 4, ", "reduce": "reduce: {parts: 4, "}[where]
-    path = files / f"parts-{where}.yaml"
-    path.write_text(text.replace(f"{where}: {{", here))
-    result = CliRunner().invoke(main, ["run", str(path)])
-    assert result.exit_code == 0, result.output
-    part = json.loads((tmp_path / "out" / "summary.json").read_text())["components"]["bar"]
-    assert "parts" in part["solver"]["backends"]
-    # Only the reduction of the body is done in parts where the key is its own.
-    assert part["solver"]["largest"]["parts"] == (4 if where == "solver" else 1)
-    certificate = part["certificate"]
-    assert certificate["counted"] == certificate["found"] > 10
-    assert 0 < certificate["frequency_bound"] < 1e-8
-
-
 def test_mumps_without_its_interpreter_is_refused(run):
     code, output, _ = run("backend: mumps, python: /nowhere/python3")
     assert code == 2

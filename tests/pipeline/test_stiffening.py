@@ -16,7 +16,7 @@ from cmsreduce.errors import CmsReduceError
 from cmsreduce.linalg.geometric_stiffness import bars_stiffness
 from cmsreduce.model import UnitLoad, Units, in_units, load_stiffness_in_units
 from cmsreduce.pipeline import Run, Silent, execute
-from cmsreduce.pipeline.inspection import describe
+from cmsreduce.pipeline.inspection import inspected
 from cmsreduce.read import bars_in_units
 from cmsreduce.write import convert, read_component
 from tests.linalg.test_geometric_stiffness import WRIGHT, chain
@@ -109,7 +109,7 @@ def test_terms_of_acceleration_are_what_the_frame_feels_back(spun: Path, tmp_pat
 
 
 def test_the_file_is_told_of_and_older_ones_are_read(spun: Path, tmp_path: Path) -> None:
-    lines = "\n".join(describe(spun / "beam.h5"))
+    lines = "\n".join(inspected(spun / "beam.h5").lines)
     assert "centrifugal xx yy zz xy yz xz; force 21.x 21.y 21.z; held at interface root" in lines
     older = tmp_path / "older.h5"
     older.write_bytes((spun / "beam.h5").read_bytes())

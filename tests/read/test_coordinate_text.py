@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix
+from cmsreduce.read.matrix import matrix_names, read_matrix
+from cmsreduce.read.matrix_format import detect_format
 
 K = np.array([[3.0, -1.0 / 3.0, 0.0], [-1.0 / 3.0, 2.0e7, -1.0], [0.0, -1.0, 1.0]])
 SKEW = np.array([[1.0, 2.0], [-2.0, 1.0]])

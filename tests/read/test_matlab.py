@@ -9,7 +9,8 @@ import scipy.io
 import scipy.sparse as sp
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix
+from cmsreduce.read.matrix import matrix_names, read_matrix
+from cmsreduce.read.matrix_format import detect_format
 
 K = np.array([[2.0, -1.0 / 3.0, 0.0], [-1.0 / 3.0, 4.0e6, 0.0], [0.5, 0.0, 0.0]])
 VARIABLES = {"K": K, "S": sp.csc_matrix(K), "text": "chain", "row": np.arange(4.0)}

@@ -8,7 +8,8 @@ import scipy.io
 import scipy.sparse as sp
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix
+from cmsreduce.read.matrix import matrix_names, read_matrix
+from cmsreduce.read.matrix_format import detect_format
 
 K = np.array([[2.0, -1.0 / 3.0, 0.0], [-1.0 / 3.0, 4.0e6, 0.0], [0.0, 0.0, 0.0]])
 SKEW = np.array([[0.0, 2.5, 0.0], [-2.5, 0.0, 1.0], [0.0, -1.0, 0.0]])

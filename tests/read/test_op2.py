@@ -10,7 +10,8 @@ import scipy.io
 from pyyeti.nastran import op2
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix
+from cmsreduce.read.matrix import matrix_names, read_matrix
+from cmsreduce.read.matrix_format import detect_format
 
 NASTRAN_FILES = Path(pyyeti.__file__).parent / "tests"
 written_by_nastran = pytest.mark.skipif(not NASTRAN_FILES.is_dir(), reason="pyYeti is installed without its test data")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import gzip
 from dataclasses import replace
 
 import numpy as np
@@ -12,14 +10,11 @@ import pytest
 from cmsreduce.model import ChannelZeros, GainCurve, ReductionChecks, StaticLack, SystemChecks
 from cmsreduce.report.check_data import check_data, high_gains
 from cmsreduce.report.health_rows import basis_row, health_rows
-from cmsreduce.report.packing import ArrayStore, quantised_from
+from cmsreduce.report.packing import ArrayStore
 from cmsreduce.report.tables import channel_rows
 from tests.report.conftest import component
 from tests.report.made_checks import HEALTH
-
-
-def unpacked(store: ArrayStore, where: dict) -> np.ndarray:
-    return quantised_from(gzip.decompress(base64.b64decode(store.packed())), where)
+from tests.report.unpacking import unpacked
 
 
 def test_zeros_are_drawn_once_and_placed_in_the_plane(make_run) -> None:
@@ -33,11 +28,11 @@ def test_zeros_are_drawn_once_and_placed_in_the_plane(make_run) -> None:
     (found,) = data["zeros"]
     assert found["counts"] == [[0, 0], [4, 3]] and found["worst"] == [None, [0.1, 1, 4]]
     assert data["zero_first"] == (0, 1)
-    assert 10 ** unpacked(store, found["full"]) == pytest.approx([1, 2, 3, 5], rel=1e-4)
-    assert unpacked(store, found["full_place"]).tolist() == [0, 0, 1, 2]
-    assert unpacked(store, found["judged"]).tolist() == [1, 0, 1, 1]
+    assert 10 ** unpacked(store.packed(), found["full"]) == pytest.approx([1, 2, 3, 5], rel=1e-4)
+    assert unpacked(store.packed(), found["full_place"]).tolist() == [0, 0, 1, 2]
+    assert unpacked(store.packed(), found["judged"]).tolist() == [1, 0, 1, 1]
     # The last has no partner: a gap.
-    miss = unpacked(store, found["miss"])
+    miss = unpacked(store.packed(), found["miss"])
     assert 10 ** miss[0] == pytest.approx(1e-3, rel=1e-2) and np.isnan(miss[3])
 
 
@@ -48,8 +43,8 @@ def test_high_gains_are_those_of_the_curve() -> None:
     hz = np.array([1.0, 5.0, 20.0, 30.0])
     store = ArrayStore()
     found = high_gains(GainCurve("", hz, running, running[-1], hz, running, running[-1] + 0.5), 10.0, store)
-    assert unpacked(store, found["mode"]).tolist() == [2]
-    assert unpacked(store, found["share"]) == pytest.approx([0.25])
+    assert unpacked(store.packed(), found["mode"]).tolist() == [2]
+    assert unpacked(store.packed(), found["share"]) == pytest.approx([0.25])
 
 
 def test_static_lack_is_in_per_cent_with_its_limit(make_run) -> None:

@@ -1,14 +1,12 @@
-import base64
-import gzip
-
 import numpy as np
 import pytest
 
-from cmsreduce.report.packing import ArrayStore, compressed, quantised_from
+from cmsreduce.report.packing import ArrayStore, compressed
+from tests.report.unpacking import unpacked
 
 
 def read(store: ArrayStore, where: dict) -> np.ndarray:
-    return quantised_from(gzip.decompress(base64.b64decode(store.packed())), where)
+    return unpacked(store.packed(), where)
 
 
 def test_arrays_come_back() -> None:

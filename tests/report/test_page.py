@@ -1,5 +1,3 @@
-import base64
-import gzip
 import json
 import re
 from dataclasses import replace
@@ -9,8 +7,8 @@ import numpy as np
 import pytest
 
 from cmsreduce.report import render_report
-from cmsreduce.report.packing import quantised_from
 from tests.report.conftest import damped
+from tests.report.unpacking import unpacked
 
 HZ_1, HZ_2 = 1.0, 4.0
 HOSTILE = "</script><script>window.stolen = 1</script>"
@@ -66,7 +64,7 @@ class Page(HTMLParser):
         return json.loads(self.scripts[0])
 
     def array(self, where: dict) -> np.ndarray:
-        return quantised_from(gzip.decompress(base64.b64decode(self.scripts[1])), where)
+        return unpacked(self.scripts[1], where)
 
     def curve(
         self, configuration: int, channel: int
