@@ -46,7 +46,7 @@ $(DOCS_STAMP): $(STAMP)
 bench: $(STAMP) ## cmsreduce against scipy on small bodies, two minutes
 	$(BIN)/python benchmarks/linear_algebra.py
 
-bench-full: $(STAMP) bench-peers ## every peer on every body, and docs/performance.md; hours
+bench-full: $(STAMP) bench-peers ## every peer on every body, and benchmarks/performance.md; hours
 	$(BIN)/python benchmarks/reduction.py
 	$(BIN)/python benchmarks/error_speed.py
 	$(BIN)/python benchmarks/linear_algebra.py --full --write

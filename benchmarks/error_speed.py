@@ -1,6 +1,6 @@
 """The whole reduction by Craig-Bampton: how the error falls with the modes that are kept, and what they cost.
 
-The solid bracket of `mode_sets.py` between its hub and its payload; the figures are kept for docs/performance.md.
+The solid bracket of `mode_sets.py` between its hub and its payload; the figures are kept for benchmarks/performance.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What becomes of a run that is killed, starved, lied to or disturbed: the table of docs/reliability.md.
+"""What becomes of a run that is killed, starved, lied to or disturbed: the table of benchmarks/faults.md.
 
 Every fault is followed by another run, which must end well and write what an undisturbed run writes. Faults of disks
 need a file system of their own, which only root can mount; without it their rows say so.
@@ -27,7 +27,7 @@ import h5py
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "reliability.md"
+PAGE = ROOT / "benchmarks" / "faults.md"
 PIPELINE = ROOT / "pipelines" / "hub_beams.yaml"
 # Settings that a run is given in turn, so that finished stages of another are in its folder.
 CUTOFFS = ("20", "10", "15")

@@ -2,7 +2,7 @@
 
 ``python benchmarks/growth.py [--largest DOFS]`` prints, for a slender, a thin and a compact body of bricks, entries and
 operations of the factor in METIS's order, exponents of growth, and what 1e7 and 1e8 dofs need by them. Times and memory
-follow from the rates of docs/performance.md, named below.
+follow from the rates of benchmarks/performance.md, named below.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ Cells = tuple[int, int, int]
 
 SIZES = (3e4, 1e5, 3e5, 1e6, 3e6)
 ASKED = (1e7, 1e8)
-# docs/performance.md, slender solid of 1e6 dofs on 2 cores: operations of a second in the factorisation; seconds for an
-# entry of the factor in 60 static solves and 50 modes together; bytes for a dof beside the factor (matrices, basis).
+# benchmarks/performance.md, slender solid of 1e6 dofs on 2 cores: operations of a second in the factorisation; seconds
+# for an entry of the factor in 60 static solves and 50 modes together; bytes for a dof beside the factor (matrices,
+# basis).
 RATE, SOLVES, BESIDE = 43.1e9, 98.3 / 1.2e9, 6.4e3
 # What one node of a cluster is taken to have.
 NODE_BYTES, NODE_CORES, SHARE = 512 * 2.0**30, 64, 0.5

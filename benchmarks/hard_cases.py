@@ -1,6 +1,6 @@
-"""Every hard case through every mode set: what is hard, what is done about it, error against time.
+"""Hard cases through every mode set: the difficulty, the treatment, error against time.
 
-Prints docs/hard-cases.md; ``--write`` puts it there.
+Prints benchmarks/hard-cases.md; ``--write`` puts it there.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from tests.hard.outcome import outcome, reduce  # noqa: E402
 INTRODUCTION = """\
 # Hard cases
 
-Bodies that break textbook code, each through every mode set, normal modes kept to twice the band
-(`tests/hard/`; this page is printed by `python benchmarks/hard_cases.py --write`). Every figure is measured against the
-unreduced body, solved directly by scipy.
+Bodies on which textbook code fails, each reduced by every mode set with normal modes to twice the band (`tests/hard/`).
+`python benchmarks/hard_cases.py --write` prints this page. The reference of every figure is the unreduced body, solved
+directly by scipy.
 
-- **frf_error** over the band at 1 % of critical damping, rigid part excluded, the body joined to the neighbour that
-  loads it, between its interface, loads and sensors. **Limit** is what theory allows on this body: for Craig-Bampton
-  half as much again as the first-order detuning by the fixed-interface modes it leaves out, and 0.01; for MacNeal-Rubin
-  0.01; for Benfield-Hruda, and for augmented-body modes where the neighbour adds no stiffness, the error of modal
-  truncation of the joined bodies, and 0.001. Where theory promises nothing (Guyan has no dynamics, mass alone is no
-  stiff neighbour) there is none.
-- **Static**: share of the strain energy of static responses that is missed, worst load (theory section 7); for the sets
-  with constraint modes under loads that balance on the interface, for MacNeal-Rubin under all loads, inertia relieved.
+- **frf_error**: response error over the band at 1 % of critical damping, without the rigid part. The body is joined to
+  the neighbour that loads it; inputs and outputs are its interface, loads and sensors.
+- **Limit**: what theory allows on this body. Craig-Bampton: 1.5 times the first-order shift of frequencies by the
+  fixed-interface modes left out, plus 0.01. MacNeal-Rubin: 0.01. Benfield-Hruda, and augmented-body modes where the
+  neighbour adds no stiffness: the error of modal truncation of the joined bodies, plus 0.001. Guyan, and augmented-body
+  modes beside a stiff neighbour: no limit, because theory promises nothing.
+- **Static**: share of the strain energy of static responses that the basis misses, worst load. Sets with constraint
+  modes: loads that balance on the interface. MacNeal-Rubin: all loads, inertia relieved.
 - **K**: worst phi_i^T K phi_j / (w_i w_j) of two modes, in long double; **M** likewise. Bodies whose own numbers cancel
-  (stiffness contrast, a slender mast) are granted what arithmetic in double leaves of a strain energy.
-- **s**: to reduce and orthogonalise, on one core.
+  (stiffness contrast, a slender mast) get the tolerance that double precision leaves of a strain energy.
+- **s**: seconds to reduce and orthogonalise, on one core.
 """
 HEADER = "| mode set | columns | frf_error | limit | static | K | M | s |\n|---|---|---|---|---|---|---|---|"
 
@@ -81,7 +81,7 @@ def row(case: Case, method: str) -> str:
 if __name__ == "__main__":
     if "--write" in sys.argv[1:]:
         lines = "\n".join(page()).rstrip() + "\n"
-        (ROOT / "docs" / "hard-cases.md").write_text(lines, encoding="utf-8")
+        (ROOT / "benchmarks" / "hard-cases.md").write_text(lines, encoding="utf-8")
     else:
         for line in page():
             print(line, flush=True)

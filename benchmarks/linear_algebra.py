@@ -1,7 +1,7 @@
 """One Craig-Bampton problem, 60 constraint modes and 50 normal modes, by cmsreduce and its peers, body by body.
 
 ``python benchmarks/linear_algebra.py`` runs the short list, ``--full`` the long one; ``--bodies`` and ``--peers`` pick.
-Every run is kept in build/bench; ``--write`` makes docs/performance.md of all that is kept there.
+Every run is kept in build/bench; ``--write`` makes benchmarks/performance.md of all that is kept there.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--limits", action="store_true", help="measure the machine's limits as well")
     parser.add_argument("--scratch", help="folder for the matrices; 5 GB at 3e6 dofs")
     parser.add_argument("--page", action="store_true", help="run nothing; with --write, the page of what is kept")
-    parser.add_argument("--write", action="store_true", help="write docs/performance.md and its picture")
+    parser.add_argument("--write", action="store_true", help="write benchmarks/performance.md and its picture")
     return parser
 
 

@@ -1,4 +1,4 @@
-"""docs/performance.md and its picture, from the runs that `linear_algebra.py` and `error_speed.py` kept."""
+"""benchmarks/performance.md and its picture, from the runs that `linear_algebra.py` and `error_speed.py` kept."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from benchmarks.machine_limits import Limits
 from benchmarks.meshes import BODIES, INTERFACE_NODES, MODES, SLENDER
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "performance.md"
-PICTURE = ROOT / "docs" / "images" / "performance.svg"
+PAGE = ROOT / "benchmarks" / "performance.md"
+PICTURE = ROOT / "benchmarks" / "images" / "performance.svg"
 ERROR_SPEED = RECORDS / "error_speed.json"
 
 # What is demanded of all: |K x - lam M x| / |lam M x| of every mode.
@@ -56,27 +56,27 @@ INTRODUCTION = f"""\
 
 One Craig-Bampton problem by several programs: {3 * INTERFACE_NODES} constraint modes ({INTERFACE_NODES} nodes of the
 face opposite the held one) and the {MODES} lowest fixed-interface modes of a steel body. Every peer runs in a process
-of its own with the same threads and reads the same two matrices; reading is not timed, nor is the start of a program,
-with the compilation of cmsreduce's loops that a machine does once. `make bench-full` writes this page ([how
-to run it](../benchmarks/README.md)).
+of its own, with the same threads, and reads the same two matrices. Not timed: reading, the start of a program, and
+the compilation of cmsreduce's loops, which a machine does once. `make bench-full` writes this page ([how to run
+it](README.md)).
 
-- **factorise**: ordering included; a reduction that counts its modes has cmsreduce's from the count, within its time.
-  **solves**: one block of {3 * INTERFACE_NODES} right-hand sides. **modes**: the eigenproblem. A peer that does all in
-  one call has a total only. **Peak**: of the process, matrices and interpreter included.
-- **Residual**: the worst |K x - lam M x| / |lam M x| (2-norms) of a mode; {RESIDUAL:g} is demanded of it, and of
-  |K Psi + K_ji| / |K_ji| of the constraint modes; a peer above it is marked `!`.
-- **Frequencies differ by**: the largest relative difference from cmsreduce's; a mode without a partner within {SAME:g}
-  is missed.
-- cmsreduce's modes are all below a cutoff, between the {MODES}th and the next, and a Sturm count (inertia of
-  K - sigma M) proves that none is missing. No peer has that proof; it is timed apart and not in the total.
-- **single-precision factor** is `solver: {{precision: single}}`, what cmsreduce takes where one in double precision
-  does not fit: half the factor, modes corrected by residuals and static shapes refined to the same accuracy.
-- **scipy** is splu and eigsh as its users write them, with SuperLU's default order (COLAMD), its best own (MMD on
-  A + A^T, symmetric mode) and METIS's. **SLEPc** is Krylov-Schur of the Debian packages; with MUMPS in one process,
-  OpenBLAS taking the threads, and in two. **Exudyn** factorises once for the modes and once for the constraint modes,
-  by SuperLU in its default order. **sdynpy** is dense. **CalculiX** solves no static problem and assembles K and M
-  itself, within its total; no residual is taken of its shapes. Its hexahedra are the same as here, its linear
-  tetrahedra integrate the mass at one point.
+- **factorise**: with ordering. A reduction that counts its modes has cmsreduce's ordering from the count, within its
+  time. **solves**: one block of {3 * INTERFACE_NODES} right-hand sides. **modes**: the eigenproblem. A peer that does
+  all in one call has a total only. **Peak**: of the process, with matrices and interpreter.
+- **Residual**: the worst |K x - lam M x| / |lam M x| (2-norms) of a mode. The limit is {RESIDUAL:g}. The constraint
+  modes have the same limit on |K Psi + K_ji| / |K_ji|. A peer above it is marked `!`.
+- **Frequencies differ by**: the largest relative difference from cmsreduce's. A mode without a partner within
+  {SAME:g} is missed.
+- cmsreduce computes all modes below a cutoff between the {MODES}th and the next, and a Sturm count (inertia of K -
+  sigma M) proves that none is missing. No peer has that proof; its time is given apart and is not in the total.
+- **single-precision factor** is `solver: {{precision: single}}`. cmsreduce takes it where a factor in double
+  precision does not fit: half the memory; residuals correct modes and static shapes to the same accuracy.
+- **scipy** is splu and eigsh as its users write them, with SuperLU's default order (COLAMD), its best own order (MMD
+  on A + A^T, symmetric mode) and METIS's order. **SLEPc** is Krylov-Schur of the Debian packages; with MUMPS in one
+  process, where OpenBLAS takes the threads, and in two. **Exudyn** factorises once for the modes and once for the
+  constraint modes, by SuperLU in its default order. **sdynpy** is dense. **CalculiX** solves no static problem and
+  assembles K and M itself, within its total; its shapes have no residual here. Its hexahedra are the same as here,
+  its linear tetrahedra integrate the mass at one point.
 """
 _SMALL = (
     "Three quarters of cmsreduce's time for the modes are not solves: steps by blocks cost that in Python whatever the "

@@ -1,6 +1,6 @@
 """Two roads to a reduced model: component modes ranked and cut off, against system modes projected and reassembled.
 
-Prints the table of docs/projection.md; ``--write`` puts it there.
+Prints the table of benchmarks/projection.md; ``--write`` puts it there.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from cmsreduce.pipeline.halfway import halfway  # noqa: E402
 from cmsreduce.pipeline.progress import Silent  # noqa: E402
 from cmsreduce.pipeline.run import Run  # noqa: E402
 
-PAGE = ROOT / "docs" / "projection.md"
+PAGE = ROOT / "benchmarks" / "projection.md"
 START, END = "<!-- table -->", "<!-- end of table -->"
 HEADER = (
-    "| scene | asked | road | elastic modes | error at sampled angles | halfway between | seconds |\n"
+    "| scene | asked | road | elastic modes | error at sampled angles | at midpoints | seconds |\n"
     "|---|---|---|---|---|---|---|"
 )
 ROADS = {

@@ -1,8 +1,8 @@
 """Rankings on the space station ISS-1R: error against order, real modes kept, beside balanced states.
 
-Prints the tables of docs/ranking.md; ``--write`` puts them there. `control.balred` needs slycot (`pip install slycot`)
-and is left out without it. ISS-1R is iss.mat of the SLICOT collection of models, by default in ../shared/data/slicot;
-another place is given as an argument.
+Prints the tables of benchmarks/rankings.md; ``--write`` puts them there. `control.balred` needs slycot
+(`pip install slycot`) and is left out without it. ISS-1R is iss.mat of the SLICOT collection of models, by default in
+../shared/data/slicot; another place is given as an argument.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from cmsreduce.linalg.gramians import state_space
 from cmsreduce.model import ModalChannels
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "ranking.md"
+PAGE = ROOT / "benchmarks" / "rankings.md"
 MARK = "<!-- tables of benchmarks/rankings.py -->"
 STATION = ROOT.parent / "shared" / "data" / "slicot" / "iss.mat"
 

@@ -11,7 +11,7 @@ ROOMS = (
     *("read", "reduce", "orthogonalise", "balance", "project", "assemble", "verify", "write", "report"),
     *("pipeline", "config", "model", "errors"),
 )
-"""The rooms in the order data flows, then what joins them and what flows."""
+"""The rooms in the order of the data flow, then those that join them, then the data."""
 
 
 def api_page(room: str) -> str:
@@ -30,7 +30,7 @@ def api_page(room: str) -> str:
 
 
 def _defined(module: ModuleType, name: str) -> str:
-    """Where a name is defined: a room may have a module and a function of one name."""
+    """Full name of the definition: a room may have a module and a function of one name."""
     found = getattr(module, name)
     home = getattr(found, "__module__", "")
     return f"{home if home.startswith('cmsreduce.') else module.__name__}.{name}"

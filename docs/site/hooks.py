@@ -1,6 +1,6 @@
-"""Which files are pages of the site: those of the repository under the names they have there, and the reference.
+"""Pages of the site: the pages of the repository under their own names, and the reference.
 
-A page keeps its place in the repository, so that a link that leads somewhere there leads somewhere here, too.
+A page keeps its place in the repository, so that one link works in both.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mkdocs.structure.files import File, Files
 from cmsreduce.config import json_schema
 
 ROOT = Path(__file__).parents[2]
-PAGES = ("README.md", "docs/*.md", "sample_models/*/README.md", "benchmarks/README.md")
+PAGES = ("README.md", "docs/*.md", "sample_models/*/README.md", "benchmarks/*.md")
 _LINK = re.compile(r"\]\(([^)#:\s]+)[^)\s]*\)")
 
 
@@ -50,7 +50,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Put the pages of the repository in the place of what lies in the folder of the site."""
+    """Replace the files in the folder of the site by the pages of the repository."""
     for file in list(files):
         if file.src_dir == config.docs_dir:
             files.remove(file)

@@ -13,8 +13,8 @@ Schema = Mapping[str, Any]
 _HEAD = """\
 # Keys of the pipeline file
 
-Made from the JSON Schema that `cmsreduce schema` prints. `NAME` stands for a name of yours, `[]` for an item of
-a list. A key that may be written in several ways lists them; one that its mapping cannot do without is marked needed.
+Made from the JSON Schema that `cmsreduce schema` prints. `NAME` stands for your own name, `[]` for an item of a list. A
+key with several forms lists them. A key that its mapping must have is marked needed.
 """
 
 
@@ -46,7 +46,7 @@ def key_page(schema: Schema) -> str:
 
 
 def schema_keys(schema: Schema) -> Iterator[tuple[str, Schema, bool]]:
-    """Path, description and need of every key, in the order of the schema; a mapping that holds itself is told once.
+    """Path, description and need of every key, in the order of the schema; a mapping that holds itself is listed once.
 
     Parameters
     ----------
@@ -61,15 +61,15 @@ def _keys(at: Schema, schema: Schema, path: str, above: tuple[str, ...]) -> Iter
     for name, key in at.get("properties", {}).items():
         here = f"{path}.{name}" if path else name
         yield here, key, name in needed
-        told = set(above)
+        listed = set(above)
         for inner, suffix, ref in _mappings(key, schema):
-            if ref not in told:
-                told.add(ref)
+            if ref not in listed:
+                listed.add(ref)
                 yield from _keys(inner, schema, here + suffix, (*above, ref))
 
 
 def _mappings(key: Schema, schema: Schema, name: str = "") -> Iterator[tuple[Schema, str, str]]:
-    """Mappings with keys of their own that may stand below a key: the schema, what to add to the path, its name."""
+    """Mappings with keys of their own below a key: the schema, the addition to the path, the name."""
     if "$ref" in key:
         named = key["$ref"].rpartition("/")[2]
         yield from _mappings(schema["$defs"][named], schema, named)

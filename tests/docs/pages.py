@@ -11,7 +11,7 @@ __all__ = ["PAGES", "ROOT", "Snippet", "commands", "inline", "snippets"]
 
 ROOT = Path(__file__).parents[2]
 PAGES = ["README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md")))]
-_BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$|(?<=\n\n)((?:^ {4}.*\n(?:\n(?= {4}))?)+)", re.M | re.S)
+_BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$|(?<=\n\n)((?:^ {4}[^\n]*\n(?:\n(?= {4}))?)+)", re.M | re.S)
 
 
 @dataclass(frozen=True)

@@ -65,12 +65,14 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "new rotor rotor.op4 rotor.bdf",
             "run study.yaml",
             "run rotor.yaml --out build/rotor",
-            "run pipelines/galileo.yaml",
+            "run pipelines/galileo.yaml --set write.formats=[hdf5,matlab]",
         ):
             typed(f"cmsreduce {command}")
         for component in ("build/study/panel.h5", "build/rotor/rotor.h5", "build/galileo/rotor.h5"):
             shutil.copy(component, ".")
             shutil.copy(component, "build")
+        for states in ("rotor.mat", "system.mat"):
+            shutil.copy(f"build/galileo/{states}", ".")
         shutil.copytree("build/study", "baseline", ignore=shutil.ignore_patterns("stages"))
     return folder
 

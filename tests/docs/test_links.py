@@ -11,7 +11,7 @@ from tests.docs.pages import PAGES, ROOT
 
 LINKED = [
     *PAGES,
-    "benchmarks/README.md",
+    *(f"benchmarks/{page.name}" for page in sorted(ROOT.glob("benchmarks/*.md"))),
     *(f"sample_models/{p.parent.name}/README.md" for p in ROOT.glob("sample_models/*/README.md")),
 ]
 

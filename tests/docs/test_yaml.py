@@ -27,7 +27,7 @@ BODY = {
     "geometry": "a.bdf",
 }
 """What a body of a snippet has beside what is said of it there."""
-PLACES = ("hinge", "root", "tip", "bearing")
+PLACES = ("hinge", "root", "tip", "bearing", "spin_bearing")
 """Interfaces that snippets speak of without making them."""
 
 

@@ -34,7 +34,7 @@ def massless_rotations() -> Case:
     face, rigid = np.concatenate([rows(body, (1, 5, 7), (1, 2, 3))]), rigid_motions(body)
     return Case(
         "rotations without inertia",
-        "Point masses: half of M's diagonal is zero, and so is the frequency nobody should compute of it.",
+        "Point masses: half of M's diagonal is zero.",
         "Massless shapes are condensed statically inside the eigenproblem and never become a large number.",
         body,
         face,
@@ -53,7 +53,7 @@ def massless_interface() -> Case:
     return Case(
         "interface without inertia",
         "Six interface rotations carry no mass: a hinge there feels flexibility that no mode has.",
-        "Their flexibility is kept as static modes, which follow their load at once.",
+        "Static modes keep their flexibility; they follow their load at once.",
         body,
         face,
         BAND,
@@ -70,7 +70,7 @@ def massless_tip() -> Case:
     face, rigid = rows(body, (1, 7)), rigid_motions(body)
     return Case(
         "interface node without mass",
-        "All six dofs of an interface node are massless: it hangs on the body by a spring.",
+        "All six dofs of an interface node are massless: a spring joins it to the body.",
         "As above, for translations and rotations together.",
         body,
         face,
@@ -94,9 +94,9 @@ def tiny_inertia() -> Case:
     face, rigid = rows(body, (1, 8)), rigid_motions(body)
     return Case(
         "tiny inertia at a gimbal",
-        "1e-9 kg m2 on a spring at the interface: a mode far above every cutoff that carries most of the flexibility "
+        "1e-9 kg m2 on a spring at the interface: a mode far above every cutoff carries most of the flexibility "
         "there and moves every zero below.",
-        "Static modes of the interface hold it: constraint modes and residuals know no cutoff.",
+        "Static shapes of the interface hold it: constraint modes and residuals have no cutoff.",
         body,
         face,
         BAND,
@@ -116,7 +116,7 @@ def heavy_end() -> Case:
     return Case(
         "mass contrast 1e9",
         "A thousand tonnes at the interface, bars of ten grams behind it: elastic modes hardly move the interface.",
-        "Modes are made orthonormal to rigid ones that weigh 1e9 times as much, twice.",
+        "Modes are made orthonormal twice to rigid modes that weigh 1e9 times as much.",
         body,
         face,
         (0.2, 6.0),

@@ -28,9 +28,9 @@ def determinate() -> Case:
     face = np.concatenate([rows(body, 1, (1, 2, 3)), rows(body, 2, (2, 3)), rows(body, 4, (3,))])
     return Case(
         "determinate interface",
-        "Six dofs on three nodes (3-2-1) hold the body without strain: the boundary stiffness is zero, and a neighbour "
-        "loads it with mass alone.",
-        "Rigid motion is taken out of the reduced stiffness by name, so what rounding leaves of it is no spring.",
+        "Six dofs on three nodes (3-2-1) hold the body without strain: the interface stiffness is zero, and a "
+        "neighbour loads it with mass alone.",
+        "Rigid motion is removed from the reduced stiffness by name, so its rounding acts as no spring.",
         body,
         face,
         BAND,
@@ -46,7 +46,7 @@ def indeterminate() -> Case:
     face = rows(body, (1, 3))
     return Case(
         "indeterminate interface",
-        "Twelve dofs on two nodes: the neighbour adds stiffness, which loaded modes must carry.",
+        "Twelve dofs on two nodes: the neighbour adds stiffness, and loaded modes must have it.",
         "Constraint modes and residuals hold it exactly; Benfield-Hruda loads K and M.",
         body,
         face,
@@ -68,8 +68,8 @@ def redundant() -> Case:
     face, rigid = rows(body, range(1, 7)), rigid_motions(body)
     return Case(
         "redundant interface",
-        "Thirty-six dofs on a flange that is all but rigid: its constraint modes and residuals are nearly dependent.",
-        "Residuals are made orthonormal in K in the order of what they add, and one that adds nothing is left out.",
+        "Thirty-six dofs on a flange that is nearly rigid: its constraint modes and residuals are nearly dependent.",
+        "Residuals are made orthonormal in K, largest contribution first. A residual without contribution is left out.",
         body,
         face,
         (1.0, 120.0),
@@ -86,7 +86,7 @@ def one_pin() -> Case:
     return Case(
         "translations of one node",
         "A ball joint: the body turns about it, so there are no constraint modes.",
-        "Craig-Bampton and Guyan refuse it by name; free and loaded modes ask nothing of the interface.",
+        "Craig-Bampton and Guyan refuse it by name; free and loaded modes need nothing of the interface.",
         body,
         face,
         BAND,
@@ -102,8 +102,8 @@ def nothing() -> Case:
     body, rigid = _tower()
     return Case(
         "no interface",
-        "A free flyer with a strut inside: nothing to hold it by, nothing to load it.",
-        "Every set falls back on rigid and free modes, and on the residual response to the strut.",
+        "A free body with a strut inside: no interface holds it, and no neighbour loads it.",
+        "Every set takes rigid and free modes, and the residual response to the strut.",
         body,
         np.empty(0, dtype=np.int64),
         BAND,
@@ -120,7 +120,7 @@ def everything() -> Case:
     return Case(
         "all dofs interface",
         "There is no interior: no fixed-interface modes, and a residual for every dof beside the free modes.",
-        "Static condensation of nothing is the body itself, exactly; dependent residuals are left out.",
+        "Static condensation without interior is the body itself, exactly. Dependent residuals are left out.",
         body,
         face,
         BAND,

@@ -27,8 +27,8 @@ def loads_1e9_apart() -> Case:
     one, other = strut(body, 4, 7), strut(body, 3, 5)
     return Case(
         "nearly dependent loads",
-        "Two loads that differ by 1e-9: so do their residual shapes, and a Gram matrix of them is singular.",
-        "A residual is kept for what it adds in strain energy; 1e-18 of the other's is nothing, and is left out.",
+        "Two loads that differ by 1e-9: their residual shapes differ as little, and their Gram matrix is singular.",
+        "A residual is kept for the strain energy that it adds. 1e-18 of the other's is nothing, and is left out.",
         body,
         face,
         BAND,
@@ -46,7 +46,7 @@ def loads_twice() -> Case:
         "duplicated loads",
         "One strut given three times, once with its ends exchanged, and one whose ends are interface nodes, which "
         "constraint modes and residuals hold already.",
-        "As above: what adds nothing is left out.",
+        "As above: a load that adds nothing is left out.",
         body,
         face,
         BAND,
@@ -62,8 +62,8 @@ def no_outputs() -> Case:
     body, face, rigid = _frame()
     return Case(
         "inputs and no outputs",
-        "Forces act and nothing is measured: every response is empty and every importance zero.",
-        "The basis does not ask for outputs; empty responses have no error.",
+        "Forces act and nothing is measured: every response is empty and every coefficient zero.",
+        "The basis needs no outputs; empty responses have no error.",
         body,
         face,
         BAND,
@@ -80,7 +80,7 @@ def no_damping() -> Case:
     return Case(
         "no damping",
         "Peaks are infinite, so no error over the band exists.",
-        "Compared halfway between resonances, where an undamped response is finite.",
+        "Compared midway between resonances, where an undamped response is finite.",
         body,
         face,
         BAND,

@@ -54,7 +54,7 @@ def hinge_between_interfaces() -> Case:
     return Case(
         "hinge between interfaces",
         "Seven motions without strain: six of the body and one about the hinge inside it.",
-        "Mechanisms are found in the null space of K beside the motions that geometry knows; all seven have frequency "
+        "The null space of K gives mechanisms beside the rigid motions of the geometry. All seven have frequency "
         "zero exactly.",
         body,
         face,
@@ -72,7 +72,7 @@ def hinge_behind_the_interface() -> Case:
     return Case(
         "hinge behind the interface",
         "The interface holds six of the seven motions: behind it the body still folds.",
-        "Refused where constraint modes are needed; the other sets keep the seventh as a rigid mode.",
+        "Sets with constraint modes refuse it; the other sets keep the seventh motion as a rigid mode.",
         body,
         face,
         (1.0, 80.0),
@@ -90,8 +90,8 @@ def bar_along_x() -> Case:
     face, rigid = rows(body, (1, 31), (1,)), rigid_motions(body)
     return Case(
         "one dimension",
-        "Only x: one rigid motion, five columns of the rigid-body shapes are empty.",
-        "Geometry proposes six motions, those that the dofs do not show are dropped by their singular values.",
+        "Only x: one rigid motion; five columns of the rigid-body shapes are empty.",
+        "Geometry proposes six motions. Singular values drop those that the dofs do not show.",
         body,
         face,
         (10.0, 900.0),
@@ -110,7 +110,7 @@ def planar_frame() -> Case:
     return Case(
         "planar frame",
         "Three dofs a node, three rigid motions.",
-        "As above; nothing counts to six.",
+        "As above; no code assumes six rigid motions.",
         body,
         face,
         (1.0, 40.0),
@@ -126,8 +126,8 @@ def scalar_chain() -> Case:
     face, rigid = np.array([0, 39]), np.ones((40, 1))
     return Case(
         "scalar points",
-        "No geometry at all: forty scalar points in a row, free.",
-        "Rigid motion is found from the null space of K alone.",
+        "No geometry: forty scalar points in a row, free.",
+        "The null space of K alone gives the rigid motion.",
         body,
         face,
         (0.5, 12.0),
@@ -144,7 +144,7 @@ def grounded() -> Case:
     face = rows(body, 13)
     return Case(
         "grounded body",
-        "No rigid motion, so nothing to split off, and static responses without inertia relief.",
+        "No rigid motion to split off; static responses without inertia relief.",
         "r = 0 is a count like any other; residuals come from K^-1 itself.",
         body,
         face,
@@ -163,8 +163,8 @@ def lone_node() -> Case:
     body = FEModel("lump", sp.csc_array((6, 6)), sp.csc_array(M), table, nodes)
     return Case(
         "stiffness of zero",
-        "One node with mass and no stiffness: six rigid modes and nothing else.",
-        "No elastic mode is not an error.",
+        "One node with mass and no stiffness: six rigid modes only.",
+        "A body without elastic modes is no error.",
         body,
         np.arange(6),
         (1.0, 10.0),
@@ -181,7 +181,7 @@ def massless_spin() -> Case:
     return Case(
         "spin without inertia",
         "Point masses in a straight line: the spin about the line has neither stiffness nor mass.",
-        "Refused by every set: no equation determines it.",
+        "Every set refuses it: no equation determines the motion.",
         body,
         rows(body, 1),
         (1.0, 60.0),

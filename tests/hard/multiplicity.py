@@ -19,9 +19,9 @@ def square_beam() -> Case:
     face, rigid = rows(body, 1), rigid_motions(body)
     return Case(
         "repeated modes",
-        "Square section: every bending mode is a pair, and within a pair any rotation is a mode.",
-        "Modes are taken by frequency, never by number, and a pair at the cutoff is kept whole, so that the basis is "
-        "one subspace whatever vectors the solver returns.",
+        "Square section: every bending mode is a pair, and any rotation within a pair is a mode.",
+        "Modes are taken by frequency, never by number. A pair at the cutoff is kept complete, so the basis is one "
+        "subspace for any vectors that the solver returns.",
         body,
         face,
         (5.0, 350.0),
@@ -42,7 +42,7 @@ def symmetric_frame() -> Case:
     return Case(
         "symmetric frame",
         "Fourfold symmetry on a redundant interface of 24 dofs: pairs and near coincidences, fixed and free.",
-        "As above; the four feet share no constraint that has to be guessed.",
+        "As above. The four feet share no constraint that must be guessed.",
         body,
         face,
         (1.0, 60.0),
@@ -66,8 +66,8 @@ def ten_appendages() -> Case:
     return Case(
         "ten equal appendages",
         "Ten equal whips on a stiff hub: fourteen modes lie within 0.01 % of 5.17 Hz, exact pairs among them.",
-        "All modes below the cutoff are taken, in a large body counted first by the inertia of K - w^2 M; a cluster is "
-        "solved as a small pencil of its own.",
+        "All modes below the cutoff are taken, in a large body after a Sturm count. A cluster is solved as a small "
+        "pencil of its own.",
         body,
         face,
         (0.5, 20.0),

@@ -88,8 +88,8 @@ def penalty_springs() -> Case:
     return Case(
         "stiffness contrast 1e12",
         "Six penalty springs join two coincident nodes, 1e12 times as stiff as the bars in torsion.",
-        "Pivots are judged by what is left of their own diagonal entry, shapes by energy; no tolerance is relative to "
-        "the largest entry of K alone.",
+        "A pivot is compared with its own diagonal entry, a shape by its energy. No tolerance is relative to the "
+        "largest entry of K alone.",
         stiff,
         face,
         (2.0, 120.0),
@@ -111,7 +111,7 @@ def _in(units: str) -> Case:
     return Case(
         units,
         f"The panel in {units}: entries of K and M, translations and rotations differ by other powers of ten.",
-        "Everything is scaled to a unit diagonal before it is compared; the three unit systems give one answer.",
+        "All matrices are scaled to a unit diagonal before they are compared; the three unit systems give one answer.",
         stated,
         face,
         BAND,
@@ -145,8 +145,8 @@ def single_precision() -> Case:
 
     return _panel_case(
         "single precision",
-        "Entries rounded to 24 bits: K on a rigid motion is 1e-7 of |K|, which would be 0.1 Hz, some of it imaginary.",
-        "Rigid modes come from the geometry; what the rounding leaves of K on them is taken out by projection.",
+        "Entries rounded to 24 bits: K on a rigid motion is 1e-7 of |K|, which would be 0.1 Hz, in part imaginary.",
+        "Rigid modes come from the geometry. A projection removes the rounding that K has on them.",
         spoil,
         # Roundings of 6e-8 in bars 1e4 times as stiff along as across, as energy:
         completeness=1e-6,
@@ -164,8 +164,8 @@ def ten_digits() -> Case:
 
     return _panel_case(
         "ten-digit punch",
-        "Entries printed with ten digits, as DMIG punch files are.",
-        "As above: tolerances know how many digits the file has.",
+        "Entries printed with ten digits, as in DMIG punch files.",
+        "As above. Tolerances depend on the number of digits in the file.",
         spoil,
     )
 
@@ -199,7 +199,7 @@ def far_from_the_origin() -> Case:
 
     return _panel_case(
         "far from the origin",
-        "Coordinates of 1e6 on a body of size 3: rigid rotations about the origin are all but translations.",
+        "Coordinates of 1e6 on a body of size 3: rigid rotations about the origin are nearly translations.",
         "Rigid shapes are taken about the centroid.",
         spoil,
     )
@@ -215,8 +215,8 @@ def soft_beside_stiff() -> Case:
     return Case(
         "1e-4 Hz beside 1e3 Hz",
         "Two stiff chains on a tether: an elastic mode seven decades below the next, fourteen in K.",
-        "The pencil is turned over, so soft modes keep their digits; a rigid motion is told by its energy, not by its "
-        "frequency.",
+        "The pencil is inverted, so soft modes keep their digits. A rigid motion is recognised by its energy, not "
+        "by its frequency.",
         body,
         face,
         (10.0, 300.0),

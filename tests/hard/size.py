@@ -23,8 +23,9 @@ def grillage() -> Case:
     face = rows(body, range(1, 168))
     return Case(
         "1000 interface dofs",
-        "1002 of 1536 dofs are interface: constraint modes of neighbouring nodes are nearly alike, residuals more so.",
-        "Right-hand sides are solved in blocks; modes are polished over all dofs after the basis is combined.",
+        "1002 of 1536 dofs are interface: constraint modes of neighbouring nodes are nearly equal, residuals even "
+        "more.",
+        "Right-hand sides are solved in blocks; modes are improved over all dofs after the basis is combined.",
         body,
         face,
         (0.5, 2.5),
@@ -50,10 +51,10 @@ def mast() -> Case:
     body = bars("mast", xyz, pairs)
     return Case(
         "slender, 1e5 dofs",
-        "A lattice mast of 5555 bays, 5600 times as long as wide: K of a bent shape cancels to its last three digits, "
-        "and an eigensolver sees its first bending modes among the null vectors.",
-        "Null vectors are told from the first bending by their energy after inverse iteration; frequencies are good to "
-        "1e-3, which is what the entries of K hold.",
+        "A lattice mast of 5555 bays, 5600 times as long as wide: K of a bent shape cancels to its last three "
+        "digits, and an eigensolver finds its first bending modes among the null vectors.",
+        "The energy after inverse iteration separates null vectors from the first bending. Frequencies are right "
+        "to 1e-3, as far as the entries of K hold them.",
         body,
         rows(body, (1, 16666)),
         (2e-4, 1.5e-3),
