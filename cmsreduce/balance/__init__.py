@@ -10,6 +10,7 @@ from cmsreduce.balance.hankel import Hankel, balanced, hankel_values
 from cmsreduce.balance.judge import Effects, Judge
 from cmsreduce.balance.modal_gain import ModalGain
 from cmsreduce.balance.physical_states import PhysicalStates, choose_coordinates, physical_states
+from cmsreduce.balance.rankings import RANKINGS
 from cmsreduce.balance.ranking import CLOSE, GramianRanking, Ranking, mode_spacing
 from cmsreduce.balance.scaling import Sized, Turning, characteristic_length, scaled, sized, turning_rows
 from cmsreduce.balance.search import Found, keep_error
@@ -61,6 +62,3 @@ __all__ = [
     "whole_groups",
     "with_rankings",
 ]
-
-RANKINGS: dict[str, Ranking] = {kind.name: kind() for kind in (Gregory, Hankel, ComponentCost, ModalGain, ByFrequency)}
-"""Rankings by name."""

@@ -7,10 +7,11 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.linalg.end_motion import end_motion
-from cmsreduce.linalg.modal_integrals import Array
 from cmsreduce.model import Bars, DofTable, FEModel, Recovery, cross_matrix
 
 __all__ = ["BarStiffness", "end_dofs"]
+
+Array = NDArray[np.float64]
 
 _ENDS = np.array([[1.0, -1.0], [-1.0, 1.0]])
 # A bar can be no stiffer along itself than all that is on its node; decks print five digits or more of E and A.

@@ -6,10 +6,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.modal_integrals import Array
 from cmsreduce.model import Nodes, Recovery, cross_matrix
 
 __all__ = ["end_motion"]
+
+Array = NDArray[np.float64]
 
 
 def end_motion(nodes: Nodes, ends: NDArray[np.int64], known: Recovery, offset: Array) -> sp.csr_array:

@@ -1,11 +1,11 @@
 """Mode sets: each turns a finite-element body into a small one."""
 
-from cmsreduce.errors import ConfigError
 from cmsreduce.model import InterfaceLoading
 from cmsreduce.reduce.benfield_hruda import AugmentedBody, BenfieldHruda
 from cmsreduce.reduce.characteristic import InterfaceReduction
 from cmsreduce.reduce.craig_bampton import CraigBampton, Guyan
 from cmsreduce.reduce.macneal_rubin import MacNealRubin
+from cmsreduce.reduce.methods import METHODS, reduction
 from cmsreduce.reduce.neglected import Examined
 from cmsreduce.reduce.reduction import Reduction, project
 from cmsreduce.reduce.rigid import kept_rigid
@@ -25,42 +25,3 @@ __all__ = [
     "project",
     "reduction",
 ]
-
-METHODS: dict[str, type[Reduction]] = {
-    kind.method: kind for kind in (CraigBampton, MacNealRubin, BenfieldHruda, AugmentedBody, Guyan)
-}
-"""Mode sets by name."""
-
-
-def reduction(
-    method: str,
-    cutoff_hz: float,
-    interface_reduction: InterfaceReduction | None = None,
-    loading: InterfaceLoading | None = None,
-) -> Reduction:
-    """Make the mode set of a name.
-
-    Parameters
-    ----------
-    method : str
-        Name of the mode set.
-    cutoff_hz : float
-        Normal modes are kept up to this frequency.
-    interface_reduction : InterfaceReduction, optional
-        For the sets that have constraint modes.
-    loading : InterfaceLoading, optional
-        For the sets whose modes are loaded by the neighbours.
-
-    Raises
-    ------
-    ConfigError
-        If there is none of that name, or it has no constraint modes to reduce.
-    """
-    if method not in METHODS:
-        raise ConfigError(f"reduce: method '{method}' is not available (there are: {', '.join(METHODS)})")
-    kind = METHODS[method]
-    if issubclass(kind, CraigBampton):
-        return kind(cutoff_hz, interface_reduction=interface_reduction)
-    if interface_reduction is not None:
-        raise ConfigError(f"reduce: {method} has no constraint modes, so `interface_cutoff` does not apply to it")
-    return kind(cutoff_hz, loading) if issubclass(kind, BenfieldHruda) else kind(cutoff_hz)
