@@ -61,7 +61,7 @@ pipelines: $(RUNS) ## run every pipeline whose inputs changed; try -j2
 # A run depends on its pipeline, the fragments it may include, its sample's files and the code.
 .SECONDEXPANSION:
 build/%/summary.json: pipelines/%.yaml $$(wildcard configs/*.yaml) $$(wildcard sample_models/$$*/*) \
-		$$(wildcard cmsreduce/*.py cmsreduce/*/*.py) | $(STAMP)
+		$$(shell find cmsreduce -name "*.py") | $(STAMP)
 	$(BIN)/cmsreduce run $< --out $(@D)
 
 # 200 points; a broken limit (exit code 1) is a finding of a sweep, not a failure of it.

@@ -15,9 +15,8 @@ import scipy.sparse as sp
 
 from benchmarks.meshes import free_bar
 from cmsreduce.assemble import physical_substructure, receptance
-from cmsreduce.linalg.adaptive_flexibility import adaptive_flexibility
-from cmsreduce.linalg.dynamic_stiffness import DynamicStiffness
-from cmsreduce.linalg.null_space import rigid_body_modes
+from cmsreduce.linalg.eigen import rigid_body_modes
+from cmsreduce.linalg.response import DynamicStiffness, adaptive_flexibility
 from cmsreduce.model import Damping, FEModel, rigid_body_shapes
 
 BLOCKS = ((30, 7, 7), (50, 11, 11), (70, 15, 15))

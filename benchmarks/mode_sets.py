@@ -34,7 +34,7 @@ from cmsreduce.assemble import (  # noqa: E402
     system_modes,
 )
 from cmsreduce.config import load_pipeline  # noqa: E402
-from cmsreduce.linalg.null_space import rigid_body_modes  # noqa: E402
+from cmsreduce.linalg.eigen import rigid_body_modes  # noqa: E402
 from cmsreduce.model import (  # noqa: E402
     Channel,
     Configuration,
@@ -54,7 +54,12 @@ from cmsreduce.orthogonalise import orthogonalise  # noqa: E402
 from cmsreduce.pipeline import Run, Silent  # noqa: E402
 from cmsreduce.read import Tie, tie_nodes  # noqa: E402
 from cmsreduce.reduce import MacNealRubin, reduction  # noqa: E402
-from cmsreduce.verify import db_error, decibel_grid, frequency_grid, frf_error  # noqa: E402
+from cmsreduce.verify import (  # noqa: E402
+    db_error,
+    decibel_grid,
+    frequency_grid,
+    frf_error,
+)
 from tests.frames import frame  # noqa: E402
 
 METHODS = ("craig-bampton", "macneal-rubin", "benfield-hruda", "augmented", "guyan")

@@ -25,8 +25,8 @@ from benchmarks.meshes import free_bar  # noqa: E402
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings  # noqa: E402
 from cmsreduce.model import mapped_in  # noqa: E402
 from cmsreduce.orthogonalise import orthogonalise  # noqa: E402
-from cmsreduce.pipeline.stage_data import modal_from, modal_to  # noqa: E402
-from cmsreduce.pipeline.stage_store import StageStore  # noqa: E402
+from cmsreduce.pipeline.store import modal_from, modal_to  # noqa: E402
+from cmsreduce.pipeline.store.stage_store import StageStore  # noqa: E402
 from cmsreduce.reduce import Guyan  # noqa: E402
 
 # 21 168 dofs; its end is the interface.

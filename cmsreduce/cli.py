@@ -8,11 +8,24 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cmsreduce.cli_options import Cli, check_options, output_options, pipeline_options, worker_options
-from cmsreduce.cli_verbs import PipelineCall, check_path, draft_pipeline, report_run, run_pipeline, sweep_pipeline
+from cmsreduce.cli_options import (
+    Cli,
+    check_options,
+    output_options,
+    pipeline_options,
+    worker_options,
+)
+from cmsreduce.cli_verbs import (
+    PipelineCall,
+    check_path,
+    draft_pipeline,
+    report_run,
+    run_pipeline,
+    sweep_pipeline,
+)
 
 if TYPE_CHECKING:
-    from cmsreduce.report.output import Output
+    from cmsreduce.report import Output
 
 __all__ = ["main"]
 
@@ -54,7 +67,7 @@ def run(
     cluster: str | None,
 ) -> None:
     """Run a pipeline: every stage it names, reusing finished ones."""
-    from cmsreduce.pipeline import STAGES
+    from cmsreduce.pipeline.run import STAGES
 
     for stage in (only, until):
         if stage is not None and stage not in STAGES:
@@ -86,8 +99,8 @@ for _stage, _text in _STAGE_VERBS.items():
 @output_options
 def inspect(files: tuple[Path, ...], output: Output) -> None:
     """Show what is in files and decks, how sound the bodies of a pipeline are, or what a run directory holds."""
-    from cmsreduce.pipeline.inspection import inspected
-    from cmsreduce.report.inspection_table import print_inspected
+    from cmsreduce.pipeline import inspected
+    from cmsreduce.report import print_inspected
 
     found = []
     for path in files:
@@ -171,8 +184,8 @@ def sweep(
 @output_options
 def diff(a: Path, b: Path, output: Output) -> None:
     """Put two finished runs beside each other: errors, sizes, frequencies, times that differ."""
-    from cmsreduce.pipeline.run_difference import run_difference
-    from cmsreduce.report.difference_table import DIFFERENCE_WIDTH, print_difference
+    from cmsreduce.pipeline.results import run_difference
+    from cmsreduce.report import DIFFERENCE_WIDTH, print_difference
 
     rows = run_difference(a, b)
     differing = [(row.what, row.a, row.b, row.change) for row in rows if not row.same]
@@ -193,7 +206,7 @@ def cache_ls(run_dir: Path) -> None:
     """List finished stages: stage, body, first digits of the key, size, time."""
     from datetime import datetime
 
-    from cmsreduce.pipeline.stage_cache import cache_entries
+    from cmsreduce.pipeline.store import cache_entries
 
     entries = cache_entries(run_dir)
     for entry in entries:
@@ -207,7 +220,7 @@ def cache_ls(run_dir: Path) -> None:
 @click.argument("run_dir", type=click.Path(path_type=Path))
 def cache_clear(run_dir: Path) -> None:
     """Remove finished stages; results stay, and the next run computes everything anew."""
-    from cmsreduce.pipeline.stage_cache import clear_cache
+    from cmsreduce.pipeline.store import clear_cache
 
     count, size = clear_cache(run_dir)
     click.echo(f"removed {count} files, {size / 2**20:.2f} MiB")

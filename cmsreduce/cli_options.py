@@ -59,7 +59,7 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(command)
     def told(*args: Any, quiet: bool, as_json: bool, log_file: Path | None, **options: Any) -> Any:
-        from cmsreduce.report.output import opened_output
+        from cmsreduce.report import opened_output
 
         with opened_output(quiet=quiet, as_json=as_json, log_file=log_file) as output:
             return command(*args, output=output, **options)

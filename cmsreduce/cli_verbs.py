@@ -11,7 +11,7 @@ import click
 from cmsreduce.errors import WriteError
 
 if TYPE_CHECKING:
-    from cmsreduce.report.output import Output
+    from cmsreduce.report import Output
 
 __all__ = ["PipelineCall", "check_path", "draft_pipeline", "report_run", "run_pipeline", "sweep_pipeline"]
 
@@ -47,7 +47,7 @@ class PipelineCall:
 def run_pipeline(call: PipelineCall, only: str | None, until: str | None) -> bool:
     """Run a pipeline, or some of its stages; return whether every limit is met."""
     from cmsreduce.pipeline import execute
-    from cmsreduce.pipeline.parallel_run import opened_run
+    from cmsreduce.pipeline.batch import opened_run
 
     output = call.output
     with (
@@ -60,7 +60,7 @@ def run_pipeline(call: PipelineCall, only: str | None, until: str | None) -> boo
     written = list(dict.fromkeys(work.ledger.written))
     if result is None:
         if "balance" in (only, until):
-            from cmsreduce.report.rankings import RANKINGS_WIDTH, print_rankings
+            from cmsreduce.report import RANKINGS_WIDTH, print_rankings
 
             balancing = work.balancing
             scaling = {name: balancing.scaling(name) for name in work.ranked}
@@ -101,10 +101,8 @@ def check_path(
         JUnit and Markdown files to write.
     output : Output
     """
-    from cmsreduce.pipeline.checking import check_result, write_junit, write_markdown
-    from cmsreduce.pipeline.limits import read_limits
-    from cmsreduce.report.finding_line import finding_data
-    from cmsreduce.report.finding_table import print_findings
+    from cmsreduce.pipeline.results import check_result, read_limits, write_junit, write_markdown
+    from cmsreduce.report import finding_data, print_findings
 
     findings = check_result(path, read_limits(*limits), baseline)
     print_findings(findings, output)
@@ -123,10 +121,8 @@ def check_path(
 
 def sweep_pipeline(call: PipelineCall, swept: tuple[str, ...]) -> bool:
     """Run a pipeline at every combination of values; return whether every point met its limits."""
-    from cmsreduce.pipeline.sweep import sweep
-    from cmsreduce.pipeline.sweep_files import write_sweep
-    from cmsreduce.pipeline.sweep_points import sweep_axes
-    from cmsreduce.report.sweep_table import SWEEP_WIDTH, print_sweep, sweep_data
+    from cmsreduce.pipeline.batch import sweep, sweep_axes, write_sweep
+    from cmsreduce.report import SWEEP_WIDTH, print_sweep, sweep_data
 
     output = call.output
     with output.watch() as progress:
@@ -142,9 +138,9 @@ def sweep_pipeline(call: PipelineCall, swept: tuple[str, ...]) -> bool:
 
 def report_run(run_dir: Path, suffixes: tuple[str, ...], vtu: bool, tables: bool, output: Output) -> None:
     """Write the report of a finished run again, and pictures, shapes and tables as asked for."""
-    from cmsreduce.pipeline import reopen, run_result, write_report
-    from cmsreduce.pipeline.exports import export_pictures, export_shapes, export_tables
-    from cmsreduce.report.terminal import worst_error
+    from cmsreduce.pipeline import reopen, write_report
+    from cmsreduce.pipeline.results import export_pictures, export_shapes, export_tables, run_result
+    from cmsreduce.report import worst_error
 
     run = reopen(run_dir)
     result = run_result(run, views=True)
@@ -175,7 +171,7 @@ def draft_pipeline(name: str, files: tuple[Path, ...]) -> None:
         click.echo(f"{path} written; fill in your files, then: cmsreduce run {path}")
         click.echo(f"or have it filled in for one body: cmsreduce new {name}2 MATRICES.op4 DECK.bdf")
         return
-    from cmsreduce.pipeline.first_look import first_look
+    from cmsreduce.pipeline.bodies import first_look
 
     draft = first_look(name, files)
     path.write_text(body_pipeline(name, draft), encoding="utf-8")

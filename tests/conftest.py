@@ -37,7 +37,7 @@ def shared_data() -> Path:
 @pytest.fixture(scope="session")
 def two_processes() -> Iterator[Executor]:
     """What `--jobs 2` starts, started once: to load the libraries takes longer than the work of a small run."""
-    from cmsreduce.pipeline.workers import local_workers
+    from cmsreduce.pipeline.batch.workers import local_workers
 
     with local_workers(2).start(2) as pool:
         yield pool
@@ -46,4 +46,4 @@ def two_processes() -> Iterator[Executor]:
 @pytest.fixture
 def warm_processes(two_processes: Executor, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let `--jobs 2` take processes that run already."""
-    monkeypatch.setattr("cmsreduce.pipeline.workers._pool", lambda jobs: nullcontext(two_processes))
+    monkeypatch.setattr("cmsreduce.pipeline.batch.workers._pool", lambda jobs: nullcontext(two_processes))

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from problem import Problem, Report
 
 from cmsreduce.linalg.backends import installed_backends
-from cmsreduce.linalg.eigenpairs import beside_modes, certified_modes, count_below
+from cmsreduce.linalg.eigen import beside_modes, certified_modes, count_below
 from cmsreduce.linalg.factorise import factorise
 from cmsreduce.linalg.multifrontal import Multifrontal
 from cmsreduce.linalg.ordering import KnownOrders

@@ -1,25 +1,59 @@
-"""Join bodies: joints, articulation, constraint null space, frequency response, state space."""
+"""Bodies joined to a system: joints, articulation, constraints, responses, state space.
 
-from cmsreduce.assemble.closed_loop import check_closed_loop, closed_loop_modes
-from cmsreduce.assemble.damped_modes import damped_modes
-from cmsreduce.assemble.elastic_states import ElasticStates, elastic_states
-from cmsreduce.assemble.frequency_response import (
+Everything that needs more than one body and no reduction belongs here.
+Errors between two systems belong in `verify`, projection on system modes in `project`.
+"""
+
+from cmsreduce.assemble.closed_loop import (
+    check_closed_loop,
+    closed_loop_modes,
+    damped_modes,
+)
+from cmsreduce.assemble.held_bodies import (
+    HeldBodies,
+    held_bodies,
+)
+from cmsreduce.assemble.joint_elements import (
+    with_joint_bodies,
+)
+from cmsreduce.assemble.neighbours import (
+    grounded_rows,
+    joined_to,
+    joint_rows,
+    neighbour_loading,
+)
+from cmsreduce.assemble.placement import (
+    outboard_loading,
+    outboard_masses,
+    place_bodies,
+)
+from cmsreduce.assemble.points import (
+    PointStack,
+)
+from cmsreduce.assemble.ports import (
+    Ports,
+    body_points,
+    body_ports,
+)
+from cmsreduce.assemble.response import (
+    Change,
+    ModalReceptance,
+    Receptance,
     body_receptances,
     couple,
     frequency_response,
+    receptance,
+    receptances,
     rigid_response,
+    tabulated,
 )
-from cmsreduce.assemble.held_bodies import HeldBodies, held_bodies
-from cmsreduce.assemble.joint_elements import with_joint_bodies
-from cmsreduce.assemble.modal_receptance import ModalReceptance
-from cmsreduce.assemble.modal_terms import Change
-from cmsreduce.assemble.neighbours import grounded_rows, joined_to, joint_rows, neighbour_loading
-from cmsreduce.assemble.outboard import outboard_loading, outboard_masses
-from cmsreduce.assemble.placement import place_bodies
-from cmsreduce.assemble.points import PointStack
-from cmsreduce.assemble.ports import Ports, body_points, body_ports
-from cmsreduce.assemble.receptance import Receptance, receptance, receptances, tabulated
-from cmsreduce.assemble.state_space import state_space
+from cmsreduce.assemble.state_space import (
+    ElasticStates,
+    elastic_states,
+    state_space,
+    system_modes,
+    undetermined,
+)
 from cmsreduce.assemble.substructure import (
     interface_substructure,
     modal_substructure,
@@ -27,8 +61,12 @@ from cmsreduce.assemble.substructure import (
     reduced_substructure,
     rigid_substructure,
 )
-from cmsreduce.assemble.system import Wiring, assemble, wire
-from cmsreduce.assemble.system_modes import system_modes
+from cmsreduce.assemble.system import (
+    Wiring,
+    assemble,
+    channel_rows,
+    wire,
+)
 
 __all__ = [
     "Change",
@@ -37,12 +75,13 @@ __all__ = [
     "ModalReceptance",
     "PointStack",
     "Ports",
-    "body_points",
-    "body_receptances",
-    "body_ports",
     "Receptance",
     "Wiring",
     "assemble",
+    "body_points",
+    "body_ports",
+    "body_receptances",
+    "channel_rows",
     "check_closed_loop",
     "closed_loop_modes",
     "couple",
@@ -68,6 +107,7 @@ __all__ = [
     "state_space",
     "system_modes",
     "tabulated",
+    "undetermined",
     "wire",
     "with_joint_bodies",
 ]

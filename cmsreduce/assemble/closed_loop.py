@@ -1,4 +1,7 @@
-"""Modes of an assembled system under feedback from its sensors to its actuators."""
+"""Complex modes of an assembled system.
+
+Modes of an assembled system under feedback from its sensors to its actuators.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,45 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.dense import dense
-from cmsreduce.linalg.pencil import elastic_pairs
+from cmsreduce.linalg.eigen import ComplexModes, DampedPencil, complex_modes, elastic_pairs
 from cmsreduce.model import System
 
-__all__ = ["check_closed_loop", "closed_loop_modes"]
+__all__ = [
+    "check_closed_loop",
+    "closed_loop_modes",
+    "damped_modes",
+]
+
+
+def damped_modes(
+    system: System, omega: float, undamped: tuple[NDArray[np.float64], NDArray[np.float64]]
+) -> ComplexModes | None:
+    """Complex modes of a system up to a frequency; its damping is taken as it is, not its diagonal in the modes.
+
+    Parameters
+    ----------
+    system : System
+        Sparse or dense.
+    omega : float
+        Highest frequency |s| in rad/s.
+    undamped : ((k,), (N, k)) float64
+        The system's modes without damping to a little above ``omega``, as `system_modes` gives them.
+
+    Returns
+    -------
+    ComplexModes or None
+        None for a system without damping.
+
+    Raises
+    ------
+    MatrixError
+        As `complex_modes` does.
+    """
+    if system.D is None and system.loss is None:
+        return None
+    pencil = DampedPencil(system.K, system.M, system.D, system.loss)
+    return complex_modes(pencil, omega, system.rigid, undamped, system.rounding)
+
 
 # The state matrix has (2 N)^2 entries, of which all eigenvalues are computed.
 _LARGEST = 1500

@@ -14,7 +14,7 @@ from cmsreduce.assemble.joints import ground_rows
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.system import Wiring
 from cmsreduce.linalg.dense import dense
-from cmsreduce.linalg.null_space import DEPENDENT, null_space
+from cmsreduce.linalg.eigen import DEPENDENT, null_space
 from cmsreduce.model import Matrix, Scene, Substructure
 
 __all__ = ["HeldBodies", "held_bodies"]

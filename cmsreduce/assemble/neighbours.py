@@ -9,13 +9,22 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.joint_motion import first_motion, relative_motion
+from cmsreduce.assemble.joints import first_motion, relative_motion
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.system import wire
 from cmsreduce.errors import ConstraintError
 from cmsreduce.linalg.dense import dense
-from cmsreduce.linalg.null_space import null_space
-from cmsreduce.model import Configuration, FEModel, InterfaceLoading, Joint, Placement, Point, Scene, Substructure
+from cmsreduce.linalg.eigen import null_space
+from cmsreduce.model import (
+    Configuration,
+    FEModel,
+    InterfaceLoading,
+    Joint,
+    Placement,
+    Point,
+    Scene,
+    Substructure,
+)
 
 __all__ = ["AS_BUILT", "grounded_rows", "joined_to", "joint_rows", "neighbour_loading"]
 

@@ -1,37 +1,94 @@
-"""Rank modes by what they do between the inputs and outputs of a scene, and truncate."""
+"""Rankings of modes by their effect between the inputs and outputs of a scene, and truncation.
 
-from cmsreduce.balance.bounds import elastic_norm, keep_bound, mode_bounds
-from cmsreduce.balance.clusters import cluster_groups, correlated_groups, correlation
-from cmsreduce.balance.comparison import with_rankings
-from cmsreduce.balance.component_cost import ComponentCost, component_costs
-from cmsreduce.balance.frequency import ByFrequency
-from cmsreduce.balance.gregory import Gregory
-from cmsreduce.balance.hankel import Hankel, balanced, hankel_values
-from cmsreduce.balance.judge import Effects, Judge
-from cmsreduce.balance.modal_gain import ModalGain
-from cmsreduce.balance.physical_states import PhysicalStates, choose_coordinates, physical_states
-from cmsreduce.balance.rankings import RANKINGS
-from cmsreduce.balance.ranking import CLOSE, GramianRanking, Ranking, mode_spacing
-from cmsreduce.balance.scaling import Sized, Turning, characteristic_length, scaled, sized, turning_rows
-from cmsreduce.balance.search import Found, keep_error
-from cmsreduce.balance.truncation import Selection, keep_all, keep_fraction, keep_modes, keep_total, whole_groups
-from cmsreduce.balance.weighting import BandPass, LowPass, TransferFunction, Weighting
+Influence coefficients, Hankel values, clusters, bounds and searches for the fewest modes belong here.
+Gramians as plain matrix algebra belong in `linalg.gramian`; the keys of a ranking belong in `config`.
+"""
+
+from cmsreduce.balance.bounds import (
+    elastic_norm,
+    keep_bound,
+    mode_bounds,
+)
+from cmsreduce.balance.clusters import (
+    cluster_groups,
+    correlated_groups,
+    correlation,
+)
+from cmsreduce.balance.comparison import (
+    with_rankings,
+)
+from cmsreduce.balance.component_cost import (
+    ComponentCost,
+    component_costs,
+)
+from cmsreduce.balance.hankel import (
+    Hankel,
+    balanced,
+    hankel_values,
+)
+from cmsreduce.balance.modal_gain import (
+    Gregory,
+    ModalGain,
+)
+from cmsreduce.balance.physical_states import (
+    PhysicalStates,
+    choose_coordinates,
+    physical_states,
+)
+from cmsreduce.balance.ranking import (
+    CLOSE,
+    ByFrequency,
+    GramianRanking,
+    Ranking,
+    mode_spacing,
+)
+from cmsreduce.balance.rankings import (
+    RANKINGS,
+)
+from cmsreduce.balance.scaling import (
+    Sized,
+    Turning,
+    characteristic_length,
+    scaled,
+    sized,
+    turning_rows,
+)
+from cmsreduce.balance.search import (
+    Effects,
+    Found,
+    Judge,
+    keep_error,
+)
+from cmsreduce.balance.truncation import (
+    Selection,
+    keep_all,
+    keep_fraction,
+    keep_modes,
+    keep_total,
+    whole_groups,
+)
+from cmsreduce.balance.weighting import (
+    BandPass,
+    LowPass,
+    TransferFunction,
+    Weighting,
+)
 
 __all__ = [
-    "CLOSE",
-    "RANKINGS",
     "BandPass",
     "ByFrequency",
+    "CLOSE",
     "ComponentCost",
-    "GramianRanking",
     "Effects",
     "Found",
+    "GramianRanking",
     "Gregory",
     "Hankel",
     "Judge",
     "LowPass",
     "ModalGain",
     "PhysicalStates",
+    "RANKINGS",
     "Ranking",
     "Selection",
     "Sized",

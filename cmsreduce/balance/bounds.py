@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DampingError
-from cmsreduce.linalg.flexibility_model import frequency_blocks
-from cmsreduce.linalg.repeated import repeated_groups
+from cmsreduce.linalg.eigen import repeated_groups
+from cmsreduce.linalg.response import frequency_blocks
 from cmsreduce.model import ModalChannels
 
 __all__ = ["elastic_norm", "keep_bound", "mode_bounds"]

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from cmsreduce.linalg.eigen import repeated_groups
 from cmsreduce.linalg.gramians import Band, controllability, observability
-from cmsreduce.linalg.repeated import repeated_groups
 from cmsreduce.model import ModalChannels
 
 __all__ = ["CORRELATED", "cluster_groups", "correlated_groups", "correlation"]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.balance.ranking import GramianRanking
+from cmsreduce.linalg.eigen import repeated_groups
 from cmsreduce.linalg.gramians import Band, controllability
-from cmsreduce.linalg.repeated import repeated_groups
 from cmsreduce.model import ModalChannels
 
 __all__ = ["ComponentCost", "component_costs"]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from cmsreduce.balance.clusters import CORRELATED, correlated_groups
 from cmsreduce.balance.ranking import GramianRanking
+from cmsreduce.linalg.eigen import repeated_groups
 from cmsreduce.linalg.gramians import Band, controllability, observability
-from cmsreduce.linalg.repeated import repeated_groups
 from cmsreduce.linalg.square_root import (
     Balancing,
     balancing,

@@ -1,4 +1,7 @@
-"""The base of all rankings: a ranking supplies one coefficient per mode, flags and order are common."""
+"""The base of all rankings: a ranking supplies one coefficient per mode, flags and order are common.
+
+Ranking by frequency: what a cutoff alone would keep.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,13 @@ from cmsreduce.balance.weighting import Weighting
 from cmsreduce.linalg.gramians import Band
 from cmsreduce.model import ModalChannels, ModalComponent
 
-__all__ = ["CLOSE", "GramianRanking", "Ranking", "mode_spacing"]
+__all__ = [
+    "ByFrequency",
+    "CLOSE",
+    "GramianRanking",
+    "Ranking",
+    "mode_spacing",
+]
 
 CLOSE = 0.1
 """Spacing ratio above which "much smaller than one" (Gregory's condition) no longer holds."""
@@ -99,3 +108,13 @@ def mode_spacing(omega: NDArray[np.float64], zeta: NDArray[np.float64]) -> NDArr
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(gap > 0, width / gap, np.where(width > 0, np.inf, 0.0))
     return np.asarray(ratio.max(axis=1))
+
+
+class ByFrequency(Ranking):
+    """Lowest modes first, whatever they do: the habit that balancing replaces."""
+
+    name: ClassVar[str] = "frequency"
+
+    def coefficients(self, channels: ModalChannels) -> NDArray[np.float64]:
+        """Periods in seconds; see `Ranking.coefficients`."""
+        return np.asarray(2 * np.pi / channels.omega)

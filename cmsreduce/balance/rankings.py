@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from cmsreduce.balance.component_cost import ComponentCost
-from cmsreduce.balance.frequency import ByFrequency
-from cmsreduce.balance.gregory import Gregory
 from cmsreduce.balance.hankel import Hankel
-from cmsreduce.balance.modal_gain import ModalGain
-from cmsreduce.balance.ranking import Ranking
+from cmsreduce.balance.modal_gain import Gregory, ModalGain
+from cmsreduce.balance.ranking import ByFrequency, Ranking
 
 __all__ = ["RANKINGS"]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ConfigError
-from cmsreduce.linalg.repeated import repeated_groups
+from cmsreduce.linalg.eigen import repeated_groups
 from cmsreduce.model import ModalComponent
 
 __all__ = ["Columns", "Selection", "keep_all", "keep_fraction", "keep_modes", "keep_total", "whole_groups"]

@@ -1,26 +1,60 @@
-"""The grammar of the pipeline file, and how a file becomes a pipeline and a scene."""
+"""The pipeline file: its grammar, its messages, and the scene that it describes.
 
-from cmsreduce.config.balance_keys import RankingKeys
-from cmsreduce.config.body_starter import BodyDraft, body_pipeline
-from cmsreduce.config.channel_sizes import Size, channel_kind
-from cmsreduce.config.component import Component
-from cmsreduce.config.files import MatrixFile
-from cmsreduce.config.grammar import Pipeline, json_schema
-from cmsreduce.config.interface import InterfaceKeys
-from cmsreduce.config.load import load_pipeline
-from cmsreduce.config.project_keys import ProjectKeys
-from cmsreduce.config.ranking_options import ScalingKeys
-from cmsreduce.config.scene import build_scene
-from cmsreduce.config.stages import (
-    ModeSetKeys,
-    ReduceKeys,
-    VerifyKeys,
+Reading YAML, validating it and building the scene belong here.
+Nothing here opens a matrix or a mesh; `read` does.
+"""
+
+from cmsreduce.config.cluster import (
+    ClusterKeys,
+    load_cluster,
 )
-from cmsreduce.config.starter import starter_pipeline
+from cmsreduce.config.keys import (
+    BASIC,
+    CENTRE,
+    Component,
+    GeometricStiffnessKeys,
+    InterfaceKeys,
+    MatrixFile,
+    ModeSetKeys,
+    Pipeline,
+    ProjectKeys,
+    RankingKeys,
+    ReduceKeys,
+    ScalingKeys,
+    Size,
+    SpinKeys,
+    VerifyKeys,
+    channel_kind,
+    json_schema,
+)
+from cmsreduce.config.load import (
+    load_pipeline,
+)
+from cmsreduce.config.located import (
+    Entry,
+    parse,
+)
+from cmsreduce.config.scene import (
+    build_scene,
+)
+from cmsreduce.config.starter import (
+    BodyDraft,
+    body_pipeline,
+    starter_pipeline,
+)
+from cmsreduce.config.suggestion import (
+    closest,
+    not_among,
+)
 
 __all__ = [
+    "BASIC",
     "BodyDraft",
+    "CENTRE",
+    "ClusterKeys",
     "Component",
+    "Entry",
+    "GeometricStiffnessKeys",
     "InterfaceKeys",
     "MatrixFile",
     "ModeSetKeys",
@@ -30,11 +64,16 @@ __all__ = [
     "ReduceKeys",
     "ScalingKeys",
     "Size",
+    "SpinKeys",
     "VerifyKeys",
     "body_pipeline",
     "build_scene",
     "channel_kind",
+    "closest",
     "json_schema",
+    "load_cluster",
     "load_pipeline",
+    "not_among",
+    "parse",
     "starter_pipeline",
 ]

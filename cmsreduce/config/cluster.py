@@ -7,10 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from cmsreduce.config.keys import Count, Keys
+from cmsreduce.config.keys import Count, Keys, Memory
 from cmsreduce.config.located import parse, plain
 from cmsreduce.config.problems import config_error, problems_of
-from cmsreduce.config.solver import Memory
 from cmsreduce.errors import ReadError
 
 __all__ = ["ClusterKeys", "load_cluster"]

@@ -5,21 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from cmsreduce.config.articulation import Articulation
-from cmsreduce.config.balance_keys import KeepKeys, RankingKeys
-from cmsreduce.config.channel_sizes import channel_kind
-from cmsreduce.config.channels import ActuatorKeys, SensorKeys, parse_row
-from cmsreduce.config.component import FLEXIBLE_ONLY
-from cmsreduce.config.grammar import Pipeline
-from cmsreduce.config.joint_motion import free_dof, free_dof_named, setting
-from cmsreduce.config.keys import parse_point
-from cmsreduce.config.quantities import Quantity
-from cmsreduce.config.ranking_options import ScalingKeys
-from cmsreduce.config.scene_channels import sized_names
+from cmsreduce.config.keys import (
+    FLEXIBLE_ONLY,
+    ActuatorKeys,
+    Articulation,
+    KeepKeys,
+    Pipeline,
+    Quantity,
+    RankingKeys,
+    ScalingKeys,
+    SensorKeys,
+    channel_kind,
+    parse_point,
+    parse_row,
+)
+from cmsreduce.config.scene_channels import free_dof, free_dof_named, setting, sized_names
 from cmsreduce.config.suggestion import not_among
 from cmsreduce.errors import SceneError, UnitsError
-from cmsreduce.model.geometric_stiffness import UnitLoad
-from cmsreduce.model.scene import Point
+from cmsreduce.model import Point, UnitLoad
 
 __all__ = ["Finding", "findings"]
 

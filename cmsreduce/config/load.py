@@ -8,13 +8,18 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from cmsreduce.config.consistency import findings
-from cmsreduce.config.grammar import Pipeline
-from cmsreduce.config.grammar_tree import is_mapping_of_values, models_at
-from cmsreduce.config.located import Entry, Location, merge, parse, plain
-from cmsreduce.config.problems import config_error, located, problems_of
+from cmsreduce.config.keys import Pipeline
+from cmsreduce.config.located import (
+    Entry,
+    Location,
+    merge,
+    parse,
+    plain,
+)
+from cmsreduce.config.problems import config_error, is_mapping_of_values, located, models_at, problems_of
 from cmsreduce.config.suggestion import closest
 from cmsreduce.errors import ConfigError, ReadError
-from cmsreduce.model.scene import DOF_NAMES
+from cmsreduce.model import DOF_NAMES
 
 __all__ = ["load_pipeline"]
 

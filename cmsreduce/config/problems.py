@@ -1,22 +1,133 @@
-"""Words for what is wrong in a pipeline file: where, which key, what was found, what is expected."""
+"""Walks the grammar along the keys of a pipeline file: which keys are known where.
+
+Words for what is wrong in a pipeline file: where, which key, what was found, what is expected.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
 
+from pydantic import AliasChoices, BaseModel
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from cmsreduce.config.grammar import Pipeline
-from cmsreduce.config.grammar_tree import field_at, known_keys, models_at, places_of
-from cmsreduce.config.keys import Keys
+from cmsreduce.config.keys import Keys, Pipeline
 from cmsreduce.config.located import Entry, Location, find
 from cmsreduce.config.suggestion import closest
 from cmsreduce.errors import ConfigError
 
-__all__ = ["Problem", "config_error", "located", "problems_of"]
+__all__ = [
+    "Problem",
+    "config_error",
+    "field_at",
+    "is_mapping_of_values",
+    "known_keys",
+    "located",
+    "models_at",
+    "places_of",
+    "problems_of",
+]
+
+
+def _plain_kinds(kind: Any) -> list[Any]:
+    """Take annotations and unions apart."""
+    if get_origin(kind) is Annotated:
+        return _plain_kinds(get_args(kind)[0])
+    if get_origin(kind) in (Union, UnionType):
+        return [plain for arm in get_args(kind) for plain in _plain_kinds(arm)]
+    return [kind]
+
+
+def _is_model(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+def _field_names(name: str, field: FieldInfo) -> list[str]:
+    """Names a key may be written with, the usual one first."""
+    if isinstance(field.validation_alias, AliasChoices):
+        return [str(choice) for choice in field.validation_alias.choices]
+    return [field.alias or name]
+
+
+def _step(kind: Any, key: str | int) -> list[Any]:
+    if _is_model(kind):
+        return [
+            plain
+            for name, field in kind.model_fields.items()
+            if key in _field_names(name, field)
+            for plain in _plain_kinds(field.annotation)
+        ]
+    arguments = get_args(kind)
+    if get_origin(kind) is dict:
+        return _plain_kinds(arguments[1])
+    if get_origin(kind) is tuple and isinstance(key, int):
+        variadic = len(arguments) == 2 and arguments[1] is Ellipsis
+        return _plain_kinds(arguments[0 if variadic else min(key, len(arguments) - 1)])
+    return []
+
+
+def _kinds_at(keys: Sequence[str | int], grammar: type[Keys]) -> list[Any]:
+    """Kinds of value that keys lead to; names that a validator puts among the keys lead nowhere."""
+    kinds: list[Any] = [grammar]
+    for key in keys:
+        kinds = [further for kind in kinds for further in _step(kind, key)] or kinds
+    return kinds
+
+
+def models_at(keys: Sequence[str | int], grammar: type[Keys] = Pipeline) -> list[type[Keys]]:
+    """Mappings of the grammar that may stand where keys lead to."""
+    return [kind for kind in _kinds_at(keys, grammar) if _is_model(kind) and issubclass(kind, Keys)]
+
+
+def is_mapping_of_values(keys: Sequence[str | int]) -> bool:
+    """Whether keys lead to a mapping of the user's own names to single values."""
+    mappings = [kind for kind in _kinds_at(keys, Pipeline) if get_origin(kind) is dict]
+    return bool(mappings) and not any(_is_model(value) for kind in mappings for value in _step(kind, ""))
+
+
+def known_keys(keys: Sequence[str | int], grammar: type[Keys] = Pipeline) -> list[str]:
+    """Keys that may be written in the mapping that keys lead to."""
+    return [
+        _field_names(name, field)[0] for model in models_at(keys, grammar) for name, field in model.model_fields.items()
+    ]
+
+
+def field_at(keys: Sequence[str | int], grammar: type[Keys] = Pipeline) -> FieldInfo | None:
+    """Description and examples of the key that keys lead to."""
+    for end in range(len(keys), 0, -1):
+        above, key = keys[: end - 1], keys[end - 1]
+        for model in models_at(above, grammar):
+            for name, field in model.model_fields.items():
+                if key in _field_names(name, field):
+                    return field
+        # Items of a list, and names that a validator adds, share the description of what holds them.
+        if isinstance(key, str) and any(_step(kind, key) for kind in _kinds_at(above, grammar)):
+            return None
+    return None
+
+
+def _walk(model: type[Keys], path: str, above: tuple[type[Keys], ...]) -> Iterator[tuple[str, str]]:
+    for name, field in model.model_fields.items():
+        key = _field_names(name, field)[0]
+        yield key, path
+        for kind in _plain_kinds(field.annotation):
+            inner = _plain_kinds(get_args(kind)[1]) if get_origin(kind) is dict else [kind]
+            for below in inner:
+                if _is_model(below) and below not in above:
+                    at = f"{path}.{key}" if path else key
+                    at = f"{at}.NAME" if get_origin(kind) is dict else at
+                    yield from _walk(below, at, (*above, below))
+
+
+def places_of(key: str, grammar: type[Keys] = Pipeline) -> list[str]:
+    """Mappings of the grammar that know a key, outermost first; NAME stands for a name of the user's."""
+    places = {place for known, place in _walk(grammar, "", (grammar,)) if known == key}
+    return sorted(places, key=lambda place: (place.count("."), place))
+
 
 # More than a screen of messages hides the first one, which often causes the others.
 _MOST_REPORTED = 10

@@ -7,13 +7,10 @@ from collections.abc import Iterator
 from itertools import product
 
 from cmsreduce.config.consistency import findings
-from cmsreduce.config.grammar import Pipeline
-from cmsreduce.config.joint_motion import free_dof_named, setting
-from cmsreduce.config.keys import parse_point
-from cmsreduce.config.quantities import Quantity
-from cmsreduce.config.scene_channels import actuator_channel, sensor_channels
+from cmsreduce.config.keys import Pipeline, Quantity, parse_point
+from cmsreduce.config.scene_channels import actuator_channel, free_dof_named, sensor_channels, setting
 from cmsreduce.errors import SceneError
-from cmsreduce.model.scene import (
+from cmsreduce.model import (
     Configuration,
     Joint,
     Scene,

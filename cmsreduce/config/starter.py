@@ -1,11 +1,22 @@
-"""A commented pipeline to start from."""
+"""A commented pipeline to start from.
+
+A pipeline for one body, filled in with what its files say.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 from cmsreduce.config.keys import check_name
 from cmsreduce.errors import ConfigError
 
-__all__ = ["starter_pipeline"]
+__all__ = [
+    "BodyDraft",
+    "body_pipeline",
+    "starter_pipeline",
+]
 
 _STARTER = """\
 # A cmsreduce pipeline. `cmsreduce run NAME.yaml` runs it, `cmsreduce schema` lists every key.
@@ -69,3 +80,141 @@ def starter_pipeline(name: str) -> str:
     except ValueError as error:
         raise ConfigError(str(error)) from None
     return _STARTER.replace("NAME", name)
+
+
+_TEXT = """\
+# A cmsreduce pipeline for one body: the reduced body is checked under loads at its interface, floating free.
+# Lines marked CHECK hold a choice that the files cannot make for you. `cmsreduce schema` lists every key.
+name: "{name}"
+output: "build/{name}"
+
+components:
+  {name}:
+{sources}
+    # units: mm-t-s                       # of the files: length-mass-time; by default those of the scene
+    # grounded: true                      # if the matrices hold the body to the ground
+    interfaces:
+      # CHECK: the grid your joint holds; all dofs it has, or {{nodes: [7, 8], dofs: 123}}, {{set: b}}
+      mount: {interface}
+    damping: {{modal: 0.005}}               # CHECK: damping ratio of every mode
+
+scene:
+  # units: m-kg-s                         # of this file and of all results
+  # CHECK: accuracy is asked for up to here{elastic}
+  band: {band}
+  actuators:                              # what loads the body in your system
+{actuators}
+  sensors:                                # what your system feels of it
+    mount_motion: {{at: {name}.{node}, measure: [{axes}]}}
+    far_motion: {{at: {name}.{far}, measure: [{axes}]}}    # the grid farthest from the mount
+
+reduce:
+  method: macneal-rubin                   # or craig-bampton, if the mount holds the body
+  cutoff: 3.0                             # modes up to cutoff x band
+  residuals: [sensors]                    # static shapes for what sensors measure away from the mount
+balance: {{rank: gregory, keep: all}}     # ranked, none dropped; in a scene of your own: keep: {{frf_error: 0.01}}
+verify:
+  limits:                                 # a broken limit fails the run: exit code 1
+    frf_error: 0.05                       # of all responses over the band, resonances above all
+    db_error: 1.0                         # at any frequency, between resonances too
+    frequency_error: 1e-3
+    static_lack: 0.01                     # strain energy missed under loads at the mount
+write: {{formats: [hdf5]}}
+"""
+# The share of the band below the first elastic mode is what a rigid body would do as well.
+_BAND_OF_FIRST_MODE = 5.0
+_UNKNOWN_BAND = "10 Hz"
+
+
+@dataclass(frozen=True)
+class BodyDraft:
+    """What files say of a body, for a pipeline to start from.
+
+    Parameters
+    ----------
+    stiffness, mass : tuple of Path and str
+        File and name of each matrix; the name is empty where the file has only one without a name.
+    geometry : Path, optional
+        Deck or mesh.
+    extseout : Path, optional
+        Stem of a NASTRAN external superelement, which stands for all of them.
+    interface : str
+        Interface to start with, as YAML.
+    node, far : int
+        A node of the interface, and the one farthest from it.
+    axes : str
+        Translations of the node, such as ``xyz``.
+    elastic_hz : float, optional
+        First elastic frequency of the free body in Hz.
+    remark : str
+        Why the files do not fit together yet; empty if they do.
+    """
+
+    stiffness: tuple[Path, str]
+    mass: tuple[Path, str]
+    geometry: Path | None = None
+    extseout: Path | None = None
+    interface: str = "{node: 1}"
+    node: int = 1
+    far: int = 1
+    axes: str = "xyz"
+    elastic_hz: float | None = None
+    remark: str = ""
+
+
+def body_pipeline(name: str, draft: BodyDraft) -> str:
+    """Text of a pipeline file for one body, complete enough to run.
+
+    Parameters
+    ----------
+    name : str
+        Name of the study and of the body: letters, digits, _ and -.
+    draft : BodyDraft
+        What its files say.
+
+    Raises
+    ------
+    ConfigError
+        If the name cannot stand in a file name, or is that of the assembled system.
+    """
+    try:
+        check_name(name)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
+    if name.lower() == "system":
+        raise ConfigError("a component cannot be named 'system': that is the file of the assembled system")
+    elastic, band = "", _UNKNOWN_BAND
+    if draft.elastic_hz is not None:
+        elastic = f"; the first elastic mode of the free body is at {draft.elastic_hz:.4g} Hz"
+        # Two digits, without an exponent: a figure to be changed by hand.
+        band = f"{float(f'{_BAND_OF_FIRST_MODE * draft.elastic_hz:.2g}'):g} Hz"
+    pushes = [
+        f"    push_{axis}: {{at: {name}.{draft.node}, force: {[int(other == axis) for other in 'xyz']}}}"
+        for axis in draft.axes
+    ]
+    return _TEXT.format(
+        name=name,
+        sources="\n".join(_sources(draft)),
+        interface=draft.interface,
+        band=band,
+        elastic=elastic,
+        actuators="\n".join(pushes),
+        node=draft.node,
+        far=draft.far,
+        axes=", ".join(draft.axes),
+    )
+
+
+def _sources(draft: BodyDraft) -> Sequence[str]:
+    if draft.extseout is not None:
+        return [f'    extseout: "{draft.extseout.as_posix()}"    # stem of the .asm, .pch and .op4 of a superelement']
+    lines = [f"    {what}: {_matrix(*of)}" for what, of in (("stiffness", draft.stiffness), ("mass", draft.mass))]
+    if draft.geometry is not None:
+        lines.append(
+            f'    geometry: "{draft.geometry.as_posix()}"    # grids, frames, sets; they prove the order of the rows'
+        )
+    return lines
+
+
+def _matrix(file: Path, name: str) -> str:
+    return f'{{file: "{file.as_posix()}"}}' if not name else f'{{file: "{file.as_posix()}", matrix: "{name}"}}'

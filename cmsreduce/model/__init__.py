@@ -1,23 +1,47 @@
-"""The plain data that flows between stages: frozen, with shapes and units; no I/O but for what outgrows memory."""
+"""Plain data that flows between stages: frozen, with shapes and units.
 
-from cmsreduce.model.bars import Bars
-from cmsreduce.model.body import FEModel, RigidBody, Source
-from cmsreduce.model.certificate import ModeCertificate
-from cmsreduce.model.check import Check
-from cmsreduce.model.completeness import AxisCompleteness
-from cmsreduce.model.controller import Controller
-from cmsreduce.model.costly_modes import CostlyMode, CostlyModes
-from cmsreduce.model.damping import Damping
-from cmsreduce.model.dofs import SCALAR, DofTable, components_from_digits
-from cmsreduce.model.drawing import BodyDrawing, JointDrawing, PortDrawing, SceneDrawing, SystemShapes
-from cmsreduce.model.factorisation import Factorisation
-from cmsreduce.model.floating_frame import FloatingFrame, FrameCondition, IntegralFrame
-from cmsreduce.model.followers import Followers
-from cmsreduce.model.gain_sum import GainSum, HighGain
-from cmsreduce.model.geometric_stiffness import INERTIA_LOADS, SQUARES, GeometricStiffness, ModalStiffening, UnitLoad
-from cmsreduce.model.interface import Interface
-from cmsreduce.model.joint_element import JointElement
-from cmsreduce.model.loading import InterfaceLoading
+Bodies, mode sets, reduced bodies, scenes and systems belong here; findings of a run belong in `model.results`.
+Nothing here reads a file, solves or prints, except for arrays that are mapped because they outgrow memory.
+"""
+
+from cmsreduce.model.body import (
+    FEModel,
+    Followers,
+    Interface,
+    Recovery,
+    RigidBody,
+    Source,
+    UntiedMass,
+)
+from cmsreduce.model.damping import (
+    Damping,
+)
+from cmsreduce.model.dofs import (
+    SCALAR,
+    DofTable,
+    components_from_digits,
+)
+from cmsreduce.model.geometric_stiffness import (
+    INERTIA_LOADS,
+    SQUARES,
+    GeometricStiffness,
+    ModalStiffening,
+    UnitLoad,
+    loads_in_words,
+)
+from cmsreduce.model.integrals import (
+    LUMPINGS,
+    FloatingFrame,
+    FrameCondition,
+    FrameKind,
+    IntegralFrame,
+    Lumping,
+    ModalIntegrals,
+)
+from cmsreduce.model.loading import (
+    InterfaceLoading,
+    OutboardMass,
+)
 from cmsreduce.model.mapped_array import (
     CHECKSUM,
     add_dataset,
@@ -28,25 +52,80 @@ from cmsreduce.model.mapped_array import (
     mapped_in,
     shapes_beside,
 )
-from cmsreduce.model.members import Members
-from cmsreduce.model.modal_channels import ModalChannels
-from cmsreduce.model.modal_integrals import Lumping, ModalIntegrals
-from cmsreduce.model.mode_set import ModeBlock, ModeKind, ModeSet
-from cmsreduce.model.mode_views import EffectiveMassCurve, GainCurve, ModeLikeness
-from cmsreduce.model.model_errors import ERRORS, DampedPairs, ModelErrors
-from cmsreduce.model.nodes import Nodes, cross_matrix, rigid_body_shapes
-from cmsreduce.model.outboard_mass import OutboardMass
-from cmsreduce.model.projection_record import ExtraneousMode, ModeShare, ProjectionRecord, SampledModes
-from cmsreduce.model.recovery import Recovery
-from cmsreduce.model.reduced import ModalComponent, ReducedComponent
-from cmsreduce.model.rounding_effect import RoundingEffect
-from cmsreduce.model.run import ComponentResult, ConfigurationResult, Response, RunResult, Speed, SystemModes
-from cmsreduce.model.run_figure import RunFigure
+from cmsreduce.model.members import (
+    Bars,
+    Members,
+)
+from cmsreduce.model.mode_set import (
+    ModeBlock,
+    ModeCertificate,
+    ModeKind,
+    ModeSet,
+)
+from cmsreduce.model.nodes import (
+    Nodes,
+    cross_matrix,
+    rigid_body_shapes,
+)
+from cmsreduce.model.reduced import (
+    ModalComponent,
+    ReducedComponent,
+)
+from cmsreduce.model.results import (
+    CHECKS,
+    ERRORS,
+    MISSING_INERTIA,
+    AxisCompleteness,
+    BodyDrawing,
+    BoundRecord,
+    ChannelZeros,
+    Check,
+    ComponentResult,
+    ConfigurationResult,
+    ControllerMargin,
+    CostlyMode,
+    CostlyModes,
+    CutoffRecord,
+    DampedPairs,
+    EffectiveMassCurve,
+    ExtraneousMode,
+    Factorisation,
+    Finding,
+    GainCurve,
+    GainSum,
+    HighGain,
+    JointDrawing,
+    ModelErrors,
+    ModeLikeness,
+    ModeShare,
+    PortDrawing,
+    ProjectionRecord,
+    ReductionChecks,
+    Response,
+    RoundingEffect,
+    RunFigure,
+    RunResult,
+    SampledModes,
+    SceneDrawing,
+    SearchRecord,
+    SensitivityCase,
+    SensitivityRecord,
+    Speed,
+    StaticLack,
+    StepErrors,
+    SweepResult,
+    SweepRow,
+    SystemChecks,
+    SystemModes,
+    SystemShapes,
+    short_keys,
+)
 from cmsreduce.model.scene import (
     DOF_NAMES,
     Channel,
     Configuration,
     Joint,
+    JointElement,
     JointTerm,
     Placement,
     Point,
@@ -55,115 +134,118 @@ from cmsreduce.model.scene import (
     StrutTerm,
     dof_index,
 )
-from cmsreduce.model.selection_record import (
-    BoundRecord,
-    CutoffRecord,
-    SearchRecord,
-    SensitivityCase,
-    SensitivityRecord,
+from cmsreduce.model.system import (
+    Controller,
+    Matrix,
+    ModalChannels,
+    Substructure,
+    System,
 )
-from cmsreduce.model.system import Matrix, Substructure, System
-from cmsreduce.model.system_checks import (
-    CHECKS,
-    ChannelZeros,
-    ControllerMargin,
-    ReductionChecks,
-    StaticLack,
-    StepErrors,
-    SystemChecks,
+from cmsreduce.model.unit_conversion import (
+    in_units,
+    load_stiffness_in_units,
+    recovery_in_units,
+    rigid_in_units,
 )
-from cmsreduce.model.unit_conversion import in_units, load_stiffness_in_units, recovery_in_units, rigid_in_units
-from cmsreduce.model.units import SI, Units
-from cmsreduce.model.untied import UntiedMass
+from cmsreduce.model.units import (
+    SI,
+    Units,
+)
 
 __all__ = [
-    "CHECKSUM",
-    "Speed",
-    "RunFigure",
-    "RunResult",
-    "Response",
-    "ModelErrors",
-    "ConfigurationResult",
-    "ComponentResult",
-    "Check",
-    "CHECKS",
-    "ChannelZeros",
-    "Controller",
-    "ControllerMargin",
-    "GainSum",
-    "HighGain",
-    "ReductionChecks",
-    "StaticLack",
-    "StepErrors",
-    "SystemChecks",
-    "DOF_NAMES",
-    "ERRORS",
-    "SCALAR",
-    "SI",
-    "SQUARES",
     "AxisCompleteness",
     "Bars",
     "BodyDrawing",
     "BoundRecord",
-    "CutoffRecord",
+    "CHECKS",
+    "CHECKSUM",
     "Channel",
+    "ChannelZeros",
+    "Check",
+    "ComponentResult",
     "Configuration",
+    "ConfigurationResult",
+    "Controller",
+    "ControllerMargin",
     "CostlyMode",
     "CostlyModes",
+    "CutoffRecord",
+    "DOF_NAMES",
     "DampedPairs",
     "Damping",
     "DofTable",
+    "ERRORS",
+    "EffectiveMassCurve",
+    "ExtraneousMode",
     "FEModel",
+    "Factorisation",
+    "Finding",
     "FloatingFrame",
     "Followers",
     "FrameCondition",
-    "IntegralFrame",
-    "EffectiveMassCurve",
-    "Factorisation",
+    "FrameKind",
     "GainCurve",
+    "GainSum",
     "GeometricStiffness",
+    "HighGain",
     "INERTIA_LOADS",
+    "IntegralFrame",
     "Interface",
     "InterfaceLoading",
     "Joint",
     "JointDrawing",
     "JointElement",
     "JointTerm",
-    "Matrix",
-    "ExtraneousMode",
-    "ModeShare",
-    "ProjectionRecord",
-    "SampledModes",
+    "LUMPINGS",
     "Lumping",
+    "MISSING_INERTIA",
+    "Matrix",
     "Members",
     "ModalChannels",
-    "ModalIntegrals",
     "ModalComponent",
+    "ModalIntegrals",
+    "ModalStiffening",
     "ModeBlock",
     "ModeCertificate",
     "ModeKind",
     "ModeLikeness",
-    "ModalStiffening",
     "ModeSet",
+    "ModeShare",
+    "ModelErrors",
     "Nodes",
     "OutboardMass",
     "Placement",
     "Point",
     "PointTerm",
     "PortDrawing",
+    "ProjectionRecord",
     "Recovery",
     "ReducedComponent",
+    "ReductionChecks",
+    "Response",
     "RigidBody",
     "RoundingEffect",
+    "RunFigure",
+    "RunResult",
+    "SCALAR",
+    "SI",
+    "SQUARES",
+    "SampledModes",
     "Scene",
     "SceneDrawing",
     "SearchRecord",
     "SensitivityCase",
     "SensitivityRecord",
     "Source",
+    "Speed",
+    "StaticLack",
+    "StepErrors",
     "StrutTerm",
     "Substructure",
+    "SweepResult",
+    "SweepRow",
     "System",
+    "SystemChecks",
     "SystemModes",
     "SystemShapes",
     "UnitLoad",
@@ -177,6 +259,7 @@ __all__ = [
     "dof_index",
     "in_units",
     "load_stiffness_in_units",
+    "loads_in_words",
     "map_dataset",
     "mapped_array",
     "mapped_in",
@@ -184,4 +267,5 @@ __all__ = [
     "rigid_body_shapes",
     "rigid_in_units",
     "shapes_beside",
+    "short_keys",
 ]

@@ -1,4 +1,13 @@
-"""Bodies as they come from a finite-element code, and rigid ones."""
+"""Motion of dofs that have no row of their own because they follow other dofs.
+
+Dofs that follow others because rigid elements or constraints join them.
+
+The mass of a body where its nodes are, before any of them were tied to points.
+
+Where a body is joined to others.
+
+Bodies as they come from a finite-element code, and rigid ones.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +22,125 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError, MatrixError, SceneError
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import SCALAR, DofTable
-from cmsreduce.model.interface import Interface
 from cmsreduce.model.nodes import Nodes
-from cmsreduce.model.recovery import Recovery
 from cmsreduce.model.units import SI, Units
-from cmsreduce.model.untied import UntiedMass
 
-__all__ = ["FEModel", "RigidBody", "Source"]
+__all__ = [
+    "FEModel",
+    "Followers",
+    "Interface",
+    "Recovery",
+    "RigidBody",
+    "Source",
+    "UntiedMass",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Recovery:
+    """Dofs and their motion, x = T x_rows.
+
+    Parameters
+    ----------
+    dofs : DofTable
+        k dofs.
+    T : (k, n) sparse array
+        Motion of each under unit motion of each row of the body.
+
+    Raises
+    ------
+    DofMapError
+        If there is not one row of T for each dof.
+    """
+
+    dofs: DofTable
+    T: sp.csr_array
+
+    def __post_init__(self) -> None:
+        T = sp.csr_array(self.T)
+        if T.shape[0] != len(self.dofs):
+            raise DofMapError(f"{len(self.dofs)} dofs follow others, but {T.shape[0]} rows say how")
+        object.__setattr__(self, "T", T)
+
+
+@dataclass(frozen=True, eq=False)
+class Followers:
+    """Dependent dofs and their motion, x = T x_leads.
+
+    Parameters
+    ----------
+    dofs : DofTable
+        d dependent dofs.
+    leads : DofTable
+        i dofs that they follow, none of which is dependent itself.
+    T : (d, i) sparse array
+        Motion of each under unit motion of each it follows.
+
+    Raises
+    ------
+    DofMapError
+        If the sizes disagree.
+    """
+
+    dofs: DofTable
+    leads: DofTable
+    T: sp.csr_array
+
+    def __post_init__(self) -> None:
+        if self.T.shape != (len(self.dofs), len(self.leads)):
+            raise DofMapError(f"{len(self.dofs)} dofs follow {len(self.leads)}, but {self.T.shape} numbers say how")
+
+
+@dataclass(frozen=True, eq=False)
+class UntiedMass:
+    """Mass matrix over the dofs that a body was read with.
+
+    A tie restates the mass in other dofs, in which a row is no longer a motion of one place along one axis. What is
+    integrated over places, or gathered at nodes, is of this one.
+
+    Parameters
+    ----------
+    dofs : DofTable
+        g dofs.
+    M : (g, g) sparse array
+        Mass.
+    """
+
+    dofs: DofTable
+    M: sp.csc_array
+
+
+@dataclass(frozen=True, eq=False)
+class Interface:
+    """Named dofs of a body to which joints attach (the i-set, or a part of it).
+
+    Parameters
+    ----------
+    name : str
+        Name of the interface, unique in its body.
+    node : (p,) int64
+        Node ids in order; joints pair them one by one.
+    components : tuple of (tuple of int)
+        Components 1..6 of each node, along its displacement frame, that belong to the interface.
+    position : (p, 3) float64
+        Coordinates of the nodes in the body's basic frame, in the body's unit of length.
+    frame : (3, 3) float64
+        Axes of the interface as rows, in basic components: a joint on it has these axes.
+    node_axes : (p, 3, 3) float64, optional
+        Displacement frames of the nodes as rows, in basic components; ``frame`` for every node if absent.
+    """
+
+    name: str
+    node: NDArray[np.int64]
+    components: tuple[tuple[int, ...], ...]
+    position: NDArray[np.float64]
+    frame: NDArray[np.float64]
+    node_axes: NDArray[np.float64] | None = None
+
+    def node_frame(self, k: int) -> NDArray[np.float64]:
+        """Displacement axes of node k, which its components refer to (3, 3)."""
+        return self.frame if self.node_axes is None else np.asarray(self.node_axes[k])
+
 
 # Symmetry is asked to ten times the rounding of the file, relative to the largest entry: round-off of a
 # solver leaves 1e-16, a missing triangle or a wrong matrix leaves order 1.

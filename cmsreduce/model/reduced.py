@@ -10,10 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.model.body import FEModel
-from cmsreduce.model.certificate import ModeCertificate
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.mapped_array import chosen_columns
-from cmsreduce.model.mode_set import ModeKind, ModeSet
+from cmsreduce.model.mode_set import ModeCertificate, ModeKind, ModeSet
 
 __all__ = ["ModalComponent", "ReducedComponent"]
 

@@ -1,4 +1,7 @@
-"""The scene the bodies act in: joints, configurations, actuators, sensors, band."""
+"""What acts in a joint on one of its free motions.
+
+The scene the bodies act in: joints, configurations, actuators, sensors, band.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError, UnitsError
-from cmsreduce.model.joint_element import JointElement
 from cmsreduce.model.units import SI, Units
 
 __all__ = [
-    "DOF_NAMES",
     "Channel",
     "Configuration",
+    "DOF_NAMES",
     "Joint",
+    "JointElement",
     "JointTerm",
     "Placement",
     "Point",
@@ -26,6 +29,47 @@ __all__ = [
     "StrutTerm",
     "dof_index",
 ]
+
+_FIRST_ROTATION = 3
+
+
+@dataclass(frozen=True)
+class JointElement:
+    """Spring, damper and inertia of a joint along or about one of its free motions.
+
+    The spring and the damper act on the motion of the second interface against the first. The inertia belongs to the
+    joint, not to a body: it turns with the first interface, and no mass properties of a body contain it.
+
+    Parameters
+    ----------
+    dof : int
+        Motion 0..5 along the joint's axes.
+    stiffness, damping : float
+        In the scene's units: force a length, or moment a radian; the same times a second.
+    inertia : float
+        Moment of inertia about the joint's axis, of a rotation only.
+
+    Raises
+    ------
+    SceneError
+        If a figure is negative, or a translation is given an inertia.
+    """
+
+    dof: int
+    stiffness: float = 0.0
+    damping: float = 0.0
+    inertia: float = 0.0
+
+    def __post_init__(self) -> None:
+        for what in ("stiffness", "damping", "inertia"):
+            if not getattr(self, what) >= 0:
+                raise SceneError(f"a joint's {what} of {getattr(self, what):g} is negative")
+        if self.inertia and self.dof < _FIRST_ROTATION:
+            raise SceneError(
+                "a joint's inertia turns about one of its axes; what slides along an axis has mass in every direction: "
+                "give it to a body"
+            )
+
 
 DOF_NAMES = ("x", "y", "z", "rx", "ry", "rz")
 """Names of the six motions of a point, in order."""

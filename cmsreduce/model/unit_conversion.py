@@ -8,14 +8,11 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from cmsreduce.model.body import FEModel, RigidBody
+from cmsreduce.model.body import FEModel, Interface, Recovery, RigidBody, UntiedMass
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import DofTable
 from cmsreduce.model.geometric_stiffness import UnitLoad
-from cmsreduce.model.interface import Interface
-from cmsreduce.model.recovery import Recovery
 from cmsreduce.model.units import Units
-from cmsreduce.model.untied import UntiedMass
 
 __all__ = ["in_units", "load_stiffness_in_units", "recovery_in_units", "rigid_in_units"]
 

@@ -1,8 +1,39 @@
-"""Run the stages in their order; the only place that knows it."""
+"""Stages in their order: the only hall that knows it.
 
-from cmsreduce.pipeline.execute import execute, reopen, write_report
-from cmsreduce.pipeline.progress import Progress, Silent
-from cmsreduce.pipeline.result import run_result
-from cmsreduce.pipeline.run import MODEL, STAGES, Run
+Runs, their finished stages on disk, sweeps and the inspection of files belong here.
+Mathematics belongs in the stages; words for people belong in `report`.
+"""
 
-__all__ = ["MODEL", "STAGES", "Progress", "Run", "Silent", "execute", "reopen", "run_result", "write_report"]
+from cmsreduce.pipeline.execute import (
+    execute,
+    reopen,
+    write_report,
+)
+from cmsreduce.pipeline.inspection import (
+    inspected,
+)
+from cmsreduce.pipeline.results import (
+    run_result,
+)
+from cmsreduce.pipeline.run import (
+    MODEL,
+    STAGES,
+    Run,
+)
+from cmsreduce.pipeline.store import (
+    Progress,
+    Silent,
+)
+
+__all__ = [
+    "MODEL",
+    "Progress",
+    "Run",
+    "STAGES",
+    "Silent",
+    "execute",
+    "inspected",
+    "reopen",
+    "run_result",
+    "write_report",
+]

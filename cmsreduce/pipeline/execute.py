@@ -13,14 +13,17 @@ from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ReadError, StageError
 from cmsreduce.linalg.blas_threads import blas_threads
 from cmsreduce.model import Configuration, RunResult
-from cmsreduce.pipeline.framing import frame_of, integral_frame_of, outboard_of
-from cmsreduce.pipeline.ledger import REPORT
-from cmsreduce.pipeline.matlab import write_system_states
-from cmsreduce.pipeline.progress import Silent
-from cmsreduce.pipeline.result import component_checks, run_result
+from cmsreduce.pipeline.results import (
+    body_costly_modes,
+    component_checks,
+    frame_of,
+    integral_frame_of,
+    outboard_of,
+    run_result,
+    write_system_states,
+)
 from cmsreduce.pipeline.run import STAGES, Run
-from cmsreduce.pipeline.run_lock import sole_use
-from cmsreduce.pipeline.step_advice import body_costly_modes
+from cmsreduce.pipeline.store import REPORT, Silent, sole_use
 from cmsreduce.report import render_report, start_packing
 from cmsreduce.write import (
     TARGETS,

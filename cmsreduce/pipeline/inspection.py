@@ -11,19 +11,24 @@ import numpy as np
 
 from cmsreduce.config import Pipeline, build_scene, load_pipeline
 from cmsreduce.errors import CmsReduceError, ReadError
-from cmsreduce.linalg.integrator_steps import ACCURACIES, INTEGRATORS
-from cmsreduce.model import Check, Scene
-from cmsreduce.model.geometric_stiffness import loads_in_words
-from cmsreduce.pipeline.bodies import read_flexible
-from cmsreduce.pipeline.body_health import body_health, effective_masses
+from cmsreduce.mechanics import ACCURACIES, INTEGRATORS
+from cmsreduce.model import Check, Scene, loads_in_words
+from cmsreduce.pipeline.bodies import body_health, effective_masses, read_flexible
 from cmsreduce.pipeline.execute import reopen
-from cmsreduce.pipeline.frame_text import frame_lines
-from cmsreduce.pipeline.health_data import effective_mass_data, health_data
-from cmsreduce.pipeline.health_text import effective_mass_lines, health_lines
-from cmsreduce.pipeline.mass_totals import body_totals, file_totals, total_data, total_lines
-from cmsreduce.pipeline.reduction_text import run_lines
-from cmsreduce.pipeline.result import run_result
-from cmsreduce.pipeline.step_advice import file_rounding
+from cmsreduce.pipeline.results import (
+    body_totals,
+    effective_mass_data,
+    effective_mass_lines,
+    file_rounding,
+    file_totals,
+    frame_lines,
+    health_data,
+    health_lines,
+    run_lines,
+    run_result,
+    total_data,
+    total_lines,
+)
 from cmsreduce.read import detect_format, matrix_names, read_geometry
 from cmsreduce.write import ComponentFile, read_component, summary
 

@@ -1,8 +1,25 @@
-"""Projection and assembly: modes of the whole system, projected on the bodies that will make them again."""
+"""Projection and assembly: system modes projected on the bodies that will reproduce them.
 
-from cmsreduce.project.extraneous import extraneous_count, extraneous_modes, returned
-from cmsreduce.project.projection import Projection, keep_combinations, project_shapes
-from cmsreduce.project.system_cost import SystemCost, cost_shares, costliest, system_cost
+Projection, extraneous modes and the cost of a coordinate in the system belong here.
+The joined system itself belongs in `assemble`.
+"""
+
+from cmsreduce.project.extraneous import (
+    extraneous_count,
+    extraneous_modes,
+    returned,
+)
+from cmsreduce.project.projection import (
+    Projection,
+    keep_combinations,
+    project_shapes,
+)
+from cmsreduce.project.system_cost import (
+    SystemCost,
+    cost_shares,
+    costliest,
+    system_cost,
+)
 
 __all__ = [
     "Projection",

@@ -11,10 +11,14 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.eigen import elastic_and_massless, repeated_groups
 from cmsreduce.linalg.gramians import check_damped, controllability, state_space
-from cmsreduce.linalg.pencil import elastic_and_massless
-from cmsreduce.linalg.repeated import repeated_groups
-from cmsreduce.model import ModalChannels, ModalComponent, Substructure, System
+from cmsreduce.model import (
+    ModalChannels,
+    ModalComponent,
+    Substructure,
+    System,
+)
 
 __all__ = ["SystemCost", "cost_shares", "costliest", "system_cost"]
 

@@ -9,15 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.model import SI, Damping, DofTable, FEModel, Source, Units
-from cmsreduce.read.bulk import SET_NAMES
+from cmsreduce.model import (
+    SI,
+    Damping,
+    DofTable,
+    FEModel,
+    Source,
+    Units,
+)
 from cmsreduce.read.geometry import MESH_ROWS, Geometry, read_geometry
-from cmsreduce.read.interfaces import resolve_interface
+from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, resolve_interface
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import read_matrix, sha256_of
-from cmsreduce.read.row_labels import on_common_rows, possible_rows
-from cmsreduce.read.row_order import prove_row_order
-from cmsreduce.read.sources import InterfaceSpec, MatrixSource
+from cmsreduce.read.nastran import SET_NAMES
+from cmsreduce.read.row_order import on_common_rows, possible_rows, prove_row_order
 
 __all__ = ["read_body"]
 

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Controller
-from cmsreduce.read.matrix import matrix_names, read_matrix
-from cmsreduce.read.matrix_format import require_file
+from cmsreduce.read.matrix import matrix_names, read_matrix, require_file
 
 __all__ = ["read_controller"]
 

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import FEModel, rigid_body_shapes
+from cmsreduce.read.interfaces import MatrixSource
 from cmsreduce.read.matrix import read_matrix
 from cmsreduce.read.row_order import is_condensed
-from cmsreduce.read.sources import MatrixSource
 
 __all__ = ["read_differential_stiffness"]
 

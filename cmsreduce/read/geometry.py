@@ -11,12 +11,16 @@ import numpy as np
 
 from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import DofTable, Nodes
-from cmsreduce.read.abaqus_input import is_abaqus_input
-from cmsreduce.read.bulk import SET_NAMES, BulkDeck, read_bulk, table_of_keys
-from cmsreduce.read.extseout import read_extseout
-from cmsreduce.read.frd import is_frd
+from cmsreduce.read.calculix_abaqus import is_abaqus_input, is_frd
 from cmsreduce.read.mesh import read_mesh
-from cmsreduce.read.point_ids import KEY_STEP
+from cmsreduce.read.nastran import (
+    KEY_STEP,
+    SET_NAMES,
+    BulkDeck,
+    read_bulk,
+    read_extseout,
+    table_of_keys,
+)
 
 __all__ = ["MESH_ROWS", "Geometry", "read_geometry"]
 

@@ -48,7 +48,7 @@ class LabelledMatrix:
     path : Path
         File it came from.
     format : str
-        Format of the file, one of ``cmsreduce.read.matrix_format.FORMATS``.
+        Format of the file, one of ``cmsreduce.read.matrix.FORMATS``.
     rounding : float
         Relative rounding of the entries: 2**-53 double, 2**-24 single, half a unit of the last printed digit for text
         (5e-11 for ten digits).

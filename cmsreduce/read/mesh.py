@@ -10,10 +10,9 @@ import numpy as np
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
-from cmsreduce.read.abaqus_input import is_abaqus_input, read_abaqus_input
-from cmsreduce.read.frd import is_frd, read_frd
+from cmsreduce.read.calculix_abaqus import is_abaqus_input, is_frd, read_abaqus_input, read_frd
 from cmsreduce.read.library_errors import LIBRARY_ERRORS
-from cmsreduce.read.printed_digits import printed_rounding
+from cmsreduce.read.printed_numbers import printed_rounding
 
 __all__ = ["read_mesh"]
 

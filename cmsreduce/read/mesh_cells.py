@@ -11,11 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.abaqus_input import is_abaqus_input, keyword_blocks
-from cmsreduce.read.card_reader import read_cards
-from cmsreduce.read.cards import Card
-from cmsreduce.read.frd import is_frd
+from cmsreduce.read.calculix_abaqus import is_abaqus_input, is_frd, keyword_blocks
 from cmsreduce.read.library_errors import LIBRARY_ERRORS
+from cmsreduce.read.nastran import Card, read_cards
 
 __all__ = ["CELL_CORNERS", "read_cells"]
 

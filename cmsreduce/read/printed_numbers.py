@@ -1,13 +1,26 @@
-"""How finely numbers were rounded when they were printed, and whether the last one is whole."""
+"""How finely numbers were rounded when they were printed, and whether the last one is whole.
+
+How far a printed number may be from the number that was meant.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from decimal import Decimal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.read.labelled_matrix import DOUBLE
 
-__all__ = ["digits_of", "rounding_of_digits", "rounding_of_printed", "stops_in_a_number"]
+__all__ = [
+    "digits_of",
+    "printed_rounding",
+    "rounding_of_digits",
+    "rounding_of_printed",
+    "stops_in_a_number",
+]
 
 _PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([EeDd][+-]?\d+|[+-]\d+)?")
 
@@ -87,3 +100,35 @@ def stops_in_a_number(numbers: Sequence[str]) -> bool:
     if not before or not all((match := _PLAIN.fullmatch(text)) and match.group(2) for text in before):
         return False
     return len(texts[-1]) < min(len(text) for text in before)
+
+
+_EXACT_DIGITS = 5
+"""A number of up to so many digits (600., 0.375, 12.5) was typed or fits the field; a longer one was cut to fit."""
+
+
+def printed_rounding(values: ArrayLike) -> NDArray[np.float64]:
+    """Half a unit in the last printed place of each number, zero for short numbers.
+
+    The digits are those of the shortest decimal that reads back as the number, trailing zeros dropped.
+
+    Parameters
+    ----------
+    values : array_like
+        Numbers as read from text.
+
+    Returns
+    -------
+    float64 array of the same shape
+
+    Examples
+    --------
+    >>> printed_rounding([600.0, 0.333333, 1234567.0]).tolist()
+    [0.0, 5e-07, 0.5]
+    """
+    values = np.asarray(values, dtype=np.float64)
+    out = np.zeros(values.size)
+    for k, value in enumerate(values.ravel().tolist()):
+        digits = Decimal(repr(value)).normalize().as_tuple()
+        if isinstance(digits.exponent, int) and len(digits.digits) > _EXACT_DIGITS:
+            out[k] = 0.5 * 10.0**digits.exponent
+    return out.reshape(values.shape)

@@ -9,8 +9,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.pencil import elastic_and_massless, orthonormal
-from cmsreduce.linalg.repeated import repeated_groups
+from cmsreduce.linalg.eigen import elastic_and_massless, orthonormal, repeated_groups
 
 __all__ = ["Boundary", "InterfaceReduction"]
 

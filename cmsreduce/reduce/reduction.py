@@ -1,4 +1,7 @@
-"""The base of all mode sets: a method supplies its shapes, the projection is common."""
+"""The base of all mode sets: a method supplies its shapes, the projection is common.
+
+A body that is kept rigid: its rigid-body modes and nothing else.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.congruence import column_blocks, congruence
-from cmsreduce.linalg.null_space import rigid_body_modes
+from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.linalg.solver_settings import current_settings
-from cmsreduce.model import FEModel, ModeSet, ReducedComponent, rigid_body_shapes
+from cmsreduce.model import (
+    FEModel,
+    ModeBlock,
+    ModeSet,
+    ReducedComponent,
+    rigid_body_shapes,
+)
 from cmsreduce.reduce.neglected import Basis, Examined
 
-__all__ = ["Reduction", "project"]
+__all__ = [
+    "Reduction",
+    "kept_rigid",
+    "project",
+]
 
 # A rigid-body mode that the basis misses by more than this, in the mass norm, is not in its span. Ten-digit punch
 # files leave 1e-8 of a rigid motion in the constraint modes, stiffness that differs by twelve decades 1e-6, and single
@@ -243,3 +256,9 @@ def _rigid_modes(body: FEModel) -> NDArray[np.float64]:
 def _uncoupled(diagonal: NDArray[np.float64], Phi: NDArray[np.float64]) -> float:
     """Energy of all shapes together, of a diagonal matrix."""
     return sum(float(np.sum(diagonal @ Phi[:, part] ** 2)) for part in column_blocks(Phi.shape[1]))
+
+
+def kept_rigid(body: FEModel, rigid: NDArray[np.float64]) -> ReducedComponent:
+    """Reduce a body to its rigid-body modes (n, r), orthonormal in M: nothing is factorised, no eigenproblem solved."""
+    labels = [f"rigid {motion + 1}" for motion in range(rigid.shape[1])]
+    return project(body, ModeSet.of("rigid", [ModeBlock("rigid", rigid, labels)]), rigid)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.model.sweep_result import SweepResult, SweepRow
+from cmsreduce.model import SweepResult, SweepRow
 
 __all__ = ["Cost", "Trade", "pareto_front", "trades"]
 

@@ -1,4 +1,8 @@
-"""What a reduced model gets wrong, as data."""
+"""Errors and checks of bodies, reductions and systems, as data.
+
+Comparisons with a reference model, modal identities and mass properties belong here.
+Nothing here prints; limits and verdicts are applied in `pipeline.results`.
+"""
 
 from cmsreduce.verify.articulation import (
     articulation_inertia,
@@ -7,29 +11,79 @@ from cmsreduce.verify.articulation import (
     hinges_locked,
     locked_index,
 )
-from cmsreduce.verify.controller_stability import StabilityMargin, controller_response, stability_margin
-from cmsreduce.verify.damping_error import pair_complex_modes
-from cmsreduce.verify.effective_mass import EffectiveMass, effective_mass
-from cmsreduce.verify.frequency_error import FrequencyPairs, pair_frequencies
-from cmsreduce.verify.gain_sum import GainSum, gain_sum
-from cmsreduce.verify.grid import decibel_grid, frequency_grid
-from cmsreduce.verify.grounding import Grounding, grounding
-from cmsreduce.verify.inertia import inertia_excess, principal_inertia
-from cmsreduce.verify.mass_properties import MassProperties, mass_disorder, rigid_mass_properties
-from cmsreduce.verify.modal_identities import carried_momentum, coupled_momentum, momentum_residual, shape_momentum
-from cmsreduce.verify.peak_shift import peak_shifts
+from cmsreduce.verify.body_matrices import (
+    Contrast,
+    Grounding,
+    LightDofs,
+    grounding,
+    light_dofs,
+    negative_directions,
+    stiffness_contrast,
+)
+from cmsreduce.verify.controller_stability import (
+    StabilityMargin,
+    controller_response,
+    stability_margin,
+)
+from cmsreduce.verify.costly_modes import (
+    costly_modes,
+    single_precision,
+)
+from cmsreduce.verify.frequency_error import (
+    FrequencyPairs,
+    pair_complex_modes,
+    pair_frequencies,
+)
+from cmsreduce.verify.mass_properties import (
+    REALISABLE,
+    MassProperties,
+    PrincipalInertia,
+    inertia_excess,
+    integral_change,
+    mass_change,
+    mass_disorder,
+    principal_inertia,
+    rigid_mass_properties,
+)
+from cmsreduce.verify.modal_identities import (
+    EffectiveMass,
+    carried_momentum,
+    coupled_momentum,
+    effective_mass,
+    momentum_balance,
+    momentum_residual,
+    shape_momentum,
+)
+from cmsreduce.verify.mode_pairing import (
+    ModePairing,
+    pair_modes,
+    scaled_rows,
+)
 from cmsreduce.verify.response_error import (
     channel_errors,
     channel_scales,
     db_error,
+    decibel_grid,
     frac,
+    frequency_grid,
     frf_error,
     heard,
     peak_errors,
+    peak_shifts,
 )
-from cmsreduce.verify.rigid_motions import RigidMotions, rigid_motions
-from cmsreduce.verify.static_completeness import static_completeness
-from cmsreduce.verify.step_response import step_errors, step_response
+from cmsreduce.verify.rigid_motions import (
+    RigidMotions,
+    rigid_motions,
+)
+from cmsreduce.verify.static_completeness import (
+    GainSum,
+    gain_sum,
+    static_completeness,
+)
+from cmsreduce.verify.step_response import (
+    step_errors,
+    step_response,
+)
 from cmsreduce.verify.transmission_zeros import (
     judged_zeros,
     visible_modes,
@@ -38,11 +92,16 @@ from cmsreduce.verify.transmission_zeros import (
 )
 
 __all__ = [
+    "Contrast",
     "EffectiveMass",
     "FrequencyPairs",
     "GainSum",
     "Grounding",
+    "LightDofs",
     "MassProperties",
+    "ModePairing",
+    "PrincipalInertia",
+    "REALISABLE",
     "RigidMotions",
     "StabilityMargin",
     "articulation_inertia",
@@ -51,6 +110,7 @@ __all__ = [
     "channel_errors",
     "channel_scales",
     "controller_response",
+    "costly_modes",
     "coupled_momentum",
     "db_error",
     "decibel_grid",
@@ -64,22 +124,31 @@ __all__ = [
     "heard",
     "hinges_locked",
     "inertia_excess",
+    "integral_change",
     "judged_zeros",
+    "light_dofs",
     "locked_index",
+    "mass_change",
     "mass_disorder",
+    "momentum_balance",
     "momentum_residual",
+    "negative_directions",
     "pair_complex_modes",
     "pair_frequencies",
+    "pair_modes",
     "peak_errors",
     "peak_shifts",
     "principal_inertia",
     "rigid_mass_properties",
     "rigid_motions",
+    "scaled_rows",
     "shape_momentum",
+    "single_precision",
     "stability_margin",
     "static_completeness",
     "step_errors",
     "step_response",
+    "stiffness_contrast",
     "visible_modes",
     "zero_shifts",
     "zeros_below",

@@ -1,13 +1,20 @@
-"""Which modes of a body cost an integrator its step without serving the band."""
+"""Which modes of a body cost an integrator its step without serving the band.
+
+A reduced body with its numbers rounded to single precision, as many codes hold or read them.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.model import CostlyMode, CostlyModes, ModalComponent
+from cmsreduce.model import CostlyMode, CostlyModes, ModalComponent, RoundingEffect
 
-__all__ = ["costly_modes"]
+__all__ = [
+    "costly_modes",
+    "single_precision",
+]
 
 # Below twice the band, a mode's mass changes its flexibility in the band by a third or more.
 _FACTOR = 2.0
@@ -63,3 +70,120 @@ def costly_modes(component: ModalComponent, points: NDArray[np.float64], band_hz
         _FACTOR,
         _SHARE,
     )
+
+
+Array = NDArray[np.float64]
+
+# Motions of the interface that the shapes make to less than this, relative to their largest, are not made at all: what
+# single precision leaves of a row that depends on the others is smaller, a motion that a mode makes is not.
+_MADE = 1e-5
+# Beyond 1e5 times the lowest frequency a shape is one without mass.
+_MASSLESS = 1e-10
+# A motion below a hundredth of the lowest elastic frequency is a rigid one.
+_RIGID = 1e-2
+# Beside the stiffness of the body held, this much of its lowest frequency squared is nothing; where its interface does
+# not hold it, it keeps what is left free from being singular.
+_SHIFT = 1e-8
+
+
+def single_precision(M: Array, K: Array, shapes: Array, rigid_count: int, static_count: int) -> RoundingEffect:
+    """Round a reduced body to float32, in its modes and in its interface dofs, and see what its frequencies become.
+
+    Parameters
+    ----------
+    M, K : (m, m) float64
+        Modal mass, and diagonal stiffness. Rigid motions may be coupled to the others by mass, as in a frame that is
+        not that of free modes.
+    shapes : (i, m) float64
+        Rows of the modes at the interface dofs.
+    rigid_count, static_count : int
+        The first modes are rigid, the last ones static.
+
+    Notes
+    -----
+    In its modes a body loses next to nothing: each frequency is a quotient of two numbers of seven digits. Joints add
+    modal stiffnesses that all but cancel, and neighbours that move a statically indeterminate interface as one do not
+    quite meet the rounded shapes: the least strain energy under S q = s_j, s_j the j-th rigid mode at the interface, is
+    a false spring to its modal mass of one. In interface dofs the rigid motions are differences of large stiffnesses,
+    whose rounding is a spring to the ground of sqrt(6e-8 k).
+    """
+    r = rigid_count
+    if K.shape[0] - static_count <= r:
+        return RoundingEffect()
+    shift = float(K[r, r] / M[r, r])
+    omega, rounded = (
+        _elastic(m, k, shift, r, K.shape[0] - r - static_count) for m, k in ((M, K), (_single(M), _single(K)))
+    )
+    free, hz = float(abs(rounded / omega - 1).max()), float(omega[0]) / (2 * np.pi)
+    # Metres beside radians: each row by its own size, as a power of two, which rounds nothing.
+    size = np.linalg.norm(shapes, axis=1, keepdims=True)
+    moved = size[:, 0] > 0
+    scale = 2.0 ** -np.round(np.log2(size[moved]))
+    S, rounded_S = (rows[moved] * scale for rows in (shapes, _single(shapes)))
+    if not S.size:
+        return RoundingEffect(free, lowest_hz=hz)
+    before, after = _held(M, K, S, omega[0])[0], _held(_single(M), _single(K), rounded_S, omega[0])[0]
+    before = before[before <= omega[-1]]
+    lost = after.size < before.size
+    held = float("inf") if lost else float(abs(after[: before.size] / before - 1).max(initial=0.0))
+    false = _false_frequency(np.diag(_single(K)), rounded_S, S[:, :r], r) if r else 0.0
+    return RoundingEffect(free, held, false / (2 * np.pi), *_in_boundary(M, K, S, omega, r), hz)
+
+
+def _elastic(M: Array, K: Array, shift: float, r: int, count: int) -> Array:
+    """Elastic natural frequencies (rad per unit of time, ascending), by the pencil inverted and shifted as below."""
+    found = la.eigh(M, K + shift * M, eigvals_only=True)[::-1]
+    return np.sqrt(1 / found[r : r + count] - shift)
+
+
+def _single(A: Array) -> Array:
+    return A.astype(np.float32).astype(np.float64)
+
+
+def _held(M: Array, K: Array, shapes: Array, lowest: float) -> tuple[Array, Array]:
+    """Natural frequencies (rad per unit of time, ascending) with the interface held, and all shapes that it allows.
+
+    The pencil is inverted, so that shapes without mass are zeros, and shifted by the lowest frequency of the free body,
+    so that rigid motions which the interface leaves free are no infinities.
+    """
+    N = la.null_space(shapes, rcond=_MADE)
+    if not N.shape[1]:
+        return np.empty(0), N
+    inertia = N.T @ M @ N
+    found, Y = la.eigh(inertia, N.T @ K @ N + lowest**2 * inertia)
+    squared = 1 / found[found > _MASSLESS * found.max()] - lowest**2
+    return np.sort(np.sqrt(squared[squared > (_RIGID * lowest) ** 2])), N @ Y
+
+
+def _false_frequency(stiffness: Array, shapes: Array, motions: Array, r: int) -> float:
+    """Largest frequency in rad per unit of time that a motion of the interface as one has by its strain energy."""
+    left = la.null_space(shapes[:, :r].T, rcond=_MADE)
+    strained = (left.T @ shapes[:, r:]) / np.sqrt(stiffness[r:])
+    if not strained.size:
+        return 0.0
+    U, s, _ = la.svd(strained, full_matrices=False)
+    made = s > _MADE * s[0]
+    amplitudes = (U[:, made].T @ (left.T @ motions)) / s[made, None]
+    return float(np.sqrt((amplitudes**2).sum(axis=0).max(initial=0.0)))
+
+
+def _in_boundary(M: Array, K: Array, S: Array, omega: Array, r: int) -> tuple[float, float]:
+    """Change of the elastic frequencies, and highest frequency in Hz of a rigid motion, rounded in interface dofs."""
+    i = S.shape[0]
+    if np.linalg.matrix_rank(S, tol=_MADE * np.sqrt(i)) < i:
+        return 0.0, 0.0
+    N = _held(M, K, S, omega[0])[1]
+    unit = la.pinv(S)
+    resisted = N.T @ K @ N + _SHIFT * omega[0] ** 2 * (N.T @ M @ N)
+    T = np.hstack([unit - N @ np.linalg.solve(resisted, N.T @ K @ unit), N]) if N.shape[1] else unit
+    stiffness, mass = T.T @ K @ T, T.T @ M @ T
+    # Least strain energy couples no constraint mode to a mode held at the interface.
+    stiffness[:i, i:] = stiffness[i:, :i] = 0.0
+    rounded_K, rounded_M = _single(stiffness), _single(mass)
+    found = la.eigvals(rounded_M, rounded_K + omega[0] ** 2 * rounded_M).real
+    squared = np.sort(1 / found[found > _MASSLESS * found.max()]) - omega[0] ** 2
+    pairs = squared[r : r + omega.size]
+    false = float(np.sqrt(abs(squared[:r]).max(initial=0.0))) / (2 * np.pi)
+    if pairs.size < omega.size or pairs[0] <= 0:
+        return float("inf"), false
+    return float(abs(np.sqrt(pairs) / omega - 1).max()), false

@@ -1,7 +1,13 @@
-"""Mass, centre of mass and inertia of a body, from its mass matrix and geometry."""
+"""Mass, centre of mass and inertia of a body, from its mass matrix and geometry.
+
+Mass properties of a body by rigid motions of any origin, and whether any distribution of mass has them.
+
+How far mass properties and modal integrals of two models of one body are apart, in units of what the mass allows.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +16,17 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import FEModel, cross_matrix, rigid_body_shapes
 
-__all__ = ["MassProperties", "mass_disorder", "rigid_mass_properties"]
+__all__ = [
+    "MassProperties",
+    "PrincipalInertia",
+    "REALISABLE",
+    "inertia_excess",
+    "integral_change",
+    "mass_change",
+    "mass_disorder",
+    "principal_inertia",
+    "rigid_mass_properties",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,3 +98,132 @@ def mass_disorder(body: FEModel) -> float:
     coupling = rigid[:, 3:] / size
     worst = max(abs(rigid[:, :3] - mass * np.eye(3)).max(), abs(coupling + coupling.T).max())
     return float(worst / mass) if mass > 0 else float("inf")
+
+
+Array = NDArray[np.float64]
+
+REALISABLE = 1e-6
+"""Printed digits of a mass matrix may put a thin body's inertia this far beyond what mass can have, relative."""
+
+# The mass of a free body is the same in all directions, to the few digits that a condensed body keeps.
+_SAME_MASS = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class PrincipalInertia:
+    """Inertia about the centre of mass, as figures that a drawing or another model can be held against.
+
+    Parameters
+    ----------
+    gyration : (3,) float64
+        Radii of gyration about x, y, z through the centre of mass.
+    moments : (3,) float64
+        Principal moments in ascending order.
+    radii : (3,) float64
+        Radii of gyration about the principal axes.
+    axes : (3, 3) float64
+        Principal axes as rows, in the basic frame, right handed.
+    """
+
+    gyration: Array
+    moments: Array
+    radii: Array
+    axes: Array
+
+
+def principal_inertia(found: MassProperties) -> PrincipalInertia:
+    """Radii of gyration and principal axes.
+
+    Parameters
+    ----------
+    found : MassProperties
+        Of a body with mass.
+
+    Notes
+    -----
+    A moment that rounding leaves below zero has a radius of 0.
+    """
+    mass = float(found.mass.max())
+    moments, V = np.linalg.eigh((found.inertia + found.inertia.T) / 2)
+    axes = V.T * np.sign(np.linalg.det(V))
+    return PrincipalInertia(_radii(found.inertia.diagonal(), mass), moments, _radii(moments, mass), axes)
+
+
+def inertia_excess(rigid_mass: Array) -> float | None:
+    """How far an inertia is beyond what a distribution of mass can have.
+
+    Parameters
+    ----------
+    rigid_mass : (6, 6) float64
+        R^T M R.
+
+    Returns
+    -------
+    float or None
+        Largest violation of: principal moments that are not negative, none larger than the sum of the other two;
+        relative to the largest moment. 0 for every real body. None of a body that does not move freely in all
+        directions, whose inertia is not that of its mass.
+    """
+    found = rigid_mass_properties(rigid_mass)
+    if found.mass.min() < (1 - _SAME_MASS) * found.mass.max() or found.mass.max() <= 0:
+        return None
+    a, b, c = np.linalg.eigvalsh((found.inertia + found.inertia.T) / 2)
+    largest = max(abs(a), abs(c))
+    return max(0.0, -a, c - a - b) / largest if largest > 0 else 0.0
+
+
+def _radii(moments: Array, mass: float) -> Array:
+    return np.sqrt(np.maximum(moments, 0.0) / mass) if mass > 0 else np.zeros(moments.size)
+
+
+def mass_change(old: Array, new: Array) -> dict[str, float]:
+    """Changes of mass, centre of mass and inertia between two rigid mass matrices.
+
+    Parameters
+    ----------
+    old, new : (6, 6) float64
+        R^T M R about one origin, in the same units.
+
+    Returns
+    -------
+    dict
+        ``mass`` relative; ``centre of mass`` in radii of gyration of the old body; ``inertia`` about each centre,
+        relative to the largest moment. Infinite where the old body has no mass and the new one has.
+    """
+    was, now = rigid_mass_properties(old), rigid_mass_properties(new)
+    m, m2, J, J2 = float(was.mass.max()), float(now.mass.max()), was.inertia, now.inertia
+    if m <= 0:
+        return dict.fromkeys(("mass", "centre of mass", "inertia"), 0.0 if m2 <= 0 else float("inf"))
+    largest = float(abs(J).max())
+    radius = np.sqrt(largest / m)
+    shift = float(np.linalg.norm(now.cg - was.cg))
+    return {
+        "mass": abs(m2 - m) / m,
+        "centre of mass": shift / radius if radius > 0 else (0.0 if shift == 0 else float("inf")),
+        "inertia": float(abs(J2 - J).max()) / largest if largest > 0 else float(abs(J2 - J).max() > 0),
+    }
+
+
+def integral_change(old: Array, new: Array, axes: Sequence[int], turn: Array, bound: float) -> float:
+    """Largest change of an integral over modes, after the new modes are turned into the old ones.
+
+    Parameters
+    ----------
+    old, new : (..., k, ...) float64
+        Integral over the paired modes, in the order of the pairs.
+    axes : sequence of int
+        Axes that count modes.
+    turn : (k, k) float64
+        Turns new modes into old ones.
+    bound : float
+        Largest value that the mass allows: sqrt(m) of int phi dm for modes of unit modal mass (Cauchy-Schwarz).
+
+    Returns
+    -------
+    float
+        Relative to the bound.
+    """
+    for axis in axes:
+        new = np.moveaxis(np.tensordot(new, turn, axes=(axis, 0)), -1, axis)
+    change = float(abs(new - old).max(initial=0.0))
+    return change / bound if bound > 0 else (0.0 if change == 0 else float("inf"))

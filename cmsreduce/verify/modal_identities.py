@@ -1,19 +1,72 @@
-"""Momentum of modes, and what it must come to: nothing for a free system, the mass of the body for all its modes."""
+"""Whether the modes of a reduced body carry the momentum that its rigid mass says.
+
+Momentum of modes, and what it must come to: nothing for a free system, the mass of the body for all its modes.
+
+Effective modal mass: how much of a body's mass each mode moves along and about each axis.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.factorise import factorise
-from cmsreduce.model import FEModel, Placement, RigidBody, cross_matrix, rigid_body_shapes
+from cmsreduce.model import (
+    FEModel,
+    Placement,
+    RigidBody,
+    cross_matrix,
+    rigid_body_shapes,
+)
 
-__all__ = ["carried_momentum", "coupled_momentum", "momentum_residual", "shape_momentum"]
+__all__ = [
+    "EffectiveMass",
+    "carried_momentum",
+    "coupled_momentum",
+    "effective_mass",
+    "momentum_balance",
+    "momentum_residual",
+    "shape_momentum",
+]
 
 Array = NDArray[np.float64]
+
+
+def momentum_balance(rigid_mass: Array, momentum: Array, rigid_count: int) -> tuple[float, float]:
+    """Compare the momentum of a free body's modes with its rigid mass.
+
+    Parameters
+    ----------
+    rigid_mass : (6, 6) float64
+        R^T M R.
+    momentum : (6, m) float64
+        R^T M Phi, modes orthonormal in M, the rigid ones first.
+    rigid_count : int
+        Six for a body that is free in all directions.
+
+    Returns
+    -------
+    rigid : float
+        How far the rigid modes are from carrying all of the mass: |sum p p^T - R^T M R|, each entry relative to the
+        roots of the diagonal entries it joins.
+    elastic : float
+        Largest momentum of any other mode, relative to the same roots; zero for a free body.
+
+    Notes
+    -----
+    Rigid modes Phi_r = R T with T^T (R^T M R) T = 1, so that their momenta sum to R^T M R itself.
+    Source: Hughes, J. Applied Mechanics 47 (1980).
+    """
+    root = np.sqrt(np.maximum(rigid_mass.diagonal(), 0.0))
+    root = np.where(root > 0, root, 1.0)
+    scaled = momentum / root[:, None]
+    rigid, elastic = scaled[:, :rigid_count], scaled[:, rigid_count:]
+    gap = rigid @ rigid.T - rigid_mass / np.outer(root, root)
+    return float(abs(gap).max()), float(abs(elastic).max(initial=0.0))
 
 
 def shape_momentum(body: FEModel | RigidBody, shapes: Array) -> Array:
@@ -113,3 +166,52 @@ def _rigid_shapes(body: FEModel) -> Array:
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so its modes have no momentum")
     return rigid_body_shapes(body.dofs, body.nodes)
+
+
+@dataclass(frozen=True, eq=False)
+class EffectiveMass:
+    """Effective masses of modes held at an interface.
+
+    Parameters
+    ----------
+    hz : (k,) float64
+        Frequencies.
+    mass : (k, 6) float64
+        Effective mass along x, y, z and moment of inertia about them, through the point that the rigid motions turn
+        about.
+    total : (6,) float64
+        Of the whole body. All modes together fall short of it by what the held nodes themselves carry.
+    """
+
+    hz: Array
+    mass: Array
+    total: Array
+
+    @property
+    def share(self) -> Array:
+        """Effective mass of each mode as a share of the whole body's (k, 6); 0 where that has none."""
+        return np.asarray(self.mass / np.where(self.total > 0, self.total, 1.0))
+
+    @property
+    def running(self) -> Array:
+        """Share of the modes up to each one (k, 6)."""
+        return np.asarray(np.cumsum(self.share, axis=0))
+
+
+def effective_mass(hz: Array, momentum: Array, rigid_mass: Array) -> EffectiveMass:
+    """Effective masses from the momentum of modes of unit modal mass.
+
+    Parameters
+    ----------
+    hz : (k,) float64
+        Frequencies.
+    momentum : (6, k) float64
+        R^T M Phi, Phi zero at the held dofs.
+    rigid_mass : (6, 6) float64
+        R^T M R about the same point.
+
+    Notes
+    -----
+    Source: Wada, Bamford, Garba (1972). The square of a mode's participation in the rigid motion of its support.
+    """
+    return EffectiveMass(hz, (momentum**2).T, rigid_mass.diagonal().copy())

@@ -1,4 +1,9 @@
-"""Errors of a reduced model's frequency response (design: summary.json)."""
+"""Frequencies at which two models are compared.
+
+Errors of a reduced model's frequency response (design: summary.json).
+
+How far the resonances that a channel shows are shifted.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +14,73 @@ from numpy.typing import NDArray
 
 from cmsreduce.model import Channel
 
-__all__ = ["channel_errors", "channel_scales", "db_error", "frac", "frf_error", "heard", "peak_errors"]
+__all__ = [
+    "channel_errors",
+    "channel_scales",
+    "db_error",
+    "decibel_grid",
+    "frac",
+    "frequency_grid",
+    "frf_error",
+    "heard",
+    "lowest_frequency",
+    "peak_errors",
+    "peak_shifts",
+]
+
+# A band that starts at zero is looked at over this many decades: below, only rigid motion is left.
+_DECADES = 3.0
+# Distances from a resonance, in half-power half-widths zeta w, from well inside the peak to well outside.
+_OFFSETS = np.concatenate([[0.0], np.geomspace(0.05, 5000.0, 48)])
+_OUTSIDE = 40.0
+# Flanks of a sharper peak are followed further, to this share of its frequency, where the grid itself takes over.
+_FLANK = 0.05
+# Width given to the peak of a mode without damping.
+_NO_DAMPING = 1e-4
+# Points of the fixed grid of the decibel error.
+_DECIBEL_POINTS = 1000
+
+
+def lowest_frequency(band: tuple[float, float]) -> float:
+    """Lowest frequency compared, in Hz: the band's own, or three decades below its top if that is zero."""
+    return band[0] if band[0] > 0 else float(band[1] / 10**_DECADES)
+
+
+def frequency_grid(
+    band: tuple[float, float], points: int, omega: NDArray[np.float64], zeta: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Logarithmic grid over the band, refined at every resonance, so that no peak is missed.
+
+    Parameters
+    ----------
+    band : (float, float)
+        In Hz.
+    points : int
+        Points before refinement.
+    omega, zeta : (k,) float64
+        Resonances of both models in rad/s, and their damping ratios.
+
+    Returns
+    -------
+    (f,) float64
+        Circular frequencies in rad/s, ascending.
+    """
+    low, high = lowest_frequency(band), band[1]
+    grid = [2 * np.pi * np.geomspace(low, high, points)]
+    width = np.where(zeta > 0, zeta, _NO_DAMPING) * omega
+    offsets = _OFFSETS if np.all(zeta > 0) else _OFFSETS[1:]
+    distance = width[:, None] * offsets
+    near = (offsets <= _OUTSIDE) | (distance <= _FLANK * omega[:, None])
+    for sign in (-1.0, 1.0):
+        grid.append((omega[:, None] + sign * distance)[near])
+    w = np.unique(np.concatenate(grid))
+    return w[(w >= 2 * np.pi * low * (1 - 1e-12)) & (w <= 2 * np.pi * high * (1 + 1e-12))]
+
+
+def decibel_grid(band: tuple[float, float]) -> NDArray[np.float64]:
+    """Fixed logarithmic grid of 1000 circular frequencies in the band, rad/s."""
+    return 2 * np.pi * np.geomspace(lowest_frequency(band), band[1], _DECIBEL_POINTS)
+
 
 # A channel whose elastic response is below this share of its rigid one is round-off left by the subtraction.
 _ROUND_OFF = 1e-10
@@ -177,3 +248,58 @@ def _equalised(
 
 def _inverse_root(mean: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(mean > 0, 1 / np.sqrt(np.where(mean > 0, mean, 1.0)), 0.0)
+
+
+# A peak so far below the highest of its channel, 60 dB, is nothing that an eye sees beside it.
+_SEEN = 1e-3
+# A peak stands beside its resonance by zeta^2, more where the slope of others tilts it; further off, it is of a mode
+# that has no partner.
+_NEAR = 0.02
+
+
+def peak_shifts(
+    omega: NDArray[np.float64],
+    H: NDArray[np.complex128],
+    full: NDArray[np.float64],
+    reduced: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Largest normalised relative frequency difference (NRFD) of the modes that make a peak in each channel.
+
+    Parameters
+    ----------
+    omega : (f,) float64
+        Grid, refined at the resonances; any unit.
+    H : (f, outputs, inputs) complex128
+        Elastic response of the full model.
+    full, reduced : (k,) float64
+        Natural frequencies paired by their shapes, in the unit of the grid.
+
+    Returns
+    -------
+    (outputs, inputs) float64
+        |reduced - full| / full, the largest of the modes that the channel shows; NaN where it shows none. A mode of the
+        full system without a partner is not counted: the response error and FRAC tell of it.
+
+    Examples
+    --------
+    >>> w = np.linspace(0.5, 1.5, 1001)
+    >>> H = 1 / (1 - w**2 + 0.01j * w)
+    >>> peak_shifts(w, H[:, None, None], np.array([1.0, 1.4]), np.array([1.002, 1.5])).round(6).tolist()
+    [[0.002]]
+    """
+    size = abs(H)
+    found = np.full(H.shape[1:], np.nan)
+    if omega.size < 3 or not full.size:
+        return found
+    shift = abs(reduced - full) / np.where(full > 0, full, 1.0)
+    top = (size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:]) & (size[1:-1] >= _SEEN * size.max(axis=0))
+    for y, u in np.ndindex(*found.shape):
+        at = omega[1:-1][top[:, y, u]]
+        if not at.size:
+            continue
+        apart = abs(at[:, None] - full[None, :]) / at[:, None]
+        mode = apart.argmin(axis=1)
+        near = apart[np.arange(at.size), mode] <= _NEAR
+        if near.any():
+            found[y, u] = shift[mode[near]].max()
+    return found

@@ -1,21 +1,48 @@
-"""Component files and summaries, written whole or not at all."""
+"""Files that a run leaves: component files, system files, summaries and files of other programs.
 
-from cmsreduce.write.atomic import atomic_path
-from cmsreduce.write.component import write_component
-from cmsreduce.write.component_file import ComponentFile, read_component
-from cmsreduce.write.datasets import hdf5_file, put_texts
-from cmsreduce.write.matlab import StateSpace, write_matlab
-from cmsreduce.write.state_space import component_states
-from cmsreduce.write.summary import summary, write_summary
-from cmsreduce.write.system import write_system
-from cmsreduce.write.targets import TARGETS, Target, convert
+Every file is written whole under a temporary name and renamed.
+The choice of what to write belongs in `pipeline`.
+"""
+
+from cmsreduce.write.component import (
+    ComponentFile,
+    basic_shapes,
+    read_component,
+    write_component,
+)
+from cmsreduce.write.datasets import (
+    hdf5_file,
+    put_texts,
+)
+from cmsreduce.write.files import (
+    atomic_path,
+)
+from cmsreduce.write.summary import (
+    summary,
+    write_summary,
+    write_sweep_csv,
+    write_sweep_table,
+)
+from cmsreduce.write.system import (
+    write_system,
+)
+from cmsreduce.write.targets import (
+    TARGETS,
+    StateSpace,
+    Target,
+    component_states,
+    convert,
+    write_matlab,
+    write_vtu,
+)
 
 __all__ = [
-    "TARGETS",
     "ComponentFile",
     "StateSpace",
+    "TARGETS",
     "Target",
     "atomic_path",
+    "basic_shapes",
     "component_states",
     "convert",
     "hdf5_file",
@@ -25,5 +52,8 @@ __all__ = [
     "write_component",
     "write_matlab",
     "write_summary",
+    "write_sweep_csv",
+    "write_sweep_table",
     "write_system",
+    "write_vtu",
 ]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from cmsreduce.assemble import modal_substructure, physical_substructure, rigid_substructure
-from cmsreduce.linalg.null_space import rigid_body_modes
+from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import (
     DOF_NAMES,
     Channel,

@@ -9,13 +9,21 @@ from cmsreduce.assemble import (
     assemble,
     body_points,
     body_ports,
+    channel_rows,
     frequency_response,
     physical_substructure,
     place_bodies,
 )
-from cmsreduce.assemble.channels import channel_rows
 from cmsreduce.errors import SceneError
-from cmsreduce.model import Channel, Configuration, DofTable, FEModel, Point, PointTerm, Scene
+from cmsreduce.model import (
+    Channel,
+    Configuration,
+    DofTable,
+    FEModel,
+    Point,
+    PointTerm,
+    Scene,
+)
 from tests.assemble.rigs import at, in_joint, joint, physical, rigid_body, strut, substructures
 from tests.frames import frame, line, rotation
 

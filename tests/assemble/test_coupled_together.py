@@ -6,13 +6,25 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from cmsreduce.assemble import ModalReceptance, PointStack, body_receptances, couple, rigid_substructure, wire
-from cmsreduce.model import Configuration, Damping, Point, Scene
+from cmsreduce.assemble import (
+    ModalReceptance,
+    PointStack,
+    body_receptances,
+    couple,
+    rigid_substructure,
+    wire,
+)
+from cmsreduce.model import (
+    Configuration,
+    Damping,
+    Point,
+    Scene,
+)
 from tests.assemble.rigs import at, in_joint, joint, modal, physical, rigid_body
 from tests.frames import frame, line
 
 # The package has a function of the same name.
-COUPLING = importlib.import_module("cmsreduce.assemble.frequency_response")
+COUPLING = importlib.import_module("cmsreduce.assemble.response.frequency_response")
 OMEGA = np.geomspace(40.0, 4000.0, 60)
 # The flexibilities between joint forces have condition numbers of up to 6e6: rounding of the largest response.
 ROUNDING = 1e-9

@@ -10,12 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cmsreduce.balance import elastic_norm, hankel_values, keep_bound, mode_bounds
+from cmsreduce.balance import (
+    elastic_norm,
+    hankel_values,
+    keep_bound,
+    mode_bounds,
+)
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import DampingError
 from cmsreduce.model import ModalChannels
 from cmsreduce.pipeline import Run, Silent
-from cmsreduce.pipeline.selection import modal_channels
+from cmsreduce.pipeline.choose.selection import modal_channels
 
 GALILEO = Path(__file__).parents[2] / "pipelines" / "galileo.yaml"
 # What a sampled peak may lie above its closed form by rounding.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from cmsreduce.balance.physical_states import choose_coordinates, physical_states
+from cmsreduce.balance import choose_coordinates, physical_states
 from cmsreduce.errors import DampingError, MatrixError
 
 MOORE = (

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from ruamel.yaml import YAML
 
-from cmsreduce.pipeline.limits import Tolerances
+from cmsreduce.pipeline.results.limits import Tolerances
 from tests.cli.forked import waiting, write_program
 from tests.pipeline.study import PIPELINE
 

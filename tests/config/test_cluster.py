@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cmsreduce.config.cluster import load_cluster
+from cmsreduce.config import load_cluster
 from cmsreduce.errors import CmsReduceError
 
 PRESETS = sorted((Path(__file__).parents[2] / "configs").glob("cluster-*.yaml"))

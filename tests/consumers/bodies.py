@@ -8,11 +8,16 @@ from pathlib import Path
 import numpy as np
 import scipy.linalg as la
 
-from cmsreduce.model import FEModel, FloatingFrame, IntegralFrame, ModalComponent, rigid_body_shapes
+from cmsreduce.model import (
+    FEModel,
+    FloatingFrame,
+    IntegralFrame,
+    ModalComponent,
+    rigid_body_shapes,
+)
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
-from cmsreduce.write import write_component
-from cmsreduce.write.targets import convert
+from cmsreduce.write import convert, write_component
 
 __all__ = ["ALL", "clamped", "modes", "npz"]
 

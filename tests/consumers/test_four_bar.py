@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from cmsreduce.linalg.floating_frame import floating_frame
+from cmsreduce.mechanics import floating_frame
 from cmsreduce.model import FrameCondition, ModalComponent
 from cmsreduce.write import write_component
 from tests.consumers.bodies import modes, npz

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from cmsreduce.linalg.floating_frame import floating_frame
+from cmsreduce.mechanics import floating_frame
 from cmsreduce.model import FEModel, FrameCondition, ModalComponent
 from tests.consumers.bodies import modes, npz
 from tests.frames import BAR, Section, frame

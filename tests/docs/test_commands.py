@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
-from cmsreduce.pipeline.sweep_points import sweep_axes
+from cmsreduce.pipeline.batch import sweep_axes
 from tests.docs.pages import PAGES, ROOT, commands, inline, snippets
 
 NOT_RUN = {

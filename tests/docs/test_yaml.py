@@ -13,7 +13,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from cmsreduce.config import Component, Pipeline, load_pipeline
-from cmsreduce.pipeline.limits import read_limits
+from cmsreduce.pipeline.results import read_limits
 from tests.docs.pages import PAGES, Snippet, inline, snippets
 
 ELSEWHERE = {

@@ -10,10 +10,9 @@ from cmsreduce.assemble import modal_substructure, rigid_substructure
 from cmsreduce.config import load_pipeline
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline import Run, Silent
-from cmsreduce.pipeline.assembled import AssembledModel
-from cmsreduce.pipeline.comparison import ReducedModel
-from cmsreduce.pipeline.cutoff import neglected_errors
-from cmsreduce.pipeline.surroundings import loading_by_neighbours
+from cmsreduce.pipeline.bodies.interface_loading import loading_by_neighbours
+from cmsreduce.pipeline.choose.cutoff import neglected_errors
+from cmsreduce.pipeline.system import AssembledModel, ReducedModel
 from cmsreduce.reduce import reduction
 
 GALILEO = Path(__file__).parents[2] / "pipelines" / "galileo.yaml"

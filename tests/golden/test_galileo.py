@@ -9,8 +9,13 @@ import numpy as np
 import pytest
 
 from cmsreduce.config import load_pipeline
-from cmsreduce.pipeline import MODEL, Run, Silent, execute
-from cmsreduce.pipeline.candidates import Candidates
+from cmsreduce.pipeline import (
+    MODEL,
+    Run,
+    Silent,
+    execute,
+)
+from cmsreduce.pipeline.system.candidates import Candidates
 
 ROOT = Path(__file__).parents[2]
 PIPELINE = ROOT / "pipelines" / "galileo.yaml"

@@ -13,7 +13,7 @@ from cmsreduce.assemble import (
     state_space,
     system_modes,
 )
-from cmsreduce.linalg.null_space import rigid_body_modes
+from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import (
     Channel,
     Configuration,

@@ -15,7 +15,7 @@ from cmsreduce.assemble import (
     physical_substructure,
     system_modes,
 )
-from cmsreduce.linalg.null_space import rigid_body_modes
+from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import (
     Channel,
     DofTable,

@@ -6,7 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cmsreduce.assemble import assemble, physical_substructure, rigid_substructure, system_modes
+from cmsreduce.assemble import (
+    assemble,
+    physical_substructure,
+    rigid_substructure,
+    system_modes,
+)
 from cmsreduce.config import load_pipeline
 from cmsreduce.pipeline import Run, Silent, execute
 from cmsreduce.verify import (

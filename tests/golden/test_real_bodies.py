@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from cmsreduce.config import load_pipeline
-from cmsreduce.linalg.modal_integrals import rigid_mass
+from cmsreduce.mechanics import rigid_mass
 from cmsreduce.model import rigid_body_shapes
-from cmsreduce.pipeline import Run, Silent, execute
-from cmsreduce.pipeline.inspection import inspected
+from cmsreduce.pipeline import Run, Silent, execute, inspected
 from cmsreduce.verify import rigid_mass_properties
 
 pytestmark = pytest.mark.shared

@@ -13,7 +13,7 @@ import scipy.linalg as la
 from cmsreduce.config import load_pipeline
 from cmsreduce.pipeline import Run, Silent, execute
 from cmsreduce.write import read_component
-from tests.linalg.test_geometric_stiffness import WRIGHT
+from tests.mechanics.test_geometric_stiffness import WRIGHT
 from tests.samples import check_made_again
 
 ROOT = Path(__file__).parents[2]

@@ -13,12 +13,11 @@ import scipy.sparse as sp
 from pyyeti.nastran import op4
 
 from cmsreduce.config import load_pipeline
-from cmsreduce.linalg.geometric_stiffness import bars_stiffness, modal_stiffening
-from cmsreduce.linalg.modal_integrals import modal_integrals
+from cmsreduce.mechanics import bars_stiffness, modal_integrals, modal_stiffening
 from cmsreduce.pipeline import Run, Silent
 from cmsreduce.read import read_matrix
 from tests.frames import Section, line
-from tests.linalg.test_geometric_stiffness import chain, clamped, stress_of
+from tests.mechanics.test_geometric_stiffness import chain, clamped, stress_of
 
 pytestmark = pytest.mark.ccx
 

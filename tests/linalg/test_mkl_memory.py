@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cmsreduce.linalg.eigenpairs import certified_modes
+from cmsreduce.linalg.eigen import certified_modes
 from cmsreduce.linalg.factorise import InsufficientMemoryError, factorise
 from cmsreduce.linalg.mkl_memory import free_on_disk
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
@@ -27,7 +27,7 @@ SCRIPT = """
     from pathlib import Path
     import numpy as np
     from cmsreduce.linalg import mkl_memory, pardiso
-    from cmsreduce.linalg.eigenpairs import certified_modes, count_below
+    from cmsreduce.linalg.eigen import certified_modes, count_below
     from cmsreduce.linalg.factorise import factorise
     from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
     from tests.linalg.test_mkl_memory import OMEGA, body

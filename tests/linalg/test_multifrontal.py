@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from cmsreduce.linalg import factorise as module
 from cmsreduce.linalg import fronts, multifrontal
-from cmsreduce.linalg.eigenpairs import beside_modes, certified_modes, count_below
+from cmsreduce.linalg.eigen import beside_modes, certified_modes, count_below
 from cmsreduce.linalg.factorise import InsufficientMemoryError, NotPositiveDefiniteError, factorise
 from cmsreduce.linalg.multifrontal import Multifrontal
 from cmsreduce.linalg.ordering import nested_dissection

@@ -12,7 +12,7 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.eigenpairs import certified_modes, count_below
+from cmsreduce.linalg.eigen import certified_modes, count_below
 from cmsreduce.linalg.factorise import factorise
 from cmsreduce.linalg.mumps import mumps_lacks
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings

@@ -6,7 +6,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.eigenpairs import certified_modes, count_below
+from cmsreduce.linalg.eigen import certified_modes, count_below
 from cmsreduce.linalg.factorise import InsufficientMemoryError, factorise
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
 from tests.linalg.test_factorise import BODIES, BRICKS, SPECTRA, TOWER, banded, mast

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from cmsreduce.pipeline import Run, execute
-from cmsreduce.write import component as component_module
 from cmsreduce.write import read_component
+from cmsreduce.write.component import component as component_module
 
 
 def clock(second: int) -> type[datetime]:

@@ -11,12 +11,10 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.config import load_pipeline
-from cmsreduce.linalg.complex_modes import complex_modes
-from cmsreduce.linalg.damped_pencil import DampedPencil
-from cmsreduce.linalg.eigenpairs import modes_below
+from cmsreduce.linalg.eigen import DampedPencil, complex_modes, modes_below
 from cmsreduce.pipeline import Run, Silent, execute
-from cmsreduce.pipeline.checking import check_result
-from cmsreduce.pipeline.limits import Limits
+from cmsreduce.pipeline.results import check_result
+from cmsreduce.pipeline.results.limits import Limits
 from cmsreduce.write import summary
 from tests.assemble.rigs import rigid_modes
 from tests.pipeline.study import PIPELINE, arm, write_body

@@ -12,7 +12,7 @@ from cmsreduce.balance import whole_groups
 from cmsreduce.config import load_pipeline
 from cmsreduce.model import ModalComponent
 from cmsreduce.pipeline import Run, Silent
-from cmsreduce.pipeline.candidates import system_errors
+from cmsreduce.pipeline.system import system_errors
 
 PIPELINES = Path(__file__).parents[2] / "pipelines"
 # Half of the station's modes, so that the search takes a few seconds.

@@ -13,10 +13,9 @@ from cmsreduce.assemble import modal_substructure, rigid_substructure
 from cmsreduce.balance import elastic_norm, keep_bound, mode_bounds
 from cmsreduce.errors import ConfigError
 from cmsreduce.pipeline import Run, execute
-from cmsreduce.pipeline.assembled import AssembledModel
-from cmsreduce.pipeline.comparison import ReducedModel
-from cmsreduce.pipeline.ranked import ranking_channels
-from cmsreduce.pipeline.selection import truncate
+from cmsreduce.pipeline.choose.ranked import ranking_channels
+from cmsreduce.pipeline.choose.selection import truncate
+from cmsreduce.pipeline.system import AssembledModel, ReducedModel
 from tests.pipeline.study import CANTILEVER
 
 

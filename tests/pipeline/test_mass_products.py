@@ -7,7 +7,7 @@ import pytest
 
 from cmsreduce.assemble import modal_substructure, physical_substructure
 from cmsreduce.orthogonalise import orthogonalise
-from cmsreduce.pipeline.assembled import cross_orthogonality, mass_products
+from cmsreduce.pipeline.system import cross_orthogonality, mass_products
 from cmsreduce.reduce import reduction
 from tests.assemble.rigs import rigid_modes
 from tests.solids import block

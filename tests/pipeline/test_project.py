@@ -13,11 +13,16 @@ from click.testing import CliRunner
 
 from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
-from cmsreduce.model import Configuration, Joint, Point, Scene
+from cmsreduce.model import (
+    Configuration,
+    Joint,
+    Point,
+    Scene,
+)
 from cmsreduce.pipeline import execute
-from cmsreduce.pipeline.halfway import halfway
-from cmsreduce.pipeline.progress import Silent
+from cmsreduce.pipeline.project.stage import halfway
 from cmsreduce.pipeline.run import Run
+from cmsreduce.pipeline.store import Silent
 from tests.pipeline.study import Log, write_study
 
 # Relative error to which a chosen mode returns: rounding of the frequencies, whatever the spread of the bodies'.

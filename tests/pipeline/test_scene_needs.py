@@ -110,8 +110,8 @@ def test_what_nobody_asked_for_is_not_formed(
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("formed, although nothing asks for it")
 
-    monkeypatch.setattr("cmsreduce.write.integrals.modal_integrals", refuse)
-    monkeypatch.setattr("cmsreduce.pipeline.run.Run.unreduced", refuse)
+    monkeypatch.setattr("cmsreduce.write.component.integrals.modal_integrals", refuse)
+    monkeypatch.setattr("cmsreduce.pipeline.run.run.Run.unreduced", refuse)
     settings = ("balance.keep={modes: 3}", "verify=null", "scene.articulation={hinge: [50 deg]}")
     run = opened("write=null", *settings)
     execute(run, study, report=False)

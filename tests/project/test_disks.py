@@ -8,8 +8,13 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from cmsreduce.linalg.null_space import null_space
-from cmsreduce.project import Projection, extraneous_count, project_shapes, returned
+from cmsreduce.linalg.eigen import null_space
+from cmsreduce.project import (
+    Projection,
+    extraneous_count,
+    project_shapes,
+    returned,
+)
 
 CHAINS = {
     "three disks": (

@@ -12,8 +12,8 @@ import scipy.io
 import scipy.sparse as sp
 from pyyeti.nastran import op4
 
-from tests.read.test_op2 import op2_bytes
-from tests.read.test_op4 import op4_bytes
+from tests.read.nastran.test_op2 import op2_bytes
+from tests.read.nastran.test_op4 import op4_bytes
 
 __all__ = ["damaged", "samples"]
 

@@ -11,11 +11,11 @@ import scipy.sparse as sp
 from pyyeti.nastran import op4
 
 from cmsreduce.errors import DofMapError, MatrixError
-from cmsreduce.linalg.geometric_stiffness import bars_stiffness
+from cmsreduce.mechanics import bars_stiffness
 from cmsreduce.model import FEModel, UnitLoad
 from cmsreduce.read import MatrixSource, read_differential_stiffness
 from tests.frames import BAR, line
-from tests.linalg.test_geometric_stiffness import chain
+from tests.mechanics.test_geometric_stiffness import chain
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ from pyyeti.nastran import op4
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable
-from cmsreduce.read.matrix import FORMATS, matrix_names, read_matrix, sha256_of
-from cmsreduce.read.matrix_format import detect_format
+from cmsreduce.read import detect_format, matrix_names, read_matrix, sha256_of
+from cmsreduce.read.matrix import FORMATS
 
 K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
 PUNCH = """\

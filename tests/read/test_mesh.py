@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.geometry import read_geometry
+from cmsreduce.read import read_geometry
 from cmsreduce.read.mesh import read_mesh
 
 FRD_LONG = """    1C

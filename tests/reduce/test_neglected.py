@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from cmsreduce.linalg.null_space import rigid_body_modes
+from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import FEModel, ModalComponent, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import reduction

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from cmsreduce.model.sweep_result import SweepResult, SweepRow, SweepStatus
+from cmsreduce.model import SweepResult, SweepRow
+from cmsreduce.model.results.sweep import SweepStatus
 
 __all__ = ["HOSTILE", "made_sweep"]
 

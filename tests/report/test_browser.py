@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cmsreduce.report import render_report
-from cmsreduce.report.sweep_picture import sweep_page
+from cmsreduce.report import render_report, sweep_page
 from tests.report.browser import Opened, launched, needs_browser, opened
 from tests.report.large_run import large_run
 from tests.report.made_checks import SHIFT, WORST_RATIO

@@ -5,10 +5,8 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from cmsreduce.model import Check
-from cmsreduce.model.finding import Finding
-from cmsreduce.report.junit import junit_xml
-from cmsreduce.report.markdown import markdown_summary
+from cmsreduce.model import Check, Finding
+from cmsreduce.report import junit_xml, markdown_summary
 
 FINDINGS = [
     Finding("rotor", Check("kept_modes", 19, 18), "a <note> & more"),

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cmsreduce.report.csv_tables import csv_tables
+from cmsreduce.report import csv_tables
 from tests.report.conftest import GAIN, HZ, SHIFT, oscillators
 
 

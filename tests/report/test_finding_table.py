@@ -9,11 +9,8 @@ import re
 import pytest
 from rich.console import Console
 
-from cmsreduce.model import Check
-from cmsreduce.model.finding import Finding
-from cmsreduce.report.finding_table import print_findings
-from cmsreduce.report.inspection_table import print_inspected
-from cmsreduce.report.output import Output
+from cmsreduce.model import Check, Finding
+from cmsreduce.report import Output, print_findings, print_inspected
 
 FINDINGS = (
     Finding("", Check("frf_error", 0.02, 0.01), "at spin=0 [x]"),

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cmsreduce.report.pareto import pareto_front, trades
+from cmsreduce.report import trades
+from cmsreduce.report.pareto import pareto_front
 from tests.report.sweeps import made_sweep
 
 NAN = float("nan")

@@ -4,7 +4,13 @@ from dataclasses import replace
 import pytest
 
 from cmsreduce.model import Check
-from cmsreduce.report.wording import FIGURES, broken, headline, number, worst
+from cmsreduce.report.wording import (
+    FIGURES,
+    broken,
+    headline,
+    number,
+    worst,
+)
 
 
 @pytest.mark.parametrize(

@@ -12,13 +12,16 @@ import scipy.sparse as sp
 
 from cmsreduce.model import DofTable, FEModel, rigid_body_shapes
 from cmsreduce.read import MatrixSource, read_body
-from cmsreduce.verify.definiteness import negative_directions
-from cmsreduce.verify.effective_mass import effective_mass
-from cmsreduce.verify.grounding import grounding
-from cmsreduce.verify.inertia import principal_inertia
-from cmsreduce.verify.light_dofs import light_dofs, stiffness_contrast
-from cmsreduce.verify.mass_properties import rigid_mass_properties
-from cmsreduce.verify.rigid_motions import rigid_motions
+from cmsreduce.verify import (
+    effective_mass,
+    grounding,
+    light_dofs,
+    negative_directions,
+    principal_inertia,
+    rigid_mass_properties,
+    rigid_motions,
+    stiffness_contrast,
+)
 from tests.frames import frame, line
 
 BENT = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 2], [2, 1, 2]]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.verify.controller_stability import controller_response, stability_margin
+from cmsreduce.verify import controller_response, stability_margin
 
 OMEGA, ZETA = np.array([3.0, 40.0]), 0.01
 GAIN = np.array([1.0, 0.3])

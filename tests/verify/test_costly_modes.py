@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.model import ModalComponent
-from cmsreduce.verify.costly_modes import costly_modes
+from cmsreduce.verify import costly_modes
 from tests.frames import line
 
 

@@ -6,8 +6,7 @@ import scipy.linalg as la
 
 from cmsreduce.assemble import assemble, system_modes
 from cmsreduce.model import Configuration
-from cmsreduce.verify.gain_sum import gain_sum
-from cmsreduce.verify.transmission_zeros import visible_modes, zero_shifts, zeros_below
+from cmsreduce.verify import gain_sum, visible_modes, zero_shifts, zeros_below
 from tests.golden.test_hinge import GAIN, SPRING, joined
 
 

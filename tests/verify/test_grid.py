@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.verify import decibel_grid, frequency_grid
-from cmsreduce.verify.grid import lowest_frequency
+from cmsreduce.verify.response_error import lowest_frequency
 
 
 def power(w: np.ndarray, w0: float, zeta: float) -> np.ndarray:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.model import cross_matrix
-from cmsreduce.verify.inertia import inertia_excess, principal_inertia
-from cmsreduce.verify.mass_properties import rigid_mass_properties
+from cmsreduce.verify import inertia_excess, principal_inertia, rigid_mass_properties
 from tests.frames import rotation
 
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.model import rigid_body_shapes
-from cmsreduce.verify.integral_change import integral_change, mass_change
-from cmsreduce.verify.momentum_balance import momentum_balance
+from cmsreduce.verify import integral_change, mass_change, momentum_balance
 from tests.frames import frame, line
 
 BENT = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 2]]

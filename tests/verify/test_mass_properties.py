@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.linalg.modal_integrals import rigid_mass
+from cmsreduce.mechanics import rigid_mass
 from cmsreduce.verify import mass_disorder, rigid_mass_properties
 from tests.frames import BAR, frame, line, rotation
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cmsreduce.verify.mode_pairing import pair_modes, scaled_rows
+from cmsreduce.verify import pair_modes, scaled_rows
 from tests.frames import rotation
 
 RNG = np.random.default_rng(7)

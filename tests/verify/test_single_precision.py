@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg as la
 
 from cmsreduce.model import FEModel
-from cmsreduce.verify.single_precision import single_precision
+from cmsreduce.verify import single_precision
 from tests.frames import BAR, Section, line
 
 # As wide as a plank and 0.01 mm thin: it stretches 4e5 times faster than it bends.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cmsreduce.verify.step_response import step_errors, step_response
+from cmsreduce.verify import step_errors, step_response
 
 T, COUNT = 0.01, 400
 

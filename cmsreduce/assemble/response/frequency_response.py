@@ -1,0 +1,206 @@
+"""Frequency response by coupling the receptances of the bodies (theory sections 1 and 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.assemble.held_bodies import held_bodies
+from cmsreduce.assemble.joint_elements import with_joint_bodies
+from cmsreduce.assemble.points import PointStack
+from cmsreduce.assemble.response.receptance import (
+    BRAKED,
+    Receptance,
+    add_between,
+    frequencies_last,
+    receptance,
+)
+from cmsreduce.assemble.response.residual_flexibility import JoinedRows, residual_flexibility
+from cmsreduce.assemble.system import Wiring, wire
+from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.response import frequency_blocks
+from cmsreduce.model import (
+    Configuration,
+    Scene,
+    Substructure,
+    System,
+)
+
+__all__ = ["body_receptances", "couple", "frequency_response", "rigid_response"]
+
+# Memory of the receptances and joined flexibilities of the frequencies coupled at a time: of 2^22 to 2^27, a face of 90
+# joint forces takes least time with 2^23 and 2^24, half of that with 2^27.
+_BLOCK_BYTES = 2**24
+
+
+def body_receptances(stack: PointStack, omega: NDArray[np.float64]) -> dict[str, Receptance]:
+    """Prepare the receptances of all bodies over the motions that these have (`PointStack.moving`).
+
+    Parameters
+    ----------
+    stack : PointStack
+        Points of all bodies.
+    omega : (f,) float64
+        Circular frequencies in rad/s; others up to the highest may be asked for.
+
+    Raises
+    ------
+    MatrixError
+        At the resonance of a body without damping.
+    """
+    return {
+        name: receptance(sub, omega, stack.motions(name)[stack.moving(name)])
+        for name, sub in stack.substructures.items()
+    }
+
+
+def couple(
+    receptances: Mapping[str, Receptance],
+    stack: PointStack,
+    wirings: Sequence[Wiring],
+    grids: Sequence[NDArray[np.float64]],
+) -> list[NDArray[np.complex128]]:
+    """Responses of the joined bodies, in several configurations, from the receptances of the single ones.
+
+    Parameters
+    ----------
+    receptances : mapping of body to Receptance
+        Dynamic flexibilities over the motions that each body has, see `body_receptances`; they do not depend on how the
+        bodies are turned.
+    stack : PointStack
+        Points of all bodies.
+    wirings : sequence of Wiring
+        Joints, inputs and outputs in each configuration.
+    grids : sequence of (f_k,) float64
+        Circular frequencies of each configuration in rad/s.
+
+    Returns
+    -------
+    list of (f_k, outputs, inputs) complex128
+        Of each configuration.
+
+    Notes
+    -----
+    With lambda the joint forces, A Y (B u + A^T lambda) = 0. Rows of A that depend on others in the motions that the
+    bodies have are dropped. A frequency of several grids is asked of the bodies once, and all configurations with as
+    many joint forces are solved together. Frequencies are taken in blocks: the receptances of none but these are in
+    memory.
+
+    Bodies in modes that many forces join are taken as their modes near the band instead, see `residual_flexibility`.
+    """
+    joined = [JoinedRows.of(wiring, stack) for wiring in wirings]
+    found = [np.empty(0, dtype=np.complex128)] * len(joined)
+    rest: list[int] = []
+    for k, (each, grid) in enumerate(zip(joined, grids, strict=True)):
+        smooth = residual_flexibility(stack, each, grid)
+        if smooth is None:
+            rest.append(k)
+            continue
+        try:
+            found[k] = smooth(grid)
+        except np.linalg.LinAlgError:
+            # A free motion at zero frequency, or a resonance without damping: receptances say whose.
+            rest.append(k)
+    if rest:
+        solved = _from_receptances(receptances, stack, [joined[k] for k in rest], [grids[k] for k in rest])
+        for k, H in zip(rest, solved, strict=True):
+            found[k] = H
+    return found
+
+
+def _from_receptances(
+    receptances: Mapping[str, Receptance],
+    stack: PointStack,
+    joined: Sequence[JoinedRows],
+    grids: Sequence[NDArray[np.float64]],
+) -> list[NDArray[np.complex128]]:
+    """Responses (f_k, outputs, inputs) of several configurations, by the forces in their joints."""
+    every = np.unique(np.concatenate([np.empty(0), *grids]))
+    places = [np.searchsorted(every, grid) for grid in grids]
+    found = [
+        np.empty((grid.size, each.outputs, each.shape[1] - each.c), dtype=np.complex128)
+        for each, grid in zip(joined, grids, strict=True)
+    ]
+    columns = {name: stack.body_columns(name).start + stack.moving(name) for name in receptances}
+    entries = sum(place.size**2 for place in columns.values())
+    entries += 3 * sum(each.shape[0] * each.shape[1] for each in joined)
+    for part in frequency_blocks(every.size, 16 * entries, _BLOCK_BYTES):
+        omega = every[part]
+        whole = np.arange(omega.size)
+        inside = [np.flatnonzero((place >= part.start) & (place < part.stop)) for place in places]
+        local = [place[own] - part.start for place, own in zip(places, inside, strict=True)]
+        G = [np.zeros((*each.shape, own.size), dtype=np.complex128) for each, own in zip(joined, inside, strict=True)]
+        for name, receptance_of in receptances.items():
+            Y, here = frequencies_last(receptance_of(omega)), columns[name]
+            for each, at, into in zip(joined, local, G, strict=True):
+                own_Y = Y if np.array_equal(at, whole) else np.ascontiguousarray(Y[..., at])
+                add_between(into, each.left[:, here], own_Y, each.right[:, here])
+        for same in _alike(joined):
+            stacked = np.ascontiguousarray(np.concatenate([G[k] for k in same], axis=2).transpose(2, 0, 1))
+            H = joined[same[0]].response(stacked, np.concatenate([omega[local[k]] for k in same]))
+            for k, own_H in zip(same, np.split(H, np.cumsum([local[k].size for k in same])[:-1]), strict=True):
+                found[k][inside[k]] = own_H
+    return found
+
+
+def _alike(joined: Sequence[JoinedRows]) -> list[list[int]]:
+    """Numbers of the configurations whose flexibilities can be stacked."""
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for number, each in enumerate(joined):
+        groups.setdefault((each.shape, each.displacement, each.rate), []).append(number)
+    return list(groups.values())
+
+
+def rigid_response(system: System, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Rigid-body part of a system's response: (f, outputs, inputs) complex128.
+
+    Free motions that dampers of the joints, or of the ground, resist answer with their drag.
+    """
+    Pr = system.rigid
+    gain = (system.C1 @ Pr)[None] + 1j * omega[:, None, None] * (system.C2 @ Pr)[None]
+    load = Pr.T @ system.B
+    drag = _drag(system)
+    if not drag.any():
+        return np.asarray(gain @ load / -(omega**2)[:, None, None])
+    w = omega[:, None, None]
+    return np.asarray(gain @ np.linalg.solve(1j * w * drag - w**2 * np.eye(drag.shape[0]), load[None] + 0j))
+
+
+def _drag(system: System) -> NDArray[np.float64]:
+    """Damping of the rigid motions, without its round-off (R, R)."""
+    Pr = system.rigid
+    if system.D is None or not Pr.shape[1]:
+        return np.zeros((0, 0))
+    forces = np.asarray(system.D @ Pr)
+    size = float(abs(dense(system.D)).max()) * abs(Pr).max(axis=0)
+    braked = abs(forces).max(axis=0) > BRAKED * size
+    return np.where(np.outer(braked, braked), Pr.T @ forces, 0.0)
+
+
+def frequency_response(
+    substructures: Mapping[str, Substructure], scene: Scene, configuration: Configuration, omega: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Frequency response of the assembled bodies in one configuration.
+
+    Parameters
+    ----------
+    substructures : mapping of name to Substructure
+        Bodies in the scene's units.
+    scene : Scene
+        Joints, actuators, sensors.
+    configuration : Configuration
+        Setting of the joints.
+    omega : (f,) float64
+        Circular frequencies in rad/s.
+
+    Returns
+    -------
+    H : (f, outputs, inputs) complex128
+    """
+    stack = PointStack(with_joint_bodies(substructures, scene))
+    held = held_bodies(stack, scene)
+    return couple(
+        body_receptances(held.stack, omega), held.stack, [held.wiring(wire(stack, scene, configuration))], [omega]
+    )[0]

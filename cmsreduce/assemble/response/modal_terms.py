@@ -1,0 +1,333 @@
+"""Modes of a body as terms of its receptance between the rows of a wiring, tabulated over frequency.
+
+Modes of a body that its damping couples, cluster by cluster, as terms of its receptance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from cmsreduce.assemble.response.receptance import resonant
+from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.response import ResonanceError
+from cmsreduce.model import Substructure
+
+__all__ = [
+    "Change",
+    "CoupledModes",
+    "CoupledTerms",
+    "Kept",
+    "ModalTable",
+    "ModalTerms",
+    "SINGULAR",
+    "add_terms",
+]
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Columns = NDArray[np.int64]
+Kept = Mapping[str, Columns]
+"""Elastic coordinates kept of each body; rigid and static ones are always kept, and bodies not named, whole."""
+Change = tuple[str, Columns]
+"""A body, and elastic coordinates of it to put in where they are left out, or to leave out where they are in."""
+
+# Memory, in numbers, of the products of ports in one multiplication.
+_PRODUCTS = 2**20
+SINGULAR = 1e-10
+"""A change that brings the joined flexibility this near to singular, relative to its terms, has no figure."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModalTable:
+    """A body's modes between the rows of a wiring."""
+
+    left: Real
+    right: Real
+    weights: Complex
+    """1/Z of every mode at every frequency (m, f)."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModalTerms:
+    """Modes that changes put in or leave out, side by side.
+
+    Parameters
+    ----------
+    tables, columns : tuple
+        Of each change.
+    which : (k,) int64
+        Number of each change among all that were asked for.
+    start : (k + 1,) int64
+        First mode of each change.
+    sign : (modes,) float64
+        1 put in, -1 left out.
+    left, right : (ports, modes) float64
+    """
+
+    tables: tuple[ModalTable, ...]
+    columns: tuple[Columns, ...]
+    which: NDArray[np.int64]
+    start: NDArray[np.int64]
+    sign: Real
+    left: Real
+    right: Real
+
+    @classmethod
+    def of(
+        cls, tables: Mapping[str, ModalTable], changes: Sequence[Change], which: NDArray[np.int64], kept: Kept
+    ) -> ModalTerms:
+        """Lay those changes side by side that ``which`` numbers."""
+        chosen = [changes[k] for k in which]
+        sizes = [columns.size for _, columns in chosen]
+        signs = [-1.0 if body not in kept or np.isin(columns, kept[body]).all() else 1.0 for body, columns in chosen]
+        found, columns = tuple(tables[body] for body, _ in chosen), tuple(columns for _, columns in chosen)
+        ports = next(((t.left.shape[0], t.right.shape[0]) for t in tables.values()), (0, 0))
+        left, right = (
+            np.hstack([np.zeros((rows, 0)), *(getattr(t, side)[:, own] for t, own in zip(found, columns, strict=True))])
+            for side, rows in zip(("left", "right"), ports, strict=True)
+        )
+        start = np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)])
+        return cls(found, columns, which, start, np.repeat(signs, sizes), left, right)
+
+    def weights(self, points: NDArray[np.int64]) -> Complex:
+        """Signed 1/Z of every mode at some frequencies (g, modes)."""
+        out = np.empty((points.size, self.sign.size), dtype=np.complex128)
+        for table, columns, start in zip(self.tables, self.columns, self.start[:-1], strict=True):
+            own = slice(start, start + columns.size)
+            out[:, own] = table.weights[np.ix_(columns, points)].T
+        return out * self.sign
+
+    def update(
+        self,
+        dH: Complex,
+        known: NDArray[np.bool_],
+        part: slice,
+        Z: Complex,
+        alpha: Real,
+        Sv: Complex,
+        P: Complex,
+        Q: Complex,
+    ) -> None:
+        """Set what each change adds to the response at a block of frequencies."""
+        sizes = np.diff(self.start)
+        alone = self.start[:-1][sizes == 1]
+        W = np.einsum("ck,fck->fk", alpha[:, alone], Sv[:, :, alone])
+        pivot = Z[:, alone] + W
+        regular = np.all(abs(pivot) > SINGULAR * (abs(Z[:, alone]) + abs(W)), axis=0)
+        number = self.which[sizes == 1]
+        known[number[~regular]] = False
+        good = alone[regular]
+        dH[part, :, :, number[regular]] = P[:, :, None, good] * (Q[:, None, :, good] / pivot[:, None, None, regular])
+        for k in np.flatnonzero(sizes > 1):
+            own = slice(self.start[k], self.start[k + 1])
+            W = alpha[:, own].T @ Sv[:, :, own]
+            pivots = W + Z[:, :, None][:, own] * np.eye(sizes[k])
+            if np.linalg.cond(pivots).max() * SINGULAR > 1:
+                known[self.which[k]] = False
+            else:
+                dH[part, :, :, self.which[k]] = P[:, :, own] @ np.linalg.solve(pivots, Q[:, :, own].transpose(0, 2, 1))
+
+
+def add_terms(G: Complex, table: ModalTable, columns: Columns, points: NDArray[np.int64] | None = None) -> None:
+    """Add the terms of some modes to an array, in products of real matrices over all frequencies.
+
+    Parameters
+    ----------
+    G : (left, right, f) complex128
+        Changed in place.
+    table : ModalTable
+    columns : (k,) int64
+    points : (f,) int64, optional
+        Which of the table's frequencies, all of them if left out.
+    """
+    # A joint elsewhere, or a sensor of another body, has rows of nothing but zeros here.
+    rows, ports = (np.flatnonzero(side[:, columns].any(axis=1)) for side in (table.left, table.right))
+    if not (rows.size and ports.size and G.size):
+        return
+    weights = table.weights[columns] if points is None else table.weights[np.ix_(columns, points)]
+    right = table.right[np.ix_(ports, columns)]
+    step = max(1, _PRODUCTS // right.size)
+    for start in range(0, rows.size, step):
+        own = rows[start : start + step]
+        products = (table.left[np.ix_(own, columns)][:, None, :] * right).reshape(-1, columns.size)
+        found = (products @ weights.view(np.float64)).view(np.complex128)
+        G[np.ix_(own, ports)] += found.reshape(own.size, ports.size, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledModes:
+    """Clusters of a body's coordinates that are coupled within and not with each other.
+
+    Parameters
+    ----------
+    sub : Substructure
+        The body.
+    left, right : (ports, m) float64
+        Motions of all coordinates at the rows of a wiring.
+    M, K, D, loss : (m, m) float64
+        Symmetric.
+    clusters : tuple of (k,) int64
+        Coordinates of each cluster, two or more.
+    """
+
+    sub: Substructure
+    left: Real
+    right: Real
+    M: Real
+    K: Real
+    D: Real
+    loss: Real
+    clusters: tuple[Columns, ...]
+
+    @classmethod
+    def of(cls, sub: Substructure, left: Real, right: Real) -> CoupledModes:
+        """Find the clusters of a body in coordinates of which it couples some."""
+        M, K, D, loss = (
+            np.zeros((sub.m, sub.m)) if part is None else dense(part) for part in (sub.M, sub.K, sub.D, sub.loss)
+        )
+        touch = (M != 0) | (K != 0) | (D != 0) | (loss != 0)
+        count, number = connected_components(sp.csr_array(touch), directed=False)
+        groups = (np.flatnonzero(number == k) for k in range(count))
+        return cls(sub, left, right, M, K, D, loss, tuple(group for group in groups if group.size > 1))
+
+    @property
+    def columns(self) -> Columns:
+        """Coordinates of all clusters."""
+        return np.sort(np.concatenate([np.empty(0, dtype=np.int64), *self.clusters]))
+
+    def stiffness(self, rows: Columns, columns: Columns, omega: Real) -> Complex:
+        """Dynamic stiffness between coordinates at some frequencies (f, rows, columns)."""
+        at, w = np.ix_(rows, columns), omega[:, None, None]
+        return np.asarray(self.K[at] - w**2 * self.M[at] + 1j * (self.loss[at] + w * self.D[at]))
+
+    def flexibility(self, present: NDArray[np.bool_], omega: Real) -> Complex:
+        """Flexibility of the present coordinates of the clusters between the rows of the wiring (f, left, right).
+
+        Raises
+        ------
+        MatrixError
+            If a frequency hits a mode without damping.
+        """
+        G = np.zeros((omega.size, self.left.shape[0], self.right.shape[0]), dtype=np.complex128)
+        for cluster in self.clusters:
+            own = cluster[present[cluster]]
+            if own.size:
+                G += self.left[:, own] @ self.solved(own, self.right[:, own].T.astype(np.complex128), omega)
+        return G
+
+    def solved(self, rows: Columns, load: Complex, omega: Real) -> Complex:
+        """Motions under loads (s, k) or (f, s, k) where only some coordinates are present (f, s, k)."""
+        wide = np.broadcast_to(load, (omega.size, *load.shape[-2:]))
+        if not rows.size:
+            return np.array(wide)
+        Z = self.stiffness(rows, rows, omega)
+        try:
+            return np.asarray(np.linalg.solve(Z, wide))
+        except np.linalg.LinAlgError:
+            worst = int(np.argmin(np.linalg.svd(Z, compute_uv=False)[:, -1]))
+            raise resonant(self.sub, ResonanceError(float(omega[worst]))) from None
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledTerms:
+    """What coordinates of clusters add to a receptance, or take from it, at some frequencies: left N^-1 right^T.
+
+    Parameters
+    ----------
+    left, right : (f, ports, k) complex128
+    N : (f, k, k) complex128
+    change : (k,) int64
+        Number of the change that each column is of.
+    """
+
+    left: Complex
+    right: Complex
+    N: Complex
+    change: NDArray[np.int64]
+
+    @classmethod
+    def of(
+        cls,
+        bodies: Mapping[str, CoupledModes],
+        changes: Sequence[Change],
+        which: NDArray[np.int64],
+        present: Mapping[str, NDArray[np.bool_]],
+        omega: Real,
+    ) -> Iterator[CoupledTerms]:
+        """Terms of those changes that ``which`` numbers, cluster by cluster.
+
+        A change's coordinates are of one cluster, and all of them are present or none is.
+
+        Notes
+        -----
+        With Z the dynamic stiffness of a cluster and S what is present of it, coordinates J put in add
+        V N^-1 V^T, V = E_J - E_S Z_SS^-1 Z_SJ, N = Z_JJ - Z_JS Z_SS^-1 Z_SJ; those taken out add the same with
+        V = E_S Z_SS^-1 E_J and N = -E_J^T V.
+        """
+        for name, body in bodies.items():
+            for cluster in body.clusters:
+                own = [k for k in which if changes[k][0] == name and changes[k][1][0] in cluster]
+                S = cluster[present[name][cluster]]
+                for inside in (True, False):
+                    numbers = [k for k in own if present[name][changes[k][1][0]] == inside]
+                    if not numbers:
+                        continue
+                    J = np.concatenate([changes[k][1] for k in numbers])
+                    sizes = [changes[k][1].size for k in numbers]
+                    unit = (S[:, None] == J[None, :]).astype(np.complex128) if inside else body.stiffness(S, J, omega)
+                    X = body.solved(S, unit, omega)
+                    if inside:
+                        left, right, N = body.left[:, S] @ X, body.right[:, S] @ X, -X[:, np.searchsorted(S, J)]
+                    else:
+                        left, right = (rows[:, J] - rows[:, S] @ X for rows in (body.left, body.right))
+                        N = body.stiffness(J, J, omega) - unit.transpose(0, 2, 1) @ X
+                    yield cls(left, right, N, np.repeat(numbers, sizes))
+
+    def update(
+        self,
+        dH: Complex,
+        known: NDArray[np.bool_],
+        part: slice,
+        alpha: Complex,
+        Sv: Complex,
+        P: Complex,
+        Q: Complex,
+    ) -> None:
+        """Set what each change adds to the response at a block of frequencies.
+
+        Parameters
+        ----------
+        dH : (f, outputs, inputs, n) complex128
+            Of all frequencies, written at ``part``.
+        known : (n,) bool
+            Set to False for a change that brings the joined flexibility to singular.
+        part : slice
+        alpha, Sv : (f, c, k) complex128
+            Joint motions of the columns, and the joined stiffness times them.
+        P, Q : (f, outputs, k), (f, inputs, k) complex128
+            What the columns do to the outputs, and the inputs to them, with the bodies joined.
+        """
+        first, sizes = np.unique(self.change, return_index=True, return_counts=True)[1:]
+        alone = first[sizes == 1]
+        stiff = self.N[:, alone, alone]
+        W = np.einsum("fck,fck->fk", alpha[:, :, alone], Sv[:, :, alone])
+        pivot = stiff + W
+        regular = np.all(abs(pivot) > SINGULAR * (abs(stiff) + abs(W)), axis=0)
+        known[self.change[alone[~regular]]] = False
+        good = alone[regular]
+        dH[part, :, :, self.change[good]] = P[:, :, None, good] * (Q[:, None, :, good] / pivot[:, None, None, regular])
+        for start, size in zip(first[sizes > 1], sizes[sizes > 1], strict=True):
+            own = slice(start, start + size)
+            pivots = self.N[:, own, own] + alpha[:, :, own].transpose(0, 2, 1) @ Sv[:, :, own]
+            if np.linalg.cond(pivots).max() * SINGULAR > 1:
+                known[self.change[start]] = False
+            else:
+                dH[part, :, :, self.change[start]] = P[:, :, own] @ np.linalg.solve(
+                    pivots, Q[:, :, own].transpose(0, 2, 1)
+                )

@@ -1,0 +1,292 @@
+"""Receptances: the dynamic flexibility of a single body between the motions of its points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.factorise import InsufficientMemoryError
+from cmsreduce.linalg.response import (
+    RESPONSE_TOLERANCE,
+    DynamicStiffness,
+    FlexibilityModel,
+    ResonanceError,
+    adaptive_flexibility,
+    frequency_blocks,
+)
+from cmsreduce.model import Matrix, Substructure
+
+__all__ = [
+    "BRAKED",
+    "Receptance",
+    "add_between",
+    "frequencies_last",
+    "is_diagonal",
+    "modal_weights",
+    "receptance",
+    "receptances",
+    "resonant",
+    "tabulated",
+]
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Receptance = Callable[[Real], Complex]
+"""Gives L (K + i loss + i w D - w^2 M)^-1 L^T (f, p, p) at frequencies (f,) in rad/s.
+
+Frequencies that lie side by side in memory, as those of a body in modes do, make products of it long ones.
+"""
+
+# Bodies with this many coordinates or more, and no modes, are solved sparse; smaller ones, dense, many points at once.
+_SPARSE = 200
+# Fewer points than this are solved one by one: a model over shapes takes the time of about as many.
+_FEWEST = 20
+BRAKED = 1e-9
+"""Damping that leaves more than this share of itself on rigid motion brakes it; projection leaves less by rounding."""
+# Memory of a table of receptances that are wanted again.
+_TABLE_BYTES = 2**28
+# Amplitudes of modes at the frequencies taken at a time stay in the cache.
+_CACHED_BYTES = 2**21
+
+
+def receptance(sub: Substructure, omega: Real, motions: Matrix) -> Receptance:
+    """Prepare a body's receptance for some frequencies.
+
+    A body in its modes is a sum over them. One in many dofs gets a small model over shapes, good to
+    ``RESPONSE_TOLERANCE`` at every frequency up to the highest; where its bound does not say so, the body itself is
+    solved. Any other frequencies may be asked for later.
+
+    Parameters
+    ----------
+    sub : Substructure
+        The body alone, free or held as it is.
+    omega : (f,) float64
+        Circular frequencies in rad/s, none of them zero for a free body.
+    motions : (p, m) Matrix
+        Rows of the point motions.
+
+    Returns
+    -------
+    Receptance
+        Raises MatrixError at the resonance of a body without damping.
+    """
+    L = dense(motions)
+    if is_diagonal(sub):
+        return _named(sub, partial(_by_modes, sub, L))
+    load, rigid = _elastic_load(sub, L)
+    if sub.rigid.shape[1] == sub.m and not _is_braked(sub):
+        return _named(sub, partial(_rigid, rigid))
+    if sub.m < _SPARSE:
+        return _named(sub, partial(_dense, sub, load, rigid))
+    M, K = sp.csc_array(sub.M), sp.csc_array(sub.K)
+    D, loss = (None if part is None else sp.csc_array(part) for part in (sub.D, sub.loss))
+    Z = DynamicStiffness(K, M, D, loss)
+    # Points have six motions, of which a solid's have three.
+    here = np.flatnonzero(L.any(axis=1))
+    model: FlexibilityModel | None = None
+    if omega.size >= _FEWEST and here.size:
+        try:
+            model = adaptive_flexibility(
+                Z, load[:, here], omega, rigid=sub.rigid, braked=_is_braked(sub), rounding=sub.rounding
+            )
+        except InsufficientMemoryError:
+            raise
+        except (MatrixError, la.LinAlgError):
+            # No model can be built on such matrices, or it was not confirmed: every point is solved.
+            model = None
+    return _named(sub, partial(_sparse, Z, model, load[:, here], rigid, here))
+
+
+def receptances(sub: Substructure, omega: Real, motions: Matrix) -> Complex:
+    """Receptances of a body at some frequencies (f, p, p); see ``receptance``.
+
+    Raises
+    ------
+    MatrixError
+        If a frequency hits a resonance of a body without damping.
+    """
+    return receptance(sub, omega, motions)(omega)
+
+
+def tabulated(source: Receptance, omega: Real, motions: int) -> Receptance:
+    """Keep a receptance at some frequencies in memory, or leave it as it is where that would take much.
+
+    Parameters
+    ----------
+    source : Receptance
+    omega : (f,) float64
+        Ascending; only these can be asked for afterwards.
+    motions : int
+        Rows of the receptance.
+    """
+    if 16 * omega.size * motions**2 > _TABLE_BYTES:
+        return source
+    table = frequencies_last(source(omega))
+    return lambda wanted: table[..., np.searchsorted(omega, wanted)].transpose(2, 0, 1)
+
+
+def add_between(G: Complex, left: Real, Y: Complex, right: Real) -> None:
+    """Add left Y right^T at every frequency to an array, in products of real matrices over all frequencies.
+
+    Parameters
+    ----------
+    G : (l, r, f) complex128
+        Changed in place.
+    left, right : (l, p), (r, p) float64
+    Y : (p, p, f) complex128
+        Contiguous: one body's receptance, frequencies last.
+    """
+    # A joint elsewhere, or a sensor of another body, has rows of nothing but zeros here.
+    rows, columns = (np.flatnonzero(side.any(axis=1)) for side in (left, right))
+    if not (rows.size and columns.size and Y.size):
+        return
+    p, _, f = Y.shape
+    half = (left[rows] @ Y.view(np.float64).reshape(p, -1)).reshape(rows.size, p, 2 * f)
+    both = right[columns] @ half
+    # Picked rows and columns are copied before and after the sum.
+    if both.size == 2 * G.size:
+        G.view(np.float64)[...] += both
+    else:
+        G[np.ix_(rows, columns)] += both.view(np.complex128)
+
+
+def frequencies_last(Y: Complex) -> Complex:
+    """The same receptance (f, p, p) as (p, p, f), contiguous; that of a body in modes is not copied."""
+    return np.ascontiguousarray(Y.transpose(1, 2, 0))
+
+
+def _named(sub: Substructure, at: Receptance) -> Receptance:
+    def named(omega: Real) -> Complex:
+        try:
+            return at(omega)
+        except ResonanceError as error:
+            raise resonant(sub, error) from None
+
+    return named
+
+
+def resonant(sub: Substructure, error: ResonanceError) -> MatrixError:
+    """What to tell of a body without damping that is driven at its resonance."""
+    return MatrixError(
+        f"body '{sub.name}' has no damping and resonates at {error.omega / 2 / np.pi:.6g} Hz, where its "
+        "response is infinite; give it `damping:`, or move the frequency grid"
+    )
+
+
+def modal_weights(sub: Substructure, omega: Real, columns: NDArray[np.int64] | None = None) -> Complex:
+    """Amplitudes of the modes of a body under unit modal forces (f, m), or of some that nothing couples (f, k).
+
+    Raises
+    ------
+    ResonanceError
+        If a frequency hits a mode without damping.
+    """
+    own = slice(None) if columns is None else columns
+    m, k = _diagonal(sub.M)[own], _diagonal(sub.K)[own]
+    d = _diagonal(sub.D)[own] if sub.D is not None else np.zeros(m.size)
+    g = _diagonal(sub.loss)[own] if sub.loss is not None else np.zeros(m.size)
+    real, imaginary = k[:, None] - m[:, None] * omega**2, g[:, None] + d[:, None] * omega
+    square = real**2 + imaginary**2
+    if not square.all():
+        raise ResonanceError(float(omega[(square == 0).any(axis=0)][0]))
+    weights = np.empty(square.shape, dtype=np.complex128)
+    np.divide(real, square, out=weights.real)
+    np.divide(-imaginary, square, out=weights.imag)
+    return weights.T
+
+
+def _by_modes(sub: Substructure, L: Real, omega: Real) -> Complex:
+    p = L.shape[0]
+    Y = np.empty((p, p, omega.size), dtype=np.complex128)
+    row, column = np.triu_indices(p)
+    for part in frequency_blocks(omega.size, 16 * 3 * sub.m, _CACHED_BYTES):
+        weights = modal_weights(sub, omega[part]).T.view(np.float64)
+        for pairs in frequency_blocks(row.size, 8 * (sub.m + weights.shape[1]), _CACHED_BYTES):
+            a, b = row[pairs], column[pairs]
+            Y[a, b, part] = Y[b, a, part] = ((L[a] * L[b]) @ weights).view(np.complex128)
+    return Y.transpose(2, 0, 1)
+
+
+def _rigid(rigid: Real, omega: Real) -> Complex:
+    if (omega == 0).any():
+        raise ResonanceError(0.0)
+    Y = np.zeros((*rigid.shape, omega.size), dtype=np.complex128)
+    np.multiply(rigid[..., None], -1 / omega**2, out=Y.real)
+    return Y.transpose(2, 0, 1)
+
+
+def _dense(sub: Substructure, load: Real, rigid: Real, omega: Real) -> Complex:
+    zero = np.zeros((sub.m, sub.m))
+    M, K = dense(sub.M), dense(sub.K)
+    D, loss = (zero if part is None else dense(part) for part in (sub.D, sub.loss))
+    Y = np.empty((omega.size, *rigid.shape), dtype=np.complex128)
+    for part in frequency_blocks(omega.size, 16 * 3 * sub.m**2, _CACHED_BYTES):
+        w = omega[part, None, None]
+        try:
+            X = np.linalg.solve(K - w**2 * M + 1j * (loss + w * D), load[None].astype(np.complex128))
+        except np.linalg.LinAlgError:
+            raise ResonanceError(float(omega[part][0])) from None
+        Y[part] = load.T @ X - _over_square(rigid, omega[part])
+    return Y
+
+
+def _sparse(
+    Z: DynamicStiffness, model: FlexibilityModel | None, load: Real, rigid: Real, here: NDArray[np.int64], omega: Real
+) -> Complex:
+    Y = np.zeros((omega.size, *rigid.shape), dtype=np.complex128)
+    unsure = np.ones(omega.size, dtype=bool)
+    if model is not None:
+        for part in frequency_blocks(omega.size, model.bytes_each):
+            found = model(omega[part])
+            Y[part, here[:, None], here] = found.Y
+            unsure[part] = ~(found.error <= RESPONSE_TOLERANCE)
+    for k in np.flatnonzero(unsure):
+        Y[k, here[:, None], here] = Z.flexibility(load, float(omega[k]))
+    if rigid.any():
+        Y -= _over_square(rigid, omega)
+    return Y
+
+
+def _elastic_load(sub: Substructure, L: Real) -> tuple[Real, Real]:
+    """Loads at the points without their share in rigid motion (m, p), and the flexibility of that share times -w^2.
+
+    K is zero on rigid motion only to round-off, which a solve at low frequency magnifies by K over w^2 M.
+    """
+    if _is_braked(sub):
+        return L.T, np.zeros((L.shape[0], L.shape[0]))
+    momentum, at_points = np.asarray(sub.M @ sub.rigid), L @ sub.rigid
+    motion = np.linalg.solve(sub.rigid.T @ momentum, at_points.T)
+    return L.T - momentum @ motion, at_points @ motion
+
+
+def _over_square(rigid: Real, omega: Real) -> Real:
+    # A held body has none of it, at zero frequency either.
+    return rigid / omega[:, None, None] ** 2 if rigid.any() else rigid
+
+
+def _is_braked(sub: Substructure) -> bool:
+    """Whether a damping matrix of the user acts on rigid motion, which is then no motion of its own."""
+    if sub.D is None:
+        return False
+    size = spla.norm(sp.csc_array(sub.D), 1) * abs(sub.rigid).max(initial=0.0)
+    return bool(abs(sub.D @ sub.rigid).max(initial=0.0) > BRAKED * size)
+
+
+def is_diagonal(sub: Substructure) -> bool:
+    """Whether a body is given in modes that nothing couples."""
+    parts = [part for part in (sub.M, sub.K, sub.D, sub.loss) if part is not None]
+    if sub.omega is None:
+        return False
+    return all(sp.csc_array(part).nnz == np.count_nonzero(_diagonal(part)) for part in parts)
+
+
+def _diagonal(A: Matrix) -> Real:
+    return np.asarray(A.diagonal())

@@ -1,0 +1,207 @@
+"""Keys of a component: its matrices, geometry, interfaces, damping and place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, Field, field_validator, model_validator
+
+from cmsreduce.config.keys.balance import RankingKeys
+from cmsreduce.config.keys.damping import DampingKeys
+from cmsreduce.config.keys.files import GeometryFile, MatrixFile, RowOrder
+from cmsreduce.config.keys.frame import BodyWriteKeys
+from cmsreduce.config.keys.interface import InterfaceKeys, InterfaceName, Rotations, rotation_matrix
+from cmsreduce.config.keys.mapping import (
+    DataPath,
+    Flag,
+    Keys,
+    Number,
+    Positive,
+    UnitSystem,
+    Vector,
+    WrittenVector,
+)
+from cmsreduce.config.keys.quantities import Quantity
+from cmsreduce.config.keys.stages import ReduceKeys
+from cmsreduce.config.keys.stiffening import GeometricStiffnessKeys
+from cmsreduce.config.located import Text
+from cmsreduce.errors import MatrixError
+from cmsreduce.model import Placement, RigidBody, Units
+
+__all__ = ["FLEXIBLE_ONLY", "Component", "PlacementKeys", "RigidKeys"]
+
+FLEXIBLE_ONLY = (
+    *("extseout", "stiffness", "mass", "geometry", "rows", "damping", "grounded", "geometric_stiffness"),
+    *("reduce", "balance", "write"),
+)
+"""Keys that a rigid body does not have."""
+_EXTSEOUT_SUFFIXES = (".op4", ".asm", ".pch")
+
+
+def _check_inertia(value: object) -> object:
+    if isinstance(value, (list, tuple)) and len(value) != 6:
+        raise ValueError(f"6 numbers are expected, xx yy zz xy xz yz, found {len(value)}")
+    return value
+
+
+class RigidKeys(Keys):
+    """Mass properties of a body that does not deform, in its units and basic frame."""
+
+    mass: Positive = Field(description="Mass.", examples=[120.0])
+    cg: Vector = Field(default=(0.0, 0.0, 0.0), description="Centre of mass.", examples=[[0, 0, 0.2]])
+    inertia: Annotated[tuple[Number, Number, Number, Number, Number, Number], BeforeValidator(_check_inertia)] = Field(
+        description="Inertia tensor about the cg: xx yy zz xy xz yz; the last three are entries of the tensor, that "
+        "is, minus the products of inertia.",
+        examples=[[10, 12, 8, 0, 0, 0]],
+    )
+
+    @model_validator(mode="after")
+    def _physical(self) -> RigidKeys:
+        try:
+            RigidBody("", self.mass, np.asarray(self.cg), self.tensor())
+        except MatrixError as error:
+            raise ValueError(str(error).partition(": ")[2]) from None
+        return self
+
+    def tensor(self) -> NDArray[np.float64]:
+        """(3, 3) inertia about the cg."""
+        xx, yy, zz, xy, xz, yz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+class PlacementKeys(Keys):
+    """Where a body stands in the scene: turned about its basic origin first, then moved."""
+
+    at: WrittenVector = Field(
+        default=(Quantity(0.0),) * 3,
+        description="Where the origin of the body's basic frame goes, in the scene's unit of length or with units.",
+        examples=[[0, 0, "120 mm"]],
+    )
+    rotate: Rotations | None = Field(
+        default=None,
+        description="One rotation or a list, carried out in order about the axes of the scene.",
+        examples=[{"axis": "z", "angle": "30 deg"}],
+    )
+
+    @field_validator("at")
+    @classmethod
+    def _lengths(cls, at: tuple[Quantity, Quantity, Quantity]) -> tuple[Quantity, Quantity, Quantity]:
+        for item in at:
+            if item.unit and item.dimension != "length":
+                raise ValueError(f"{item} is no length, e.g. 3 mm")
+        return at
+
+    def placement(self, units: Units) -> Placement:
+        """Rotation and translation in the scene's units."""
+        return Placement(rotation_matrix(self.rotate or ()), np.array([item.length_in(units) for item in self.at]))
+
+
+class Component(Keys):
+    """A body: `rigid`, or matrices (`stiffness` and `mass`, or `extseout`)."""
+
+    rigid: RigidKeys | None = Field(
+        default=None,
+        description="Mass properties of a body that does not deform.",
+        examples=[{"mass": 120, "inertia": [10, 12, 8, 0, 0, 0]}],
+    )
+    extseout: DataPath | None = Field(
+        default=None,
+        description="NASTRAN EXTSEOUT body by the common stem of its .asm, .pch and .op4: stands for stiffness KXX and "
+        "mass MXX of the .op4 and the geometry of the .asm, where these keys are not given.",
+        examples=["../bodies/inboard"],
+    )
+    stiffness: MatrixFile | None = Field(
+        default=None, description="Stiffness matrix.", examples=[{"file": "rotor.op4", "matrix": "KAA"}]
+    )
+    mass: MatrixFile | None = Field(
+        default=None, description="Mass matrix.", examples=[{"file": "rotor.op4", "matrix": "MAA"}]
+    )
+    geometry: GeometryFile | None = Field(
+        default=None,
+        description="Nodes, coordinate frames and dof sets; absent for bodies of scalar dofs only.",
+        examples=["rotor.bdf"],
+    )
+    rows: RowOrder | None = Field(
+        default=None,
+        description="Which dof each matrix row is: a set of the deck (a, f, g, b, ...) or a dof list file; by default "
+        "what the sources say.",
+        examples=["a"],
+    )
+    interfaces: dict[InterfaceName, InterfaceKeys] = Field(
+        default={}, description="Named places where joints attach.", examples=[{"hinge": {"node": 1001}}]
+    )
+    damping: DampingKeys | None = Field(
+        default=None, description="How the body loses energy; undamped without it.", examples=[{"modal": 0.005}]
+    )
+    units: UnitSystem | None = Field(
+        default=None,
+        description="Unit system of the matrices and coordinates, length-mass-time; by default the scene's.",
+        examples=["mm-t-s"],
+    )
+    grounded: Flag = Field(
+        default=False,
+        description="The matrices hold the body to the ground, so that its stiffness resists rigid motion.",
+        examples=[True],
+    )
+    geometric_stiffness: GeometricStiffnessKeys | None = Field(
+        default=None,
+        description="What the stress of spinning, of accelerations and of forces adds to the stiffness; without it the "
+        "term is absent.",
+        examples=[{"bars": "all", "held": "root"}],
+    )
+    place: PlacementKeys | None = Field(
+        default=None,
+        description="Moves the body from the basic frame that all bodies share.",
+        examples=[{"at": [0, 0, 1.5]}],
+    )
+    reduce: ReduceKeys | None = Field(
+        default=None, description="Overrides keys of the stage for this body.", examples=[{"cutoff": 4}]
+    )
+    balance: RankingKeys | None = Field(
+        default=None, description="Overrides keys of the stage for this body.", examples=[{"keep": {"modes": 20}}]
+    )
+    write: BodyWriteKeys | None = Field(
+        default=None,
+        description="Overrides keys of the stage for this body; `frame: null` where it needs none.",
+        examples=[{"frame": {"kind": "clamped", "at": "hinge"}}],
+    )
+
+    @classmethod
+    def written_out(cls, value: object) -> object:
+        """Name the files that an EXTSEOUT stem stands for."""
+        stem = value.get("extseout") if isinstance(value, dict) else None
+        if not isinstance(value, dict) or not isinstance(stem, (str, Path)) or not str(stem):
+            return value
+        text = str(stem)
+        if text.lower().endswith(_EXTSEOUT_SUFFIXES):
+            text = text[:-4]
+
+        def beside(suffix: str) -> str | Path:
+            return Text.at(text + suffix, stem.folder) if isinstance(stem, Text) else Path(text + suffix)
+
+        implied = {
+            "stiffness": {"file": beside(".op4"), "matrix": "KXX"},
+            "mass": {"file": beside(".op4"), "matrix": "MXX"},
+            "geometry": {"file": beside(".asm")},
+        }
+        given = {key: item for key, item in value.items() if item is not None}
+        stem_only = Text.at(text, stem.folder) if isinstance(stem, Text) else Path(text)
+        return {**implied, **given, "extseout": stem_only}
+
+    @model_validator(mode="after")
+    def _rigid_or_flexible(self) -> Component:
+        if self.rigid is not None:
+            return self
+        if self.stiffness is None and self.mass is None:
+            raise ValueError("a component needs `rigid`, or `stiffness` and `mass`, or `extseout`")
+        if self.stiffness is None or self.mass is None:
+            given, lacking = ("mass", "stiffness") if self.stiffness is None else ("stiffness", "mass")
+            raise ValueError(f"`{given}` is given without `{lacking}`: a flexible body needs both")
+        return self
+
+    def units_in(self, scene: Units) -> Units:
+        """Unit system of the body's data."""
+        return scene if self.units is None else Units.parse(self.units)

@@ -1,0 +1,270 @@
+"""What every mapping of the grammar has in common, and the kinds of values it takes."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, TypeVar
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    PlainSerializer,
+    PlainValidator,
+    Strict,
+    WithJsonSchema,
+    model_validator,
+)
+from pydantic_core import CoreSchema, core_schema
+
+from cmsreduce.config.keys.quantities import Quantity, measure, parse_quantity
+from cmsreduce.config.located import Text
+from cmsreduce.errors import CmsReduceError
+from cmsreduce.model import DOF_NAMES, Point, Units, dof_index
+
+__all__ = [
+    "Count",
+    "DataPath",
+    "DofNames",
+    "Flag",
+    "Frequency",
+    "Keys",
+    "Name",
+    "Number",
+    "OneOrMore",
+    "Plain",
+    "PointName",
+    "Positive",
+    "UnitSystem",
+    "Vector",
+    "Written",
+    "check_name",
+    "WrittenItems",
+    "WrittenVector",
+    "exactly_one",
+    "parse_point",
+    "refused",
+    "reported",
+]
+
+_T = TypeVar("_T")
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
+
+
+class Keys(BaseModel):
+    """A mapping of the pipeline file: known keys only, frozen, finite numbers.
+
+    ``alternatives`` are keys of which one excludes the others; ``short_key`` is the key that a lone value stands
+    for, and ``short_schema`` what such a lone value may be. ``removed`` are keys of earlier versions, each with what to
+    write instead.
+    """
+
+    # Validators are built once, for the whole pipeline, rather than for each mapping in it as well.
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, populate_by_name=True, defer_build=True)
+
+    alternatives: ClassVar[tuple[str, ...]] = ()
+    short_key: ClassVar[str] = ""
+    short_schema: ClassVar[tuple[dict[str, Any], ...]] = ()
+    removed: ClassVar[Mapping[str, str]] = {}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_short_form(cls, value: object) -> object:
+        return cls.written_out(value)
+
+    @classmethod
+    def written_out(cls, value: object) -> object:
+        """Turn the short form of the mapping into its keys; anything else is left alone."""
+        if cls.short_key and isinstance(value, (str, int, float, Path)) and not isinstance(value, bool):
+            return {cls.short_key: value}
+        return value
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Schema of the keys, or of the short form."""
+        written = handler(schema)
+        if not cls.short_schema:
+            return written
+        keys = handler.resolve_ref_schema(written)
+        return {"description": keys.get("description", ""), "anyOf": [keys, *cls.short_schema]}
+
+
+class OneOrMore:
+    """Annotation of a list: a lone value stands for a list of one, in the file and in its schema."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Schema that puts a lone value into a list."""
+        return core_schema.no_info_before_validator_function(
+            lambda value: value if isinstance(value, (list, tuple)) else [value], handler(source)
+        )
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Schema of a list or of one of its items."""
+        listed = handler(schema)
+        return {"anyOf": [listed["items"], listed]}
+
+
+def exactly_one(keys: Keys, names: Sequence[str], what: str) -> str:
+    """Name of the one key that is given.
+
+    Raises
+    ------
+    ValueError
+        If none is, or several are.
+    """
+    given = [name for name in names if getattr(keys, name) is not None]
+    if len(given) != 1:
+        found = f"found {' and '.join(given)}" if given else "found none of them"
+        raise ValueError(f"{what} takes one of {', '.join(names)}: {found}")
+    return given[0]
+
+
+def reported(function: Callable[[Any], _T]) -> Callable[[Any], _T]:
+    """Let a validator's error be collected with the others of the file, each with its line."""
+
+    def report(value: object) -> _T:
+        try:
+            return function(value)
+        except CmsReduceError as error:
+            raise ValueError(str(error)) from None
+
+    return report
+
+
+def refused(words: Mapping[str, str]) -> BeforeValidator:
+    """Refuse words of earlier or later versions, each with the reason and what to write instead."""
+
+    def refuse(value: object) -> object:
+        if isinstance(value, str) and value in words:
+            raise ValueError(f"'{value}' {words[value]}")
+        return value
+
+    return BeforeValidator(refuse)
+
+
+def check_name(text: str) -> str:
+    """Give back a name that can stand in a reference and in a file name.
+
+    Raises
+    ------
+    ValueError
+        If it cannot.
+    """
+    if not _NAME.fullmatch(text):
+        raise ValueError(f"'{text}' is no name: use letters, digits, _ and -, without dots and blanks")
+    return text
+
+
+def _resolve(value: object) -> Path:
+    """Make a file name relative to the file that it was written in."""
+    if isinstance(value, Path):
+        return value
+    if not isinstance(value, str) or not value:
+        found = "an empty text" if value == "" else f"{value!r}"
+        raise ValueError(f"a file name is expected, found {found}")
+    path = Path(value).expanduser()
+    if not isinstance(value, Text):
+        return path
+    joined = value.folder / path
+    short = Path(os.path.normpath(joined))
+    # Going up from a symbolic link is not the same as dropping its name.
+    return short if os.path.realpath(short) == os.path.realpath(joined) else joined
+
+
+def _parse_dofs(value: object) -> tuple[str, ...]:
+    """Read names or digits, or a list of them."""
+    if isinstance(value, str) and value.strip().lower() == "none":
+        return ()
+    if isinstance(value, bool) or not isinstance(value, (str, int, list, tuple)):
+        raise ValueError(f"dofs are expected, such as [x, rz] or 123, found {value!r}")
+    items = value if isinstance(value, (list, tuple)) else list(str(value)) if str(value).isdigit() else [value]
+    names = [DOF_NAMES[dof_index(str(item))] for item in items]
+    repeated = [name for k, name in enumerate(names) if name in names[:k]]
+    if repeated:
+        raise ValueError(f"dof {repeated[0]} is named twice")
+    return tuple(sorted(names, key=DOF_NAMES.index))
+
+
+def parse_point(text: str) -> Point:
+    """Read ``body.point``.
+
+    Raises
+    ------
+    ValueError
+        If it is not two names with a dot between.
+    """
+    body, _, name = text.partition(".")
+    if not _NAME.fullmatch(body) or not _NAME.fullmatch(name):
+        raise ValueError(f"'{text}' is no point: write COMPONENT.INTERFACE, COMPONENT.NODE or COMPONENT.cg")
+    return Point(body, name)
+
+
+def _check_point(text: str) -> str:
+    return str(parse_point(text))
+
+
+def _check_vector(value: object) -> object:
+    if isinstance(value, (list, tuple)) and len(value) != 3:
+        raise ValueError(f"3 numbers are expected, e.g. [0, 0, 1], found {len(value)}")
+    return value
+
+
+def _check_units(text: str) -> str:
+    return Units.parse(text).name
+
+
+def _plainly(quantity: Quantity) -> str | float:
+    return str(quantity) if quantity.unit else quantity.value
+
+
+_QUANTITY_SCHEMA = {"anyOf": [{"type": "number"}, {"type": "string"}]}
+_DOFS_SCHEMA = {
+    "anyOf": [{"type": "string"}, {"type": "integer"}, {"type": "array", "items": {"type": ["string", "integer"]}}]
+}
+
+Plain = Annotated[str, Field(min_length=1)]
+"""Any text but an empty one."""
+Name = Annotated[str, AfterValidator(check_name)]
+"""Name that can stand in a reference and in a file name."""
+Number = Annotated[float, Strict()]
+"""Finite number; a text or a truth value is none."""
+Positive = Annotated[float, Strict(), Field(gt=0)]
+"""Number above zero."""
+Count = Annotated[int, Strict(), Field(ge=0)]
+"""Whole number, 0 or more."""
+Flag = Annotated[bool, Strict()]
+"""``true`` or ``false``."""
+Vector = Annotated[tuple[Number, Number, Number], BeforeValidator(_check_vector)]
+"""Three numbers."""
+DataPath = Annotated[Path, PlainValidator(_resolve), WithJsonSchema({"type": "string"})]
+"""File name, relative to the file it is written in."""
+DofNames = Annotated[tuple[str, ...], BeforeValidator(reported(_parse_dofs)), WithJsonSchema(_DOFS_SCHEMA)]
+"""Names x y z rx ry rz, or digits 1 to 6; ``none`` for none."""
+PointName = Annotated[str, AfterValidator(_check_point)]
+"""``COMPONENT.INTERFACE``, ``COMPONENT.NODE``, or ``COMPONENT.cg`` of a rigid one."""
+UnitSystem = Annotated[str, AfterValidator(reported(_check_units))]
+"""``length-mass-time``, such as ``mm-t-s``."""
+Frequency = Annotated[
+    float,
+    BeforeValidator(reported(lambda value: measure(value, "frequency", 1.0))),
+    WithJsonSchema(_QUANTITY_SCHEMA),
+]
+"""Frequency in Hz."""
+Written = Annotated[
+    Quantity,
+    BeforeValidator(reported(parse_quantity)),
+    PlainSerializer(_plainly),
+    WithJsonSchema(_QUANTITY_SCHEMA),
+]
+"""Number with or without a unit, kept as written until it is known what is measured."""
+WrittenItems = tuple[Written, ...]
+"""Numbers with or without units."""
+WrittenVector = Annotated[tuple[Written, Written, Written], BeforeValidator(_check_vector)]
+"""Three numbers with or without units."""

@@ -1,0 +1,346 @@
+"""Numbers with a unit, as people write them: ``10 Hz``, ``45 deg``, ``3 mm``.
+
+Quantities of joints with compound units: ``120 N*m/rad``, ``0.4 N*m*s/rad``, ``1e-3 kg*m^2``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from cmsreduce.errors import UnitsError
+from cmsreduce.model import Units
+
+__all__ = [
+    "Compound",
+    "Dimension",
+    "ElementFigure",
+    "Quantity",
+    "measure",
+    "parse_compound",
+    "parse_quantity",
+]
+
+Dimension = Literal["frequency", "angle", "length", "time"]
+
+EXAMPLES: dict[Dimension, str] = {"frequency": "10 Hz", "angle": "45 deg", "length": "3 mm", "time": "0.01 s"}
+"""One well-formed quantity of each dimension, for messages."""
+
+_KIND: dict[Dimension, str] = {
+    "frequency": "a frequency",
+    "angle": "an angle",
+    "length": "a length",
+    "time": "a time",
+}
+
+# Worth of each unit in Hz, rad, m or s.
+_UNITS: dict[str, tuple[Dimension, float]] = {
+    "Hz": ("frequency", 1.0),
+    "mHz": ("frequency", 1e-3),
+    "kHz": ("frequency", 1e3),
+    "MHz": ("frequency", 1e6),
+    "rpm": ("frequency", 1 / 60),
+    "rad/s": ("frequency", 1 / (2 * math.pi)),
+    "deg/s": ("frequency", 1 / 360),
+    "rev/s": ("frequency", 1.0),
+    "deg": ("angle", math.pi / 180),
+    "degree": ("angle", math.pi / 180),
+    "degrees": ("angle", math.pi / 180),
+    "°": ("angle", math.pi / 180),
+    "rad": ("angle", 1.0),
+    "mrad": ("angle", 1e-3),
+    "rev": ("angle", 2 * math.pi),
+    "arcmin": ("angle", math.pi / 180 / 60),
+    "arcsec": ("angle", math.pi / 180 / 3600),
+    "m": ("length", 1.0),
+    "dm": ("length", 0.1),
+    "cm": ("length", 1e-2),
+    "mm": ("length", 1e-3),
+    "um": ("length", 1e-6),
+    "km": ("length", 1e3),
+    "in": ("length", 0.0254),
+    "ft": ("length", 0.3048),
+    "s": ("time", 1.0),
+    "ms": ("time", 1e-3),
+    "us": ("time", 1e-6),
+    "min": ("time", 60.0),
+    "h": ("time", 3600.0),
+}
+
+_FORM = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.+-][^\s]*)?\s*")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number and its unit, as written.
+
+    Parameters
+    ----------
+    value : float
+        The number.
+    unit : str
+        Unit, empty where none was written.
+    """
+
+    value: float
+    unit: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.value!r} {self.unit}" if self.unit else repr(self.value)
+
+    @property
+    def dimension(self) -> Dimension | None:
+        """What the unit measures; None without a unit."""
+        return _UNITS[self.unit][0] if self.unit else None
+
+    def to_si(self, dimension: Dimension) -> float:
+        """Value in Hz, rad, m or s; a zero needs no unit.
+
+        Raises
+        ------
+        UnitsError
+            If the unit is missing, or of another dimension.
+        """
+        if not self.unit:
+            if self.value == 0:
+                return 0.0
+            raise UnitsError(
+                f"{self.value:g} has no unit, {_KIND[dimension]} is expected: write {_usual(dimension)} after it, "
+                f"e.g. {EXAMPLES[dimension]}"
+            )
+        own, factor = _UNITS[self.unit]
+        if own != dimension:
+            raise UnitsError(
+                f"{self.value:g} {self.unit} is {_KIND[own]}, {_KIND[dimension]} is expected, "
+                f"e.g. {EXAMPLES[dimension]}"
+            )
+        return self.value * factor
+
+    def length_in(self, units: Units) -> float:
+        """Length in a unit system; a number without a unit is in that system already.
+
+        Raises
+        ------
+        UnitsError
+            If the unit is not one of length.
+        """
+        return self.to_si("length") / units.length if self.unit else self.value
+
+
+def _usual(dimension: Dimension) -> str:
+    """Units to offer for a number without one."""
+    return {"angle": "deg or rad", "frequency": "Hz", "length": "mm", "time": "s"}[dimension]
+
+
+def parse_quantity(value: object) -> Quantity:
+    """Read a number with or without a unit.
+
+    Parameters
+    ----------
+    value : int, float, str or Quantity
+        What was written.
+
+    Raises
+    ------
+    UnitsError
+        If it is no number, or the unit is unknown.
+
+    Examples
+    --------
+    >>> parse_quantity("45deg")
+    Quantity(value=45.0, unit='deg')
+    """
+    if isinstance(value, Quantity):
+        return value
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        if not math.isfinite(value):
+            raise UnitsError(f"{value} is not a finite number")
+        return Quantity(float(value))
+    form = _FORM.fullmatch(value) if isinstance(value, str) else None
+    if form is None:
+        raise UnitsError(f"'{value}' is not a number with a unit, e.g. {EXAMPLES['angle']} or {EXAMPLES['frequency']}")
+    number = float(form[1])
+    if not math.isfinite(number):
+        raise UnitsError(f"'{value}' is not a finite number")
+    return Quantity(number, _unit_named(form[2] or "", str(value)))
+
+
+def _unit_named(text: str, written: str) -> str:
+    """Find the unit; the case of its letters counts only where two units differ by nothing else."""
+    if not text or text in _UNITS:
+        return text
+    alike = [unit for unit in _UNITS if unit.lower() == text.lower()]
+    if len(alike) == 1:
+        return alike[0]
+    if alike:
+        raise UnitsError(f"'{written}': write {' or '.join(alike)}, they differ by the case of their letters")
+    known = ", ".join(_UNITS)
+    raise UnitsError(f"'{written}': unknown unit '{text}', known are {known}")
+
+
+def measure(value: object, dimension: Dimension, bare: float | None = None) -> float:
+    """Value of a quantity in Hz, rad, m or s.
+
+    Parameters
+    ----------
+    value : int, float, str or Quantity
+        What was written.
+    dimension : {"frequency", "angle", "length", "time"}
+        What is wanted.
+    bare : float, optional
+        Worth of a number without a unit; by default only a zero may go without.
+
+    Raises
+    ------
+    UnitsError
+        If it is no number, has no unit where one is needed, or is of another dimension.
+
+    Examples
+    --------
+    >>> measure("600 rpm", "frequency")
+    10.0
+    """
+    quantity = parse_quantity(value)
+    if bare is not None and not quantity.unit:
+        return quantity.value * bare
+    return quantity.to_si(dimension)
+
+
+ElementFigure = Literal["stiffness", "damping", "inertia"]
+"""What a joint's element has one of for each motion."""
+
+Powers = tuple[int, int, int]
+"""Exponents of length, mass and time; an angle has none."""
+
+_FORCE: Powers = (1, 1, -2)
+_POUND_FORCE = 4.4482216152605  # N, by definition
+_POUND = 0.45359237  # kg, by definition
+# Worth of each unit in m, kg, s and rad.
+_COMPOUND_UNITS: dict[str, tuple[Powers, float]] = {
+    "N": (_FORCE, 1.0),
+    "mN": (_FORCE, 1e-3),
+    "kN": (_FORCE, 1e3),
+    "MN": (_FORCE, 1e6),
+    "lbf": (_FORCE, _POUND_FORCE),
+    "m": ((1, 0, 0), 1.0),
+    "cm": ((1, 0, 0), 1e-2),
+    "mm": ((1, 0, 0), 1e-3),
+    "in": ((1, 0, 0), 0.0254),
+    "ft": ((1, 0, 0), 0.3048),
+    "kg": ((0, 1, 0), 1.0),
+    "g": ((0, 1, 0), 1e-3),
+    "t": ((0, 1, 0), 1e3),
+    "lb": ((0, 1, 0), _POUND),
+    "slug": ((0, 1, 0), _POUND_FORCE / 0.3048),
+    "slinch": ((0, 1, 0), _POUND_FORCE / 0.0254),
+    "s": ((0, 0, 1), 1.0),
+    "ms": ((0, 0, 1), 1e-3),
+    "rad": ((0, 0, 0), 1.0),
+    "mrad": ((0, 0, 0), 1e-3),
+    "deg": ((0, 0, 0), math.pi / 180),
+}
+_DIMENSION: dict[tuple[ElementFigure, bool], tuple[Powers, str]] = {
+    ("stiffness", True): ((2, 1, -2), "120 N*m/rad"),
+    ("stiffness", False): ((0, 1, -2), "5 N/mm"),
+    ("damping", True): ((2, 1, -1), "0.4 N*m*s/rad"),
+    ("damping", False): ((0, 1, -1), "3 N*s/m"),
+    ("inertia", True): ((2, 1, 0), "1e-3 kg*m^2"),
+}
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
+_FACTOR = re.compile(r"\s*([*·/]?)\s*([A-Za-z]+)\s*(?:(?:\^|\*\*)?\s*([23])|([²³]))?\s*")
+
+
+@dataclass(frozen=True)
+class Compound:
+    """A number and the product of units after it, as written.
+
+    Parameters
+    ----------
+    value : float
+        The number.
+    unit : str
+        Units, empty where none were written.
+    """
+
+    value: float
+    unit: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.value!r} {self.unit}".rstrip()
+
+    def figure_in(self, units: Units, figure: ElementFigure, rotation: bool) -> float:
+        """Worth in a unit system; a number without a unit is in that system already, and radians.
+
+        Parameters
+        ----------
+        units : Units
+            Of the scene.
+        figure : {"stiffness", "damping", "inertia"}
+            What is measured.
+        rotation : bool
+            Whether it acts about an axis, or along it.
+
+        Raises
+        ------
+        UnitsError
+            If the units are of another dimension.
+        """
+        if not self.unit:
+            return self.value
+        wanted, example = _DIMENSION[figure, rotation]
+        dimension, factor = _product(self.unit)
+        if dimension != wanted:
+            kind = "about an axis" if rotation else "along an axis"
+            raise UnitsError(f"{self} is no {figure} {kind}, e.g. {example}")
+        length, mass, time = wanted
+        return self.value * factor / (units.length**length * units.mass**mass * units.time**time)
+
+
+def parse_compound(value: object) -> Compound:
+    """Read a number with or without units.
+
+    Parameters
+    ----------
+    value : int, float, str or Compound
+        What was written; factors are joined by ``*``, ``·``, ``/`` or a blank, and a ``/`` divides by the next alone.
+
+    Raises
+    ------
+    UnitsError
+        If it is no number, or a unit is unknown.
+
+    Examples
+    --------
+    >>> parse_compound("120 N*m/rad")
+    Compound(value=120.0, unit='N*m/rad')
+    """
+    if isinstance(value, Compound):
+        return value
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
+        return Compound(float(value))
+    form = _NUMBER.fullmatch(value) if isinstance(value, str) else None
+    if form is None or not math.isfinite(float(form[1])):
+        raise UnitsError(f"'{value}' is not a number with units, e.g. 120 N*m/rad")
+    unit = form[2].strip()
+    if unit:
+        _product(unit)
+    return Compound(float(form[1]), unit)
+
+
+def _product(text: str) -> tuple[Powers, float]:
+    """Powers of a product of units, and its worth in SI."""
+    exponents, factor, at = [0, 0, 0], 1.0, 0
+    while at < len(text):
+        form = _FACTOR.match(text, at)
+        if form is None or (at == 0 and form[1]):
+            raise UnitsError(f"'{text}' is no product of units, e.g. N*m/rad")
+        sign, name, at = form[1], form[2], form.end()
+        if name not in _COMPOUND_UNITS:
+            raise UnitsError(f"unknown unit '{name}' in '{text}', known are {', '.join(_COMPOUND_UNITS)}")
+        power = int(form[3] or {"²": 2, "³": 3}.get(form[4] or "", 1)) * (-1 if sign == "/" else 1)
+        own, worth = _COMPOUND_UNITS[name]
+        exponents = [have + power * more for have, more in zip(exponents, own, strict=True)]
+        factor *= worth**power
+    return (exponents[0], exponents[1], exponents[2]), factor

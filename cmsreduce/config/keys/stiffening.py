@@ -1,0 +1,136 @@
+"""Keys of geometric stiffness: what stress adds to a body's stiffness, and how fast the scene spins it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar
+
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
+
+from cmsreduce.config.keys.files import MatrixFile
+from cmsreduce.config.keys.interface import InterfaceName
+from cmsreduce.config.keys.mapping import (
+    Keys,
+    Name,
+    OneOrMore,
+    Vector,
+    reported,
+)
+from cmsreduce.config.keys.quantities import measure
+from cmsreduce.model import INERTIA_LOADS, UnitLoad
+
+__all__ = ["GeometricStiffnessKeys", "SpinKeys", "StiffnessPerLoad"]
+
+_KINDS = ("acceleration", "angular acceleration", "centrifugal")
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def _check_load(text: str) -> str:
+    return UnitLoad.parse(text).label
+
+
+def _check_loads(text: str) -> str:
+    """A load, a kind of them, or the three components at a point."""
+    words = " ".join(text.split())
+    if words == "all" or words in _KINDS:
+        return words
+    kind, _, at = words.rpartition(" ")
+    if kind in ("force", "moment") and "." not in at:
+        words = f"{words}.x"
+        return UnitLoad.parse(words).label.removesuffix(".x")
+    return UnitLoad.parse(words).label
+
+
+def _check_axis(value: object) -> object:
+    if isinstance(value, str):
+        if value.lower() not in _AXES:
+            raise ValueError(f"'{value}' is no axis: write x, y, z, or a vector such as [0, 1, 1]")
+        return _AXES[value.lower()]
+    if isinstance(value, (list, tuple)) and len(value) == 3 and not any(value):
+        raise ValueError("an axis has a direction: [0, 0, 0] has none")
+    return value
+
+
+class StiffnessPerLoad(MatrixFile):
+    """A geometric (differential) stiffness matrix, in the rows of the stiffness matrix, for one unit of a load."""
+
+    short_key: ClassVar[str] = ""
+    short_schema: ClassVar[tuple[dict[str, Any], ...]] = ()
+
+    load: Annotated[str, AfterValidator(reported(_check_load))] = Field(
+        description="The load that one unit of makes the matrix, along the body's basic axes and in its units: "
+        "acceleration x, angular acceleration z (of the body's frame); centrifugal xx, centrifugal xy (products of its "
+        "angular velocities in rad per unit of time); force POINT.x, moment POINT.z at an interface or a node.",
+        examples=["centrifugal zz"],
+    )
+
+
+class GeometricStiffnessKeys(Keys):
+    """What the stress of unit loads adds to the stiffness: computed for bars and beams, or from a user's matrices."""
+
+    bars: Annotated[tuple[Annotated[str, AfterValidator(reported(_check_loads))], ...], OneOrMore()] = Field(
+        default=(),
+        description="Loads to compute it for, from the bars and beams of the deck: all (the twelve of a moving frame), "
+        "acceleration, angular acceleration, centrifugal, one of these by its axes, or force POINT, moment POINT.",
+        examples=["all"],
+    )
+    matrices: dict[Name, StiffnessPerLoad] = Field(
+        default={},
+        description="The body's own matrices, one per unit load; they win over computed ones.",
+        examples=[{"spin": {"file": "kg.op4", "matrix": "KDAA", "load": "centrifugal zz"}}],
+    )
+    held: Annotated[tuple[InterfaceName, ...], OneOrMore()] = Field(
+        default=(),
+        description="Interface or interfaces at rest in the frame while the loads act; by default where the floating "
+        "frame of `write` stands, or the body's only interface.",
+        examples=["root"],
+    )
+    origin: Vector = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Point that accelerations are of and rotations turn about, in the body's basic frame and unit of "
+        "length.",
+        examples=[[0, 0, 0]],
+    )
+
+    @model_validator(mode="after")
+    def _something(self) -> GeometricStiffnessKeys:
+        if not self.bars and not self.matrices:
+            raise ValueError("give `bars: all` to compute it from the deck, or `matrices:`")
+        labels = [item.load for item in self.matrices.values()]
+        repeated = [label for k, label in enumerate(labels) if label in labels[:k]]
+        if repeated:
+            raise ValueError(f"two matrices are for '{repeated[0]}'")
+        return self
+
+    def computed(self) -> tuple[UnitLoad, ...]:
+        """Loads to compute it for, each once, without those of the user's matrices; points as they are written."""
+        given = {item.load for item in self.matrices.values()}
+        found: dict[UnitLoad, None] = {}
+        for text in self.bars:
+            if text == "all" or text in _KINDS:
+                loads = [load for load in INERTIA_LOADS if text in ("all", load.kind)]
+            elif text.startswith(("force", "moment")) and "." not in text:
+                loads = [UnitLoad.parse(f"{text}.{axis}") for axis in "xyz"]
+            else:
+                loads = [UnitLoad.parse(text)]
+            found.update(dict.fromkeys(load for load in loads if load.label not in given))
+        return tuple(found)
+
+
+def _rate(value: object) -> float:
+    return measure(value, "frequency")
+
+
+class SpinKeys(Keys):
+    """How fast the scene spins a body; a lone value is the rate."""
+
+    short_key: ClassVar[str] = "rate"
+    short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"type": "string"},)
+
+    rate: Annotated[float, BeforeValidator(reported(_rate)), WithJsonSchema({"type": ["string", "number"]})] = Field(
+        description="Angular velocity, with its unit: rpm, rad/s, deg/s or Hz.", examples=["30 rpm"]
+    )
+    axis: Annotated[Vector, BeforeValidator(_check_axis)] | None = Field(
+        default=None,
+        description="Axis in the body's basic frame, x, y, z or a vector; without it each of the three is looked at.",
+        examples=["z"],
+    )

@@ -1,0 +1,61 @@
+"""Eigenpairs: normal modes up to a frequency, complex modes, small pencils and null spaces.
+
+Lanczos, slicing, Sturm counts and error bounds belong here.
+What a mode means for a body belongs in `reduce` or `verify`.
+"""
+
+from cmsreduce.linalg.eigen.complex_modes import (
+    ComplexModes,
+    DampedPencil,
+    complex_modes,
+)
+from cmsreduce.linalg.eigen.eigenpairs import (
+    beside_modes,
+    certified_modes,
+    count_below,
+    modes_below,
+)
+from cmsreduce.linalg.eigen.null_space import (
+    DEPENDENT,
+    HELD,
+    motions_held,
+    null_space,
+    only_motions,
+    rigid_body_modes,
+    row_basis,
+    stiffness_null_space,
+)
+from cmsreduce.linalg.eigen.pencil import (
+    UndeterminedError,
+    elastic_and_massless,
+    elastic_pairs,
+    orthonormal,
+    refine,
+    repeated_groups,
+    split_massless,
+)
+
+__all__ = [
+    "ComplexModes",
+    "DEPENDENT",
+    "DampedPencil",
+    "HELD",
+    "UndeterminedError",
+    "beside_modes",
+    "certified_modes",
+    "complex_modes",
+    "count_below",
+    "elastic_and_massless",
+    "elastic_pairs",
+    "modes_below",
+    "motions_held",
+    "null_space",
+    "only_motions",
+    "orthonormal",
+    "refine",
+    "repeated_groups",
+    "rigid_body_modes",
+    "row_basis",
+    "split_massless",
+    "stiffness_null_space",
+]

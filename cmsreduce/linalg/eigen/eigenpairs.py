@@ -1,0 +1,243 @@
+"""All normal modes below a frequency: counted before they are computed, and bounded after."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.eigen.inverse_iteration import eigen_residuals
+from cmsreduce.linalg.eigen.mixed_precision import corrected_modes
+from cmsreduce.linalg.eigen.pencil import REPEATED, UndeterminedError, elastic_pairs, repeated_groups
+from cmsreduce.linalg.eigen.shift_invert import CONVERGED
+from cmsreduce.linalg.eigen.spectrum_slicing import SLICED, STEPPED, counted_modes, sturm_count
+from cmsreduce.linalg.factorise import BLOCK, factorise
+from cmsreduce.linalg.flexibility import ElasticFlexibility, Solve
+from cmsreduce.linalg.products import symmetric_product
+from cmsreduce.linalg.refined_factor import RefinedFactor
+from cmsreduce.linalg.tall_products import column_products
+
+__all__ = ["CertifiedModes", "beside_modes", "certified_modes", "count_below", "modes_below"]
+
+# Up to this size all modes by dense algebra are quicker than a Lanczos run, and none can be missed.
+_DENSE_LIMIT = 600
+# A mode this close above the cutoff, relative to it, is at the cutoff and kept.
+_AT_CUTOFF = 1e-9
+# A mode is accepted when |K x - lam M x| is below this share of |K||x|, well above round-off, far below any use; or
+# below what the rounding of the file leaves of K on rigid motion.
+_RESIDUAL = 1e-9
+
+
+# Modes whose residuals are taken at a time, and columns of a matrix that are summed up at a time.
+_CHECKED, _COLUMNS = 16, 4096
+
+
+class CertifiedModes(NamedTuple):
+    """Normal modes, and what is proven of them.
+
+    Parameters
+    ----------
+    omega : (k,) float64
+        Natural frequencies in rad/s, ascending.
+    Phi : (n, k) float64
+        Modes, orthonormal in M; the largest entry of each is positive.
+    bound : (k,) float64
+        Relative error of each frequency at most, from the residual of its mode.
+    """
+
+    omega: NDArray[np.float64]
+    Phi: NDArray[np.float64]
+    bound: NDArray[np.float64]
+
+
+def modes_below(
+    K: sp.csc_array,
+    M: sp.csc_array,
+    omega: float,
+    *,
+    rigid: NDArray[np.float64] | None = None,
+    solve: Solve | None = None,
+    rounding: float = 2.0**-53,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Frequencies (k,) and modes (n, k) of `certified_modes`, which see."""
+    modes = certified_modes(K, M, omega, rigid=rigid, solve=solve, rounding=rounding)
+    return modes.omega, modes.Phi
+
+
+def count_below(K: sp.csc_array, M: sp.csc_array, omega: float, rigid: int = 0) -> int | None:
+    """Count the elastic modes that `certified_modes` has to find, by Sturm.
+
+    Parameters
+    ----------
+    K, M : (n, n) sparse array
+        Stiffness and mass.
+    omega : float
+        Highest frequency in rad/s.
+    rigid : int
+        Rigid-body modes, which are not counted.
+
+    Returns
+    -------
+    int or None
+        None for a body of few dofs, whose modes are all computed.
+    """
+    if K.shape[0] <= _DENSE_LIMIT or omega <= 0:
+        return None
+    return sturm_count(K, M, _reach(omega)) - rigid
+
+
+def certified_modes(
+    K: sp.csc_array,
+    M: sp.csc_array,
+    omega: float,
+    *,
+    rigid: NDArray[np.float64] | None = None,
+    solve: Solve | None = None,
+    count: int | None = None,
+    start: NDArray[np.float64] | None = None,
+    tolerance: float = CONVERGED,
+    rounding: float = 2.0**-53,
+) -> CertifiedModes:
+    """All elastic normal modes up to a frequency: not a fixed number, and none missing.
+
+    Parameters
+    ----------
+    K, M : (n, n) sparse array
+        Stiffness and mass; K definite apart from ``rigid``.
+    omega : float
+        Highest frequency in rad/s. A repeated mode at the cutoff is never split.
+    rigid : (n, r) float64, optional
+        Rigid-body modes of the pencil, orthonormal in M.
+    solve : callable, optional
+        Solves K x = b, where the factor is at hand (elastic flexibility for a free body).
+    count : int, optional
+        What `count_below` says, where that is known; it takes a factorisation of its own.
+    start : (n, s) float64, optional
+        Static shapes: responses to some loads, from which the search starts.
+    tolerance : float
+        Twice the relative error of a frequency at which the search ends.
+    rounding : float
+        Relative rounding of the entries of M, where they are printed with few digits.
+
+    Returns
+    -------
+    CertifiedModes
+
+    Raises
+    ------
+    UndeterminedError
+        If a motion has neither mass nor stiffness.
+    MatrixError
+        If fewer modes converge than the Sturm count asks for, or a residual is too large.
+    """
+    n = K.shape[0]
+    none = np.empty((n, 0)) if rigid is None else rigid
+    if n <= _DENSE_LIMIT:
+        found = _all_modes(K, M, none, rounding)
+    elif omega <= 0:
+        return CertifiedModes(np.empty(0), np.empty((n, 0)), np.empty(0))
+    else:
+        wanted = count_below(K, M, omega, none.shape[1]) if count is None else count
+        if not wanted:
+            return CertifiedModes(np.empty(0), np.empty((n, 0)), np.empty(0))
+        if solve is None:
+            solve = factorise(K, what="the stiffness") if not none.size else ElasticFlexibility(K, M, none)
+        modes = None
+        if isinstance(solve, RefinedFactor) and not none.size and wanted <= SLICED:
+            modes = corrected_modes(K, M, solve, _reach(omega) ** 2 * (1 + STEPPED), wanted, tolerance)
+        if modes is None:
+            modes = counted_modes(
+                K, M, _reach(omega), wanted, rigid=none, solve=solve, start=start, tolerance=tolerance
+            )
+        found = CertifiedModes(np.sqrt(modes.lam), modes.X, modes.bound)
+    w, X, bound = found
+    kept = int(np.count_nonzero(w <= omega * (1 + _AT_CUTOFF)))
+    if kept:
+        group = repeated_groups(w)
+        kept = int(np.count_nonzero(group <= group[kept - 1]))
+    w, X, bound = w[:kept], X[:, :kept], bound[:kept]
+    if kept:
+        _check_residuals(K, M, w, X, max(_RESIDUAL, rounding))
+    for mode in X.T:
+        # In place, one by one: hundreds of modes are not to be copied.
+        if mode[abs(mode).argmax()] < 0:
+            mode *= -1
+    return CertifiedModes(w, X, bound)
+
+
+def beside_modes(solve: Solve, M: sp.csc_array, omega: NDArray[np.float64], Phi: NDArray[np.float64]) -> Solve:
+    """Solve with less work, where a factor has few digits and modes are known that they fail; see `RefinedFactor`.
+
+    Parameters
+    ----------
+    solve : callable
+        Solves K x = b.
+    M : (n, n) sparse array
+        Mass.
+    omega : (k,) float64
+        Natural frequencies in rad/s.
+    Phi : (n, k) float64
+        Modes, orthonormal in M.
+
+    Returns
+    -------
+    callable
+        ``solve`` itself unless it is of single precision.
+    """
+    if not isinstance(solve, RefinedFactor) or not omega.size:
+        return solve
+    mass, MX = symmetric_product(M), np.empty(Phi.shape, order="F")
+    for first in range(0, omega.size, BLOCK):
+        MX[:, first : first + BLOCK] = mass(Phi[:, first : first + BLOCK])
+    return solve.beside(omega**2, Phi, MX)
+
+
+def _reach(omega: float) -> float:
+    """Frequency up to which modes are counted: what repeats a mode at the cutoff is counted with it."""
+    return omega * (1 + _AT_CUTOFF) * (1 + 2 * REPEATED)
+
+
+def _all_modes(K: sp.csc_array, M: sp.csc_array, rigid: NDArray[np.float64], rounding: float) -> CertifiedModes:
+    """Every mode of a body of few dofs."""
+    try:
+        lam, X = elastic_pairs(K.toarray(), M.toarray(), rigid, rounding)
+    except UndeterminedError as error:
+        row = int(np.argmax(abs(error.shape)))
+        raise UndeterminedError(f"{error}; the first of them moves row {row + 1} above all", error.shape) from None
+    w = np.sqrt(np.maximum(lam, 0.0))
+    # The modes are a basis of all that has mass: in it the residual of each is measured in full.
+    residual = np.linalg.norm(X.T @ (K @ X - (M @ X) * lam), axis=0)
+    return CertifiedModes(w, X, residual / np.where(lam > 0, 2 * lam, 1.0))
+
+
+def _one_norm(K: sp.csc_array) -> float:
+    sums = [0.0]
+    # Some columns at a time: the sizes of all entries would be a matrix of their own.
+    for first in range(0, K.shape[0], _COLUMNS):
+        starts = K.indptr[first : first + _COLUMNS + 1]
+        filled = starts[:-1][np.diff(starts) > 0]
+        if filled.size:
+            sizes = abs(K.data[starts[0] : starts[-1]])
+            sums.append(float(np.add.reduceat(sizes, filled - starts[0]).max()))
+    return max(sums)
+
+
+def _check_residuals(
+    K: sp.csc_array, M: sp.csc_array, w: NDArray[np.float64], X: NDArray[np.float64], limit: float
+) -> None:
+    residual, size = np.empty(w.size), np.empty(w.size)
+    norm, stiffness, mass = _one_norm(K), symmetric_product(K), symmetric_product(M)
+    for first in range(0, w.size, _CHECKED):
+        part = slice(first, first + _CHECKED)
+        rest = eigen_residuals(stiffness, mass, X[:, part], w[part] ** 2)
+        residual[part] = np.sqrt(column_products(rest, rest))
+        size[part] = norm * np.sqrt(column_products(X[:, part], X[:, part]))
+    if (residual > limit * size).any():
+        worst = int(np.argmax(residual / size))
+        raise MatrixError(
+            f"mode {worst + 1} at {w[worst] / 2 / np.pi:.6g} Hz did not converge: residual "
+            f"{residual[worst] / size[worst]:.1e} of |K|; the matrices are too ill conditioned for this cutoff"
+        )

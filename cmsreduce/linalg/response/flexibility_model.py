@@ -1,0 +1,197 @@
+"""A small model that gives the dynamic flexibility of a sparse body at any number of frequencies, with its error.
+
+Over real shapes V the Galerkin model of Y = F^T Z^-1 F, Z symmetric, errs by exactly r^T Z^-1 r, where r = F - Z V y is
+what the model leaves of the load. With all modes below w_c among the shapes r has no part in them, and on what is left
+K - w^2 M is at least (1 - w^2/w_c^2) K, so that
+
+    |error_ab| <= |r_a| |r_b| / (1 - w^2/w_c^2),   |r|^2 = r^H K^-1 r,
+
+resonances between the frequencies looked at included. This is a bound for damping that does not couple the modes, for
+other damping it leaves out how the coupling is returned through the modes, which is of the order of the damping.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.response.dynamic_stiffness import ResonanceError
+
+__all__ = ["Evaluation", "FlexibilityModel", "Residual", "frequency_blocks"]
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Where modes cancel, a receptance is measured by this share of what they add up to without their signs: an
+# antiresonance deeper than this is no size to measure an error by.
+_ANTIRESONANCE = 1e-3
+# A mode without damping nearer to the frequency than this, relative: rounding of K alone decides what its response is.
+_HIT = 1e-10
+# Memory of the amplitudes of one block of frequencies.
+_BLOCK_BYTES = 2**26
+
+
+def frequency_blocks(count: int, bytes_each: int, limit: int = _BLOCK_BYTES) -> Iterator[slice]:
+    """Runs of ``count`` frequencies, as many in each as the memory limit allows and never less than one.
+
+    >>> [(part.start, part.stop) for part in frequency_blocks(5, 8, 16)]
+    [(0, 2), (2, 4), (4, 6)]
+    """
+    step = max(1, limit // max(bytes_each, 1))
+    return (slice(start, start + step) for start in range(0, count, step))
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """What the model leaves of the loads, in q coordinates whose length is the norm of K^-1.
+
+    Parameters
+    ----------
+    load : (q, p) float64
+        Of the loads themselves.
+    mass, loss, drag : (q, k) float64
+        Of w^2 M, -i loss and -i w D on the shapes.
+    """
+
+    load: Real
+    mass: Real
+    loss: Real
+    drag: Real
+
+    def __call__(self, omega: Real, y: Complex) -> Complex:
+        """Residuals (f, q, p) for amplitudes y (f, k, p)."""
+        w = omega[:, None, None]
+        r = np.broadcast_to(self.load.astype(np.complex128), (omega.size, *self.load.shape)).copy()
+        for factor, part in ((w**2, self.mass), (np.full_like(w, -1j, complex), self.loss), (-1j * w, self.drag)):
+            used = np.flatnonzero(part.any(axis=0))
+            if used.size:
+                r += factor * _times(part[:, used], np.ascontiguousarray(y[:, used]))
+        return r
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The model at some frequencies.
+
+    Parameters
+    ----------
+    Y : (f, p, p) complex128
+        Dynamic flexibility.
+    error : (f,) float64
+        Bound of the largest |error_ab| / sqrt(size_a size_b).
+    size : (f, p) float64
+        |Y_aa|, or a thousandth of what the modes add up to in it without cancelling, whichever is larger.
+    residual : (f, q, p) complex128
+        Residuals of the loads.
+    """
+
+    Y: Complex
+    error: Real
+    size: Real
+    residual: Complex
+
+
+@dataclass(frozen=True, eq=False)
+class FlexibilityModel:
+    """Galerkin model over k shapes in which stiffness and mass are diagonal.
+
+    Parameters
+    ----------
+    load : (k, p) float64
+        Loads on the shapes.
+    stiffness, mass : (k,) float64
+        Diagonals.
+    drag, loss : (k,) or (k, k) float64
+        Viscous damping and loss, diagonals where nothing lies beside them.
+    residual : Residual
+        What the model leaves of the loads.
+    ceiling : float
+        Frequency in rad/s up to which every mode is among the shapes.
+    """
+
+    load: Real
+    stiffness: Real
+    mass: Real
+    drag: Real
+    loss: Real
+    residual: Residual
+    ceiling: float
+
+    @property
+    def k(self) -> int:
+        """Number of shapes."""
+        return int(self.load.shape[0])
+
+    @property
+    def bytes_each(self) -> int:
+        """Memory that one frequency takes while it is evaluated."""
+        p, q = self.load.shape[1], self.residual.load.shape[0]
+        full = self.k if self.coupled else 0
+        return int(16 * (self.k * (full + p) + 2 * q * p + p * p))
+
+    def __call__(self, omega: Real) -> Evaluation:
+        """Evaluate at frequencies in rad/s, all at once; ``frequency_blocks(.., bytes_each)`` bounds the memory.
+
+        Raises
+        ------
+        ResonanceError
+            At a resonance of a mode without damping.
+        """
+        y = self.amplitudes(omega)
+        Y = _times(self.load.T, y)
+        driving = abs(np.einsum("faa->fa", Y))
+        size = np.maximum(driving, _ANTIRESONANCE * (1 / abs(self._diagonal(omega))) @ self.load**2)
+        r = self.residual(omega, y)
+        square = np.einsum("fqa,fqa->fa", r.real, r.real) + np.einsum("fqa,fqa->fa", r.imag, r.imag)
+        error = (square / size).max(axis=1, initial=0.0) * self.amplification(omega)
+        return Evaluation(Y, error, size, r)
+
+    @property
+    def coupled(self) -> bool:
+        """Whether damping couples the shapes."""
+        return self.drag.ndim == 2 or self.loss.ndim == 2
+
+    def amplitudes(self, omega: Real) -> Complex:
+        """Amplitudes of the shapes under the loads (f, k, p)."""
+        hit = self.hits(omega)
+        if hit.any():
+            raise ResonanceError(float(omega[hit][0]))
+        if not self.coupled:
+            return np.asarray(self.load / self._diagonal(omega)[:, :, None])
+        w = omega[:, None, None]
+        Z = 1j * (w * _full(self.drag) + _full(self.loss))
+        Z[:, range(self.k), range(self.k)] += self.stiffness - omega[:, None] ** 2 * self.mass
+        F = np.broadcast_to(self.load.astype(np.complex128), (omega.size, *self.load.shape))
+        return np.asarray(np.linalg.solve(Z, F), dtype=np.complex128)
+
+    def detuning(self, omega: Real) -> Real:
+        """Distance to the nearest resonance (f,): the least that stiffness and inertia leave of a shape's stiffness."""
+        elastic = self.stiffness > 0
+        return np.asarray(abs(1 - omega[:, None] ** 2 * self.mass[elastic]).min(axis=1, initial=1.0))
+
+    def amplification(self, omega: Real) -> Real:
+        """Largest response of what is above the ceiling, over its static one; infinite from the ceiling on."""
+        below = np.maximum(1 - (omega / self.ceiling) ** 2, 0.0)
+        return np.asarray(np.divide(1.0, below, out=np.full(omega.shape, np.inf), where=below > 0))
+
+    def hits(self, omega: Real) -> NDArray[np.bool_]:
+        """Which frequencies hit a mode without damping."""
+        size = self.stiffness + omega[:, None] ** 2 * self.mass
+        return np.asarray((abs(self._diagonal(omega)) <= _HIT * size).any(axis=1))
+
+    def _diagonal(self, omega: Real) -> Complex:
+        drag, loss = (A if A.ndim == 1 else np.diagonal(A) for A in (self.drag, self.loss))
+        w = omega[:, None]
+        return np.asarray(self.stiffness - w**2 * self.mass + 1j * (loss + w * drag))
+
+
+def _full(A: Real) -> Real:
+    return np.diag(A) if A.ndim == 1 else A
+
+
+def _times(A: Real, y: Complex) -> Complex:
+    """A @ y[f] of a real matrix, without the complex arithmetic."""
+    return np.asarray((A @ np.ascontiguousarray(y).view(np.float64)).view(np.complex128))

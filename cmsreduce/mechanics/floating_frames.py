@@ -1,0 +1,282 @@
+"""The rigid motion of some rows of a body that fits their displacements best.
+
+Floating frames: which rigid motion the deforming modes of a body are rid of (theory section 8).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from cmsreduce.errors import FloatingFrameError, SceneError
+from cmsreduce.mechanics.lumped_mass import lumped_mass
+from cmsreduce.model import (
+    DOF_NAMES,
+    FEModel,
+    FloatingFrame,
+    FrameCondition,
+    Interface,
+    Lumping,
+    dof_index,
+    rigid_body_shapes,
+)
+
+__all__ = [
+    "REMOVED",
+    "best_fit",
+    "chord_axes",
+    "floating_frame",
+]
+
+# Rigid motions that some rows show less than this share of, relative to the largest, they cannot tell.
+_SHOWN = 1e-8
+
+
+def best_fit(body: FEModel, rows: NDArray[np.int64], position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rigid motion of an interface about its first node that fits its dofs best.
+
+    Parameters
+    ----------
+    body : FEModel
+        With geometry.
+    rows : (i,) int64
+        Rows of the interface.
+    position : (p, 3) float64
+        Its nodes.
+
+    Returns
+    -------
+    (6, i) float64
+        From displacements of the rows to translations and rotations along the basic axes, in the least-squares sense;
+        motions that the rows do not show are zero.
+
+    Raises
+    ------
+    SceneError
+        If the body has no geometry.
+    """
+    if body.nodes is None:
+        raise SceneError(f"component '{body.name}' has no geometry, so the rigid motion of an interface is not known")
+    # Rotations count by what they move at the edge of the interface, so that units do not matter.
+    edge = float(np.linalg.norm(position - position[0], axis=1).max()) or 1.0
+    row = np.where(np.isin(body.dofs.component[rows], (4, 5, 6)), edge, 1.0)
+    column = np.array([1.0, 1.0, 1.0, edge, edge, edge])
+    R = rigid_body_shapes(body.dofs, body.nodes, position[0])[rows]
+    return np.asarray(la.pinv(row[:, None] * R / column, rtol=_SHOWN) * row / column[:, None])
+
+
+Array = NDArray[np.float64]
+
+REMOVED = 1e-9
+"""Of a rigid mode, may be left in a deforming one: round-off of sums over all nodes, a few digits lost to conditions on
+points that are near each other."""
+
+# Rigid motions of a body.
+_SIX = 6
+# The condition that says least, of rows of unit length, with rotations measured at the edge of the body: coordinates of
+# eight digits tell no more than this.
+_DETERMINED = 1e-7
+# A condition this much weaker than the strongest is round-off: the inertia of a wire about itself, relative to that
+# across it, is 1e-8 at a ten thousandth of its length.
+_SAID = 1e-12
+# A shorter chord, relative to the body, has no direction.
+_CHORD = 1e-6
+
+
+def floating_frame(
+    body: FEModel, Phi: Array, rigid_count: int, condition: FrameCondition, lumping: Lumping = "consistent"
+) -> FloatingFrame:
+    """Find the frame that a condition makes, and the rigid motion that it takes off every deforming mode.
+
+    Parameters
+    ----------
+    body : FEModel
+        n dofs, with geometry.
+    Phi : (n, m) float64
+        Modes, the rigid ones first.
+    rigid_count : int
+        How many of them are rigid.
+    condition : FrameCondition
+        What makes the frame.
+    lumping : Lumping
+        Mass that mean axes are of: the same that integrals are taken over.
+
+    Raises
+    ------
+    FloatingFrameError
+        If the body has no geometry, has not six rigid motions, or the condition does not determine all six.
+
+    Notes
+    -----
+    A condition is six linear functions C of a displacement. A deforming mode becomes phi - Phi_r d with C (phi - Phi_r
+    d) = 0, so that d = (C Phi_r)^-1 C phi. Whatever the condition, the modes span the same motions: with the rigid ones
+    the body has the frequencies it had.
+
+    C is the rigid motion that fits an interface best (clamped), momentum R^T M (mean axes: Buckens, 1979), or the
+    position of one point, the two displacements of another across the line between them, and a roll (chord).
+    Source: Canavin and Likins, J. Spacecraft and Rockets 14 (1977).
+    """
+    _check_six(body, rigid_count)
+    assert body.nodes is not None
+    if condition.kind == "clamped":
+        face = _face(body, condition.at)
+        C, origin, axes = _clamped(body, face), face.position[0].copy(), np.eye(3)
+        dofs = _dofs(face)
+    elif condition.kind == "chord":
+        first, second = _face(body, condition.at), _face(body, condition.to)
+        origin = first.position.mean(axis=0)
+        axes = chord_axes(body, condition)
+        C, dofs = _chord(body, first, second, axes, condition.roll)
+    else:
+        M, R = lumped_mass(body, lumping), rigid_body_shapes(body.dofs, body.nodes)
+        origin, axes, dofs = _centre(R.T @ (M @ R)), np.eye(3), np.zeros((0, 2), dtype=np.int64)
+        # About the centre of mass, where momentum and angular momentum are far from each other.
+        C = (M @ rigid_body_shapes(body.dofs, body.nodes, origin)).T
+    _check_determined(body, C, origin, condition)
+    of_rigid = la.lu_factor(C @ Phi[:, :rigid_count])
+    removed = la.lu_solve(of_rigid, C @ Phi[:, rigid_count:])
+    left = la.lu_solve(of_rigid, C @ (Phi[:, rigid_count:] - Phi[:, :rigid_count] @ removed))
+    return FloatingFrame(
+        condition=condition,
+        origin=origin,
+        axes=axes,
+        removed=np.asarray(removed),
+        node=dofs[:, 0],
+        component=dofs[:, 1],
+        residual=float(abs(left).max(initial=0.0) / max(1.0, abs(removed).max(initial=0.0))),
+    )
+
+
+def chord_axes(body: FEModel, condition: FrameCondition) -> Array:
+    """Axes (3, 3) of a chord as rows, in basic: x along it, z across the basic axis it is nearest to square with.
+
+    Raises
+    ------
+    FloatingFrameError
+        If its ends are one point.
+    """
+    assert body.nodes is not None
+    ends = [_face(body, name).position.mean(axis=0) for name in (condition.at, condition.to)]
+    along = ends[1] - ends[0]
+    length = float(np.linalg.norm(along))
+    if length <= _CHORD * float(np.ptp(body.nodes.xyz, axis=0).max(initial=0.0)):
+        raise FloatingFrameError(
+            f"component '{body.name}': {condition} has no direction, its ends are {length:.3g} apart; take interfaces "
+            "that are apart"
+        )
+    x = along / length
+    # The first of two axes that are equally far from it: rounding must not choose.
+    y = np.eye(3)[int(np.argmin(np.round(abs(x), 6)))]
+    z = np.cross(x, y)
+    z /= np.linalg.norm(z)
+    return np.array([x, np.cross(z, x), z])
+
+
+def _check_six(body: FEModel, rigid_count: int) -> None:
+    what = f"component '{body.name}': a floating frame"
+    if body.nodes is None:
+        raise FloatingFrameError(f"{what} needs `geometry:`, and it has none")
+    if rigid_count > _SIX:
+        raise FloatingFrameError(
+            f"{what} takes on six rigid motions, and this body has {rigid_count} motions without strain: it holds a "
+            "mechanism. Lock it, or give its parts as components with a joint between them"
+        )
+    if rigid_count < _SIX:
+        raise FloatingFrameError(
+            f"{what} takes on six rigid motions, and this body has {rigid_count}: it is held to the ground. Its modes "
+            "hold no other rigid motion; take `write.frame` out for it"
+        )
+
+
+def _face(body: FEModel, name: str) -> Interface:
+    if name not in body.interfaces:
+        known = ", ".join(body.interfaces) or "none"
+        raise FloatingFrameError(f"component '{body.name}' has no interface '{name}' for its frame (it has: {known})")
+    return body.interfaces[name]
+
+
+def _dofs(face: Interface) -> NDArray[np.int64]:
+    pairs = [(node, part) for node, parts in zip(face.node, face.components, strict=True) for part in parts]
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def _clamped(body: FEModel, face: Interface) -> Array:
+    rows = body.interface_rows(face.name)
+    C = np.zeros((_SIX, body.n))
+    C[:, rows] = best_fit(body, rows, face.position)
+    return C
+
+
+def _centre(rigid: Array) -> Array:
+    """Centre of mass of a rigid mass matrix about the origin."""
+    twice = np.array([rigid[5, 1] - rigid[4, 2], rigid[3, 2] - rigid[5, 0], rigid[4, 0] - rigid[3, 1]])
+    return np.asarray(twice / (2 * max(rigid.diagonal()[:3].max(), np.finfo(float).tiny)))
+
+
+def _chord(
+    body: FEModel, first: Interface, second: Interface, axes: Array, roll: str
+) -> tuple[Array, NDArray[np.int64]]:
+    start, end = (_mean_motion(body, face.node, turning=False) for face in (first, second))
+    if roll:
+        point, _, dof = roll.rpartition(".")
+        nodes = body.interfaces[point].node if point in body.interfaces else np.array([_node(body, point, roll)])
+        axis, turning = np.eye(3)[dof_index(dof) % 3], dof_index(dof) >= 3
+    else:
+        nodes, axis, turning = first.node, axes[0], True
+        if (body.recovery.dofs.rows(np.repeat(nodes, 3), np.tile([4, 5, 6], nodes.size)) < 0).any():
+            raise FloatingFrameError(
+                f"component '{body.name}': the nodes of '{first.name}' do not turn, so nothing holds the chord against "
+                "turning about itself; give `roll: NODE.DOF`, a displacement across the chord, beside it"
+            )
+    held = axis @ _mean_motion(body, nodes, turning=turning)
+    shift = 4 if turning else 1
+    dofs = [(int(node), part) for face in (first, second) for node in face.node for part in (1, 2, 3)]
+    dofs += [(int(node), part) for node in nodes for part in range(shift, shift + 3)]
+    return np.vstack([start, axes[1:] @ end, held]), np.unique(np.array(dofs, dtype=np.int64), axis=0)
+
+
+def _node(body: FEModel, text: str, roll: str) -> int:
+    if not text.isdigit() or int(text) not in body.recovery.dofs.node:
+        raise FloatingFrameError(
+            f"component '{body.name}': `roll: {roll}` names no interface and no node of it; write INTERFACE.DOF or "
+            f"NODE.DOF, dofs {', '.join(DOF_NAMES)}"
+        )
+    return int(text)
+
+
+def _mean_motion(body: FEModel, nodes: NDArray[np.int64], *, turning: bool) -> Array:
+    """Mean translation or rotation of nodes along the basic axes, of displacements of all rows (3, n)."""
+    assert body.nodes is not None
+    first = 4 if turning else 1
+    recovery = body.recovery
+    rows = recovery.dofs.rows(np.repeat(nodes, 3), np.tile(np.arange(first, first + 3), nodes.size))
+    if (rows < 0).any():
+        node = np.repeat(nodes, 3)[rows < 0][0]
+        what = "turn about" if turning else "move along"
+        raise FloatingFrameError(
+            f"component '{body.name}': node {node} does not {what} every axis, so it cannot hold the frame; choose "
+            "another node"
+        )
+    axes = body.nodes.frame[body.nodes.index(nodes)].reshape(-1, 3) / nodes.size
+    return np.asarray((recovery.T[rows].T @ axes).T)
+
+
+def _check_determined(body: FEModel, C: Array, origin: Array, condition: FrameCondition) -> None:
+    """Refuse a condition that leaves a rigid motion free."""
+    assert body.nodes is not None
+    size = float(np.ptp(body.nodes.xyz, axis=0).max(initial=0.0)) or 1.0
+    on_rigid = C @ (rigid_body_shapes(body.dofs, body.nodes, origin) / np.repeat([1.0, size], 3))
+    norms = np.linalg.norm(on_rigid, axis=1)
+    said = norms > _SAID * norms.max(initial=0.0)
+    scaled = on_rigid[said] / norms[said, None]
+    shown = int(np.count_nonzero(la.svdvals(scaled) > _DETERMINED))
+    if shown < _SIX:
+        remedy = {
+            "clamped": "clamp it at an interface with rotations or with three nodes that are not in line",
+            "chord": "state another `roll`: a displacement of a point off the chord, across it, or a rotation along it",
+            "mean-axis": "its mass has no inertia about a line; clamp it at an interface",
+        }[condition.kind]
+        raise FloatingFrameError(
+            f"component '{body.name}': a frame by {condition} determines {shown} of six rigid motions; {remedy}"
+        )

@@ -1,0 +1,226 @@
+"""Integrals of mass and shapes from a mass matrix (theory section 8)."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from cmsreduce.errors import DofMapError
+from cmsreduce.linalg.congruence import column_blocks
+from cmsreduce.mechanics.lumped_mass import lumped_mass, untied_body
+from cmsreduce.model import (
+    FEModel,
+    Lumping,
+    ModalIntegrals,
+    mapped_in,
+    rigid_body_shapes,
+)
+
+__all__ = ["MassBlocks", "modal_integrals", "nodal_motion", "rigid_mass"]
+
+Array = NDArray[np.float64]
+
+# Components of a vector product: (a x b)_i = CROSS_ijk a_j b_k.
+_CROSS = np.zeros((3, 3, 3))
+_CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
+_CROSS[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = -1.0
+
+
+def modal_integrals(
+    body: FEModel,
+    shapes: Array,
+    *,
+    origin: ArrayLike = (0.0, 0.0, 0.0),
+    axes: ArrayLike | None = None,
+    lumping: Lumping = "consistent",
+    modes: NDArray[np.int64] | None = None,
+) -> ModalIntegrals:
+    """Integrate over a body and its shapes.
+
+    Parameters
+    ----------
+    body : FEModel
+        n dofs, with geometry; its mass matrix is the measure.
+    shapes : (n, k) float64
+        Rows along the displacement frames of the nodes.
+    origin : (3,) array_like
+        Origin of the frame, in basic.
+    axes : (3, 3) array_like, optional
+        Axes of the frame as rows, in basic; the basic axes if absent.
+    lumping : Lumping
+        Mass to integrate over.
+    modes : (k,) int64, optional
+        What the shapes are columns of, for the record; counted from 0 if absent.
+
+    Raises
+    ------
+    DofMapError
+        If the body has no geometry, or no mass that moves along an axis.
+
+    Notes
+    -----
+    All that is linear in the shapes follows from R^T M R and R^T M phi, R the rigid-body shapes. The component pairs
+    need the mass of one direction with the motion of another. Write u, t for translations and rotations of nodes p, q,
+    and M_pq, C_pq, J_pq for the 3 x 3 blocks of the mass matrix between translations, from rotations to translations,
+    and between rotations. Then, with s_pq the axial vector of C_pq^T, E = tr(J) 1 / 2 - J^T and [t] the matrix of the
+    vector product with t,
+
+        int phi phi'^T dm = sum (M_qp u_p) u'_q^T / 2 + u_p (M_pq u'_q)^T / 2 + u_p (C_pq t'_q)^T + (C_pq t_q) u'_p^T
+                            + [t_p] E_pq [t'_q]^T,
+        int r phi^T dm    = sum r_p (M_pq u_q + C_pq t_q)^T + s_pq u_p^T + E_pq [t_q]^T.
+
+    Where nodes have translations alone and M_pq is the same in every direction, as for solids, this is exact: the
+    interpolation of r is that of the displacements. It is exact, too, for rigid lumps of mass with any offset and
+    inertia at their nodes, which is how rotational inertia is included, and for the bending of straight beams with
+    cubic shapes, in which a rotation moves what is beside the node. What stretches and bends at once is integrated over
+    the mean of the two interpolations, and a polar inertia without the inertia of bending that a section has with it
+    (Bernoulli beams) is taken as it stands, as a body's that is no body. For any matrix the trace of int phi phi'^T is
+    phi^T M phi', and what is skew in int r phi^T is R^T M phi. Nodes that are tied are integrated where they are, as
+    before they were tied. A direction in which a node is held has no mass.
+    """
+    if body.nodes is None:
+        raise DofMapError(f"body '{body.name}' has no geometry, so there is nothing to integrate over")
+    if body.untied is not None:
+        whole, T = untied_body(body)
+        modes = np.arange(shapes.shape[1]) if modes is None else modes
+        return modal_integrals(whole, T @ shapes, origin=origin, axes=axes, lumping=lumping, modes=modes)
+    origin = np.asarray(origin, dtype=np.float64)
+    axes = np.eye(3) if axes is None else np.asarray(axes, dtype=np.float64)
+    M = lumped_mass(body, lumping)
+    R = rigid_body_shapes(body.dofs, body.nodes, origin) @ la.block_diag(axes.T, axes.T)
+    rigid = R.T @ (M @ R)
+    mass, first_moment = _mass_and_moment(body, rigid)
+    momentum = (M @ R).T @ shapes
+    to_axes = nodal_motion(body, axes)
+    at = np.unique(body.dofs.node[body.dofs.component > 0])
+    r = (body.nodes.xyz[body.nodes.index(at)] - origin) @ axes.T
+    nodal = sp.csr_array(to_axes @ M @ to_axes.T)
+    pairs, k = MassBlocks(nodal, at.size), shapes.shape[1]
+
+    def nodal_motions(part: slice) -> tuple[Array, Array]:
+        u, t = (to_axes @ shapes[:, part]).reshape(2, 3, at.size, part.stop - part.start)
+        return u, t
+
+    # Shapes on disk come into memory some at a time.
+    parts = [slice(0, k)] if mapped_in(shapes) is None else list(column_blocks(k))
+    r_phi, phi_phi = np.empty((3, 3, k)), np.empty((3, 3, k, k))
+    for number, a in enumerate(parts):
+        u, t = nodal_motions(a)
+        r_phi[..., a] = pairs.with_position(r, u, t, momentum[3:, a])
+        phi_phi[..., a, a] = pairs.with_shapes(u, t)
+        for b in parts[:number]:
+            phi_phi[..., a, b] = pairs.with_shapes(u, t, *nodal_motions(b))
+            phi_phi[..., b, a] = phi_phi[..., a, b].transpose(1, 0, 3, 2)
+    return ModalIntegrals(
+        origin=origin,
+        axes=axes,
+        lumping=lumping,
+        mass=mass,
+        first_moment=first_moment,
+        inertia=np.asarray(rigid[3:, 3:]),
+        phi=momentum[:3],
+        r_cross_phi=momentum[3:],
+        r_phi=r_phi,
+        phi_phi=phi_phi,
+        modes=np.arange(shapes.shape[1]) if modes is None else np.asarray(modes, dtype=np.int64),
+    )
+
+
+def rigid_mass(body: FEModel, about: ArrayLike = (0.0, 0.0, 0.0), lumping: Lumping = "consistent") -> Array:
+    """Mass matrix R^T M R (6, 6) of a body moved as one piece, about a point, along the basic axes.
+
+    Raises
+    ------
+    DofMapError
+        If the body has no geometry.
+    """
+    if body.nodes is None:
+        raise DofMapError(f"body '{body.name}' has no geometry, so there is nothing to integrate over")
+    R = rigid_body_shapes(body.dofs, body.nodes, about)
+    return np.asarray(R.T @ (lumped_mass(body, lumping) @ R))
+
+
+def _mass_and_moment(body: FEModel, rigid: Array) -> tuple[float, Array]:
+    along = rigid.diagonal()[:3]
+    mass = float(along.max(initial=0.0))
+    if mass <= 0:
+        raise DofMapError(f"body '{body.name}' has no mass that moves along an axis, so it has no centre of mass")
+    # A coordinate shows in the two motions across it; a body held in some directions lacks one or both.
+    across = np.where(along.sum() - along > 0, along.sum() - along, 1.0)
+    twice = np.array([rigid[5, 1] - rigid[4, 2], rigid[3, 2] - rigid[5, 0], rigid[4, 0] - rigid[3, 1]])
+    return mass, mass * twice / across
+
+
+def nodal_motion(body: FEModel, axes: Array) -> sp.csr_array:
+    """From rows to translations x y z, then rotations x y z, of all nodes along the axes (6 N, n)."""
+    assert body.nodes is not None
+    moving = np.flatnonzero(body.dofs.component > 0)
+    ids, node = np.unique(body.dofs.node[moving], return_inverse=True)
+    component = body.dofs.component[moving].astype(int) - 1
+    direction = body.nodes.frame[body.nodes.index(body.dofs.node[moving]), component % 3] @ axes.T
+    block = 3 * (component // 3)[:, None] + np.arange(3)
+    rows = block * ids.size + node[:, None]
+    entries = sp.coo_array((direction.ravel(), (rows.ravel(), np.repeat(moving, 3))), shape=(6 * ids.size, body.n))
+    motion = sp.csr_array(entries)
+    motion.eliminate_zeros()
+    return motion
+
+
+class MassBlocks:
+    """Mass matrix between motions of nodes, in blocks of one direction with another."""
+
+    def __init__(self, nodal: sp.csr_array, count: int) -> None:
+        three = 3 * count
+        self.count = count
+        self.translation = nodal[:three, :three]
+        self.coupling = nodal[:three, three:]
+        part = [slice(three + i * count, three + (i + 1) * count) for i in range(3)]
+        J = [[nodal[part[i], part[j]] for j in range(3)] for i in range(3)]
+        half = (J[0][0] + J[1][1] + J[2][2]) * 0.5
+        # E of the axes k and l, between nodes.
+        self.spread = [[half - J[k][k] if k == m else -J[m][k] for m in range(3)] for k in range(3)]
+
+    def part(self, a: int, b: int) -> sp.csr_array:
+        """From rotations about axis b to translations along axis a, between nodes (N, N)."""
+        return self.coupling[a * self.count : (a + 1) * self.count, b * self.count : (b + 1) * self.count]
+
+    def _product(self, A: sp.csr_array, motion: Array) -> Array:
+        return np.asarray(A @ motion.reshape(3 * self.count, -1)).reshape(motion.shape)
+
+    def with_shapes(self, u: Array, t: Array, v: Array | None = None, s: Array | None = None) -> Array:
+        """Integrals of phi_i phi'_j dm (3, 3, k, k') of translations and rotations u, t (3, N, k); of v, s if given."""
+        # Half of what translations give goes in each order of the two modes; of what couples, all.
+        if v is None or s is None:
+            v, s, one = u, t, self._half(u, u, t)
+            found = one + one.transpose(1, 0, 3, 2)
+        else:
+            found = self._half(u, v, s) + self._half(v, u, t).transpose(1, 0, 3, 2)
+        if t.any():
+            for k, m in product(range(3), repeat=2):
+                E = np.tensordot(t, np.stack([self.spread[k][m] @ part for part in s]), (1, 1))
+                found += np.einsum("ic,jd,cadb->ijab", _CROSS[:, :, k], _CROSS[:, :, m], E, optimize=True)
+        return np.asarray(found)
+
+    def _half(self, u: Array, v: Array, s: Array) -> Array:
+        """Work of translations u on half the momentum of translations v and all of that of rotations s."""
+        half = np.tensordot(u, self._product(self.translation, v) / 2 + self._product(self.coupling, s), (1, 1))
+        return np.asarray(half.transpose(0, 2, 1, 3))
+
+    def with_position(self, r: Array, u: Array, t: Array, turning: Array) -> Array:
+        """Integrals of r_i phi_j dm (3, 3, k), nodes at r (N, 3); skew in it is ``turning``, int r x phi dm (3, k)."""
+        force = self._product(self.translation, u) + self._product(self.coupling, t)
+        found = np.einsum("pi,jpk->ijk", r, force)
+        for i in range(3):
+            a, b = (i + 1) % 3, (i + 2) % 3
+            # Of C = -c [s]x, rows are translations: s_i = (C_ab - C_ba) / 2 of the two other directions.
+            arm = self.part(a, b) - self.part(b, a)
+            found[i] += np.einsum("p,jpk->jk", np.asarray(arm.sum(axis=1)).ravel() / 2, u)
+        if t.any():
+            for i, m in product(range(3), repeat=2):
+                found[i] += _CROSS[:, :, m] @ (np.asarray(self.spread[i][m].sum(axis=0)).ravel() @ t)
+        symmetric = (found + found.transpose(1, 0, 2)) / 2
+        return np.asarray(symmetric + np.einsum("mij,mk->ijk", _CROSS, turning) / 2)

@@ -1,0 +1,257 @@
+"""Nodes of an interface tied to one point with six dofs: rigidly, or so that the point follows their average."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import SceneError
+from cmsreduce.model import (
+    DofTable,
+    FEModel,
+    Interface,
+    Nodes,
+    Recovery,
+    UntiedMass,
+    cross_matrix,
+    rigid_body_shapes,
+)
+
+__all__ = ["Tie", "tie_nodes"]
+
+# Nodes whose spread across a line is below this share of their spread along it are in line: coordinates are printed
+# with eight digits, and their differences have lost two.
+_IN_LINE = 1e-6
+_SIX = np.arange(1, 7)
+_TRANSLATIONS = (1, 2, 3)
+_NAMED = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Tie:
+    """How the nodes of an interface are tied to one point.
+
+    Parameters
+    ----------
+    kind : {"rigid", "average"}
+        ``rigid``: the nodes follow the point as a rigid body (RBE2). ``average``: the point follows the average motion
+        of the nodes, which stay as flexible as they are (RBE3).
+    position : (3,) float64, optional
+        Where the point is, in the body's basic frame and unit of length; by default the centroid of the nodes.
+    weights : tuple of float, optional
+        Weights of the nodes in the average; by default all equal.
+    frame : (3, 3) float64, optional
+        Axes of the point as rows, in basic; by default basic.
+    """
+
+    kind: Literal["rigid", "average"]
+    position: NDArray[np.float64] | None = None
+    weights: tuple[float, ...] | None = None
+    frame: NDArray[np.float64] | None = None
+
+
+def tie_nodes(body: FEModel, name: str, tie: Tie) -> FEModel:
+    """Tie the nodes of an interface to a new node, which becomes the interface.
+
+    The body is restated in other dofs, x = T x', by congruence: K' = T^T K T, and M and D alike. T is sparse.
+
+    Parameters
+    ----------
+    body : FEModel
+        Body whose interface ``name`` is the nodes to be tied, with the components that follow the point.
+    name : str
+        Interface.
+    tie : Tie
+        How.
+
+    Returns
+    -------
+    FEModel
+        With a node of the next free id and dofs 123456. The dofs that follow it have no rows; they are in ``tied``.
+
+    Raises
+    ------
+    SceneError
+        If the nodes leave a rotation of the point undetermined, or one of them belongs to another interface.
+
+    Notes
+    -----
+    ``rigid``: x_tied = R x_point. ``average``: x_point = A x_nodes with A = (R^T W R)^-1 R^T W over the translations of
+    the nodes, the least-squares rigid motion. Six of these, taken by pivoted QR of A, are replaced by those of the
+    point, x_6 = A_6^-1 (x_point - A_rest x_rest), so that no dof is lost: nothing is stiffened. A force on the point is
+    spread over the nodes as A^T f, which is statically equivalent to it.
+    """
+    where, face = f"body '{body.name}', interface '{name}'", body.interfaces[name]
+    nodes = body.nodes
+    if nodes is None:
+        raise SceneError(f"{where}: nodes are tied by their coordinates; give `geometry:`")
+    _check_free(where, body, face)
+    at = nodes.xyz[nodes.index(face.node)]
+    axes = np.eye(3) if tie.frame is None else tie.frame
+    rows = _rigid_rows(where, body, face) if tie.kind == "rigid" else _translations(where, body, face)
+    weights = _weights(where, face, tie)
+    centre = weights @ at / weights.sum()
+    length = float(np.linalg.norm(at - centre, axis=1).max()) or 1.0
+    position = at.mean(axis=0) if tie.position is None else np.asarray(tie.position, dtype=np.float64)
+    # Motion of the point, in its frame, from that of the centre, whose rotations are measured as displacements.
+    G = np.eye(6)
+    G[:3, 3:] = -cross_matrix(position - centre)
+    G = np.kron(np.eye(2), axes) @ G / np.repeat([1.0, length], 3)
+    R = _shapes(body, rows, centre) / np.repeat([1.0, length], 3)
+    _check_determined(where, body, face, R, centre, length)
+    if tie.kind == "rigid":
+        T = _transformation(body.n, rows, R @ np.linalg.inv(G), np.zeros((rows.size, 0)), rows[:0])
+        gone = rows
+    else:
+        spread = R * np.repeat(weights, 3)[:, None]
+        A = np.linalg.solve(R.T @ spread, spread.T)
+        _, order = la.qr(A, mode="r", pivoting=True)
+        six, rest = order[:6], order[6:]
+        follow = np.linalg.solve(A[:, six], np.hstack([np.linalg.inv(G), -A[:, rest]]))
+        gone = rows[six]
+        T = _transformation(body.n, gone, follow[:, :6], follow[:, 6:], rows[rest])
+    return _restated(body, T, gone, name, Nodes(_next_id(body, nodes), position[None], axes[None]))
+
+
+def _weights(where: str, face: Interface, tie: Tie) -> NDArray[np.float64]:
+    weights = np.ones(face.node.size) if tie.weights is None else np.asarray(tie.weights, dtype=np.float64)
+    if weights.size != face.node.size or not (weights > 0).all():
+        raise SceneError(f"{where}: {face.node.size} nodes need as many positive weights, found {list(weights)}")
+    return weights
+
+
+def _check_free(where: str, body: FEModel, face: Interface) -> None:
+    """Refuse nodes that another interface needs for itself."""
+    for other in body.interfaces.values():
+        both = np.intersect1d(face.node, other.node)
+        if other.name != face.name and both.size:
+            raise SceneError(
+                f"{where}: nodes {_listed(both)} are tied here and belong to interface '{other.name}' too; a tied node "
+                "follows one point only. Take them out of one of the two"
+            )
+    if body.tied is not None and np.isin(face.node, body.tied.dofs.node).any():
+        twice = np.intersect1d(face.node, body.tied.dofs.node)
+        raise SceneError(f"{where}: nodes {_listed(twice)} are tied already; a node follows one point only")
+
+
+def _rigid_rows(where: str, body: FEModel, face: Interface) -> NDArray[np.int64]:
+    """Rows that follow the point: the same translations of every node, or one would be tied and held at once."""
+    moved = [set(_TRANSLATIONS) & set(parts) for parts in face.components]
+    all_of_them = set().union(*moved)
+    lacking = face.node[[parts != all_of_them for parts in moved]]
+    if lacking.size:
+        raise SceneError(
+            f"{where}: nodes {_listed(lacking)} lack translations that others have, as if they were constrained, and "
+            "cannot follow a rigid body; leave them out, or name `dofs:` that all of them have"
+        )
+    return body.interface_rows(face.name)
+
+
+def _translations(where: str, body: FEModel, face: Interface) -> NDArray[np.int64]:
+    """Rows of all translations of the nodes, whose average the point follows."""
+    rows = body.dofs.rows(np.repeat(face.node, 3), np.tile(_TRANSLATIONS, face.node.size))
+    lacking = face.node[(rows.reshape(-1, 3) < 0).any(axis=1)]
+    if lacking.size:
+        raise SceneError(
+            f"{where}: an average needs the translations 123 of every node, but nodes {_listed(lacking)} lack some in "
+            "the matrices; leave them out, or use `tie: rigid`"
+        )
+    return rows
+
+
+def _shapes(body: FEModel, rows: NDArray[np.int64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
+    assert body.nodes is not None
+    return rigid_body_shapes(DofTable(body.dofs.node[rows], body.dofs.component[rows]), body.nodes, centre)
+
+
+def _check_determined(
+    where: str, body: FEModel, face: Interface, R: NDArray[np.float64], centre: NDArray[np.float64], length: float
+) -> None:
+    """Refuse nodes that move less freely as a rigid body than the body itself does."""
+    whole = _shapes(body, np.flatnonzero(body.dofs.component > 0), centre) / np.repeat([1.0, length], 3)
+    _, size, motions = la.svd(whole, full_matrices=False)
+    motions = motions[size > _IN_LINE * size.max()]
+    if la.svdvals(R @ motions.T).min() > _IN_LINE and R.shape[0] >= len(motions):
+        return
+    assert body.nodes is not None
+    at = body.nodes.xyz[body.nodes.index(face.node)] - centre
+    spread = la.svdvals(at)
+    alike = "coincide" if spread[0] <= _IN_LINE * float(abs(body.nodes.xyz).max()) else "are in line"
+    if at.shape[0] > 2 and spread[1] > _IN_LINE * spread[0]:
+        alike = "have too few dofs"
+    raise SceneError(
+        f"{where}: nodes {_listed(face.node)} {alike}, so that their motion leaves a rotation of the point they are "
+        "tied to undetermined; tie three nodes or more that are not in line, or nodes with rotations (`tie: rigid`)"
+    )
+
+
+def _next_id(body: FEModel, nodes: Nodes) -> NDArray[np.int64]:
+    """Id above all that the body has, among its rows or not."""
+    return np.array([max(int(nodes.id.max()), int(body.recovery.dofs.node.max())) + 1])
+
+
+def _transformation(
+    n: int,
+    gone: NDArray[np.int64],
+    by_point: NDArray[np.float64],
+    by_rest: NDArray[np.float64],
+    rest: NDArray[np.int64],
+) -> sp.csr_array:
+    """T of x = T x': identity on the rows that stay, then six columns of the point.
+
+    by_point : (gone, 6) and by_rest : (gone, rest) are how the rows that go follow the point and the rows ``rest``.
+    """
+    stay = np.setdiff1d(np.arange(n), gone)
+    place = np.full(n, -1)
+    place[stay] = np.arange(stay.size)
+    columns = np.concatenate([stay.size + np.arange(6), place[rest]])
+    follow = np.hstack([by_point, by_rest])
+    i = np.concatenate([stay, np.repeat(gone, columns.size)])
+    j = np.concatenate([np.arange(stay.size), np.tile(columns, gone.size)])
+    T = sp.csr_array((np.concatenate([np.ones(stay.size), follow.ravel()]), (i, j)), shape=(n, stay.size + 6))
+    T.eliminate_zeros()
+    return T
+
+
+def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str, point: Nodes) -> FEModel:
+    """The body in the dofs x' of x = T x'."""
+    assert body.nodes is not None
+    stay = np.setdiff1d(np.arange(body.n), gone)
+    place = np.full(body.n, -1)
+    place[stay] = np.arange(stay.size)
+    old, every = body.dofs, body.recovery
+    follow = np.concatenate([gone, np.arange(body.n, len(every.dofs))])
+    whole = {label: place[rows] for label, rows in body.sets.items() if (place[rows] >= 0).all()}
+    return replace(
+        body,
+        K=_congruent(body.K, T),
+        M=_congruent(body.M, T),
+        D=None if body.D is None else _congruent(body.D, T),
+        dofs=DofTable(np.append(old.node[stay], np.repeat(point.id, 6)), np.append(old.component[stay], _SIX)),
+        nodes=replace(
+            body.nodes,
+            id=np.append(body.nodes.id, point.id),
+            xyz=np.vstack([body.nodes.xyz, point.xyz]),
+            frame=np.concatenate([body.nodes.frame, point.frame]),
+        ),
+        interfaces={
+            **body.interfaces,
+            name: Interface(name, point.id, (tuple(map(int, _SIX)),), point.xyz, point.frame[0], point.frame),
+        },
+        sets=whole,
+        tied=Recovery(DofTable(every.dofs.node[follow], every.dofs.component[follow]), every.T[follow] @ T),
+        untied=body.untied or UntiedMass(body.dofs, body.M),
+    )
+
+
+def _congruent(A: sp.csc_array, T: sp.csr_array) -> sp.csc_array:
+    return sp.csc_array(T.T @ A @ T)
+
+
+def _listed(nodes: NDArray[np.int64]) -> str:
+    return ", ".join(map(str, nodes[:_NAMED])) + (" ..." if nodes.size > _NAMED else "")

@@ -1,0 +1,228 @@
+"""Motions that nothing determines, neither stiffness nor mass nor damping: found, and held."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import MatrixError, SceneError
+from cmsreduce.linalg.eigen import stiffness_null_space
+from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
+from cmsreduce.model import (
+    DofTable,
+    FEModel,
+    Interface,
+    Recovery,
+)
+
+__all__ = ["Determined", "hold_undetermined"]
+
+# A singular matrix has a pivot that is rounding of its diagonal entry; down to this one no motion is looked for.
+_SOUND_PIVOT = 1e-6
+# Dofs that the motions move by less than this share of what they move most are at rest.
+_AT_REST = 1e-6
+_NAMED = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Determined:
+    """A body of which every motion has stiffness, mass or damping.
+
+    Parameters
+    ----------
+    body : FEModel
+        n dofs; those held are in ``constrained``.
+    motions : (n, k) float64
+        What the remaining dofs did in the undetermined motions. Nothing may act on these dofs or measure them along
+        such a motion: the answer would be that of the dofs held.
+    held : tuple of str
+        Labels of the dofs held.
+    lost : tuple of (str, tuple of str)
+        Interfaces that go without some dofs, and the labels of these.
+    """
+
+    body: FEModel
+    motions: NDArray[np.float64]
+    held: tuple[str, ...] = ()
+    lost: tuple[tuple[str, tuple[str, ...]], ...] = ()
+
+    @property
+    def note(self) -> str:
+        """What was held, in words; empty if nothing was."""
+        if not self.held:
+            return ""
+        text = f"{self.body.name}: neither stiffness nor mass determines {len(self.held)} motions; held: "
+        text += _listed(self.held)
+        return text + "".join(f"; interface '{name}' goes without {_listed(labels)}" for name, labels in self.lost)
+
+    def check_untouched(self, rows: sp.csr_array, what: str) -> None:
+        """Refuse what acts on an undetermined motion, or measures one.
+
+        Parameters
+        ----------
+        rows : (p, n) sparse array
+            Directions in which something acts or is measured.
+        what : str
+            What these are, for the message.
+
+        Raises
+        ------
+        SceneError
+            Naming a dof.
+        """
+        if not self.motions.shape[1] or not rows.shape[0]:
+            return
+        along = abs(rows @ self.motions).max(axis=1)
+        at = int(along.argmax())
+        if along[at] > _AT_REST * float(abs(self.motions).max(initial=0.0)) * float(abs(rows[[at]]).max()):
+            part = abs(rows[[at]].toarray()[0]) * abs(self.motions).max(axis=1)
+            raise SceneError(
+                f"body '{self.body.name}': {what} at {self.body.dofs.labels[int(part.argmax())]} moves with "
+                f"{_listed(self.held)} in a motion that has neither stiffness nor mass, so it has no answer; give "
+                "these dofs inertia, hold them by a constraint, or take another node"
+            )
+
+
+def hold_undetermined(
+    body: FEModel, named: Collection[str] = (), proven: NDArray[np.float64] | None = None
+) -> Determined:
+    """Hold one dof for each motion that has neither stiffness nor mass nor damping, as AUTOSPC does.
+
+    Such are dofs with empty rows, and motions of several dofs: rotations about a skew axis, or of a chain of bars about
+    itself where bars have no inertia in torsion. A dof without mass that stiffness does hold is left as it is.
+
+    Parameters
+    ----------
+    body : FEModel
+    named : collection of str
+        Interfaces whose dofs the user has named one by one.
+    proven : (n, r) float64, optional
+        All motions that K does not resist, where these are known: if they have mass, nothing is undetermined.
+
+    Returns
+    -------
+    Determined
+
+    Raises
+    ------
+    MatrixError
+        If the body has no mass at all.
+    SceneError
+        If an interface would lose a dof that is named, or all that it has.
+
+    Notes
+    -----
+    The motions are the common null space of K, M and D, that of their sum. An interface goes without the dofs that
+    such a motion moves: kept in it, they would pass what the joint brings on to the dof that is held, and the body
+    would stand on the ground.
+    """
+    if not body.M.diagonal().any():
+        raise MatrixError(f"body '{body.name}' has no mass: all entries of M are zero; name its mass matrix")
+    if proven is not None and np.linalg.matrix_rank(proven.T @ (body.M @ proven), hermitian=True) == proven.shape[1]:
+        return Determined(body, np.empty((body.n, 0)))
+    empty, motions, scale = _undetermined_motions(body)
+    if not empty.any() and not motions.shape[1]:
+        return Determined(body, motions)
+    # Orthonormal in scaled dofs, the share each dof has in the motions does not depend on the vectors chosen.
+    scaled = la.orth(motions * scale[:, None]) if motions.shape[1] else motions
+    share = np.linalg.norm(scaled, axis=1)
+    moved = empty | (share > _AT_REST * share.max())
+    faces, lost = {}, []
+    for name, face in body.interfaces.items():
+        faces[name], labels = _without(body, face, moved, name in named)
+        if labels:
+            lost.append((name, labels))
+    held = np.flatnonzero(empty)
+    if motions.shape[1]:
+        _, order = la.qr(scaled.T, mode="r", pivoting=True)
+        held = np.union1d(held, order[: motions.shape[1]])
+    stay = np.setdiff1d(np.arange(body.n, dtype=np.int64), held)
+    labels_held = tuple(body.dofs.labels[row] for row in held)
+    return Determined(_restricted(body, stay, held, faces), motions[stay], labels_held, tuple(lost))
+
+
+def _undetermined_motions(
+    body: FEModel,
+) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]:
+    """Null space of K, M and D together: empty rows (n,), motions of the other dofs (n, k), and their scale (n,).
+
+    The scale makes unlike dofs comparable.
+    """
+    A = _sum(body)
+    empty = A.diagonal() == 0
+    rest = np.flatnonzero(~empty)
+    inner = sp.csc_array(A[rest][:, rest])
+    try:
+        sound = factorise(inner).weakest[1] > max(_SOUND_PIVOT, 1e3 * body.rounding)
+    except NotPositiveDefiniteError:
+        sound = False
+    found = np.empty((rest.size, 0)) if sound else stiffness_null_space(inner, body.rounding)
+    motions = np.zeros((body.n, found.shape[1]))
+    motions[rest] = found
+    scale = np.ones(body.n)
+    scale[rest] = np.sqrt(inner.diagonal())
+    return empty, motions / np.linalg.norm(motions * scale[:, None], axis=0), scale
+
+
+def _sum(body: FEModel) -> sp.csc_array:
+    """K + s M + t D, with factors that make the diagonals alike where a dof has both."""
+    A, size = body.K, body.K.diagonal()
+    for B in (body.M, body.D):
+        if B is None:
+            continue
+        both = (size > 0) & (B.diagonal() > 0)
+        ratio = float(np.median(size[both] / B.diagonal()[both])) if both.any() else 1.0
+        A = A + ratio * B
+    return sp.csc_array(A)
+
+
+def _without(
+    body: FEModel, face: Interface, moved: NDArray[np.bool_], named: bool
+) -> tuple[Interface, tuple[str, ...]]:
+    """An interface without the dofs that undetermined motions move, and the labels of these."""
+    left, labels = [], []
+    for node, components in zip(face.node, face.components, strict=True):
+        rows = body.dofs.rows_of(int(node), components)
+        left.append(tuple(c for c, row in zip(components, rows, strict=True) if not moved[row]))
+        labels += [body.dofs.labels[row] for row in rows if moved[row]]
+        if labels and (named or not left[-1]):
+            why = "its `dofs:` name" if named else "no other dof is left of a node at"
+            raise SceneError(
+                f"body '{body.name}', interface '{face.name}': {why} {_listed(labels)}, which move without stiffness "
+                "or mass and so can carry no load; leave these dofs out of `dofs:` and free them in the joint, or give "
+                "them stiffness or inertia in the model"
+            )
+    return replace(face, components=tuple(left)), tuple(labels)
+
+
+def _restricted(
+    body: FEModel, stay: NDArray[np.int64], held: NDArray[np.int64], faces: dict[str, Interface]
+) -> FEModel:
+    """The body without the rows held."""
+    place = np.full(body.n, -1)
+    place[stay] = np.arange(stay.size)
+    old = body.dofs
+    node, component = old.node[held], old.component[held]
+    if body.constrained is not None:
+        node = np.concatenate([body.constrained.node, node])
+        component = np.concatenate([body.constrained.component, component])
+    return replace(
+        body,
+        K=body.K[stay][:, stay],
+        M=body.M[stay][:, stay],
+        D=None if body.D is None else body.D[stay][:, stay],
+        dofs=DofTable(old.node[stay], old.component[stay]),
+        interfaces=faces,
+        sets={name: place[rows][place[rows] >= 0] for name, rows in body.sets.items()},
+        constrained=DofTable(node, component),
+        tied=body.tied and Recovery(body.tied.dofs, body.tied.T[:, stay]),
+    )
+
+
+def _listed(labels: Collection[str]) -> str:
+    return ", ".join(list(labels)[:_NAMED]) + (" ..." if len(labels) > _NAMED else "")

@@ -1,0 +1,119 @@
+"""Findings of a run as plain data: checks, errors, choices, drawings, sweeps.
+
+Frozen dataclasses that the summary, the report and the terminal share belong here.
+Nothing here computes or prints.
+"""
+
+from cmsreduce.model.results.check import (
+    Check,
+    Finding,
+)
+from cmsreduce.model.results.choices import (
+    BoundRecord,
+    CutoffRecord,
+    ExtraneousMode,
+    ModeShare,
+    ProjectionRecord,
+    SampledModes,
+    SearchRecord,
+    SensitivityCase,
+    SensitivityRecord,
+)
+from cmsreduce.model.results.component import (
+    MISSING_INERTIA,
+    AxisCompleteness,
+    CostlyMode,
+    CostlyModes,
+    Factorisation,
+    RoundingEffect,
+)
+from cmsreduce.model.results.drawing import (
+    BodyDrawing,
+    JointDrawing,
+    PortDrawing,
+    SceneDrawing,
+    SystemShapes,
+)
+from cmsreduce.model.results.errors import (
+    ERRORS,
+    DampedPairs,
+    EffectiveMassCurve,
+    GainCurve,
+    ModelErrors,
+    ModeLikeness,
+)
+from cmsreduce.model.results.reduction_checks import (
+    CHECKS,
+    ChannelZeros,
+    ControllerMargin,
+    GainSum,
+    HighGain,
+    ReductionChecks,
+    StaticLack,
+    StepErrors,
+    SystemChecks,
+)
+from cmsreduce.model.results.run import (
+    ComponentResult,
+    ConfigurationResult,
+    Response,
+    RunFigure,
+    RunResult,
+    Speed,
+    SystemModes,
+)
+from cmsreduce.model.results.sweep import (
+    SweepResult,
+    SweepRow,
+    short_keys,
+)
+
+__all__ = [
+    "AxisCompleteness",
+    "BodyDrawing",
+    "BoundRecord",
+    "CHECKS",
+    "ChannelZeros",
+    "Check",
+    "ComponentResult",
+    "ConfigurationResult",
+    "ControllerMargin",
+    "CostlyMode",
+    "CostlyModes",
+    "CutoffRecord",
+    "DampedPairs",
+    "ERRORS",
+    "EffectiveMassCurve",
+    "ExtraneousMode",
+    "Factorisation",
+    "Finding",
+    "GainCurve",
+    "GainSum",
+    "HighGain",
+    "JointDrawing",
+    "MISSING_INERTIA",
+    "ModeLikeness",
+    "ModeShare",
+    "ModelErrors",
+    "PortDrawing",
+    "ProjectionRecord",
+    "ReductionChecks",
+    "Response",
+    "RoundingEffect",
+    "RunFigure",
+    "RunResult",
+    "SampledModes",
+    "SceneDrawing",
+    "SearchRecord",
+    "SensitivityCase",
+    "SensitivityRecord",
+    "Speed",
+    "StaticLack",
+    "StepErrors",
+    "SweepResult",
+    "SweepRow",
+    "SystemChecks",
+    "SystemModes",
+    "SystemShapes",
+    "short_keys",
+]

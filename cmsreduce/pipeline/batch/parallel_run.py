@@ -1,0 +1,198 @@
+"""A run whose bodies and configurations are shared out to several processes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor, as_completed
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cmsreduce.config import Pipeline, load_pipeline
+from cmsreduce.errors import CmsReduceError
+from cmsreduce.model import ConfigurationResult
+from cmsreduce.pipeline.batch.dask_workers import chosen_workers
+from cmsreduce.pipeline.batch.sweep_run import CommonWork, SweepRun
+from cmsreduce.pipeline.batch.workers import Workers
+from cmsreduce.pipeline.run import Run
+from cmsreduce.pipeline.store import Progress, Silent
+from cmsreduce.pipeline.system import ReducedModel
+
+__all__ = ["ParallelRun", "opened_run"]
+
+
+class _Task(NamedTuple):
+    """What a process needs to open the same run."""
+
+    source: Path
+    overrides: tuple[str, ...]
+    folder: Path
+    memory: float | None
+
+
+class _Part(NamedTuple):
+    """Some configurations, measured, and the wall times of their responses."""
+
+    results: tuple[ConfigurationResult, ...]
+    full_s: float
+    reduced_s: float
+
+
+class ParallelRun(SweepRun):
+    """A run that lets other processes finish the stages of its bodies, and measure its configurations.
+
+    They leave finished stages where the run finds them. What a process could not do, because it was killed or found
+    something wrong, the run does itself, and says what is wrong as if it had been alone.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+    folder : Path
+        Run directory, which the processes must see under the same name.
+    progress : Progress
+    source : Path
+        The pipeline file.
+    overrides : sequence of str
+    workers : Workers
+    pool : Executor
+        Of the workers.
+    """
+
+    def __init__(
+        self,
+        pipeline: Pipeline,
+        folder: Path,
+        progress: Progress,
+        source: Path,
+        overrides: Sequence[str],
+        workers: Workers,
+        pool: Executor,
+    ) -> None:
+        super().__init__(pipeline, folder, progress, CommonWork())
+        self._workers, self._pool = workers, pool
+        self._task = _Task(source.resolve(), tuple(overrides), folder.resolve(), workers.memory)
+
+    def finish_bodies(self) -> None:
+        """Let every body be reduced and orthonormalised, the ones beside the others."""
+        names = [name for name, part in self.pipeline.components.items() if part.rigid is None]
+        if len(names) > 1:
+            self.ledger.progress.stage("reduce", f"{len(names)} bodies in {self._workers.count} processes")
+            for _ in self._outcomes(_finish_body, [(name,) for name in names]):
+                pass
+
+    def measured(self, models: Mapping[str, ReducedModel]) -> tuple[ConfigurationResult, ...]:
+        """Errors and curves in every configuration, some in each process."""
+        count = len(self.scene.configurations)
+        shares = [
+            (tuple(range(first, count, self._workers.count)),) for first in range(min(self._workers.count, count))
+        ]
+        if len(shares) < 2:
+            return super().measured(models)
+        found: dict[int, ConfigurationResult] = {}
+        for (numbers,), part in self._outcomes(_measure, shares):
+            found |= dict(zip(numbers, part.results, strict=True))
+            self.comparison.full_seconds += part.full_s
+            self.comparison.reduced_seconds += part.reduced_s
+        for number, configuration in enumerate(self.scene.configurations):
+            if number not in found:
+                (found[number],) = self.comparison.at([configuration], models)
+        return tuple(found[number] for number in range(count))
+
+    def _outcomes(self, work: Any, arguments: Sequence[tuple[Any, ...]]) -> Iterator[tuple[Any, Any]]:
+        """What became of each piece of work, in the order they were finished; none of a piece that failed."""
+        futures = {}
+        for each in arguments:
+            try:
+                futures[self._workers.submit(self._pool, work, self._task, *each)] = each
+            except self._workers.lost:
+                break
+        for number, future in enumerate(as_completed(futures), 1):
+            try:
+                outcome = future.result()
+            except self._workers.lost:
+                outcome = None
+            self.ledger.progress.advance(number, len(arguments))
+            if outcome is not None:
+                yield futures[future], outcome
+
+
+@contextmanager
+def opened_run(
+    source: Path,
+    overrides: Sequence[str],
+    folder: Path | None,
+    progress: Progress,
+    *,
+    only: str | None = None,
+    jobs: int = 1,
+    cluster: str | None = None,
+) -> Iterator[Run]:
+    """A run, with the processes that share its work for as long as the block lasts.
+
+    Parameters
+    ----------
+    source : Path
+        Pipeline file.
+    overrides : sequence of str
+        ``KEY=VALUE`` each.
+    folder : Path, optional
+        Run directory, instead of the pipeline's own.
+    progress : Progress
+    only : str, optional
+        The one stage to run; it is not shared.
+    jobs : int
+        Processes of this machine.
+    cluster : str, optional
+        Address of a Dask scheduler, or a cluster file.
+
+    Raises
+    ------
+    CmsReduceError
+        If the pipeline or the cluster is wrong.
+    """
+    pipeline = load_pipeline(source, overrides)
+    folder = pipeline.output if folder is None else folder
+    with chosen_workers(jobs, cluster, source) as workers:
+        if workers.here or only is not None:
+            yield Run(pipeline, folder, progress, only)
+            return
+        with workers.start(workers.count) as pool:
+            run = ParallelRun(pipeline, folder, progress, source, overrides, workers, pool)
+            run.finish_bodies()
+            yield run
+
+
+@cache
+def _common() -> CommonWork:
+    """What the tasks of one process have in common."""
+    return CommonWork()
+
+
+def _opened(task: _Task) -> SweepRun:
+    run = SweepRun(load_pipeline(task.source, task.overrides), task.folder, Silent(), _common())
+    run.ledger.share_memory(task.memory)
+    return run
+
+
+def _finish_body(task: _Task, name: str) -> bool | None:
+    try:
+        run = _opened(task)
+        if name in run.reduced_names:
+            run.modal(name)
+        if run.pipeline.verify is not None and name not in run.mode_sets.unneeded:
+            run.unreduced(name)
+    except CmsReduceError:
+        # The run that gave the task meets it, too, and says it.
+        return None
+    return True
+
+
+def _measure(task: _Task, numbers: Sequence[int]) -> _Part | None:
+    try:
+        run = _opened(task)
+        models, comparison = run.models(), run.comparison
+        results = comparison.at([run.scene.configurations[number] for number in numbers], models)
+    except CmsReduceError:
+        return None
+    return _Part(results, comparison.full_seconds, comparison.reduced_seconds)

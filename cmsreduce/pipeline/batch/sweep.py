@@ -1,0 +1,301 @@
+"""Run a pipeline at every point of a sweep, one after the other or in several processes.
+
+What a sweep leaves in its folder: tables and the picture of error against speed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import platform
+import time
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, as_completed
+from dataclasses import replace
+from datetime import UTC, datetime
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cmsreduce import __version__
+from cmsreduce.errors import CmsReduceError, ConfigError
+from cmsreduce.linalg.factorise import InsufficientMemoryError
+from cmsreduce.model import RunResult, SweepResult, SweepRow
+from cmsreduce.pipeline.batch.dask_workers import chosen_workers
+from cmsreduce.pipeline.batch.sweep_points import SweepAxis, SweepPoint, sweep_points
+from cmsreduce.pipeline.batch.sweep_run import CommonWork, SweepRun
+from cmsreduce.pipeline.batch.workers import Workers
+from cmsreduce.pipeline.execute import execute
+from cmsreduce.pipeline.store import STAGES_FOLDER, Progress, Silent, code_version, share_stages
+from cmsreduce.report import sweep_page, sweep_picture, trades
+from cmsreduce.write import atomic_path, write_sweep_csv, write_sweep_table
+
+__all__ = [
+    "sweep",
+    "write_sweep",
+]
+
+POINTS_FOLDER = "points"
+"""Folder of a sweep with a run directory for each point."""
+
+# Batches that each process is given on average: more keep all processes busy to the end.
+_BATCHES = 8
+
+
+def default_folder(output: Path) -> Path:
+    """Where a sweep goes if nobody says: beside the run directory of its pipeline."""
+    return output.with_name(f"{output.name}-sweep")
+
+
+def sweep(
+    path: Path,
+    axes: Sequence[SweepAxis],
+    overrides: Sequence[str] = (),
+    folder: Path | None = None,
+    jobs: int = 1,
+    progress: Progress | None = None,
+    cluster: str | None = None,
+) -> tuple[SweepResult, Path]:
+    """Run every combination of values.
+
+    Parameters
+    ----------
+    path : Path
+        Pipeline file.
+    axes : sequence of SweepAxis
+        Keys and their values; the first is the slowest.
+    overrides : sequence of str
+        ``KEY=VALUE`` for all points.
+    folder : Path, optional
+        The sweep's output: ``points/`` holds a run directory for each point, ``stages/`` what they share.
+    jobs : int
+        Processes. They share the cores: each is given its part of the threads.
+    progress : Progress, optional
+        Told after each point.
+    cluster : str, optional
+        Address of a Dask scheduler, or a cluster file, whose processes are taken instead.
+
+    Returns
+    -------
+    result : SweepResult
+        A row for each point; one that failed has its message, and the sweep goes on.
+    folder : Path
+
+    Raises
+    ------
+    CmsReduceError
+        If the pipeline or a key of the sweep is wrong, so that no point can be run.
+    """
+    if jobs < 1:
+        raise ConfigError(f"--jobs {jobs}: a sweep needs at least one process")
+    started, tell = time.perf_counter(), progress or Silent()
+    rows: dict[int, SweepRow] = {}
+    points = sweep_points(path, axes, overrides)
+    good = next(point.pipeline for point in points if point.pipeline is not None)
+    folder = default_folder(good.output) if folder is None else folder
+    with chosen_workers(jobs, cluster, path) as workers:
+        tell.stage("sweep", f"{len(points)} points")
+        for row in _rows(points, path, folder, workers):
+            rows[row.point] = row
+            if row.message:
+                tell.note(f"point {row.point}, {row.label}: {row.message}")
+            tell.advance(len(rows), len(points))
+    result = SweepResult(
+        good.name,
+        {axis.key: axis.values for axis in axes},
+        tuple(rows[point.number] for point in points),
+        time.perf_counter() - started,
+        _provenance(path, overrides, workers, good.model_dump(mode="json", exclude_none=True)),
+    )
+    return result, folder
+
+
+class _Outcome(NamedTuple):
+    """The row of a point; none where a factor of it needs more memory than there is beside other points."""
+
+    point: SweepPoint
+    row: SweepRow | None
+
+
+def _rows(points: Sequence[SweepPoint], path: Path, folder: Path, workers: Workers) -> Iterator[SweepRow]:
+    if workers.here:
+        for outcome in _one_by_one(points, path, folder, CommonWork()):
+            assert outcome.row is not None
+            yield outcome.row
+    else:
+        # Processes elsewhere have working directories of their own.
+        yield from _in_processes(points, path.resolve(), folder.resolve(), workers)
+
+
+def _one_by_one(
+    points: Sequence[SweepPoint], path: Path, folder: Path, common: CommonWork, memory: float | None = None
+) -> Iterator[_Outcome]:
+    # Those of one full system one after the other, so that it is made once.
+    for point in sorted(points, key=lambda point: point.system):
+        yield _run_point(point, path, folder, common, memory)
+
+
+def _run_batch(points: Sequence[SweepPoint], path: Path, folder: Path, memory: float | None) -> list[_Outcome]:
+    return list(_one_by_one(points, path, folder, _common_of_process(), memory))
+
+
+@cache
+def _common_of_process() -> CommonWork:
+    """What the batches of one worker process have in common."""
+    return CommonWork()
+
+
+def _in_processes(points: Sequence[SweepPoint], path: Path, folder: Path, workers: Workers) -> Iterator[SweepRow]:
+    with workers.start(workers.count) as pool:
+        lost = yield from _side_by_side(_batches(points, workers.count), path, folder, workers, pool)
+    if lost:
+        # Which of them it was that a process died of is not known: another process may simply have been killed.
+        with workers.start(workers.count) as fresh:
+            lost = yield from _side_by_side([(point,) for point in lost], path, folder, workers, fresh)
+    while lost:
+        with workers.start(1) as alone:
+            while lost:
+                point = lost.pop(0)
+                try:
+                    # Nothing else is done meanwhile: its factors may take all the memory there is.
+                    (outcome,) = workers.submit(alone, _run_batch, (point,), path, folder, None).result()
+                except workers.lost:
+                    yield _failed(point, "its process was killed, even alone: probably too little memory for it")
+                    break
+                assert outcome.row is not None
+                yield outcome.row
+
+
+def _side_by_side(
+    batches: Sequence[tuple[SweepPoint, ...]], path: Path, folder: Path, workers: Workers, pool: Executor
+) -> Generator[SweepRow, None, list[SweepPoint]]:
+    """Rows of batches as they are finished.
+
+    The points that were lost with a killed process, and those that need more than their share of the memory, are
+    returned.
+    """
+    lost: list[SweepPoint] = []
+    futures: dict[Future[list[_Outcome]], tuple[SweepPoint, ...]] = {}
+    for batch in batches:
+        try:
+            futures[workers.submit(pool, _run_batch, batch, path, folder, workers.memory)] = batch
+        except workers.lost:
+            lost += batch
+    for future in as_completed(futures):
+        try:
+            outcomes = future.result()
+        except workers.lost:
+            lost += futures[future]
+            continue
+        for outcome in outcomes:
+            if outcome.row is None:
+                lost.append(outcome.point)
+            else:
+                yield outcome.row
+    return lost
+
+
+def _batches(points: Sequence[SweepPoint], jobs: int) -> list[tuple[SweepPoint, ...]]:
+    """Points in batches that share one full system, none so large that others wait for it at the end."""
+    most = math.ceil(len(points) / (_BATCHES * jobs))
+    systems: dict[str, list[SweepPoint]] = {}
+    for point in points:
+        systems.setdefault(point.system, []).append(point)
+    return [tuple(group[at : at + most]) for group in systems.values() for at in range(0, len(group), most)]
+
+
+def _run_point(point: SweepPoint, path: Path, folder: Path, common: CommonWork, memory: float | None) -> _Outcome:
+    if point.pipeline is None:
+        return _Outcome(point, _failed(point, point.message))
+    started = time.perf_counter()
+    own = folder / POINTS_FOLDER / point.folder
+    try:
+        share_stages(own, folder / STAGES_FOLDER)
+        # What an earlier sweep found here must not stand beside a point that now fails.
+        (own / "summary.json").unlink(missing_ok=True)
+        run = SweepRun(point.pipeline, own, Silent(), common)
+        run.ledger.share_memory(memory)
+        result = execute(run, path, point.overrides, report=False)
+    except CmsReduceError as error:
+        if memory is not None and _lacks_memory(error):
+            return _Outcome(point, None)
+        return _Outcome(point, _failed(point, str(error), started))
+    except Exception as error:
+        # Hours of other points must not be lost for one that nobody thought of.
+        return _Outcome(point, _failed(point, f"{type(error).__name__}: {error}", started))
+    assert result is not None
+    said = "; ".join(run.ledger.store.damaged)
+    return _Outcome(point, replace(_measured(point, result), message=said, point_s=time.perf_counter() - started))
+
+
+def _lacks_memory(error: BaseException | None) -> bool:
+    while error is not None and not isinstance(error, InsufficientMemoryError):
+        error = error.__cause__
+    return error is not None
+
+
+def _failed(point: SweepPoint, message: str, started: float | None = None) -> SweepRow:
+    seconds = float("nan") if started is None else time.perf_counter() - started
+    text = " ".join(message.split())
+    return SweepRow(point.number, _row_folder(point), dict(point.axes), "failed", text, point_s=seconds)
+
+
+def _measured(point: SweepPoint, result: RunResult) -> SweepRow:
+    figures: dict[str, Any] = result.worst()
+    if result.speed is not None:
+        names = ("reduce_s", "full_frf_s", "reduced_frf_s")
+        figures |= {name: float(getattr(result.speed, name)) for name in names}
+    return SweepRow(
+        point.number,
+        _row_folder(point),
+        dict(point.axes),
+        "passed" if result.passed else "limit broken",
+        kept_modes=sum(part.kept_modes for part in result.components.values()),
+        basis_size=sum(part.modes.basis_size for part in result.components.values()),
+        n_reduced=max((each.n_reduced for each in result.configurations), default=0),
+        n_full=max((each.n_full for each in result.configurations), default=0),
+        **figures,
+    )
+
+
+def _row_folder(point: SweepPoint) -> str:
+    return f"{POINTS_FOLDER}/{point.folder}"
+
+
+def _provenance(path: Path, overrides: Sequence[str], workers: Workers, settings: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "program": f"cmsreduce {__version__}",
+        "code": code_version("verify"),
+        "libraries": {name: version(name) for name in ("numpy", "scipy", "h5py")},
+        "pipeline": str(path.resolve()),
+        "pipeline_sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        "overrides": list(overrides),
+        "settings_of_first_point": dict(settings),
+        "jobs": workers.count,
+        "threads": workers.threads,
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores, {platform.system()}",
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def write_sweep(sweep: SweepResult, folder: Path) -> tuple[Path, ...]:
+    """Write sweep.csv and sweep.h5, and sweep.svg and sweep.html where there are errors to draw; return the files."""
+    table, store = folder / "sweep.csv", folder / "sweep.h5"
+    write_sweep_csv(table, sweep)
+    write_sweep_table(store, sweep)
+    picture, page = folder / "sweep.svg", folder / "sweep.html"
+    if not trades(sweep):
+        # Those of an earlier sweep would show what this one did not find.
+        picture.unlink(missing_ok=True)
+        page.unlink(missing_ok=True)
+        return table, store
+    with atomic_path(picture) as temporary:
+        # The suffix of the temporary name says no format.
+        drawn = temporary.with_suffix(".svg")
+        sweep_picture(sweep, drawn)
+        drawn.replace(temporary)
+    with atomic_path(page) as temporary:
+        temporary.write_text(sweep_page(sweep), encoding="utf-8")
+    return table, store, picture, page

@@ -1,0 +1,178 @@
+"""The points of a sweep: the product of the values that some keys of a pipeline are given."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+
+from cmsreduce.config import Pipeline, load_pipeline, parse
+from cmsreduce.errors import CmsReduceError, ConfigError
+from cmsreduce.model import short_keys
+
+__all__ = ["SweepAxis", "SweepPoint", "sweep_axes", "sweep_points"]
+
+# These say where results go and what they are called, which is the sweep's own affair.
+_NOT_SWEPT = ("output", "include", "name")
+# Longer names of folders are cut, and told apart by some digits of a hash.
+_LONGEST, _DIGITS = 80, 8
+
+
+@dataclass(frozen=True)
+class SweepAxis:
+    """A key of the pipeline and the values it takes, each as YAML.
+
+    Parameters
+    ----------
+    key : str
+        Dotted, as in ``--set``.
+    values : tuple of str
+    """
+
+    key: str
+    values: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """One combination of values.
+
+    Parameters
+    ----------
+    number : int
+        From 1.
+    folder : str
+        Name of its run directory, made of the overrides.
+    axes : tuple of (str, str)
+        Key and value, as YAML.
+    overrides : tuple of str
+        All overrides of the run, ``KEY=VALUE``, those of the sweep last.
+    pipeline : Pipeline or None
+        None where the combination is bad input.
+    message : str
+        Why it is.
+    """
+
+    number: int
+    folder: str
+    axes: tuple[tuple[str, str], ...]
+    overrides: tuple[str, ...]
+    pipeline: Pipeline | None
+    message: str = ""
+
+    @cached_property
+    def system(self) -> str:
+        """Hash of what the full system depends on; points that share it can share the work on it."""
+        if self.pipeline is None:
+            return ""
+        own: dict[str, Any] = {"components": {"__all__": {"reduce", "balance"}}}
+        stages = ("name", "output", "include", "reduce", "balance", "project", "verify", "write", "solver")
+        settings = self.pipeline.model_dump(mode="json", exclude=own | dict.fromkeys(stages, True))
+        return hashlib.sha256(json.dumps(settings, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def sweep_axes(texts: Sequence[str]) -> tuple[SweepAxis, ...]:
+    """Keys and values of ``KEY=V1,V2,...`` texts.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        Values are YAML; lists and mappings stand in brackets. Equal values are taken once.
+
+    Raises
+    ------
+    ConfigError
+        If a text has no such form, or names a key twice or one that cannot be swept.
+
+    Examples
+    --------
+    >>> sweep_axes(["reduce.cutoff=1.5,2", "balance.keep={modes: 10},all"])[1]
+    SweepAxis(key='balance.keep', values=('{modes: 10}', 'all'))
+    """
+    axes: list[SweepAxis] = []
+    for text in texts:
+        key, sign, values = (part.strip() for part in text.partition("="))
+        if not sign or not values or not all(key.split(".")):
+            raise ConfigError(f"--over {text}: write KEY=V1,V2,..., e.g. --over reduce.cutoff=1.5,2,4")
+        if key.split(".")[0] in _NOT_SWEPT:
+            raise ConfigError(f"--over {text}: '{key}' cannot be swept: each point has a folder of its own")
+        if any(key == axis.key for axis in axes):
+            raise ConfigError(f"--over {text}: '{key}' is given twice; write all its values behind one --over")
+        axes.append(SweepAxis(key, _values(text, values)))
+    if not axes:
+        raise ConfigError("a sweep needs at least one --over KEY=V1,V2,..., e.g. --over reduce.cutoff=1.5,2,4")
+    return tuple(axes)
+
+
+def sweep_points(path: Path, axes: Sequence[SweepAxis], overrides: Sequence[str] = ()) -> tuple[SweepPoint, ...]:
+    """Every combination of the values, checked against the grammar.
+
+    Parameters
+    ----------
+    path : Path
+        Pipeline file.
+    axes : sequence of SweepAxis
+        The first is the slowest.
+    overrides : sequence of str
+        Keys set for all points.
+
+    Raises
+    ------
+    CmsReduceError
+        If no combination at all is good: a key that is unknown is so in every one of them.
+    """
+    points, first = [], None
+    names = short_keys([axis.key for axis in axes])
+    for number, values in enumerate(itertools.product(*(axis.values for axis in axes)), 1):
+        chosen = tuple(zip((axis.key for axis in axes), values, strict=True))
+        every = (*overrides, *(f"{key}={value}" for key, value in chosen))
+        pipeline, message = None, ""
+        try:
+            pipeline = load_pipeline(path, every)
+        except CmsReduceError as error:
+            message = _as_typed(str(error), every[len(overrides) :])
+            first = first or type(error)(message)
+        folder = _folder(list(zip(names, values, strict=True)))
+        points.append(SweepPoint(number, folder, chosen, every, pipeline, message))
+    if first is not None and all(point.pipeline is None for point in points):
+        raise first
+    return tuple(points)
+
+
+def _values(text: str, values: str) -> tuple[str, ...]:
+    """The source text of each item: it is what the override of a point says."""
+    listed = f"[{values}]"
+    parse(listed, f"--over {text}", Path(), in_override=True)
+    node = YAML(typ="safe", pure=True).compose(listed)
+    found = [listed[item.start_mark.index : item.end_mark.index].strip() for item in node.value]
+    if not all(found):
+        raise ConfigError(f"--over {text}: there is a value missing: write null to leave a key out")
+    return tuple(dict.fromkeys(found))
+
+
+def _as_typed(message: str, swept: Sequence[str]) -> str:
+    """Name an override as it was typed."""
+    for override in swept:
+        message = message.replace(f"--set {override}", f"--over {override}")
+    return message
+
+
+def _folder(chosen: Sequence[tuple[str, str]]) -> str:
+    """A file name that holds nothing but letters, digits and a few signs, and is no other point's."""
+    plain = "_".join(f"{key}={value}" for key, value in chosen)
+    name = "_".join(f"{key}={_letters(value)}" for key, value in chosen)
+    if name == plain and len(name) <= _LONGEST:
+        return name
+    return f"{name[:_LONGEST]}-{hashlib.sha256(plain.encode()).hexdigest()[:_DIGITS]}"
+
+
+def _letters(value: str) -> str:
+    return "-".join(re.sub(r"[^A-Za-z0-9.=+_-]+", " ", value).split())

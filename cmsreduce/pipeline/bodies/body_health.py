@@ -1,0 +1,161 @@
+"""The health of an unreduced body: what to look at before it is reduced."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.eigen import certified_modes, motions_held
+from cmsreduce.model import Check, FEModel, rigid_body_shapes
+from cmsreduce.verify import (
+    Contrast,
+    EffectiveMass,
+    Grounding,
+    LightDofs,
+    MassProperties,
+    PrincipalInertia,
+    RigidMotions,
+    effective_mass,
+    grounding,
+    inertia_excess,
+    light_dofs,
+    negative_directions,
+    principal_inertia,
+    rigid_mass_properties,
+    rigid_motions,
+    stiffness_contrast,
+)
+
+__all__ = ["BodyHealth", "body_health", "effective_masses"]
+
+_FREE = 6
+
+
+@dataclass(frozen=True, eq=False)
+class BodyHealth:
+    """What the matrices and the geometry of a body say of it.
+
+    Parameters
+    ----------
+    negative : mapping of ``stiffness`` and ``mass`` to int or None
+        Motions of negative energy; None where a factorisation does not tell, or none was wanted.
+    light : LightDofs
+        Dofs without mass, and nearly without.
+    contrast : tuple of Contrast
+        Of each kind of dof.
+    mass : mapping of ``geometry``, ``stiffness`` and ``modes`` to MassProperties
+        Mass properties by the rigid motions of each source; geometry alone for a body that is not free in all
+        directions, nothing for one without geometry.
+    principal : PrincipalInertia, optional
+        By geometry, of a body whose mass is the same in all directions.
+    motions : RigidMotions, optional
+        Of a body that is free in all directions, if it was looked at thoroughly.
+    grounding : Grounding, optional
+        Under its rigid motions; rotations about the mean of its nodes.
+    checks : tuple of Check
+        What must hold.
+    """
+
+    negative: dict[str, int | None]
+    light: LightDofs
+    contrast: tuple[Contrast, ...]
+    mass: dict[str, MassProperties]
+    principal: PrincipalInertia | None
+    motions: RigidMotions | None
+    grounding: Grounding | None
+    checks: tuple[Check, ...]
+
+
+def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = True) -> BodyHealth:
+    """Look at a body as it was read.
+
+    Parameters
+    ----------
+    body : FEModel
+        The body.
+    rigid : (n, r) float64
+        Its rigid-body modes.
+    thorough : bool
+        Whether to factorise its matrices, for their definiteness and for rigid motions by other sources.
+    """
+    matrices = {"stiffness": body.K, "mass": body.M}
+    negative = {what: negative_directions(A, body.rounding) if thorough else None for what, A in matrices.items()}
+    checks = [
+        Check(f"{what}: motions of negative energy", float(n), 0.0) for what, n in negative.items() if n is not None
+    ]
+    mass: dict[str, MassProperties] = {}
+    motions = held = principal = None
+    if body.nodes is not None:
+        centre = body.nodes.xyz.mean(axis=0)
+        R = rigid_body_shapes(body.dofs, body.nodes)
+        M6 = R.T @ (body.M @ R)
+        mass["geometry"] = rigid_mass_properties(M6)
+        if inertia_excess(M6) is not None:
+            principal = principal_inertia(mass["geometry"])
+        if rigid.shape[1] == _FREE:
+            held = grounding(body, rigid_body_shapes(body.dofs, body.nodes, centre))
+            # A stiffness that gives way has no static response to look for rigid motions in.
+            motions = rigid_motions(body, R) if thorough and not negative["stiffness"] else None
+        if motions is not None:
+            for source, X in (("stiffness", motions.stiffness), ("modes", motions.eigen)):
+                mass[source] = rigid_mass_properties(X.T @ (body.M @ X))
+    return BodyHealth(
+        negative=negative,
+        light=light_dofs(body),
+        contrast=tuple(stiffness_contrast(body)),
+        mass=mass,
+        principal=principal,
+        motions=motions,
+        grounding=held,
+        checks=tuple(checks),
+    )
+
+
+def effective_masses(
+    body: FEModel, rigid: NDArray[np.float64], faces: Sequence[str], hz: float
+) -> EffectiveMass | None:
+    """Effective masses of the modes of a body held at interfaces.
+
+    Parameters
+    ----------
+    body : FEModel
+        With geometry.
+    rigid : (n, r) float64
+        Its rigid-body modes.
+    faces : sequence of str
+        Interfaces that are held.
+    hz : float
+        Highest frequency.
+
+    Returns
+    -------
+    EffectiveMass or None
+        About the mean of the held nodes; None without geometry, or where the interfaces do not hold the body.
+
+    Raises
+    ------
+    MatrixError
+        If the modes cannot be computed.
+    """
+    if body.nodes is None or not faces:
+        return None
+    held = np.unique(np.concatenate([body.interface_rows(face) for face in faces]))
+    if motions_held(rigid, held) < rigid.shape[1]:
+        return None
+    point = np.vstack([body.interfaces[face].position for face in faces]).mean(axis=0)
+    R = rigid_body_shapes(body.dofs, body.nodes, point)
+    MR = np.asarray(body.M @ R)
+    free = np.setdiff1d(np.arange(body.n), held)
+    if not free.size:
+        return None
+    K, M = (sp.csc_array(A[free][:, free]) for A in (body.K, body.M))
+    try:
+        modes = certified_modes(K, M, 2 * np.pi * hz, rounding=body.rounding)
+    except MatrixError as error:
+        raise MatrixError(f"body '{body.name}' held at {', '.join(faces)}: {error}") from None
+    return effective_mass(modes.omega / (2 * np.pi), MR[free].T @ modes.Phi, R.T @ MR)

@@ -1,0 +1,141 @@
+"""A first look at the files of a body: which matrix is which, where it could be joined, and how low it bends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cmsreduce.config import BodyDraft
+from cmsreduce.errors import CmsReduceError, ReadError
+from cmsreduce.linalg.eigen import rigid_body_modes
+from cmsreduce.model import FEModel, rigid_body_shapes
+from cmsreduce.read import (
+    MatrixSource,
+    detect_format,
+    matrix_names,
+    read_body,
+)
+from cmsreduce.verify import rigid_motions
+
+__all__ = ["first_look"]
+
+# A body of more dofs takes a minute and more to factorise; its first frequency is left to the run.
+_QUICK = 20_000
+_FREE = 6
+_AXES = "xyz"
+
+
+def first_look(name: str, files: Sequence[Path]) -> BodyDraft:
+    """Find out what files say of a body.
+
+    Parameters
+    ----------
+    name : str
+        Name of the body, for messages.
+    files : sequence of Path
+        Matrices and the deck or mesh they came from, in any order; or the ``.asm`` of a NASTRAN external superelement.
+
+    Returns
+    -------
+    BodyDraft
+        With a remark, if the files do not fit together as they are.
+
+    Raises
+    ------
+    ReadError
+        If a file is missing or damaged, or it is not plain which matrix is stiffness and which is mass.
+    """
+    for path in files:
+        if not path.is_file():
+            raise ReadError(f"{path}: there is no such file")
+    superelement = next((path for path in files if path.suffix.lower() == ".asm"), None)
+    if superelement is not None:
+        stem = superelement.with_suffix("")
+        return _looked_at(
+            name, BodyDraft((stem.with_suffix(".op4"), "KXX"), (stem.with_suffix(".op4"), "MXX"), extseout=stem)
+        )
+    matrices = [(path, info.name) for path in files if _holds_matrices(path) for info in matrix_names(path)]
+    shapes = [path for path in files if not _holds_matrices(path)]
+    if len(shapes) > 1:
+        raise ReadError(f"several decks or meshes: {', '.join(map(str, shapes))}; give the one the matrices came from")
+    stiffness, mass = _one(matrices, "stiffness", "k", ".sti"), _one(matrices, "mass", "m", ".mas")
+    return _looked_at(name, BodyDraft(stiffness, mass, shapes[0] if shapes else None))
+
+
+def _holds_matrices(path: Path) -> bool:
+    try:
+        detect_format(path)
+    except ReadError:
+        return False
+    return True
+
+
+def _one(matrices: Sequence[tuple[Path, str]], what: str, letter: str, suffix: str) -> tuple[Path, str]:
+    """Matrix that its own name, or the name of its file, calls by the letter."""
+
+    def named(text: str) -> bool:
+        return text.lower().startswith((letter, what[:4]))
+
+    by_name = [(path, name) for path, name in matrices if named(name)]
+    by_file = [(path, name) for path, name in matrices if path.suffix.lower() == suffix or named(path.stem)]
+    for found in (by_name, by_file):
+        if len(found) == 1:
+            return found[0]
+    if len(by_name) > 1:
+        return by_name[0]
+    held = ", ".join(f"{name or '(unnamed)'} in {path}" for path, name in matrices) or "none"
+    raise ReadError(
+        f"no matrix is plainly the {what}: its name, or that of its file, should begin with {letter.upper()}; "
+        f"matrices found: {held}. `cmsreduce new NAME` without files writes a start to fill in by hand"
+    )
+
+
+def _looked_at(name: str, draft: BodyDraft) -> BodyDraft:
+    geometry = draft.geometry if draft.extseout is None else draft.extseout.with_suffix(".asm")
+    stiffness, mass = (MatrixSource(path, matrix or None) for path, matrix in (draft.stiffness, draft.mass))
+    try:
+        body = read_body(name, stiffness=stiffness, mass=mass, geometry=geometry)
+        if body.nodes is None:
+            return replace(draft, remark="no deck or mesh is given, so that no grid can be named for the mount")
+        draft = replace(draft, **_places(body))
+        return replace(draft, elastic_hz=_first_elastic(body))
+    except CmsReduceError as error:
+        return replace(draft, remark=str(error))
+
+
+def _places(body: FEModel) -> dict[str, Any]:
+    """Where the body could be joined: at the boundary set of its deck, or else at the first grid with most dofs."""
+    assert body.nodes is not None
+    boundary = body.sets.get("b", np.empty(0, np.int64))
+    chosen = 0 < boundary.size < body.n
+    rows = boundary if chosen else np.arange(body.n)
+    components = {
+        int(node): set(body.dofs.component[rows[body.dofs.node[rows] == node]].tolist())
+        for node in dict.fromkeys(body.dofs.node[rows].tolist())
+        if node in body.nodes.id
+    }
+    node = max(components, key=lambda each: len(components[each]))
+    axes = [axis for axis, component in zip(_AXES, (1, 2, 3), strict=True) if component in components[node]]
+    seen = np.flatnonzero(np.isin(body.nodes.id, body.dofs.node[body.dofs.component == 1 + _AXES.index(axes[0])]))
+    away = np.linalg.norm(body.nodes.xyz[seen] - body.nodes.xyz[body.nodes.id == node], axis=1)
+    return {
+        "interface": "{set: b}" if chosen else f"{{node: {node}}}",
+        "node": node,
+        "far": int(body.nodes.id[seen[away.argmax()]]),
+        "axes": "".join(axes),
+    }
+
+
+def _first_elastic(body: FEModel) -> float | None:
+    """First elastic frequency in Hz of a body that floats and is small enough."""
+    assert body.nodes is not None
+    if body.n > _QUICK:
+        return None
+    shapes = rigid_body_shapes(body.dofs, body.nodes)
+    if rigid_body_modes(body.K, body.M, shapes, body.rounding, body.name).shape[1] != _FREE:
+        return None
+    return rigid_motions(body, shapes).elastic_hz

@@ -1,0 +1,21 @@
+"""The choice of modes: mode sets, cutoffs, rankings, searches.
+
+Steps from reduced bodies to kept modes belong here.
+Shapes from system modes belong in `pipeline.project`.
+"""
+
+from cmsreduce.pipeline.choose.balancing import (
+    Balancing,
+)
+from cmsreduce.pipeline.choose.mode_sets import (
+    ModeSets,
+)
+from cmsreduce.pipeline.choose.selection import (
+    Choice,
+)
+
+__all__ = [
+    "Balancing",
+    "Choice",
+    "ModeSets",
+]

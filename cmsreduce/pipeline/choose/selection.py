@@ -1,0 +1,225 @@
+"""The balance stage: which modes of which body a model keeps."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.assemble import Ports
+from cmsreduce.balance import (
+    Selection,
+    elastic_norm,
+    keep_all,
+    keep_bound,
+    keep_error,
+    keep_fraction,
+    keep_modes,
+    keep_total,
+    mode_bounds,
+)
+from cmsreduce.config import RankingKeys
+from cmsreduce.errors import ConfigError
+from cmsreduce.linalg.basis_store import observed
+from cmsreduce.model import (
+    BoundRecord,
+    ModalChannels,
+    ModalComponent,
+    SearchRecord,
+)
+from cmsreduce.pipeline.system import SystemErrors
+
+__all__ = ["Choice", "choice_from", "choice_to", "modal_channels", "select", "truncate"]
+
+# The search runs on frequencies that the model with all modes set; a model that fails on its own is searched anew, to a
+# limit smaller by what it missed, and by this share of it, so that the same model does not come back.
+_ATTEMPTS = 6
+_MARGIN = 0.999
+
+
+def modal_channels(component: ModalComponent, ports: Ports) -> ModalChannels:
+    """A body's elastic modes between its inputs and outputs.
+
+    Interface dofs count as inputs and as displacement and rate outputs (theory section 4).
+
+    Parameters
+    ----------
+    component : ModalComponent
+        Orthonormal modes.
+    ports : Ports
+        i-set, struts, sensors.
+    """
+    e = component.elastic
+    Phi = component.Phi[:, e]
+    at_interface = Phi[ports.interface]
+    return ModalChannels(
+        component.name,
+        component.omega[e],
+        component.zeta[e],
+        np.hstack([at_interface.T, Phi.T @ ports.loads]),
+        np.vstack([at_interface, observed(ports.displacements, Phi)]),
+        np.vstack([at_interface, observed(ports.rates, Phi)]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """What a keep rule chose, and what it can say for it.
+
+    Parameters
+    ----------
+    selection : Selection
+    search : SearchRecord, optional
+        Of a search by the error of the system.
+    bounds : mapping of body to BoundRecord
+        Of bodies that were truncated by a bound of their own.
+    """
+
+    selection: Selection
+    search: SearchRecord | None = None
+    bounds: Mapping[str, BoundRecord] = field(default_factory=dict)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader must know of it."""
+        notes = []
+        if self.search is not None:
+            s = self.search
+            notes.append(
+                f"search: {s.modes} of {s.of} elastic modes meet frf_error {s.asked:g} with {s.frf_error:.4g}; "
+                f"{s.candidates} candidates in {s.seconds:.1f} s"
+            )
+        for name, b in self.bounds.items():
+            notes.append(
+                f"{name}: by itself proven to err by less than {b.bound:.3g} of its largest elastic response (asked "
+                f"{b.asked:g}), found to err by {b.error:.3g}, {100 * b.tightness:.0f} % of the bound; the assembled "
+                "system inherits no such bound, its error is what `verify` measures"
+            )
+        return tuple(notes)
+
+    def joined(self, other: Choice) -> Choice:
+        """The choices for some bodies and for others."""
+        return Choice(
+            {**self.selection, **other.selection}, self.search or other.search, {**self.bounds, **other.bounds}
+        )
+
+
+def choice_to(choice: Choice) -> tuple[dict[str, NDArray[np.int64]], dict[str, Any]]:
+    """Arrays and facts of a choice, for the stage store."""
+    facts: dict[str, Any] = {"bounds": {name: asdict(bound) for name, bound in choice.bounds.items()}}
+    if choice.search is not None:
+        facts["search"] = asdict(choice.search)
+    return dict(choice.selection), facts
+
+
+def choice_from(names: Iterable[str], arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]) -> Choice:
+    """A choice from its arrays and facts."""
+    return Choice(
+        {name: arrays[name] for name in names},
+        SearchRecord(**facts["search"]) if "search" in facts else None,
+        {name: BoundRecord(**bound) for name, bound in facts.get("bounds", {}).items()},
+    )
+
+
+def select(
+    components: Mapping[str, ModalComponent],
+    keys: RankingKeys,
+    channels: Mapping[str, ModalChannels],
+    system: Callable[[], SystemErrors] | None = None,
+) -> Choice:
+    """Apply a keep rule to ranked bodies.
+
+    Parameters
+    ----------
+    components : mapping of name to ModalComponent
+        Ranked.
+    keys : RankingKeys
+        How they were ranked, and the rule.
+    channels : mapping of name to ModalChannels
+        Elastic modes of the bodies, for bounds.
+    system : callable, optional
+        Makes what measures selections, for errors of the system.
+
+    Raises
+    ------
+    ConfigError
+        If the rule cannot be met.
+    DampingError
+        If a bound is asked for of a body with a mode without damping.
+    """
+    keep = keys.keep
+    if keep.rule == "modes":
+        assert keep.modes is not None
+        return Choice(keep_modes(components, keep.modes))
+    if keep.rule == "total":
+        assert keep.total is not None
+        return Choice(keep_total(components, keep.total))
+    if keep.rule == "fraction":
+        assert keep.fraction is not None
+        return Choice(keep_fraction(components, keep.fraction))
+    if keep.rule == "all":
+        return Choice(keep_all(components))
+    if keep.rule == "bound":
+        assert keep.bound is not None
+        return _bounded(components, keep.bound, channels)
+    assert keep.frf_error is not None
+    if system is None:
+        raise ConfigError(
+            "balance.keep.frf_error needs a response to measure: name at least one actuator and one sensor in the scene"
+        )
+    return _searched(components, keys.rank, keep.frf_error, system)
+
+
+def _searched(
+    components: Mapping[str, ModalComponent], rank: str, asked: float, system: Callable[[], SystemErrors]
+) -> Choice:
+    started = time.perf_counter()
+    errors, limit, tried = system(), asked, 0
+    rankings = {rank: {name: component.sigma for name, component in components.items()}}
+    tables = [component.rankings for component in components.values()]
+    for other in tables[0] if tables else ():
+        if other != rank and all(other in table for table in tables):
+            rankings[other] = {name: component.rankings[other] for name, component in components.items()}
+    for _ in range(_ATTEMPTS):
+        found = keep_error(components, rankings, errors.judge, limit)
+        tried += found.tried
+        exact = errors.exact(found.selection)
+        if exact <= asked:
+            modes = sum(c.elastic_count for c in components.values())
+            seconds = time.perf_counter() - started
+            return Choice(
+                found.selection, SearchRecord(asked, exact, found.modes, modes, tried, seconds, found.truncated)
+            )
+        limit *= _MARGIN * asked / exact
+    raise ConfigError(
+        f"balance.keep.frf_error: no model was found that stays below {asked:g} on a grid of its own; the "
+        f"last one reached {exact:.3g}. Raise reduce.cutoff, or allow a larger error"
+    )
+
+
+def _bounded(components: Mapping[str, ModalComponent], asked: float, channels: Mapping[str, ModalChannels]) -> Choice:
+    selection, bounds = {}, {}
+    for name, component in components.items():
+        body = channels[name]
+        kept, size = keep_bound(body, asked), elastic_norm(body)
+        left_out = body.only(np.setdiff1d(np.arange(body.count), kept))
+        bound = sum(mode_bounds(left_out)[1])
+        selection[name] = component.elastic.start + kept
+        bounds[name] = BoundRecord(asked, bound / size if size else 0.0, elastic_norm(left_out) / size if size else 0.0)
+    return Choice(selection, bounds=bounds)
+
+
+def truncate(
+    components: Mapping[str, ModalComponent], selection: Selection, reasons: Mapping[str, str]
+) -> dict[str, ModalComponent]:
+    """Keep the selected modes of every body, and say why."""
+    kept = {}
+    for name, component in components.items():
+        e = component.elastic
+        why = component.why[: e.start] + (reasons[name],) * component.elastic_count + component.why[e.stop :]
+        kept[name] = component.truncated(selection[name], why)
+    return kept

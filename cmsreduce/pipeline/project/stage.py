@@ -1,0 +1,320 @@
+"""Settings of the joints between those that a scene names.
+
+The project stage: choose modes of the system in some configurations, project them on the bodies, join them again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.config import ProjectKeys
+from cmsreduce.errors import ConfigError
+from cmsreduce.model import (
+    DOF_NAMES,
+    Configuration,
+    ExtraneousMode,
+    ModalComponent,
+    ProjectionRecord,
+    Scene,
+)
+from cmsreduce.pipeline.bodies import FlexibleBody
+from cmsreduce.pipeline.project.projected import Projected
+from cmsreduce.pipeline.project.projected_body import attachment_amplitudes, remade
+from cmsreduce.pipeline.project.returned_modes import extraneous_in_band, sampled_modes
+from cmsreduce.pipeline.project.system_mode_choice import POOL, SystemModeChoice
+from cmsreduce.pipeline.project.system_projection import ModesOfSystem, SystemModes, feedback_gain
+from cmsreduce.pipeline.system import ReducedModel
+from cmsreduce.project import Projection
+
+__all__ = [
+    "Measures",
+    "PROJECTED_ERROR",
+    "ProjectStage",
+    "halfway",
+]
+
+_ROTATIONS = 3
+
+
+def halfway(scene: Scene) -> list[Configuration]:
+    """Configurations midway between those of the scene that differ in one angle and are neighbours in it.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its configurations need not fill a grid.
+    """
+    found: dict[tuple[float, ...], Configuration] = {}
+    axes = sorted({axis for setting in scene.configurations for axis in setting.angles})
+    settings = [tuple(setting.angles.get(axis, 0.0) for axis in axes) for setting in scene.configurations]
+    for here in settings:
+        for k, _ in enumerate(axes):
+            others = [there[k] for there in settings if there[:k] + there[k + 1 :] == here[:k] + here[k + 1 :]]
+            beyond = [angle for angle in others if angle > here[k]]
+            if beyond:
+                middle = (*here[:k], (here[k] + min(beyond)) / 2, *here[k + 1 :])
+                label = " ".join(_shown(axis, value) for axis, value in zip(axes, middle, strict=True))
+                angles = dict(zip(axes, middle, strict=True))
+                found.setdefault(middle, Configuration(f"halfway {label}", angles))
+    return list(found.values())
+
+
+def _shown(axis: tuple[str, int], value: float) -> str:
+    joint, dof = axis
+    size = f"{np.degrees(value):.4g}" if dof >= _ROTATIONS else f"{value:.4g}"
+    return f"{joint}.{DOF_NAMES[dof]}={size}"
+
+
+PROJECTED_ERROR = 0.01
+"""frf_error that auto goes for where neither the stage, nor balance, nor verify names one."""
+
+# So many modes that came along are named in notes; the summary has them all.
+_EXTRANEOUS_SHOWN = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Measures:
+    """How the stage makes models of bodies, and measures them.
+
+    Parameters
+    ----------
+    model : callable
+        Reduced model of some bodies.
+    error : callable, optional
+        Response error of a model in a configuration; absent without actuators or sensors.
+    limit : float
+        Error that ``auto`` goes for.
+    asked : bool
+        Whether the user named that error.
+    advance : callable
+        Told how many configurations of how many are done.
+    """
+
+    model: Callable[[Mapping[str, ModalComponent]], ReducedModel]
+    error: Callable[[Configuration, ReducedModel], float] | None
+    limit: float
+    asked: bool
+    advance: Callable[[int, int], None]
+
+
+class ProjectStage:
+    """Project modes of the system on its bodies.
+
+    Parameters
+    ----------
+    keys : ProjectKeys
+        Which modes, where.
+    scene : Scene
+        Configurations, band.
+    bodies : mapping of name to FlexibleBody
+        Those to be projected on.
+    kept : mapping of name to ModalComponent
+        The bodies as the stages before left them.
+    source : ReducedModel
+        The system whose modes are taken: of ``kept``, or unreduced.
+    measures : Measures
+        Makes and measures models.
+    """
+
+    def __init__(
+        self,
+        keys: ProjectKeys,
+        scene: Scene,
+        bodies: Mapping[str, FlexibleBody],
+        kept: Mapping[str, ModalComponent],
+        source: ReducedModel,
+        measures: Measures,
+    ) -> None:
+        self.keys, self.scene, self.bodies, self.kept = keys, scene, bodies, kept
+        self.source, self.measures = source, measures
+        omega = 2 * np.pi * scene.band[1] * (keys.modes.cutoff or POOL)
+        gain = feedback_gain(keys.feedback, scene) if keys.feedback or keys.damped else None
+        self._modes = ModesOfSystem(source, omega, gain)
+        self._choice = SystemModeChoice(keys, self._modes, measures.limit)
+
+    def run(self) -> Projected:
+        """Choose, project, join, and look at what came along.
+
+        Raises
+        ------
+        ConfigError
+            If configurations or modes are asked for that there are not, or the error cannot be met.
+        DampingError
+            If modes are to be ranked and one has no damping.
+        """
+        rule = self.keys.modes.rule
+        if (rule == "auto" or self.keys.configurations == "auto") and self.measures.error is None:
+            raise ConfigError(
+                "project: auto needs a response to measure: name at least one actuator and one sensor in the scene, or "
+                "give project.modes a cutoff, and project.configurations names"
+            )
+        notes: list[str] = []
+        if self.keys.configurations == "auto":
+            chosen, components, parts = self._greedy(notes)
+        else:
+            chosen = self._chosen(self._sampled())
+            components, parts = self._bodies(chosen)
+        model = self.measures.model(components)
+        found = extraneous_in_band(model, self._modes, chosen, self.scene)
+        attached: dict[str, int] = {}
+        if self.keys.suppress and _spurious(found):
+            components, model, attached = self._suppressed(chosen, components, model, found, notes)
+            found = extraneous_in_band(model, self._modes, chosen, self.scene)
+        sampled = sampled_modes(model, self._modes, chosen)
+        worst_return = max(float(each.error.max(initial=0.0)) for each in sampled)
+        notes += self._remarks(parts, found, worst_return)
+        record = ProjectionRecord(
+            sampled,
+            {name: part.singular for name, part in parts.items()},
+            {name: part.rank for name, part in parts.items()},
+            found,
+            attached,
+            self._between(model, chosen, notes),
+            self.measures.limit if self.measures.asked else None,
+            self.keys.tolerance,
+            tuple(channel.name for channel in self.scene.sensors),
+        )
+        return Projected(components, record, tuple(notes))
+
+    def _sampled(self) -> list[Configuration]:
+        every = {configuration.name: configuration for configuration in self.scene.configurations}
+        if isinstance(self.keys.configurations, str):
+            return list(every.values())
+        unknown = [name for name in self.keys.configurations if name not in every]
+        if unknown:
+            raise ConfigError(
+                f"project.configurations: there is no configuration '{unknown[0]}' (there are: {', '.join(every)})"
+            )
+        return [every[name] for name in self.keys.configurations]
+
+    def _chosen(self, configurations: Sequence[Configuration]) -> dict[str, SystemModes]:
+        def error(chosen: dict[str, SystemModes]) -> float:
+            return self._worst(self.measures.model(self._bodies(chosen)[0]), configurations)[0]
+
+        return self._choice.at(configurations, error)
+
+    def _greedy(
+        self, notes: list[str]
+    ) -> tuple[dict[str, SystemModes], dict[str, ModalComponent], dict[str, Projection]]:
+        """Add the worst configuration until the limit holds at all of the scene's, or all are added."""
+        every = [*self.scene.configurations, *(halfway(self.scene) if self.keys.between else [])]
+        sampled = every[:1]
+        while True:
+            chosen = self._chosen(sampled)
+            components, parts = self._bodies(chosen)
+            error, worst = self._worst(self.measures.model(components), every)
+            if error <= self.measures.limit or worst in sampled:
+                break
+            sampled.append(worst)
+        held = "holds" if error <= self.measures.limit else "does not hold"
+        notes.append(
+            f"project: system modes of {len(sampled)} of {len(every)} configurations "
+            f"({', '.join(c.name for c in sampled)}); frf_error {self.measures.limit:g} {held} at all of them, the "
+            f"worst is {error:.3g} at '{worst.name}'"
+        )
+        return chosen, components, parts
+
+    def _bodies(
+        self, chosen: Mapping[str, SystemModes], attached: Mapping[str, NDArray[np.float64]] | None = None
+    ) -> tuple[dict[str, ModalComponent], dict[str, Projection]]:
+        components, parts = {}, {}
+        by_body = [found.by_body for found in chosen.values()]
+        for name in self.kept:
+            components[name], parts[name] = remade(
+                self.bodies[name],
+                self.kept[name],
+                self.source.shapes[name],
+                [shapes[name] for shapes in by_body],
+                self.keys.tolerance,
+                None if attached is None else attached[name],
+            )
+        return components, parts
+
+    def _suppressed(
+        self,
+        chosen: Mapping[str, SystemModes],
+        components: dict[str, ModalComponent],
+        model: ReducedModel,
+        found: tuple[ExtraneousMode, ...],
+        notes: list[str],
+    ) -> tuple[dict[str, ModalComponent], ReducedModel, dict[str, int]]:
+        """The bodies with static shapes of their interfaces, unless these make the response worse."""
+        shapes = {name: attachment_amplitudes(c, self.bodies[name].ports.interface) for name, c in self.kept.items()}
+        fuller, _ = self._bodies(chosen, shapes)
+        other = self.measures.model(fuller)
+        left = _spurious(extraneous_in_band(other, self._modes, chosen, self.scene))
+        added = {name: fuller[name].omega.size - components[name].omega.size for name in fuller}
+        said = (
+            f"{len(_spurious(found))} modes in the band that the system does not have before "
+            f"{sum(added.values())} static shapes of the interfaces, {len(left)} with them"
+        )
+        if self.measures.error is not None:
+            before = self._worst(model, self.scene.configurations)[0]
+            after = self._worst(other, self.scene.configurations)[0]
+            said += f"; frf_error {before:.3g} before, {after:.3g} with them"
+            if after > max(before, self.measures.limit):
+                notes.append(f"project: {said}: the response would get worse, so they were not added")
+                return components, model, {}
+        notes.append(f"project: {said}")
+        return fuller, other, added
+
+    def _worst(self, model: ReducedModel, configurations: Sequence[Configuration]) -> tuple[float, Configuration]:
+        assert self.measures.error is not None
+        errors = []
+        for number, configuration in enumerate(configurations):
+            errors.append(self.measures.error(configuration, model))
+            self.measures.advance(number + 1, len(configurations))
+        k = int(np.argmax(errors))
+        return errors[k], configurations[k]
+
+    def _between(self, model: ReducedModel, chosen: Mapping[str, SystemModes], notes: list[str]) -> dict[str, float]:
+        """Errors where no modes were taken: at configurations left out, and halfway between neighbouring angles."""
+        if self.measures.error is None:
+            return {}
+        settings = [configuration for configuration in self.scene.configurations if configuration.name not in chosen]
+        settings += halfway(self.scene) if self.keys.between else []
+        errors = {setting.name: self.measures.error(setting, model) for setting in settings}
+        if errors:
+            name = max(errors, key=lambda each: errors[each])
+            notes.append(f"project: between the angles sampled, the worst frf_error is {errors[name]:.3g} at '{name}'")
+        return errors
+
+    def _remarks(
+        self, parts: Mapping[str, Projection], found: Sequence[ExtraneousMode], worst_return: float
+    ) -> list[str]:
+        notes = []
+        for name, part in parts.items():
+            if part.left_out > self.keys.tolerance / 10 and self.keys.tolerance > ProjectKeys().tolerance:
+                notes.append(
+                    f"{name}: compressed to {part.rank} shapes; what was left out holds {part.left_out:.2g} of the "
+                    f"amplitude of a system mode, and the chosen modes return to {worst_return:.2g} at worst"
+                )
+        foreign = _spurious(found)
+        for mode in foreign[:_EXTRANEOUS_SHOWN]:
+            where = f", at {mode.share.interface}" if mode.share.interface else ""
+            weights = zip((sensor.name for sensor in self.scene.sensors), mode.weight, strict=True)
+            peaks = ", ".join(f"{name} {weight:.2g}" for name, weight in weights)
+            notes.append(
+                f"project: extraneous mode at {mode.hz:.4g} Hz in '{mode.configuration}', in the band: "
+                f"{mode.share.energy[mode.share.body]:.0%} of its energy in {mode.share.body}{where}; its peaks, of "
+                f"the largest of any mode: {peaks or 'no output'}"
+            )
+        if len(foreign) > _EXTRANEOUS_SHOWN:
+            notes.append(
+                f"project: {len(foreign) - _EXTRANEOUS_SHOWN} more extraneous modes in the band: see summary.json"
+            )
+        if len(found) > len(foreign):
+            notes.append(
+                f"project: {len(found) - len(foreign)} times a mode of the system that was not chosen came along in "
+                "the band: see summary.json"
+            )
+        return notes
+
+
+def _spurious(found: Sequence[ExtraneousMode]) -> list[ExtraneousMode]:
+    """Those that no mode of the system is like, the strongest first."""
+    return sorted((mode for mode in found if mode.spurious), key=lambda mode: -mode.weight.max(initial=0.0))

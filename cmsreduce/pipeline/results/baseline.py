@@ -1,0 +1,300 @@
+"""A finished run, or one component file, as it lies on the disk.
+
+What changed between two results: frequencies, shapes, mass, integrals, modes kept.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import ConfigError, ReadError
+from cmsreduce.model import Check, Finding
+from cmsreduce.pipeline.results.limits import Tolerances
+from cmsreduce.verify import ModePairing, integral_change, mass_change, pair_modes, scaled_rows
+from cmsreduce.write import ComponentFile, read_component
+
+__all__ = [
+    "StoredResult",
+    "compare",
+    "open_result",
+]
+
+_COMPONENT_KEYS = {"checks", "frequencies_hz", "kept_modes"}
+
+
+@dataclass(frozen=True, eq=False)
+class StoredResult:
+    """What is left of a run.
+
+    Parameters
+    ----------
+    path : Path
+        As the user named it.
+    summary : mapping, optional
+        summary.json of a run; None of a component file alone.
+    files : mapping of component to ComponentFile
+        Component files there are.
+    """
+
+    path: Path
+    summary: Mapping[str, Any] | None
+    files: Mapping[str, ComponentFile]
+
+    @property
+    def names(self) -> list[str]:
+        """Components, in the order of the run."""
+        return list(self.files if self.summary is None else self.summary["components"])
+
+    def component(self, name: str) -> Mapping[str, Any] | None:
+        """Summary of a component; None of a component file alone."""
+        if self.summary is None:
+            return None
+        found: Mapping[str, Any] = self.summary["components"][name]
+        return found
+
+
+def open_result(path: Path) -> StoredResult:
+    """Open a run directory, its summary.json, or a component file.
+
+    Raises
+    ------
+    ReadError
+        If the path holds no result, or a file of it is damaged.
+    """
+    if path.is_file() and path.suffix == ".h5":
+        file = read_component(path)
+        return StoredResult(path, None, {file.name: file})
+    summary = path / "summary.json" if path.is_dir() else path
+    if not summary.is_file():
+        raise ReadError(f"{path}: there is no summary.json; give the output directory of a finished run")
+    try:
+        facts: dict[str, Any] = json.loads(summary.read_text(encoding="utf-8"))
+        whole = all(facts["components"][name].keys() >= _COMPONENT_KEYS for name in facts["components"])
+        # Summaries of earlier versions have errors only.
+        facts["figures"] = _figures(facts)
+        whole &= all({"value", "where", "limit"} <= figure.keys() for figure in facts["figures"].values())
+    except (ValueError, KeyError, TypeError, AttributeError):
+        whole = False
+    if not whole:
+        raise ReadError(f"{summary}: this is no summary of a run; run the pipeline again")
+    beside = {name: summary.parent / f"{name}.h5" for name in facts["components"]}
+    return StoredResult(path, facts, {name: read_component(file) for name, file in beside.items() if file.is_file()})
+
+
+def _figures(facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Figures of a summary, or what its errors and limits say of them."""
+    if "figures" in facts:
+        return dict(facts["figures"])
+    limits, rows = facts.get("limits", {}), facts.get("configurations", [])
+    found = {}
+    for name, value in (facts.get("worst") or {}).items():
+        # A system without damping has no such error.
+        if name == "damping_error" and value is None:
+            continue
+        where = next((row["name"] for row in rows if value is not None and row.get(name) == value), "")
+        found[name] = {"value": value, "where": where, "limit": limits.get(name)}
+    return found
+
+
+Array = NDArray[np.float64]
+
+# Modes named in a note; more do not fit a line.
+_NAMED = 4
+# Integrals over modes: axes that count modes, and which root of the rigid mass bounds them.
+_INTEGRALS: Mapping[str, tuple[tuple[int, ...], str]] = {
+    "int_phi": ((1,), "mass"),
+    "int_r_x_phi": ((1,), "inertia"),
+    "phi": ((1,), "mass"),
+    "r_cross_phi": ((1,), "inertia"),
+    "r_phi": ((2,), "inertia"),
+    "phi_phi": ((2, 3), "one"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class _Modes:
+    """Kept elastic modes of one component: frequencies in Hz, and what its file adds to them, if there is one."""
+
+    hz: Array
+    file: ComponentFile | None
+
+
+def compare(old: StoredResult, new: StoredResult, tolerances: Tolerances) -> list[Finding]:
+    """Compare a result with its baseline.
+
+    Parameters
+    ----------
+    old, new : StoredResult
+        Runs or component files; a single component is compared with the one of its name in a run.
+    tolerances : Tolerances
+        Largest changes that pass.
+
+    Returns
+    -------
+    list of Finding
+        One for each kind of change of each component, with the worst place in words.
+
+    Raises
+    ------
+    ConfigError
+        If the two have no component in common.
+    """
+    common = [name for name in new.names if name in old.names]
+    if not common:
+        raise ConfigError(
+            f"--baseline {old.path}: it holds {', '.join(old.names) or 'no component'}, but {new.path} holds "
+            f"{', '.join(new.names) or 'no component'}: compare results of the same bodies"
+        )
+    findings = []
+    if old.summary is not None and new.summary is not None:
+        findings += list(_run(old.summary, new.summary, tolerances))
+        gone, come = (sorted(set(a.names) - set(b.names)) for a, b in ((old, new), (new, old)))
+        words = "; ".join(f"{what} {', '.join(names)}" for what, names in (("lost", gone), ("new", come)) if names)
+        findings.append(
+            Finding("", Check("baseline: components lost or new", float(len(gone) + len(come)), 0.0), words)
+        )
+    for name in common:
+        findings += [
+            Finding(name, Check(f"baseline: {check.name}", check.value, check.limit), note)
+            for check, note in _component(_modes(old, name), _modes(new, name), tolerances)
+        ]
+    return findings
+
+
+def _modes(result: StoredResult, name: str) -> _Modes:
+    file = result.files.get(name)
+    if file is not None:
+        return _Modes(file.omega[file.elastic] / (2 * np.pi), file)
+    part = result.component(name)
+    return _Modes(np.array(part["frequencies_hz"] if part is not None else [], dtype=np.float64), None)
+
+
+def _run(old: Mapping[str, Any], new: Mapping[str, Any], tolerances: Tolerances) -> Iterator[Finding]:
+    was, now = ({name: each["value"] for name, each in facts["figures"].items()} for facts in (old, new))
+    for key in was:
+        if was[key] is not None and now.get(key) is not None:
+            grown = Check(f"baseline: growth of {key}", max(now[key] - was[key], 0.0), tolerances.errors)
+            yield Finding("", grown, f"{now[key]:.4g}, was {was[key]:.4g}")
+    before = {row["name"]: row["frequencies_hz"] for row in old.get("system", [])}
+    worst, note, shared = 0.0, "", False
+    for row in new.get("system", []):
+        if row["name"] not in before:
+            continue
+        shared = True
+        w, v = (np.array(values, dtype=np.float64) for values in (before[row["name"]], row["frequencies_hz"]))
+        pairs = pair_modes(w, v, np.empty((0, w.size)), np.empty((0, v.size)))
+        shift, text = _worst_shift(pairs, w, v)
+        if shift >= worst:
+            worst, note = shift, f"{text} at {row['name']}" if text else ""
+    if shared:
+        yield Finding("", Check("baseline: frequencies of the system", worst, tolerances.frequency), note)
+
+
+def _component(old: _Modes, new: _Modes, tolerances: Tolerances) -> Iterator[tuple[Check, str]]:
+    shapes = _common_rows(old, new)
+    elastic = (
+        [] if shapes is None else [s[:, m.file.elastic] for s, m in zip(shapes, (old, new), strict=True) if m.file]
+    )
+    if not elastic:
+        elastic = [np.empty((0, old.hz.size)), np.empty((0, new.hz.size))]
+    pairs = pair_modes(old.hz, new.hz, elastic[0], elastic[1])
+    shift, text = _worst_shift(pairs, old.hz, new.hz)
+    yield Check("frequencies", shift, tolerances.frequency), text
+    count = pairs.lost.size + pairs.gained.size
+    yield Check("modes lost or gained", float(count), tolerances.modes), _came_and_went(pairs, old.hz, new.hz)
+    if old.file is None or new.file is None:
+        return
+    for what in ("rigid", "static"):
+        a, b = (getattr(file, f"{what}_count") for file in (old.file, new.file))
+        yield Check(f"{what} modes", float(abs(a - b)), 0.0), f"{b}, were {a}" if a != b else ""
+    if elastic[0].shape[0]:
+        yield (
+            Check("mode shapes", float((1 - pairs.mac).max(initial=0.0)), tolerances.shape),
+            _worst_shape(pairs, new.hz),
+        )
+    yield from _integrals(old.file, new.file, pairs, tolerances)
+
+
+def _common_rows(old: _Modes, new: _Modes) -> tuple[Array, Array] | None:
+    """Shapes at the dofs that both files hold."""
+    if old.file is None or new.file is None:
+        return None
+    keys = [file.arrays["dofs/node"] * 8 + file.arrays["dofs/component"] for file in (old.file, new.file)]
+    _, i, j = np.intersect1d(*keys, return_indices=True)
+    rotation = (old.file.arrays["dofs/component"][i] > 3).astype(np.int64)
+    return scaled_rows(old.file.arrays["dofs/shapes"][i], new.file.arrays["dofs/shapes"][j], rotation)
+
+
+def _integrals(
+    old: ComponentFile, new: ComponentFile, pairs: ModePairing, tolerances: Tolerances
+) -> Iterator[tuple[Check, str]]:
+    key = "integrals/rigid_mass"
+    if key not in old.arrays or key not in new.arrays:
+        return
+    rigid = old.arrays[key]
+    for what, value in mass_change(rigid, new.arrays[key]).items():
+        yield Check(what, value, tolerances.mass), ""
+    bounds = {"mass": rigid.diagonal()[:3].max(), "inertia": rigid.diagonal()[3:].max(), "one": 1.0}
+    changed = {}
+    for name, (axes, bound) in _INTEGRALS.items():
+        parts = [_over_pairs(file, name, axes, at) for file, at in ((old, pairs.old), (new, pairs.new))]
+        if parts[0] is not None and parts[1] is not None:
+            limit = float(np.sqrt(bounds[bound]))
+            changed[name] = integral_change(parts[0], parts[1], axes, pairs.turn, limit)
+    if changed:
+        worst = max(changed, key=lambda name: changed[name])
+        yield Check("modal integrals", changed[worst], tolerances.integrals), f"of {worst}" if changed[worst] else ""
+
+
+def _over_pairs(file: ComponentFile, name: str, axes: Sequence[int], elastic: NDArray[np.int64]) -> Array | None:
+    """An integral over the paired modes; None where the file has none, or it leaves some of them out."""
+    values = file.arrays.get(f"integrals/{name}")
+    if values is None:
+        return None
+    columns = elastic + file.rigid_count
+    if values.shape[axes[0]] != file.omega.size:
+        over = file.arrays.get("integrals/modes")
+        if over is None or not np.isin(columns, over).all():
+            return None
+        columns = np.searchsorted(over, columns)
+    for axis in axes:
+        values = np.take(values, columns, axis=axis)
+    return np.asarray(values)
+
+
+def _worst_shift(pairs: ModePairing, old_hz: Array, new_hz: Array) -> tuple[float, str]:
+    if not pairs.shift.size:
+        return 0.0, ""
+    at = int(abs(pairs.shift).argmax())
+    shift = float(abs(pairs.shift[at]))
+    i, j = int(pairs.old[at]), int(pairs.new[at])
+    return shift, f"mode {j + 1}: {new_hz[j]:.6g} Hz, was {old_hz[i]:.6g} Hz" if shift else ""
+
+
+def _worst_shape(pairs: ModePairing, hz: Array) -> str:
+    if not pairs.mac.size:
+        return ""
+    at = int(pairs.mac.argmin())
+    j = int(pairs.new[at])
+    return f"mode {j + 1} at {hz[j]:.6g} Hz: MAC {pairs.mac[at]:.6f}"
+
+
+def _came_and_went(pairs: ModePairing, old_hz: Array, new_hz: Array) -> str:
+    words = [
+        f"{what} {_listed(hz[at])}"
+        for what, hz, at in (("lost", old_hz, pairs.lost), ("gained", new_hz, pairs.gained))
+        if at.size
+    ]
+    return "; ".join([f"{new_hz.size} elastic modes, were {old_hz.size}", *words]) if words else ""
+
+
+def _listed(hz: Array) -> str:
+    named = ", ".join(f"{value:.6g}" for value in hz[:_NAMED])
+    return f"{named}{f' and {hz.size - _NAMED} more' if hz.size > _NAMED else ''} Hz"

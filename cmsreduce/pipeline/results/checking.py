@@ -1,0 +1,163 @@
+"""Whether a finished run, or a component file, meets its limits and is what it was."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cmsreduce.model import Check, Finding
+from cmsreduce.pipeline.results.baseline import StoredResult, compare, open_result
+from cmsreduce.pipeline.results.limits import Limits, limited
+from cmsreduce.pipeline.results.mass_totals import file_totals, total_findings
+from cmsreduce.pipeline.results.step_advice import file_rounding
+from cmsreduce.report import junit_xml, markdown_summary
+from cmsreduce.verify import REALISABLE, inertia_excess, momentum_balance
+from cmsreduce.write import ComponentFile, atomic_path
+
+__all__ = ["check_result", "write_junit", "write_markdown"]
+
+# Modes are orthonormal to 1e-10 of their norms; a body far from its origin costs two digits.
+_MOMENTUM = 1e-8
+# Rigid modes of a body that is free in all directions.
+_FREE = 6
+
+
+def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> list[Finding]:
+    """Check a run directory, its summary.json, or a component file.
+
+    Parameters
+    ----------
+    path : Path
+        What to check.
+    limits : Limits
+        Over those that are stored with it.
+    baseline : Path, optional
+        Run directory or component file to compare with.
+
+    Returns
+    -------
+    list of Finding
+        The run's errors, the checks of each component, what its file says of itself, changes from the baseline.
+
+    Raises
+    ------
+    ReadError
+        If a path holds no result.
+    ConfigError
+        If a limit is on no figure there is.
+    """
+    result = open_result(path)
+    findings = list(_errors(result))
+    unlisted = list(_speed(result))
+    for name in result.names:
+        findings += _checks(result, name)
+        unlisted += _sizes(result, name)
+        if name in result.files:
+            findings += _own_word(name, result.files[name])
+            findings += _rounding(name, result.files[name])
+            findings += total_findings(name, file_totals(result.files[name]))
+    if baseline is not None:
+        findings += compare(open_result(baseline), result, limits.tolerances)
+    return limited(findings, limits, unlisted, path)
+
+
+def write_junit(path: Path, findings: list[Finding], checked: Path) -> None:
+    """Write findings as JUnit XML; the file is whole or not there."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(junit_xml(findings, str(checked)))
+
+
+def write_markdown(path: Path, findings: list[Finding], checked: Path) -> None:
+    """Write findings as a Markdown summary; the file is whole or not there."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(markdown_summary(findings, str(checked)), encoding="utf-8")
+
+
+def _errors(result: StoredResult) -> Iterator[Finding]:
+    facts = result.summary
+    if facts is None:
+        return
+    for name, figure in facts["figures"].items():
+        yield Finding("", Check(name, _number(figure["value"]), _number(figure["limit"])), f"at {figure['where']}")
+
+
+def _checks(result: StoredResult, name: str) -> Iterator[Finding]:
+    part = result.component(name)
+    if part is not None:
+        for check in part["checks"]:
+            yield Finding(name, Check(check["name"], _number(check["value"]), _number(check["limit"])))
+    else:
+        for stored in result.files[name].checks:
+            yield Finding(name, stored)
+
+
+def _own_word(name: str, file: ComponentFile) -> Iterator[Finding]:
+    """What a component file can be asked without the body it came from."""
+    arrays = file.arrays
+    if "integrals/rigid_mass" not in arrays:
+        return
+    rigid = arrays["integrals/rigid_mass"]
+    excess = inertia_excess(rigid)
+    if excess is not None:
+        yield Finding(name, Check("inertia in the file: beyond what mass can have", excess, REALISABLE))
+    if file.rigid_count == _FREE and "integrals/int_phi" in arrays:
+        # A static mode has no modal mass to measure its momentum by.
+        massive = slice(0, file.elastic.stop)
+        momentum = np.vstack([arrays["integrals/int_phi"], arrays["integrals/int_r_x_phi"]])[:, massive]
+        # What a floating frame took off the others is what the mass matrix couples them with the rigid modes by.
+        coupled = arrays["modes/mass"][: file.rigid_count, massive].copy()
+        coupled[:, : file.rigid_count] = 0.0
+        momentum = momentum - momentum[:, : file.rigid_count] @ coupled
+        carried, left = momentum_balance(rigid, momentum, file.rigid_count)
+        yield Finding(name, Check("momentum of the rigid modes against the rigid mass", carried, _MOMENTUM))
+        yield Finding(name, Check("momentum of the elastic modes", left, _MOMENTUM))
+
+
+def _rounding(name: str, file: ComponentFile) -> Iterator[Finding]:
+    """What single precision would do to the body: shown, and judged where a limit is set on it."""
+    effect = file_rounding(file)
+    if effect is None:
+        return
+    hz = f"lowest elastic frequency: {effect.lowest_hz:.4g} Hz"
+    figures = (
+        ("float32: change of frequencies", effect.free, ""),
+        ("float32: change of frequencies, interfaces held", effect.held, ""),
+        ("float32: rigid motion in Hz", effect.rigid_hz, hz),
+        ("float32 superelement: change of frequencies", effect.boundary_free, ""),
+        ("float32 superelement: rigid motion in Hz", effect.boundary_rigid_hz, hz),
+    )
+    for figure, value, note in figures:
+        yield Finding(name, Check(figure, value, float("inf")), note)
+
+
+def _sizes(result: StoredResult, name: str) -> Iterator[Finding]:
+    """Figures of a component that have no limit of their own."""
+    figures: dict[str, Any] = {}
+    part = result.component(name)
+    if part is not None:
+        figures |= {key: part.get(key) for key in ("full_dofs", "basis_size", "elastic_modes", "kept_modes")}
+        figures |= {"peak_mib": part.get("peak_mib"), "seconds": sum(part.get("seconds", {}).values())}
+        figures["highest_hz"] = max(part.get("frequencies_hz", []), default=0.0)
+        figures["basis_condition"] = part.get("basis", {}).get("condition")
+        figures["static_lack"] = max((each["lack"] for each in part.get("static_lack") or ()), default=None)
+    else:
+        file = result.files[name]
+        figures["basis_size"] = int(file.attributes["modes"].get("basis_size", file.omega.size))
+        figures["kept_modes"] = file.omega[file.elastic].size
+        figures["highest_hz"] = float(file.omega[file.elastic].max(initial=0.0) / (2 * np.pi))
+    for key, value in figures.items():
+        if value is not None:
+            yield Finding(name, Check(key, float(value), float("inf")))
+
+
+def _speed(result: StoredResult) -> Iterator[Finding]:
+    for key, value in ((result.summary or {}).get("speed") or {}).items():
+        yield Finding("", Check(key, float(value), float("inf")))
+
+
+def _number(value: float | None) -> float:
+    # JSON has no infinity: what the summary writes as null has no bound.
+    return float("inf") if value is None else float(value)

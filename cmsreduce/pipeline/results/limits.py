@@ -1,0 +1,194 @@
+"""Limits of a check: from a file, from the command line, and those a result was made with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+
+from cmsreduce.config import Entry, closest, not_among, parse
+from cmsreduce.errors import ConfigError, ReadError
+from cmsreduce.model import Check, Finding
+
+__all__ = ["Limits", "Tolerances", "limited", "read_limits"]
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """How far a result may be from its baseline.
+
+    Parameters
+    ----------
+    frequency : float
+        Relative shift of a natural frequency, of a kept mode or of the system. 1e-4 costs one per cent of the response
+        at 0.5 % damping; two machines agree to 1e-8.
+    shape : float
+        1 - MAC of a kept mode.
+    mass : float
+        Relative change of the mass; of the centre of mass in radii of gyration; of the inertia, relative to its largest
+        moment.
+    integrals : float
+        Change of a modal integral, relative to the largest value that the body's mass allows for it.
+    modes : float
+        Kept modes lost and gained.
+    errors : float
+        Growth of an error of the run, absolute: what the run's own limits allow is not judged again by default.
+    """
+
+    frequency: float = 1e-4
+    shape: float = 1e-2
+    mass: float = 1e-6
+    integrals: float = 1e-3
+    modes: float = 0.0
+    errors: float = math.inf
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Largest values allowed.
+
+    Parameters
+    ----------
+    maxima : mapping of figure to (float, str)
+        Limit, and where it was written. A figure is named alone, for all components, or as ``rotor.kept_modes``.
+    tolerances : Tolerances
+        Of a comparison with a baseline.
+    """
+
+    maxima: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    tolerances: Tolerances = field(default_factory=Tolerances)
+
+
+def read_limits(file: Path | None, maxima: Sequence[str] = (), tolerances: Sequence[str] = ()) -> Limits:
+    """Put the limits together; the command line wins over the file.
+
+    Parameters
+    ----------
+    file : Path, optional
+        YAML of ``max:`` (figure: value, or component: {figure: value}) and ``tolerance:`` (of a baseline).
+    maxima, tolerances : sequence of str
+        ``KEY=VALUE`` each, as given to ``--max`` and ``--tolerance``.
+
+    Raises
+    ------
+    ReadError
+        If the file is missing or cannot be read.
+    ConfigError
+        If a key is unknown or a value is no number, with the place.
+    """
+    limits = Limits() if file is None else _from_file(file)
+    found = dict(limits.maxima)
+    for text in maxima:
+        key, value = _pair("--max", text, "frf_error=0.05")
+        found[key] = (value, f"--max {key}")
+    chosen = limits.tolerances
+    for text in tolerances:
+        key, value = _pair("--tolerance", text, "frequency=1e-3")
+        chosen = _tolerance(chosen, key, value, f"--tolerance {key}")
+    return Limits(found, chosen)
+
+
+def limited(findings: Sequence[Finding], limits: Limits, unlisted: Sequence[Finding], where: Path) -> list[Finding]:
+    """Put limits on findings.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+        With the limits they were stored with, over which others win.
+    limits : Limits
+        Of the check. A figure named with its component wins over the figure alone.
+    unlisted : sequence of Finding
+        Figures that are shown only if they are given a limit: sizes, wall times.
+    where : Path
+        What was checked, for messages.
+
+    Raises
+    ------
+    ConfigError
+        If a limit is on a figure that there is none of.
+    """
+    every = [*findings, *unlisted]
+    names = {name for found in every for name in _names(found)}
+    for key, (_, written) in limits.maxima.items():
+        if key not in names:
+            figures = list(dict.fromkeys(found.check.name for found in every))
+            meant = closest(key, names)
+            guess = f", did you mean '{meant}'?" if meant else "."
+            raise ConfigError(
+                f"{written}: there is no such figure in {where}{guess} There are: {', '.join(figures)}; one of a "
+                "component is COMPONENT.FIGURE"
+            )
+    result = [_with_limit(found, limits) for found in findings]
+    asked = (_with_limit(found, limits) for found in unlisted)
+    return result + [found for found in asked if found.judged]
+
+
+def _with_limit(found: Finding, limits: Limits) -> Finding:
+    for name in reversed(_names(found)):
+        if name in limits.maxima:
+            return replace(found, check=Check(found.check.name, found.check.value, limits.maxima[name][0]))
+    return found
+
+
+def _names(found: Finding) -> list[str]:
+    """Names that a limit may be given under, the most special last."""
+    own = [f"{found.subject}.{found.check.name}", found.name] if found.subject else []
+    return [found.check.name, *own]
+
+
+def _pair(option: str, text: str, example: str) -> tuple[str, float]:
+    key, _, value = text.rpartition("=")
+    try:
+        return key.strip(), _number(float(value))
+    except ValueError:
+        raise ConfigError(f"{option} {text}: write KEY=VALUE with a number, such as {example}") from None
+
+
+def _number(value: float) -> float:
+    if math.isnan(value):
+        raise ValueError
+    return value
+
+
+def _from_file(path: Path) -> Limits:
+    try:
+        root = parse(path.read_text(encoding="utf-8-sig"), str(path), path.parent)
+    except OSError as error:
+        raise ReadError(f"{path}: the limits cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: this is not UTF-8 text: save the file as UTF-8") from None
+    if not isinstance(root.value, dict):
+        raise ConfigError(f"{path}: limits are a mapping, such as 'max: {{frf_error: 0.05}}'")
+    maxima: dict[str, tuple[float, str]] = {}
+    tolerances = Tolerances()
+    for key, entry in root.value.items():
+        if key == "max":
+            maxima = {name: (value, where) for name, value, where in _figures(entry, "")}
+        elif key == "tolerance":
+            for name, value, where in _figures(entry, ""):
+                tolerances = _tolerance(tolerances, name, value, where)
+        else:
+            raise ConfigError(f"{entry.where}: {not_among('key', key, ('max', 'tolerance'))}")
+    return Limits(maxima, tolerances)
+
+
+def _figures(entry: Entry, component: str) -> Iterator[tuple[str, float, str]]:
+    """Name, value and place of every limit below a key."""
+    if not isinstance(entry.value, dict):
+        raise ConfigError(f"{entry.where}: figures and their limits are expected here, such as 'frf_error: 0.05'")
+    for key, item in entry.value.items():
+        name = f"{component}.{key}" if component else key
+        if isinstance(item.value, dict) and not component:
+            yield from _figures(item, key)
+        elif isinstance(item.value, (int, float)) and not isinstance(item.value, bool) and not math.isnan(item.value):
+            yield name, float(item.value), f"{item.where}: '{name}'"
+        else:
+            raise ConfigError(f"{item.where}: '{name}' needs a number")
+
+
+def _tolerance(tolerances: Tolerances, key: str, value: float, where: str) -> Tolerances:
+    known = [each.name for each in fields(Tolerances)]
+    if key not in known:
+        raise ConfigError(f"{where}: {not_among('tolerance', key, known)}")
+    return replace(tolerances, **{key: value})

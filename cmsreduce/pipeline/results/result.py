@@ -1,0 +1,150 @@
+"""Collect what a run found out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce import __version__
+from cmsreduce.model import (
+    Check,
+    ComponentResult,
+    Configuration,
+    CutoffRecord,
+    ModalComponent,
+    RunResult,
+    Speed,
+    SystemModes,
+)
+from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
+from cmsreduce.pipeline.results.drawing import scene_drawing
+from cmsreduce.pipeline.results.framing import frame_checks, frame_of
+from cmsreduce.pipeline.results.health import health_data
+from cmsreduce.pipeline.results.mode_views import effective_mass_curves, gain_curves
+from cmsreduce.pipeline.results.step_advice import (
+    advice_notes,
+    body_costly_modes,
+    body_rounding,
+    highest_frequency,
+    treated_model,
+)
+from cmsreduce.pipeline.run import MODEL, Run
+from cmsreduce.pipeline.system import AssembledModel
+
+__all__ = ["component_checks", "run_result"]
+
+# Roundings of the file that the mass of a massless shape amounts to, relative to its parts.
+_MASSLESS = 10.0
+_LEFT_OUT = "left out"
+
+
+def component_checks(run: Run, name: str) -> tuple[Check, ...]:
+    """What was checked on one body: its rows when it was read, its modes when they were made."""
+    mass, stiffness = orthogonality_errors(run.final[name])
+    # A static mode has no mass to the rounding of the file.
+    rounding = _MASSLESS * run.bodies[name].body.rounding if run.final[name].static_count else 0.0
+    return (
+        *run.bodies[name].checks,
+        *run.bodies[name].health.checks,
+        Check("orthogonality in M", mass, max(ORTHOGONAL, rounding)),
+        Check("orthogonality in K", stiffness, ORTHOGONAL),
+        *frame_checks(frame_of(run, name)),
+    )
+
+
+def run_result(run: Run, *, views: bool = False) -> RunResult:
+    """Everything the summary, the report and the terminal show of a run.
+
+    Parameters
+    ----------
+    run : Run
+        Stages that the pipeline asks for and that were not run yet are run.
+    views : bool
+        Whether what only pictures show is wanted, too: drawing, effective masses, gains.
+    """
+    verified = run.verified if run.pipeline.verify is not None else None
+    seconds = run.ledger.seconds
+    cutoffs = run.mode_sets.cutoffs
+    components = {}
+    for name in run.reduced_names:
+        flexible = run.bodies[name]
+        modes, kept = _modes_shown(run, name)
+        components[name] = ComponentResult(
+            name=name,
+            full_dofs=flexible.body.n,
+            modes=modes,
+            kept=kept,
+            seconds=dict(seconds.get(name, {})),
+            peak_mib=run.ledger.peak_mib.get(name, 0.0),
+            checks=component_checks(run, name),
+            sources=flexible.body.sources,
+            bound=run.choice.bounds.get(name),
+            scaling=run.balancing.scaling(name),
+            cutoff=CutoffRecord(c.cutoff, c.error, c.limit, c.tried) if (c := cutoffs.get(name)) else None,
+            factorised=tuple(each for stage in run.ledger.factorised.get(name, {}).values() for each in stage),
+            costly=body_costly_modes(run, name),
+            rounding=body_rounding(run.final[name]),
+            health=health_data(flexible.body, flexible.health),
+        )
+    treated = treated_model(run, {name: part.costly for name, part in components.items() if part.costly is not None})
+    systems = tuple(_system_modes(run, configuration, treated) for configuration in run.scene.configurations)
+    limits = run.pipeline.verify.limits.model_dump(exclude_none=True) if run.pipeline.verify else {}
+    configurations = verified.configurations if verified else ()
+    stages = ("reduce", "orthogonalise")
+    reduce_s = sum(seconds.get(name, {}).get(stage, 0.0) for name in run.bodies for stage in stages)
+    return RunResult(
+        name=run.pipeline.name,
+        version=__version__,
+        components=components,
+        configurations=configurations,
+        limits=limits if configurations else {key: limits[key] for key in limits if key == "static_lack"},
+        model=MODEL,
+        inputs=tuple(channel.name for channel in run.scene.actuators),
+        outputs=tuple(channel.name for channel in run.scene.sensors),
+        band=run.scene.band,
+        speed=Speed(reduce_s, verified.full_s, verified.reduced_s) if verified and configurations else None,
+        reference=verified.reference if verified else {},
+        settings=run.pipeline.model_dump(mode="json", exclude_none=True),
+        systems=systems,
+        notes=(*run.ledger.notes, *advice_notes(components, systems, run.scene.band[1])),
+        projection=None if run.projected is None else run.projected.record,
+        search=run.choice.search,
+        sensitivity=run.balancing.sensitivity,
+        completeness=run.completeness if verified is not None else (),
+        drawing=scene_drawing(run) if views else None,
+        effective_mass=effective_mass_curves(run) if views else {},
+        gains=gain_curves(run) if views else (),
+        checks=verified.checks if verified is not None else None,
+        margins=run.margins if verified is not None else (),
+    )
+
+
+def _modes_shown(run: Run, name: str) -> tuple[ModalComponent, NDArray[np.int64]]:
+    """The modes of a body with the reason of each, and which are kept; those it is projected on are all kept."""
+    if run.projected is not None:
+        return run.final[name], np.arange(run.final[name].omega.size)
+    ranked = run.ranked[name]
+    e = ranked.elastic
+    kept = np.r_[: e.start, run.selection[name], e.stop : ranked.omega.size]
+    why = [_LEFT_OUT] * ranked.omega.size
+    for column, reason in zip(kept, run.kept[name].why, strict=True):
+        why[column] = reason
+    if (sensitivity := run.balancing.sensitivity) is not None:
+        for number, cases in sensitivity.edge(name).items():
+            turned = "kept" if why[number - 1] == _LEFT_OUT else "left out"
+            why[number - 1] += f"; on the edge: {turned} {', '.join(map(_with, cases))}"
+    return replace(ranked, why=tuple(why)), np.asarray(kept, dtype=np.int64)
+
+
+def _with(change: str) -> str:
+    return change if change.startswith("without") else f"with {change}"
+
+
+def _system_modes(run: Run, configuration: Configuration, treated: AssembledModel | None) -> SystemModes:
+    model = run.model.assembled
+    hertz = model.resonances(configuration).omega / (2 * np.pi)
+    system = model.system(configuration)
+    static = None if treated is None else highest_frequency(treated.system(configuration))
+    return SystemModes(configuration, system.rigid.shape[1], hertz, highest_frequency(system), static)

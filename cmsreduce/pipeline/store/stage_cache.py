@@ -1,0 +1,153 @@
+"""The finished stages of run directories and sweeps: what is there, and how to be rid of it.
+
+Runs in one directory come one after the other: two would write results of different settings side by side.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from cmsreduce.errors import ReadError
+from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER
+
+__all__ = [
+    "CacheEntry",
+    "cache_entries",
+    "clear_cache",
+    "sole_use",
+]
+
+_KEY_SHOWN = 12
+
+
+@dataclass(frozen=True)
+class CacheEntry:
+    """One finished stage.
+
+    Parameters
+    ----------
+    path : Path
+    what, stage : str
+        Such as ``rotor`` and ``reduce``.
+    key : str
+        First digits of the hash of all it was made from; empty where the file cannot be read.
+    size : int
+        In bytes.
+    made : float
+        Seconds since the epoch.
+    """
+
+    path: Path
+    what: str
+    stage: str
+    key: str
+    size: int
+    made: float
+
+
+def cache_entries(folder: Path) -> list[CacheEntry]:
+    """Finished stages of a run directory, or of a sweep and all its points.
+
+    Raises
+    ------
+    ReadError
+        If the folder is neither.
+    """
+    found = []
+    for path in _files(folder):
+        if path.suffix != ".h5" or path.name.startswith("."):
+            continue
+        # WHAT.STAGE.h5, or WHAT.STAGE.KEY.h5 where it is shared.
+        key, status = _key(path), path.stat()
+        words = path.name.removesuffix(".h5").split(".")
+        if len(words) > 2 and key.startswith(words[-1][:_KEY_SHOWN]):
+            words = words[:-1]
+        found.append(CacheEntry(path, ".".join(words[:-1]), words[-1], key, status.st_size, status.st_mtime))
+    return found
+
+
+def clear_cache(folder: Path) -> tuple[int, int]:
+    """Remove finished stages, and what killed runs left of others; results beside them stay.
+
+    Returns
+    -------
+    count, size : int
+        Files removed, and their bytes.
+
+    Raises
+    ------
+    ReadError
+        If the folder is no run directory and no sweep.
+    """
+    count = size = 0
+    for path in _files(folder):
+        if path.suffix in (".h5", ".lock", ".tmp"):
+            size += path.stat().st_size
+            count += 1
+            path.unlink(missing_ok=True)
+    return count, size
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    own = folder / STAGES_FOLDER
+    points = sorted(folder.glob(f"points/*/{STAGES_FOLDER}"))
+    if not own.is_dir() and not points:
+        raise ReadError(f"{folder}: there are no finished stages; give the folder of a run or of a sweep")
+    for stages in (own, *points):
+        if stages.is_dir():
+            yield from sorted(path for path in stages.iterdir() if path.is_file())
+
+
+def _key(path: Path) -> str:
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            return str(file.attrs["key"])[:_KEY_SHOWN]
+    except (OSError, KeyError, RuntimeError, ValueError):
+        return ""
+
+
+@contextmanager
+def sole_use(folder: Path, say: Callable[[str], None]) -> Iterator[None]:
+    """Keep other processes out of a folder while the block lasts; wait for one that is in it.
+
+    The system takes the claim back when a process ends, however it ends. The folder itself is locked, so that nothing
+    is left in it.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is not there.
+    say : callable
+        Told that there is something to wait for.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        # Without locks each file is still whole, whoever wrote it last.
+        yield
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle = os.open(folder, os.O_RDONLY)
+    except OSError:
+        # Whoever writes the first file names what is wrong with the folder.
+        yield
+        return
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            say(f"another run is at work in {folder}; this one goes on when that ends (or give it another --out)")
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        except OSError:
+            # Some shared disks lock no folders.
+            pass
+        yield
+    finally:
+        os.close(handle)

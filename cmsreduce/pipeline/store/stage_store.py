@@ -1,0 +1,270 @@
+"""Which code a finished stage was made with: what another version of it made is not taken for its result.
+
+Finished stages on disk: each file carries the key of all it was made from.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce import __version__
+from cmsreduce.linalg.basis_store import new_basis, outgrows, row_blocks
+from cmsreduce.model import (
+    CHECKSUM,
+    checksum,
+    map_dataset,
+    mapped_in,
+)
+from cmsreduce.write import atomic_path, hdf5_file, put_texts
+
+__all__ = [
+    "STAGES_FOLDER",
+    "StageStore",
+    "code_version",
+    "share_stages",
+    "stage_key",
+]
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+_EVERY = ("model", "linalg", "reduce", "orthogonalise.py", "assemble", "balance", "project", "verify", "pipeline")
+# Readers are not among them: keys hold a hash of the matrices that were read. Neither is what prints and draws.
+_ROOMS = {
+    "read": (),
+    "reduce": ("model", "linalg", "reduce", "assemble", "pipeline"),
+    "orthogonalise": ("model", "linalg", "orthogonalise.py", "pipeline"),
+    "reference": ("model", "linalg", "reduce", "orthogonalise.py", "assemble", "pipeline"),
+}
+
+
+@cache
+def code_version(stage: str, package: Path = _PACKAGE) -> str:
+    """Hash of the sources that a stage's results depend on.
+
+    Parameters
+    ----------
+    stage : str
+        Such as ``reduce``; a stage without rooms of its own depends on all that compute.
+    package : Path
+        Folder of the package.
+
+    Returns
+    -------
+    str
+        Hexadecimal; of the version alone where the package came without its sources.
+    """
+    digest = hashlib.sha256(__version__.encode())
+    for room in _ROOMS.get(stage, _EVERY):
+        at = package / room
+        for file in [at] if at.is_file() else sorted(at.rglob("*.py")):
+            digest.update(str(file.relative_to(package)).encode())
+            digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+Arrays = dict[str, NDArray[Any]]
+
+SHARED = ("reduce", "reference", "orthogonalise")
+"""Stages of single bodies, which runs that differ downstream have in common."""
+
+STAGES_FOLDER = "stages"
+"""Folder of a run directory with its finished stages."""
+
+# Dataset with what is not an array; no component can have this name.
+_FACTS = "facts."
+# In the folder of a run's stages: where those are that it shares with other runs.
+_POINTER = "shared.json"
+# Hexadecimal digits of a key in a file's name: 80 bits, and the file holds all of them.
+_DIGITS = 20
+_MATRIX = 2
+# What HDF5 raises for bytes that are no longer what was written, and what they become where it does not notice.
+_DAMAGE = (OSError, KeyError, ValueError, RuntimeError, TypeError, IndexError, AttributeError, OverflowError)
+
+
+def stage_key(stage: str, *parts: Any) -> str:
+    """Hash of everything a stage depends on: the code, settings, file hashes, keys of earlier stages."""
+    text = json.dumps([stage, code_version(stage), *parts], sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def share_stages(folder: Path, shared: Path) -> None:
+    """Let a run directory keep the stages of its bodies in a folder that other runs use, too.
+
+    Parameters
+    ----------
+    folder : Path
+        Run directory.
+    shared : Path
+        The common folder. It is noted relative to the run's, so that both can be moved together.
+    """
+    stages = folder / STAGES_FOLDER
+    text = json.dumps({"shared": os.path.relpath(shared, stages)})
+    path = stages / _POINTER
+    if not path.is_file() or path.read_text(encoding="utf-8") != text:
+        with atomic_path(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+
+
+class StageStore:
+    """The ``stages`` folder of a run directory, and the one it shares with other runs, if any.
+
+    A run's own folder holds one result of each stage, that of the last settings. In a shared folder the key is part of
+    the file's name, so that the results of all settings lie side by side.
+
+    Parameters
+    ----------
+    folder : Path
+        Run directory.
+    say : callable, optional
+        Told of an entry that is damaged and will be made again; ``damaged`` lists them.
+    """
+
+    def __init__(self, folder: Path, say: Callable[[str], None] = lambda text: None) -> None:
+        self.folder, self._say = folder / STAGES_FOLDER, say
+        self.damaged: list[str] = []
+        self.shared = _shared_folder(self.folder)
+
+    def path(self, stage: str, what: str, key: str) -> Path:
+        """File of a stage; ``what`` is the component, or the system."""
+        if self._is_shared(stage):
+            assert self.shared is not None
+            return self.shared / f"{what}.{stage}.{key[:_DIGITS]}.h5"
+        return self.folder / f"{what}.{stage}.h5"
+
+    def load(self, stage: str, what: str, key: str) -> tuple[Arrays, dict[str, Any]] | None:
+        """Read a finished stage, or nothing if it is absent, older than its inputs, or not whole."""
+
+        def everything(file: Any) -> tuple[Arrays, dict[str, Any]]:
+            # Every dataset has a checksum, which reading it compares.
+            arrays = {name: _array(file.filename, dataset) for name, dataset in file.items() if name != _FACTS}
+            return arrays, _facts(file)
+
+        found: tuple[Arrays, dict[str, Any]] | None = self._read(stage, what, key, everything)
+        return found
+
+    def facts(self, stage: str, what: str, key: str) -> dict[str, Any] | None:
+        """Read what is known of a finished stage, without its arrays."""
+        found: dict[str, Any] | None = self._read(stage, what, key, _facts)
+        return found
+
+    def save(
+        self, stage: str, what: str, key: str, arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]
+    ) -> Path:
+        """Write a finished stage; it appears under its name only when it is whole."""
+        path = self.path(stage, what, key)
+        # What outgrew memory when it was made is not brought there to be written.
+        large = {name: array for name, array in arrays.items() if mapped_in(array) is not None}
+        with hdf5_file(path, large) as file:
+            file.attrs["key"] = key
+            file.attrs["names"] = json.dumps(sorted(arrays))
+            # A dataset, because HDF5 bounds the size of attributes.
+            put_texts(file, _FACTS, [json.dumps(facts, sort_keys=True)])
+            for name, array in arrays.items():
+                if name in large:
+                    continue
+                value = np.asarray(array)
+                filtered = {"fletcher32": True} if value.size else {}
+                file.create_dataset(name, data=value, track_times=False, **filtered)
+        return path
+
+    @contextmanager
+    def claimed(self, stage: str, what: str, key: str) -> Iterator[bool]:
+        """Be the only process at work on an entry of the shared folder while the block lasts.
+
+        The system takes the claim back when the process ends, however it ends.
+
+        Yields
+        ------
+        bool
+            Whether others may have finished the entry meanwhile.
+        """
+        if not self._is_shared(stage):
+            yield False
+            return
+        path = self.path(stage, what, key)
+        lock = path.with_name(f".{path.name}.lock")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with lock.open("a") as handle:
+            _wait_for(handle)
+            try:
+                yield True
+            finally:
+                # Whoever waits for it has it open; at worst another process does the same work besides.
+                lock.unlink(missing_ok=True)
+
+    def _is_shared(self, stage: str) -> bool:
+        return self.shared is not None and stage in SHARED
+
+    def _read(self, stage: str, what: str, key: str, content: Callable[[Any], Any]) -> Any:
+        import h5py
+
+        path = self.path(stage, what, key)
+        if not path.is_file():
+            return None
+        try:
+            with h5py.File(path, "r") as file:
+                if file.attrs.get("key") != key:
+                    return None
+                if {*json.loads(file.attrs["names"]), _FACTS} != set(file):
+                    raise KeyError("not all of its arrays are there")
+                return content(file)
+        except _DAMAGE as error:
+            # Nothing of the user's is in it; it is made again.
+            self.damaged.append(f"{path} is damaged and is made again ({' '.join(str(error).split())})")
+            self._say(self.damaged[-1])
+            return None
+
+
+def _facts(file: Any) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(file[_FACTS][0])
+    return found
+
+
+def _array(path: str, dataset: Any) -> NDArray[Any]:
+    """Values of a dataset, compared with their checksum; what outgrows memory stays in the file, or goes to one."""
+    if CHECKSUM in dataset.attrs:
+        Phi = map_dataset(Path(path), dataset)
+        if checksum(Phi) != dataset.attrs[CHECKSUM]:
+            raise OSError(f"the checksum of {dataset.name} does not fit")
+        return Phi
+    if dataset.ndim != _MATRIX or dataset.dtype != np.float64 or not outgrows(*dataset.shape):
+        found: NDArray[Any] = dataset[()]
+        return found
+    basis = new_basis(*dataset.shape)
+    for rows in row_blocks(*dataset.shape):
+        basis[rows] = dataset[rows]
+    return basis
+
+
+def _shared_folder(stages: Path) -> Path | None:
+    pointer = stages / _POINTER
+    try:
+        named = json.loads(pointer.read_text(encoding="utf-8"))["shared"]
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, TypeError):
+        # Without it the run finishes by itself what it would have shared.
+        return None
+    shared = (stages / str(named)).resolve()
+    # A run directory that came from elsewhere must not have files written where it likes.
+    return shared if stages.resolve().is_relative_to(shared.parent) else None
+
+
+def _wait_for(handle: IO[str]) -> None:
+    try:
+        import fcntl
+    except ImportError:
+        # Without locks two processes may do the same work; either result is whole.
+        return
+    with contextlib.suppress(OSError):
+        fcntl.flock(handle, fcntl.LOCK_EX)

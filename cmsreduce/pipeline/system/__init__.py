@@ -1,0 +1,45 @@
+"""Assembled models of a scene, and their comparison with the reference model.
+
+Responses and checks in every configuration belong here.
+The choice of modes belongs in `pipeline.choose`.
+"""
+
+from cmsreduce.pipeline.system.assembled import (
+    AssembledModel,
+    cross_orthogonality,
+    mass_products,
+)
+from cmsreduce.pipeline.system.candidates import (
+    SystemErrors,
+    system_errors,
+)
+from cmsreduce.pipeline.system.comparison import (
+    Comparison,
+    ReducedModel,
+)
+from cmsreduce.pipeline.system.completeness import (
+    axis_completeness,
+    completeness_note,
+)
+from cmsreduce.pipeline.system.controlled import (
+    controller_margins,
+)
+from cmsreduce.pipeline.system.reduction_health import (
+    channel_gains,
+    reduction_checks,
+)
+
+__all__ = [
+    "AssembledModel",
+    "Comparison",
+    "ReducedModel",
+    "SystemErrors",
+    "axis_completeness",
+    "channel_gains",
+    "completeness_note",
+    "controller_margins",
+    "cross_orthogonality",
+    "mass_products",
+    "reduction_checks",
+    "system_errors",
+]

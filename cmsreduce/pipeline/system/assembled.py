@@ -1,0 +1,297 @@
+"""A model of the whole scene, full or reduced, asked for its behaviour in any configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.assemble import (
+    HeldBodies,
+    PointStack,
+    Receptance,
+    Wiring,
+    assemble,
+    body_receptances,
+    couple,
+    damped_modes,
+    held_bodies,
+    rigid_response,
+    system_modes,
+    tabulated,
+    undetermined,
+    wire,
+    with_joint_bodies,
+)
+from cmsreduce.linalg.congruence import column_blocks
+from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless
+from cmsreduce.linalg.products import symmetric_product
+from cmsreduce.model import (
+    Configuration,
+    FEModel,
+    Matrix,
+    ModalComponent,
+    Scene,
+    Substructure,
+    System,
+)
+from cmsreduce.verify import decibel_grid
+
+__all__ = ["AssembledModel", "DampedModes", "Resonances", "cross_orthogonality", "mass_products"]
+
+Number = TypeVar("Number", np.float64, np.complex128)
+
+# Modes a little above the band still shape the response at its edge.
+_BEYOND_BAND = 1.25
+# A full mode whose reduced one lies in the band may lie a little above it. Nearer to the undamped modes' limit there
+# are too few of these to start from.
+_PARTNER_BEYOND_BAND = 1.1
+# All modes of a system of so many coordinates are kept: three megabytes a configuration.
+_KEPT_WHOLE = 600
+# Grids of one band end at the same frequency to rounding.
+_SAME_BAND = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Resonances:
+    """Elastic modes of a system.
+
+    Parameters
+    ----------
+    omega, zeta : (k,) float64
+        Natural frequencies in rad/s and damping ratios (diagonal of the damping in these modes).
+    shapes : mapping of body to (m_i, k) float64
+        Shapes in each body's own coordinates.
+    """
+
+    omega: NDArray[np.float64]
+    zeta: NDArray[np.float64]
+    shapes: Mapping[str, NDArray[np.float64]]
+
+
+@dataclass(frozen=True, eq=False)
+class DampedModes:
+    """Complex modes of a system, those of overdamped motions left out.
+
+    Parameters
+    ----------
+    s : (k,) complex128
+        Roots in rad/s.
+    shapes : mapping of body to (m_i, k) complex128
+        Shapes in each body's own coordinates, of unit length in the system's mass.
+    """
+
+    s: NDArray[np.complex128]
+    shapes: Mapping[str, NDArray[np.complex128]]
+
+
+class AssembledModel:
+    """Substructures in a scene; what is asked twice is computed once.
+
+    Parameters
+    ----------
+    substructures : mapping of name to Substructure
+        Bodies in order; those that joints own are added.
+    scene : Scene
+        Joints, configurations, actuators, sensors, band.
+    """
+
+    def __init__(self, substructures: Mapping[str, Substructure], scene: Scene) -> None:
+        self.substructures, self.scene = with_joint_bodies(substructures, scene), scene
+        self.stack = PointStack(self.substructures)
+        self._systems: dict[str, System] = {}
+        self._wirings: dict[str, Wiring] = {}
+        self._undamped: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+        self._whole: dict[str, tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]] = {}
+        self._resonances: dict[str, Resonances] = {}
+        self._damped: dict[str, DampedModes | None] = {}
+        self._receptances: Mapping[str, Receptance] = {}
+        self._prepared_to = 0.0
+
+    @cached_property
+    def held(self) -> HeldBodies:
+        """The bodies that responses are taken of: those in their dofs are held where the ground holds them."""
+        return held_bodies(self.stack, self.scene)
+
+    def wiring(self, configuration: Configuration) -> Wiring:
+        """Joints, inputs and outputs in a configuration."""
+        if configuration.name not in self._wirings:
+            self._wirings[configuration.name] = wire(self.stack, self.scene, configuration)
+        return self._wirings[configuration.name]
+
+    def system(self, configuration: Configuration) -> System:
+        """Assembled matrices in a configuration."""
+        if configuration.name not in self._systems:
+            self._systems[configuration.name] = assemble(
+                self.substructures, self.scene, configuration, (self.stack, self.wiring(configuration))
+            )
+        return self._systems[configuration.name]
+
+    def resonances(self, configuration: Configuration) -> Resonances:
+        """Elastic modes up to a little above the band."""
+        if configuration.name not in self._resonances:
+            system = self.system(configuration)
+            w, Phi = self._modes(configuration)
+            zeta = np.zeros(w.size)
+            if system.D is not None:
+                zeta += _weights(system.D, Phi) / (2 * w)
+            if system.loss is not None:
+                zeta += _weights(system.loss, Phi) / (2 * w**2)
+            self._resonances[configuration.name] = Resonances(w, zeta, _by_body(system, Phi))
+        return self._resonances[configuration.name]
+
+    def damped_modes(self, configuration: Configuration) -> DampedModes | None:
+        """Complex modes up to just above the band; None without damping."""
+        if configuration.name not in self._damped:
+            system = self.system(configuration)
+            top = 2 * np.pi * self.scene.band[1] * _PARTNER_BEYOND_BAND
+            found = damped_modes(system, top, self._modes(configuration))
+            modes = None if found is None else DampedModes(found.s, _by_body(system, found.X))
+            self._damped[configuration.name] = modes
+        return self._damped[configuration.name]
+
+    def every_mode(
+        self, configuration: Configuration
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """All elastic modes of a system of moderate size.
+
+        Returns
+        -------
+        omega : (k,) float64
+            In rad/s, ascending.
+        Phi : (N, k) float64
+            Modes, orthonormal in M.
+        static : (N, s) float64
+            Shapes without mass, orthonormal in K.
+        """
+        if configuration.name in self._whole:
+            return self._whole[configuration.name]
+        system = self.system(configuration)
+        try:
+            lam, Phi, static = elastic_and_massless(dense(system.K), dense(system.M), system.rigid, system.rounding)
+        except UndeterminedError as error:
+            raise undetermined(system, error) from None
+        found = np.sqrt(lam), Phi, static
+        if system.N <= _KEPT_WHOLE:
+            self._whole[configuration.name] = found
+        return found
+
+    def _modes(self, configuration: Configuration) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        if configuration.name not in self._undamped:
+            top = 2 * np.pi * self.scene.band[1] * _BEYOND_BAND
+            system = self.system(configuration)
+            if isinstance(system.K, np.ndarray) and system.N <= _KEPT_WHOLE:
+                w, Phi, _ = self.every_mode(configuration)
+                self._undamped[configuration.name] = w[w <= top], Phi[:, w <= top]
+            else:
+                self._undamped[configuration.name] = system_modes(system, top)
+        return self._undamped[configuration.name]
+
+    def receptances(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
+        """Dynamic flexibilities of the ``held`` bodies, good for every configuration and any grid within the band."""
+        top = float(omega.max(initial=0.0))
+        if not self._receptances or top > self._prepared_to * (1 + _SAME_BAND):
+            # Prepared for the band, not for the grid that happens to come first: a run resumed answers the same.
+            prepared = decibel_grid(self.scene.band)
+            prepared = prepared if top <= prepared[-1] * (1 + _SAME_BAND) else omega
+            self._receptances = body_receptances(self.held.stack, prepared)
+            self._prepared_to = float(prepared.max())
+        return self._receptances
+
+    def tables(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
+        """Receptances at frequencies that are asked for in every configuration."""
+        return {
+            name: tabulated(source, omega, self.held.stack.moving(name).size)
+            for name, source in self.receptances(omega).items()
+        }
+
+    def response(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Frequency response, rigid-body part included (f, outputs, inputs)."""
+        return self.responses([configuration], [omega])[0]
+
+    def responses(
+        self,
+        configurations: Sequence[Configuration],
+        grids: Sequence[NDArray[np.float64]],
+        flexibility: Mapping[str, Receptance] | None = None,
+    ) -> list[NDArray[np.complex128]]:
+        """Frequency responses of several configurations together, each on a grid of its own."""
+        Y = self.receptances(np.concatenate([np.empty(0), *grids])) if flexibility is None else flexibility
+        wirings = [self.held.wiring(self.wiring(configuration)) for configuration in configurations]
+        return couple(Y, self.held.stack, wirings, grids)
+
+    def rigid_response(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Rigid-body part of the response (f, outputs, inputs)."""
+        return rigid_response(self.system(configuration), omega)
+
+
+def mass_products(
+    bodies: Mapping[str, FEModel],
+    full: Mapping[str, ModalComponent | None],
+    reduced: Mapping[str, ModalComponent | None],
+    substructures: Mapping[str, Substructure],
+) -> dict[str, Matrix]:
+    """Mass of each body between its coordinates in two models, body: (m_i, r_i) array.
+
+    Parameters
+    ----------
+    bodies : mapping of name to FEModel
+        Mass matrices of the flexible bodies.
+    full, reduced : mapping of name to ModalComponent or None
+        Modes that the coordinates of either model are amplitudes of; None where they are dofs.
+    substructures : mapping of name to Substructure
+        Bodies of the full model, for the masses of the rigid ones.
+    """
+    found: dict[str, Matrix] = {}
+    for name, sub in substructures.items():
+        if name not in bodies:
+            found[name] = sub.M
+            continue
+        M, left, right = bodies[name].M, full[name], reduced[name]
+        if right is None:
+            found[name] = M if left is None else _times(M, left.Phi).T
+        else:
+            found[name] = _times(M, right.Phi, None if left is None else left.Phi)
+    return found
+
+
+def cross_orthogonality(
+    full: Mapping[str, NDArray[Number]], reduced: Mapping[str, NDArray[Number]], masses: Mapping[str, Matrix]
+) -> NDArray[Number]:
+    """Mass products of the shapes of two models (full modes, reduced modes), the full ones conjugated.
+
+    Parameters
+    ----------
+    full, reduced : mapping of body to (m_i, k) array
+        Shapes of either model in each body's own coordinates, real or complex.
+    masses : mapping of body to (m_i, r_i) array
+        See `mass_products`.
+    """
+    cross = [np.asarray(full[name].conj().T @ (M @ reduced[name])) for name, M in masses.items()]
+    return np.asarray(np.sum(cross, axis=0))
+
+
+def _times(M: sp.csc_array, Phi: NDArray[np.float64], Psi: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    """M Phi of a symmetric matrix, or Psi^T M Phi."""
+    product = symmetric_product(M)
+    found = np.empty(((Phi if Psi is None else Psi.T).shape[0], Phi.shape[1]))
+    for part in column_blocks(Phi.shape[1]):
+        moved = product(Phi[:, part])
+        found[:, part] = moved if Psi is None else Psi.T @ moved
+    return found
+
+
+def _by_body(system: System, X: NDArray[Number]) -> dict[str, NDArray[Number]]:
+    """Shapes of a system in the coordinates of each body."""
+    ends = np.cumsum(list(system.sizes.values()))
+    return dict(zip(system.sizes, np.split(np.asarray(system.T @ X), ends[:-1]), strict=True))
+
+
+def _weights(A: Matrix, Phi: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.einsum("ij,ij->j", Phi, A @ Phi))

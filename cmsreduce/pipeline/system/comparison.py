@@ -1,0 +1,305 @@
+"""Reduced models against the full one, in every configuration."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.assemble import Receptance
+from cmsreduce.model import (
+    Configuration,
+    ConfigurationResult,
+    DampedPairs,
+    FEModel,
+    Matrix,
+    ModalComponent,
+    ModelErrors,
+    ModeLikeness,
+    Response,
+    Scene,
+    Speed,
+)
+from cmsreduce.pipeline.store import Progress
+from cmsreduce.pipeline.system.assembled import (
+    AssembledModel,
+    Number,
+    cross_orthogonality,
+    mass_products,
+)
+from cmsreduce.verify import (
+    FrequencyPairs,
+    channel_errors,
+    channel_scales,
+    db_error,
+    decibel_grid,
+    frac,
+    frequency_grid,
+    frf_error,
+    heard,
+    pair_complex_modes,
+    pair_frequencies,
+    peak_errors,
+    peak_shifts,
+)
+
+__all__ = ["Comparison", "ReducedModel", "Target"]
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Configurations answered together: what the bodies and the solver do for one they do for all. Each of them is another
+# share of the memory of a block of frequencies, and the reader waits for news until all are done.
+_TOGETHER = 16
+# Points nearer than this share of a resonance's half-width add nothing to an integral over it.
+_THINNING = 0.02
+
+
+class ReducedModel:
+    """A reduced model of the scene with the modes its coordinates are amplitudes of.
+
+    Parameters
+    ----------
+    assembled : AssembledModel
+        The model.
+    shapes : mapping of name to ModalComponent or None
+        Modes that the coordinates of each flexible body are amplitudes of; None where they are its dofs.
+    """
+
+    def __init__(self, assembled: AssembledModel, shapes: Mapping[str, ModalComponent | None]) -> None:
+        self.assembled, self.shapes = assembled, shapes
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """The full model's response in one configuration.
+
+    Parameters
+    ----------
+    configuration : Configuration
+    omega : (f,) float64
+        Circular frequencies in rad/s.
+    elastic, rigid : (f, outputs, inputs) complex128
+        Response without its rigid-body part, and that.
+    row, column : float64
+        Scales of the channels.
+    """
+
+    configuration: Configuration
+    omega: Real
+    elastic: Complex
+    rigid: Complex
+    row: Real
+    column: Real
+
+
+class Comparison:
+    """The full model, and the errors of reduced ones against it.
+
+    Parameters
+    ----------
+    full : AssembledModel
+        Unreduced bodies.
+    full_shapes : mapping of name to ModalComponent or None
+        Modes the full model's coordinates are amplitudes of, None where they are dofs.
+    bodies : mapping of name to FEModel
+        Flexible bodies.
+    scene : Scene
+        Configurations, channels, band.
+    points : int
+        Grid points before refinement.
+    """
+
+    def __init__(
+        self,
+        full: AssembledModel,
+        full_shapes: Mapping[str, ModalComponent | None],
+        bodies: Mapping[str, FEModel],
+        scene: Scene,
+        points: int,
+    ) -> None:
+        self.full, self.full_shapes, self.bodies, self.scene, self.points = full, full_shapes, bodies, scene, points
+        self._decibel = decibel_grid(scene.band)
+        self._decibel_flexibility: Mapping[str, Receptance] | None = None
+        self._masses: WeakKeyDictionary[ReducedModel, dict[str, Matrix]] = WeakKeyDictionary()
+        self.full_seconds = 0.0
+        self.reduced_seconds = 0.0
+
+    def grid(self, configuration: Configuration, models: Sequence[ReducedModel]) -> NDArray[np.float64]:
+        """Frequencies refined at the resonances of the full model and of every reduced one, rad/s."""
+        found = [model.resonances(configuration) for model in (self.full, *(m.assembled for m in models))]
+        omega = np.concatenate([r.omega for r in found])
+        zeta = np.concatenate([r.zeta for r in found])
+        grid = frequency_grid(self.scene.band, self.points, omega, zeta)
+        return _thinned(grid, omega, zeta)
+
+    def errors(self, models: Mapping[str, ReducedModel], progress: Progress) -> tuple[ConfigurationResult, ...]:
+        """Errors and curves of several models in every configuration.
+
+        Parameters
+        ----------
+        models : mapping of label to ReducedModel
+            The run's own model first.
+        progress : Progress
+            Told after each few configurations.
+        """
+        results: list[ConfigurationResult] = []
+        for some in self._groups():
+            results += self.at(some, models)
+            progress.advance(len(results), len(self.scene.configurations))
+        return tuple(results)
+
+    def targets(self, configurations: Sequence[Configuration], model: ReducedModel) -> tuple[Target, ...]:
+        """What reduced models aim at, on grids refined at the resonances of the full model and of one reduced."""
+        grids = [self.grid(configuration, [model]) for configuration in configurations]
+        full = self.full.responses(configurations, grids)
+        return tuple(self._target(*each) for each in zip(configurations, grids, full, strict=True))
+
+    def _target(self, configuration: Configuration, omega: Real, H: Complex) -> Target:
+        rigid = self.full.rigid_response(configuration, omega)
+        row, column = channel_scales(self.scene.actuators, self.scene.sensors, H - rigid, H)
+        return Target(configuration, omega, H - rigid, rigid, row, column)
+
+    def candidate_error(self, model: ReducedModel) -> float:
+        """Worst response error of a reduced model over all configurations, on grids of its own."""
+        return max(max(self._errors(some, model)) for some in self._groups())
+
+    def error_at(self, configuration: Configuration, model: ReducedModel) -> float:
+        """Response error of a reduced model in one configuration, of the scene or not, on a grid of its own."""
+        return self._errors([configuration], model)[0]
+
+    def _groups(self) -> Iterator[tuple[Configuration, ...]]:
+        every = self.scene.configurations
+        return (every[start : start + _TOGETHER] for start in range(0, len(every), _TOGETHER))
+
+    def _errors(self, configurations: Sequence[Configuration], model: ReducedModel) -> list[float]:
+        aims = self.targets(configurations, model)
+        responses = model.assembled.responses(configurations, [aim.omega for aim in aims])
+        # Every reduced model keeps the rigid modes, so its rigid part is the full one's.
+        return [
+            frf_error(aim.omega, aim.elastic, H_r - aim.rigid, aim.row, aim.column)
+            for aim, H_r in zip(aims, responses, strict=True)
+        ]
+
+    def speed(self, reduce_s: float) -> Speed:
+        """Wall times of the responses so far, full and of the run's own reduced model over the same grids."""
+        return Speed(reduce_s, self.full_seconds, self.reduced_seconds)
+
+    def at(
+        self, configurations: Sequence[Configuration], models: Mapping[str, ReducedModel]
+    ) -> tuple[ConfigurationResult, ...]:
+        """Errors and curves of several models in some configurations, the run's own model first."""
+        grids = [self.grid(configuration, list(models.values())) for configuration in configurations]
+        started = time.perf_counter()
+        full = self.full.responses(configurations, grids)
+        self.full_seconds += time.perf_counter() - started
+        full_db = self._decibels(self.full, configurations)
+        aims = [self._target(*each) for each in zip(configurations, grids, full, strict=True)]
+        errors: list[dict[str, ModelErrors]] = [{} for _ in configurations]
+        curves: list[dict[str, Complex]] = [{} for _ in configurations]
+        for number, (label, model) in enumerate(models.items()):
+            started = time.perf_counter()
+            responses = model.assembled.responses(configurations, grids)
+            seconds = time.perf_counter() - started
+            if number == 0:
+                self.reduced_seconds += seconds
+            each = seconds / sum(omega.size for omega in grids)
+            reduced_db = self._decibels(model.assembled, configurations)
+            for k, (aim, H_r) in enumerate(zip(aims, responses, strict=True)):
+                in_db = db_error(full_db[k], reduced_db[k], aim.row, aim.column)
+                errors[k][label] = self._model_errors(aim, model, H_r, in_db, each * aim.omega.size)
+                curves[k][label] = H_r
+        own = next(iter(models.values())).assembled
+        top = 2 * np.pi * self.scene.band[1]
+        return tuple(
+            ConfigurationResult(
+                configuration=configuration,
+                n_full=self.full.system(configuration).N,
+                n_reduced=own.system(configuration).N,
+                modes_full=int(np.count_nonzero(self.full.resonances(configuration).omega <= top)),
+                modes_reduced=int(np.count_nonzero(own.resonances(configuration).omega <= top)),
+                errors=errors[k],
+                response=Response(grids[k] / (2 * np.pi), full[k], curves[k]),
+            )
+            for k, configuration in enumerate(configurations)
+        )
+
+    def _model_errors(
+        self, aim: Target, model: ReducedModel, H_r: Complex, in_db: float, seconds: float
+    ) -> ModelErrors:
+        """Errors of a model by its response on the grid of the target, beside those in decibels."""
+        configuration, omega, H, row, column = aim.configuration, aim.omega, aim.elastic, aim.row, aim.column
+        elastic = H_r - model.assembled.rigid_response(configuration, omega)
+        pairs, likeness = self._pairs(configuration, model)
+        shape, peak = frac(H, elastic), peak_errors(H, elastic)
+        shift = peak_shifts(omega / (2 * np.pi), H, pairs.full_hz, pairs.reduced_hz)
+        loud = heard(H, row, column)
+        return ModelErrors(
+            frf_error=frf_error(omega, H, elastic, row, column),
+            db_error=in_db,
+            frequency_error=pairs.worst,
+            frac=shape,
+            full_hz=pairs.full_hz,
+            reduced_hz=pairs.reduced_hz,
+            mac=pairs.mac,
+            damped=self._damped_pairs(configuration, model),
+            peak_error=float(peak[loud].max(initial=0.0)),
+            frac_error=float((1 - shape[loud]).max(initial=0.0)),
+            channel_error=channel_errors(omega, H, elastic),
+            channel_peak=peak,
+            channel_shift=shift,
+            nrfd=float(np.nanmax(shift[loud], initial=0.0)),
+            likeness=likeness,
+            coordinates=model.assembled.system(configuration).N,
+            seconds=seconds,
+        )
+
+    def _decibels(self, model: AssembledModel, configurations: Sequence[Configuration]) -> list[Complex]:
+        """Responses on the decibel grid; of many configurations, the full bodies' receptances are wanted repeatedly."""
+        flexibility = None
+        if model is self.full and len(self.scene.configurations) > _TOGETHER:
+            if self._decibel_flexibility is None:
+                self._decibel_flexibility = self.full.tables(self._decibel)
+            flexibility = self._decibel_flexibility
+        return model.responses(configurations, [self._decibel] * len(configurations), flexibility)
+
+    def _pairs(self, configuration: Configuration, model: ReducedModel) -> tuple[FrequencyPairs, ModeLikeness]:
+        full, reduced = self.full.resonances(configuration), model.assembled.resonances(configuration)
+        cross = self._cross_orthogonality(full.shapes, reduced.shapes, model)
+        # Both sets are orthonormal in mass.
+        likeness = ModeLikeness(full.omega / (2 * np.pi), reduced.omega / (2 * np.pi), cross**2)
+        return pair_frequencies(full.omega, reduced.omega, cross, self.scene.band[1]), likeness
+
+    def _damped_pairs(self, configuration: Configuration, model: ReducedModel) -> DampedPairs | None:
+        full, reduced = self.full.damped_modes(configuration), model.assembled.damped_modes(configuration)
+        if full is None or reduced is None:
+            return None
+        cross = self._cross_orthogonality(full.shapes, reduced.shapes, model)
+        return pair_complex_modes(full.s, reduced.s, cross, self.scene.band[1])
+
+    def _cross_orthogonality(
+        self, full: Mapping[str, NDArray[Number]], reduced: Mapping[str, NDArray[Number]], model: ReducedModel
+    ) -> NDArray[Number]:
+        masses = self._masses.get(model)
+        if masses is None:
+            masses = mass_products(self.bodies, self.full_shapes, model.shapes, self.full.substructures)
+            self._masses[model] = masses
+        return cross_orthogonality(full, reduced, masses)
+
+
+def _thinned(grid: NDArray[np.float64], omega: NDArray[np.float64], zeta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Drop points that crowd where resonances of both models, or of a cluster, fall together."""
+    if not omega.size:
+        return grid
+    order = np.argsort(omega)
+    nearest = np.clip(np.searchsorted(omega[order], grid), 0, omega.size - 1)
+    spacing = _THINNING * np.maximum(zeta[order], 1e-5)[nearest] * grid
+    keep = [0]
+    for k in range(1, grid.size):
+        if grid[k] - grid[keep[-1]] >= spacing[k]:
+            keep.append(k)
+    return grid[keep]

@@ -1,0 +1,236 @@
+"""What a finished reduction holds of static loads, of the gains between channels, of their zeros, and in time."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.assemble import elastic_states
+from cmsreduce.errors import MatrixError
+from cmsreduce.model import (
+    CHECKS,
+    ChannelZeros,
+    Configuration,
+    GainSum,
+    ModalComponent,
+    ReductionChecks,
+    Scene,
+    StaticLack,
+    StepErrors,
+    SystemChecks,
+)
+from cmsreduce.pipeline.bodies import FlexibleBody, probing_loads
+from cmsreduce.pipeline.system.assembled import AssembledModel
+from cmsreduce.verify import (
+    gain_sum,
+    judged_zeros,
+    static_completeness,
+    step_errors,
+    step_response,
+    visible_modes,
+    zero_shifts,
+    zeros_below,
+)
+
+__all__ = ["AllModes", "all_modes", "channel_gains", "reduction_checks", "static_lack", "step_compared", "zeros_apart"]
+
+Array = NDArray[np.float64]
+
+# All modes of a system of so many coordinates are a matter of seconds: what needs them all is done on request. Without
+# one it is done where it is a matter of a tenth of a second.
+_USUAL = ("static", "gains", "zeros")
+_DENSE, _QUICK = 1500, 600
+# The same of the sparse factorisation of a body of so many dofs.
+_QUICK_BODY = 20_000
+# Zeros below this share of the lowest frequency are those of rigid motion alone.
+_BELOW = 1e-2
+# Steps are followed for so many periods of the lowest elastic mode, at so many instants for each period of the highest
+# frequency of the band; a screen shows as many as the last.
+_PERIODS, _INSTANTS, _MOST, _SHOWN = 8, 16, 4000, 400
+
+
+@dataclass(frozen=True, eq=False)
+class AllModes:
+    """Every mode of a system in one configuration, rigid ones first, and its channels in them.
+
+    Parameters
+    ----------
+    omega : (k,) float64
+        In rad/s.
+    B, C : (k, inputs), (outputs, k) float64
+        Modal inputs and outputs; of a rate, the displacement whose rate it is.
+    static : (outputs, inputs) float64
+        Gain of the shapes without mass.
+    """
+
+    omega: Array
+    B: Array
+    C: Array
+    static: Array
+
+    @property
+    def gains(self) -> GainSum:
+        """Of the elastic modes."""
+        elastic = self.omega > 0
+        return gain_sum(self.omega[elastic], self.B[elastic], self.C[:, elastic], self.static)
+
+
+def reduction_checks(
+    required: Collection[str],
+    usual: bool,
+    scene: Scene,
+    bodies: Mapping[str, FlexibleBody],
+    reduced: Mapping[str, ModalComponent],
+    full: AssembledModel | None,
+    model: AssembledModel,
+) -> ReductionChecks:
+    """Carry out the checks of a reduction.
+
+    Parameters
+    ----------
+    required : collection of str
+        Some of ``CHECKS``: done whatever they cost.
+    usual : bool
+        Whether static completeness, gains and zeros are wanted, too, as far as they are a matter of tenths of a second.
+    scene : Scene
+        Channels, configurations, band.
+    bodies : mapping of name to FlexibleBody
+        As they were read.
+    reduced : mapping of name to ModalComponent
+        The bodies that were reduced.
+    full : AssembledModel, optional
+        The full system; not needed by bodies alone.
+    model : AssembledModel
+        The reduced one.
+    """
+    wanted = {check for check in CHECKS if check in required or (usual and check in _USUAL)}
+    static: dict[str, tuple[StaticLack, ...]] = {}
+    left_out: dict[str, None] = {}
+    for name, modes in reduced.items() if "static" in wanted else ():
+        n = bodies[name].body.n
+        if n > _QUICK_BODY and "static" not in required:
+            left_out[f"static completeness of {name}: it costs a factorisation of {n} dofs"] = None
+            continue
+        static[name] = tuple(static_lack(bodies[name], modes, scene))
+    systems = []
+    channels = wanted - {"static"}
+    for configuration in scene.configurations if channels and full is not None else ():
+        assert full is not None
+        N = full.system(configuration).N
+        here = {check for check in channels if (_DENSE if check in required else _QUICK) >= N}
+        if here != channels:
+            left_out[f"{', '.join(sorted(channels - here))}: the full system has {N} coordinates"] = None
+        found, why = _of_system(here, full, model, configuration)
+        systems.append(found)
+        left_out |= dict.fromkeys(why)
+    return ReductionChecks(static, tuple(systems), tuple(left_out))
+
+
+def _of_system(
+    wanted: Collection[str], full: AssembledModel, model: AssembledModel, configuration: Configuration
+) -> tuple[SystemChecks, list[str]]:
+    """Gains, zeros and steps in one configuration, and why there are none."""
+    gains: tuple[GainSum | None, GainSum | None] = None, None
+    zeros, step, why = None, None, []
+    if {"gains", "zeros"}.intersection(wanted):
+        both = all_modes(full, configuration), all_modes(model, configuration)
+        gains = (both[0].gains, both[1].gains) if "gains" in wanted else gains
+        zeros = zeros_apart(*both, model, configuration) if "zeros" in wanted else None
+    if "step" in wanted:
+        try:
+            step = step_compared(full, model, configuration)
+        except MatrixError as error:
+            why.append(f"step: {error}")
+    return SystemChecks(configuration.name, *gains, zeros, step), why
+
+
+def static_lack(flexible: FlexibleBody, modes: ModalComponent, scene: Scene) -> list[StaticLack]:
+    """How complete a reduced body is under unit loads at its interfaces and actuators, one line for each of these."""
+    names, loads = probing_loads(flexible, scene, joints=True)
+    acting = np.array([not load.startswith("sensor") for load in names], dtype=bool)
+    acting &= abs(loads).max(axis=0, initial=0.0) > 0
+    lack = static_completeness(modes, flexible.body, flexible.rigid, loads[:, acting], flexible.ports.interface)
+    worst: dict[str, float] = {}
+    for load, value in zip(np.array(names)[acting], lack, strict=True):
+        worst[str(load)] = max(worst.get(str(load), 0.0), float(value))
+    return [StaticLack(load, value) for load, value in worst.items()]
+
+
+def all_modes(model: AssembledModel, configuration: Configuration) -> AllModes:
+    """Every mode of a system of moderate size, full or reduced."""
+    system = model.system(configuration)
+    omega, Phi, N = model.every_mode(configuration)
+    X, C = np.hstack([system.rigid, Phi]), system.C1 + system.C2
+    return AllModes(
+        np.concatenate([np.zeros(system.rigid.shape[1]), omega]), X.T @ system.B, C @ X, (C @ N) @ (N.T @ system.B)
+    )
+
+
+def channel_gains(model: AssembledModel, configuration: Configuration) -> GainSum | None:
+    """Modal gains of a system between all its channels; None if it is too large for all its modes."""
+    return all_modes(model, configuration).gains if model.system(configuration).N <= _DENSE else None
+
+
+def zeros_apart(
+    full: AllModes, reduced: AllModes, model: AssembledModel, configuration: Configuration
+) -> tuple[ChannelZeros, ...]:
+    """Compare the zeros of every pair of channels that a mode joins.
+
+    Parameters
+    ----------
+    full, reduced : AllModes
+        Of the two systems.
+    model : AssembledModel
+        The reduced system.
+    configuration : Configuration
+        Setting of the joints.
+    """
+    low, high = (2 * np.pi * hz for hz in model.scene.band)
+    # The lowest frequency there is, where the band starts at none: below it zeros are those of rigid motion.
+    low = max(low, _BELOW * float(full.omega[full.omega > 0].min(initial=high)))
+    hidden = float(model.resonances(configuration).zeta.min(initial=np.inf))
+    joined, found = full.gains.size > 0, []
+    for y, u in np.argwhere(joined).tolist():
+        zeros, poles = [], []
+        for modes in (full, reduced):
+            # A rate has the zeros of its displacement, and one at the origin.
+            omega, residue = visible_modes(modes.omega, modes.B[:, u] * modes.C[y])
+            zeros.append(zeros_below(omega, residue, high, static=float(modes.static[y, u])))
+            poles.append(omega)
+        told = (low, high), poles[0], hidden if np.isfinite(hidden) else 0.0
+        shift = zero_shifts(zeros[0], zeros[1], *told)
+        found.append(ChannelZeros(y, u, zeros[0], zeros[1], shift, judged_zeros(zeros[0], *told)))
+    return tuple(found)
+
+
+def step_compared(full: AssembledModel, reduced: AssembledModel, configuration: Configuration) -> StepErrors:
+    """Compare the elastic responses to unit steps.
+
+    Parameters
+    ----------
+    full, reduced : AssembledModel
+        The two systems.
+    configuration : Configuration
+        Setting of the joints.
+
+    Raises
+    ------
+    MatrixError
+        If damping is a complex stiffness, or brakes rigid motion.
+
+    Notes
+    -----
+    Superposition of all modes of either system, coupled by their damping as it is: exact at every instant.
+    """
+    states = [elastic_states(model.system(configuration)) for model in (full, reduced)]
+    high = full.scene.band[1]
+    lowest = float(states[0].omega.min(initial=2 * np.pi * high)) / (2 * np.pi)
+    count = int(min(_MOST, np.ceil(_PERIODS * _INSTANTS * max(high / lowest, 1.0)))) + 1
+    step = 1 / (_INSTANTS * high)
+    y, y_r = (step_response(each.A, each.B, each.C, each.D, step, count) for each in states)
+    peak, rms = step_errors(y, y_r)
+    shown = np.unique(np.linspace(0, count - 1, min(count, _SHOWN)).astype(np.int64))
+    return StepErrors(np.asarray(step * shown, dtype=np.float64), y[shown], y_r[shown], peak, rms)

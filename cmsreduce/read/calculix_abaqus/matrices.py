@@ -1,0 +1,188 @@
+"""Matrices as text, one entry a line: ``i j value`` (CalculiX, Abaqus) or ``node,dof, node,dof, value`` (Abaqus).
+
+Dof lists: one dof a line, in the order of the rows of a matrix (CalculiX writes them as ``.dof``).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import DofMapError, ReadError
+from cmsreduce.model import DofTable
+from cmsreduce.read.labelled_matrix import (
+    LabelledMatrix,
+    StoredMatrix,
+    canonical,
+    check_size,
+    mirrored,
+)
+from cmsreduce.read.matrices import COORDINATE, LABELLED, read_entries
+from cmsreduce.read.printed_numbers import rounding_of_printed
+
+__all__ = [
+    "dof_list_beside",
+    "read_dof_list",
+    "coordinate_matrices",
+]
+
+_SKIPPED = "#%$*"  # what a line starts with that is no entry: comments, and keywords of Abaqus
+
+
+def coordinate_matrices(path: Path, format: str) -> list[StoredMatrix]:
+    """The one matrix of a coordinate text.
+
+    Indices count from one. A file that holds entries on one side of the diagonal only is taken as a triangle of a
+    symmetric matrix; a file that holds both sides is taken as it is. Without labels the size is the largest index.
+
+    Parameters
+    ----------
+    path : Path
+        Text file.
+    format : str
+        ``calculix`` or ``abaqus``.
+
+    Returns
+    -------
+    list of StoredMatrix
+        One; loading it raises ReadError if a line does not parse, an index is out of range, a place stands twice, or
+        the file ends inside a number.
+    """
+
+    def load() -> LabelledMatrix:
+        return _load(path, format)
+
+    def size() -> tuple[int, int, int | None]:
+        A = load().A
+        return A.shape[0], A.shape[1], A.nnz
+
+    return [StoredMatrix(path.stem, "real, as text", "", size, load)]
+
+
+def _load(path: Path, format: str) -> LabelledMatrix:
+    """Read the matrix of a coordinate text, labelled or not."""
+    text, symmetric = _entries_only(path)
+    start = text.lstrip()[:500].split("\n", 1)[0]
+    if LABELLED.matches(start):
+        return _load_labelled(path, format, text, symmetric)
+    entries = read_entries(path, text, COORDINATE)
+    if entries.where.min() < 1:
+        i, j = entries.where[(entries.where < 1).any(axis=1)][0]
+        raise ReadError(
+            f"{path}: there is an entry at row {i}, column {j}, but indices count from 1; if the writer counts from 0, "
+            "let it write a Matrix Market or .npz file instead"
+        )
+    n = int(entries.where.max())
+    check_size(path, path.stem, n, n, len(text))
+    A = _matrix(path, entries.where - 1, entries.value, n, lambda i: str(i + 1))
+    return LabelledMatrix(mirrored(A), path.stem, path, format, rounding_of_printed(entries.printed))
+
+
+def _load_labelled(path: Path, format: str, text: str, symmetric: bool) -> LabelledMatrix:
+    """Read entries that name nodes and dofs; rows come sorted by node and dof."""
+    entries = read_entries(path, text, LABELLED)
+    node, dof = entries.where[:, ::2], entries.where[:, 1::2]
+    bad = (dof < 0) | (dof > 6)
+    if bad.any():
+        raise ReadError(
+            f"{path}: dof {dof[bad][0]} of node {node[bad][0]} is no displacement or rotation (1..6); temperatures, "
+            "pressures and multipliers cannot be reduced: leave them out of the output"
+        )
+    dofs, place = np.unique(node * 8 + dof, return_inverse=True)
+    A = _matrix(path, place.reshape(node.shape), entries.value, dofs.size, lambda i: f"{dofs[i] // 8}.{dofs[i] % 8}")
+    rounding = rounding_of_printed(entries.printed)
+    table = DofTable(dofs // 8, (dofs % 8).astype(np.int8))
+    return LabelledMatrix(mirrored(A) if symmetric else A, path.stem, path, format, rounding, table)
+
+
+def _entries_only(path: Path) -> tuple[str, bool]:
+    """Text with comments and keywords blanked, and whether one triangle of it may stand for both.
+
+    Blanked, not cut out, so that lines keep their numbers.
+    """
+    text = path.read_bytes().decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+    symmetric = True
+    if any(mark in text for mark in _SKIPPED):
+        lines = text.split("\n")
+        keywords = [line.upper().replace(" ", "") for line in lines if line.startswith("*MATRIX")]
+        if sum("MATRIXINPUT" in line for line in keywords) > 1:
+            raise ReadError(f"{path}: holds several *MATRIX INPUT blocks; write each matrix to a file of its own")
+        symmetric = not any("TYPE=UNSYMMETRIC" in line for line in keywords)
+        text = "\n".join("" if line.lstrip()[:1] in _SKIPPED and line.strip() else line for line in lines)
+    return text, symmetric
+
+
+def _matrix(
+    path: Path, where: NDArray[np.int64], value: NDArray[np.float64], n: int, label: Callable[[int], str]
+) -> sp.csc_array:
+    """Square matrix of entries at rows and columns from zero, each place of which may stand once."""
+    row, col = where.T
+    place = np.sort(row * n + col)
+    repeated = place[1:][place[1:] == place[:-1]]
+    if repeated.size:
+        i, j = divmod(int(repeated[0]), n)
+        raise ReadError(
+            f"{path}: row {label(i)}, column {label(j)} stands in it {(place == repeated[0]).sum()} times; a matrix "
+            "names each place once, so the file holds two matrices or the parts of several runs"
+        )
+    return canonical(row, col, value, (n, n))
+
+
+_DOF = re.compile(r"(\d+)(?:\s*[.,;]\s*|\s+)([0-6])")
+
+
+def read_dof_list(path: Path) -> DofTable:
+    """Read a dof list.
+
+    Parameters
+    ----------
+    path : Path
+        Text with a dof on each line: ``node.component``, or the two separated by a blank or a comma. Empty lines and
+        lines that start with ``#``, ``%``, ``$`` or ``*`` are skipped.
+
+    Returns
+    -------
+    DofTable
+
+    Raises
+    ------
+    ReadError
+        If the file is missing or empty, a line names no dof, or a dof stands in it twice.
+    """
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise ReadError(f"{path}: the dof list cannot be read: {error.strerror or error}") from error
+    node, component = [], []
+    for number, line in enumerate(text.splitlines(), start=1):
+        line = line.strip()
+        if not line or line[0] in "#%$*":
+            continue
+        match = _DOF.fullmatch(line)
+        if match is None:
+            raise ReadError(
+                f"{path}, line {number}: '{line[:40]}' is not a dof; write node.component, such as 1001.3 "
+                "(1..3 translations, 4..6 rotations, 0 for a scalar point)"
+            )
+        node.append(int(match[1]))
+        component.append(int(match[2]))
+    if not node:
+        raise ReadError(f"{path}: the dof list is empty; it needs one node.component for each row of the matrix")
+    try:
+        return DofTable(np.array(node, dtype=np.int64), np.array(component, dtype=np.int8))
+    except (DofMapError, OverflowError) as error:
+        raise ReadError(f"{path}: {error}") from error
+
+
+def dof_list_beside(path: Path) -> Path | None:
+    """The dof list of the same stem in the folder of a matrix file, None if there is none."""
+    for suffix in (".dof", ".DOF"):
+        beside = path.with_suffix(suffix)
+        if beside != path and beside.is_file():
+            return beside
+    return None

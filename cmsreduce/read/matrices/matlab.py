@@ -1,0 +1,154 @@
+"""Matrices of MATLAB files: levels 4 and 5 through scipy, version 7.3 (which is HDF5) through h5py."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from cmsreduce.errors import ReadError
+from cmsreduce.read.labelled_matrix import LabelledMatrix, StoredMatrix
+from cmsreduce.read.library_errors import reading
+from cmsreduce.read.matrices.matlab_layout import check_layout
+from cmsreduce.read.matrices.numpy_files import from_array, kind_of
+
+__all__ = ["matlab_matrices"]
+
+_NUMERIC = {"double", "single", "sparse", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"}
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_HDF5_STARTS = (0, 512)  # MATLAB writes its own 512 bytes before the HDF5 part
+# HDF5 shrinks by deflate at most so much; a data set that claims more was never written.
+_LARGEST_RATIO = 1032
+
+
+def matlab_matrices(path: Path) -> list[StoredMatrix]:
+    """Matrices of a MATLAB file.
+
+    Parameters
+    ----------
+    path : Path
+        Level 4, level 5 or version 7.3 file.
+
+    Returns
+    -------
+    list of StoredMatrix
+        Full and sparse matrices of numbers; structs, cells and text are listed as not usable.
+
+    Raises
+    ------
+    ReadError
+        If the file is truncated or damaged, or is HDF5 that MATLAB did not write.
+    """
+    with path.open("rb") as file:
+        head = file.read(_HDF5_STARTS[-1] + len(_HDF5))
+    if any(head[at:].startswith(_HDF5) for at in _HDF5_STARTS):
+        return _hdf5_matrices(path)
+    check_layout(path, head)
+    from scipy.io import whosmat
+
+    variables = _by_scipy(path, "the MATLAB file", lambda: whosmat(str(path)))
+    return [_stored(path, name, shape, kind) for name, shape, kind in variables]
+
+
+def _by_scipy(path: Path, what: str, call: Callable[[], Any]) -> Any:
+    """Result of a call to scipy, whose own error for these files belongs to no family."""
+    from scipy.io.matlab import MatReadError
+
+    with reading(path, what), np.errstate(invalid="ignore"):
+        try:
+            return call()
+        except MatReadError as error:
+            raise ValueError(str(error)) from error
+
+
+def _stored(path: Path, name: str, shape: tuple[int, ...], kind: str) -> StoredMatrix:
+    """A variable of a level 4 or 5 file."""
+    usable = kind in _NUMERIC and len(shape) == 2
+    rows, cols = shape if len(shape) == 2 else (0, 0)
+    numbers = f"real {kind}" if kind in ("double", "single") else kind
+    load = partial(_load, path, name) if usable else partial(_refuse, path, name, kind, shape)
+    return StoredMatrix(name, numbers, "", lambda: (rows, cols, None), load, usable)
+
+
+def _load(path: Path, name: str) -> LabelledMatrix:
+    """Read a variable of a level 4 or 5 file."""
+    from scipy.io import loadmat
+
+    variables = _by_scipy(path, f"variable '{name}'", lambda: loadmat(str(path), variable_names=[name]))
+    return from_array(path, name, "mat", variables[name])
+
+
+def _refuse(path: Path, name: str, kind: str, shape: tuple[int, ...]) -> LabelledMatrix:
+    """Say why a variable cannot be a matrix."""
+    size = " x ".join(map(str, shape))
+    raise ReadError(f"{path}: variable '{name}' is a {size} {kind}, not a matrix; save the matrix as a variable itself")
+
+
+def _hdf5_matrices(path: Path) -> list[StoredMatrix]:
+    """Variables of a version 7.3 file."""
+    import h5py
+
+    stored = []
+    with reading(path, "the HDF5 file"), h5py.File(path, "r") as file:
+        classes = {name: item.attrs.get("MATLAB_class") for name, item in file.items() if not name.startswith("#")}
+        if not any(kind is not None for kind in classes.values()):
+            raise ReadError(
+                f"{path}: is an HDF5 file that MATLAB did not write; save the matrices to a .npz or .mat file"
+            )
+        for name, found in classes.items():
+            kind = found.decode() if isinstance(found, bytes) else str(found)
+            stored.append(_hdf5_stored(path, name, kind, file[name]))
+    return stored
+
+
+def _hdf5_stored(path: Path, name: str, kind: str, item: Any) -> StoredMatrix:
+    """A variable of a version 7.3 file: a data set, or a group for a sparse matrix."""
+    sparse_rows = item.attrs.get("MATLAB_sparse")
+    if sparse_rows is not None:
+        columns = int(item["jc"].shape[0]) - 1
+        entries = int(item["data"].shape[0]) if "data" in item else 0
+        size = (int(sparse_rows), columns, entries)
+        return StoredMatrix(name, "real double", "", lambda: size, partial(_load_hdf5_sparse, path, name))
+    shape = tuple(reversed(getattr(item, "shape", ())))
+    if kind not in _NUMERIC or len(shape) != 2:
+        return StoredMatrix(
+            name, kind, "", lambda: (0, 0, None), partial(_refuse, path, name, kind, shape), usable=False
+        )
+    numbers = "complex double" if item.dtype.names else kind_of(item.dtype) or str(item.dtype)
+    claimed = prod(shape) * item.dtype.itemsize
+    if claimed > _LARGEST_RATIO * max(item.id.get_storage_size(), 1):
+        raise ReadError(
+            f"{path}: variable '{name}' claims {shape[0]} x {shape[1]} numbers, but {item.id.get_storage_size()} bytes "
+            "are stored for it; the file is damaged: save it again"
+        )
+    return StoredMatrix(name, numbers, "", lambda: (shape[0], shape[1], None), partial(_load_hdf5_dense, path, name))
+
+
+def _load_hdf5_dense(path: Path, name: str) -> LabelledMatrix:
+    """Read a full matrix; MATLAB stores columns first, so HDF5 sees its transpose."""
+    import h5py
+
+    with reading(path, f"variable '{name}'"), h5py.File(path, "r") as file:
+        array = file[name][()].T
+    return from_array(path, name, "mat", array)
+
+
+def _load_hdf5_sparse(path: Path, name: str) -> LabelledMatrix:
+    """Read a sparse matrix: values, row indices, and where each column starts."""
+    import h5py
+
+    with reading(path, f"variable '{name}'"), h5py.File(path, "r") as file:
+        group = file[name]
+        starts = group["jc"][()].astype(np.int64)
+        # MATLAB leaves both out where there are no entries.
+        rows = group["ir"][()].astype(np.int64) if "ir" in group else np.empty(0, dtype=np.int64)
+        data = group["data"][()] if "data" in group else np.empty(0)
+        if data.dtype.names:
+            raise ReadError(f"{path}: matrix '{name}' is complex; stiffness, mass and damping must be real")
+        A = sp.csc_array((data, rows, starts), shape=(int(group.attrs["MATLAB_sparse"]), starts.size - 1))
+    return from_array(path, name, "mat", A)

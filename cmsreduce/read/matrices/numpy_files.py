@@ -1,0 +1,225 @@
+"""Arrays of numpy and scipy as labelled matrices.
+
+Matrices of ``.npy`` and ``.npz`` files, dense or saved by ``scipy.sparse.save_npz``; pickles are never opened.
+"""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from collections.abc import Callable
+from functools import partial
+from math import prod
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.lib import format as npy
+
+from cmsreduce.errors import ReadError
+from cmsreduce.read.labelled_matrix import (
+    DOUBLE,
+    LabelledMatrix,
+    StoredMatrix,
+    canonical,
+    check_size,
+)
+from cmsreduce.read.library_errors import reading
+
+__all__ = [
+    "from_array",
+    "kind_of",
+    "npy_matrices",
+    "npz_matrices",
+]
+
+_NAMES = {"f2": "real half", "f4": "real single", "f8": "real double", "c8": "complex single", "c16": "complex double"}
+
+
+def kind_of(dtype: np.dtype[Any]) -> str | None:
+    """Kind of number in words, such as ``real double``; None for what is no number.
+
+    Examples
+    --------
+    >>> kind_of(np.dtype("f4")), kind_of(np.dtype("c16")), kind_of(np.dtype("i8")), kind_of(np.dtype(object))
+    ('real single', 'complex double', 'int64', None)
+    """
+    if dtype.kind not in "fiuc":
+        return None
+    short = f"{dtype.kind}{dtype.itemsize}"
+    return _NAMES.get(short, "complex" if dtype.kind == "c" else str(dtype))
+
+
+def from_array(path: Path, name: str, format: str, array: Any) -> LabelledMatrix:
+    """Labelled matrix of an array that a file held.
+
+    Parameters
+    ----------
+    path : Path
+        File, for messages.
+    name, format : str
+        As in LabelledMatrix.
+    array : (rows, cols) ndarray or sparse matrix
+        Real numbers.
+
+    Raises
+    ------
+    ReadError
+        If entries are no real numbers, there are not two dimensions, or indices are out of range.
+    """
+    dtype = np.dtype(array.dtype)
+    kind = kind_of(dtype)
+    if kind is None:
+        raise ReadError(f"{path}: '{name}' holds {dtype}, not numbers; save a plain or sparse matrix of real numbers")
+    if kind.startswith("complex"):
+        raise ReadError(f"{path}: matrix '{name}' is complex; stiffness, mass and damping must be real")
+    if array.ndim != 2:
+        raise ReadError(f"{path}: '{name}' has {array.ndim} dimensions, a matrix has 2")
+    rows, cols = array.shape
+    check_size(path, name, rows, cols, path.stat().st_size)
+    A = _entries_of(path, name, array) if sp.issparse(array) else _nonzeros_of(array)
+    rounding = max(DOUBLE, float(np.finfo(dtype).eps) / 2) if dtype.kind == "f" else DOUBLE
+    return LabelledMatrix(A, name, path, format, rounding)
+
+
+def _nonzeros_of(array: Any) -> sp.csc_array:
+    """Sparse array of a dense one."""
+    row, col = np.nonzero(array)
+    return canonical(row, col, array[row, col], array.shape)
+
+
+def _entries_of(path: Path, name: str, array: Any) -> sp.csc_array:
+    """Canonical form of a sparse matrix, which scipy builds without looking at every index."""
+    if array.format in ("csc", "csr", "bsr"):
+        try:
+            array.check_format(full_check=True)
+        except ValueError as error:
+            raise ReadError(f"{path}: sparse matrix '{name}' is damaged: {error}; save it again") from error
+    entries = array.tocoo()
+    return canonical(entries.row, entries.col, entries.data, array.shape)
+
+
+# Deflate cannot shrink anything more than this; a member that claims more is damaged or made to exhaust memory.
+_LARGEST_RATIO = 1032
+# Bytes of a header; numpy writes some hundred.
+_LONGEST_HEADER = 1 << 16
+_SPARSE = {"format", "shape", "data"}  # members that save_npz writes for every layout
+
+
+def npy_matrices(path: Path) -> list[StoredMatrix]:
+    """The one array of a ``.npy`` file, named by the file's stem.
+
+    Raises
+    ------
+    ReadError
+        If the file is shorter than its header says; loading raises it if the array is no matrix of real numbers.
+    """
+    size = path.stat().st_size
+    with reading(path, "the .npy file"), path.open("rb") as file:
+        shape, dtype = _header(file)
+        data_bytes = size - file.tell()
+    needed = prod(shape) * dtype.itemsize
+    if needed > data_bytes and not dtype.hasobject:
+        raise ReadError(
+            f"{path}: the array claims {_size(shape)} {dtype}, which is {needed} bytes, and the file has {data_bytes} "
+            "for it: it is truncated, write or copy it again"
+        )
+
+    def array() -> Any:
+        return np.load(path, allow_pickle=False)
+
+    return [_stored(path, path.stem, "npy", shape, dtype, array)]
+
+
+def npz_matrices(path: Path) -> list[StoredMatrix]:
+    """Matrices of a ``.npz`` file: its two-dimensional arrays, or the one sparse matrix saved in it.
+
+    Raises
+    ------
+    ReadError
+        If the file is truncated, or an array is larger than the bytes that hold it.
+    """
+    headers: dict[str, tuple[tuple[int, ...], np.dtype[Any]]] = {}
+    with reading(path, "the .npz file"), zipfile.ZipFile(path) as archive:
+        for info in archive.infolist():
+            if not info.filename.endswith(".npy"):
+                continue
+            with archive.open(info) as file:
+                shape, dtype = _header(file)
+            name = info.filename.removesuffix(".npy")
+            holds = min(info.file_size, _LARGEST_RATIO * max(info.compress_size, 1))
+            if prod(shape) * dtype.itemsize > holds and not dtype.hasobject:
+                raise ReadError(
+                    f"{path}: array '{name}' claims {_size(shape)} {dtype}, more than the {info.compress_size} bytes "
+                    "of the file that hold it can give; the file is damaged: write it again"
+                )
+            headers[name] = shape, dtype
+    if headers.keys() >= _SPARSE:
+        return [_saved_sparse(path, headers["data"][1])]
+    return [
+        _stored(path, name, "npz", shape, dtype, partial(_member, path, name))
+        for name, (shape, dtype) in headers.items()
+        if len(shape) == 2 or dtype.hasobject
+    ]
+
+
+def _size(shape: tuple[int, ...]) -> str:
+    return " x ".join(map(str, shape))
+
+
+def _header(file: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of the array that follows."""
+    version = npy.read_magic(file)
+    narrow = version == (1, 0)
+    length = file.read(2 if narrow else 4)
+    if int.from_bytes(length, "little") > _LONGEST_HEADER:
+        raise ValueError(f"a header of {int.from_bytes(length, 'little')} bytes")
+    file.seek(-len(length), os.SEEK_CUR)
+    shape, _, dtype = npy.read_array_header_1_0(file) if narrow else npy.read_array_header_2_0(file)
+    if any(length < 0 for length in shape):
+        raise ValueError(f"a header with the shape {shape}")
+    return shape, dtype
+
+
+def _stored(
+    path: Path, name: str, format: str, shape: tuple[int, ...], dtype: np.dtype[Any], array: Callable[[], Any]
+) -> StoredMatrix:
+    def load() -> LabelledMatrix:
+        if dtype.hasobject:
+            raise ReadError(
+                f"{path}: '{name}' holds pickled Python objects, which can run code when opened and are never read; "
+                "save it with scipy.sparse.save_npz, or as a plain array of numbers"
+            )
+        with reading(path, f"array '{name}'"):
+            found = array()
+        return from_array(path, name, format, found)
+
+    rows, cols = shape if len(shape) == 2 else (0, 0)
+    kind = kind_of(dtype)
+    usable = kind is not None and len(shape) == 2
+    return StoredMatrix(name, kind or str(dtype), "", lambda: (rows, cols, None), load, usable)
+
+
+def _member(path: Path, name: str) -> Any:
+    """One array of a .npz file."""
+    with np.load(path, allow_pickle=False) as archive:
+        return archive[name]
+
+
+def _saved_sparse(path: Path, dtype: np.dtype[Any]) -> StoredMatrix:
+    """The matrix of a file that save_npz wrote."""
+
+    def size() -> tuple[int, int, int | None]:
+        with reading(path, "the sparse matrix"):
+            rows, cols = (int(length) for length in _member(path, "shape"))
+        return rows, cols, None
+
+    def load() -> LabelledMatrix:
+        rows, cols, _ = size()
+        check_size(path, path.stem, rows, cols, path.stat().st_size)
+        with reading(path, "the sparse matrix"):
+            A = sp.load_npz(path)
+        return from_array(path, path.stem, "npz", A)
+
+    return StoredMatrix(path.stem, kind_of(dtype) or str(dtype), "", size, load)

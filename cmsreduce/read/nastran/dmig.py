@@ -1,0 +1,253 @@
+"""DMIG matrices of NASTRAN punch files and decks.
+
+pyYeti's reader makes dense frames and lets the last of two values win, so entries are assembled here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import ReadError
+from cmsreduce.model import DofTable
+from cmsreduce.read.labelled_matrix import (
+    SINGLE,
+    LabelledMatrix,
+    StoredMatrix,
+    canonical,
+    mirrored,
+)
+from cmsreduce.read.nastran.card_reader import read_cards
+from cmsreduce.read.nastran.cards import Card, real_number
+from cmsreduce.read.printed_numbers import rounding_of_printed
+
+__all__ = ["dmig_matrices"]
+
+_FORMS = {1: "square", 2: "rectangular", 6: "symmetric", 9: "rectangular"}
+_TYPES = {1: "real single", 2: "real double", 3: "complex single", 4: "complex double"}
+_FIELD = 8  # characters of a small field, which cut the numbers printed in it
+_LINE = 120  # bytes that the last line cannot exceed
+_FIRST, _GROUP = 4, 4  # data fields before the first entry, and of each entry: node, component, real, imaginary
+
+
+@dataclass
+class _Dmig:
+    """The cards of one matrix: a header and one card for each column."""
+
+    header: Card
+    form: int
+    type: int
+    columns: list[Card] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        return self.header.text(0)
+
+
+@dataclass(frozen=True)
+class _Labels:
+    """Row and column of each entry, as keys 8 node + component."""
+
+    row: NDArray[np.int64]
+    col: NDArray[np.int64]
+    column_keys: NDArray[np.int64]
+
+
+def dmig_matrices(path: Path) -> list[StoredMatrix]:
+    """Matrices of a punch file or a deck, by their DMIG entries.
+
+    Fields may be 8 or 16 characters wide or separated by commas. Rows and columns come sorted by node and component;
+    a square or symmetric matrix has every dof that any of its rows or columns names.
+
+    Parameters
+    ----------
+    path : Path
+        Punch file or deck; included files are followed.
+
+    Returns
+    -------
+    list of StoredMatrix
+        In the order of the file. Loading one raises ReadError if an entry does not parse, stands twice with different
+        values, or if a symmetric matrix has two different values across the diagonal.
+
+    Raises
+    ------
+    ReadError
+        If there are no DMIG entries, entries without a header, or the file is cut.
+    """
+    found: dict[str, _Dmig] = {}
+    for part in read_cards(path, {"DMIG"}).sections.values():
+        for card in part.get("DMIG", ()):
+            name = card.text(0)
+            if not name:
+                raise ReadError(f"{card.where}: names no matrix; the line is damaged, or the file truncated in it")
+            if card.text(1) == "0":
+                _add_header(found, name, card)
+            elif name in found:
+                found[name].columns.append(card)
+            else:
+                raise ReadError(f"{card.where}: matrix '{name}' has entries before its header DMIG,{name},0,form,type")
+    if not found:
+        raise ReadError(f"{path}: there are no DMIG entries in it; name the file that the matrices were punched to")
+    _check_end(path, [card for dmig in found.values() for card in dmig.columns])
+    return [_stored(dmig, path) for dmig in found.values()]
+
+
+def _stored(dmig: _Dmig, path: Path) -> StoredMatrix:
+    def size() -> tuple[int, int, int | None]:
+        labels = _labels(dmig)
+        rows, cols = _index(dmig, labels)
+        return rows.size, cols.size, None
+
+    return StoredMatrix(dmig.name, _TYPES[dmig.type], _FORMS[dmig.form], size, lambda: _assemble(dmig, path))
+
+
+def _add_header(found: dict[str, _Dmig], name: str, card: Card) -> None:
+    """Start a matrix; its header may stand twice when both say the same."""
+    form, kind = card.integer(2), card.integer(3)
+    if form not in _FORMS:
+        raise ReadError(f"{card.where}: form {form} of matrix '{name}' is none of 1, 6 (square), 2, 9 (rectangular)")
+    if kind not in _TYPES:
+        raise ReadError(f"{card.where}: type {kind} of matrix '{name}' is none of 1, 2 (real), 3, 4 (complex)")
+    before = found.setdefault(name, _Dmig(card, form, kind))
+    if (before.form, before.type) != (form, kind):
+        raise ReadError(
+            f"{card.where}: matrix '{name}' has another header in line {before.header.line}, with form {before.form} "
+            f"and type {before.type}; keep one matrix of that name in the file"
+        )
+
+
+def _check_end(path: Path, columns: list[Card]) -> None:
+    """Refuse a file that was cut: its last column has no entries, or its last line no end."""
+    last = max((card for card in columns if card.path == path), key=lambda card: card.line, default=None)
+    if last is not None and len(last.fields) <= _FIRST:
+        raise ReadError(f"{last.where}: the last column of '{last.text(0)}' has no entries; the file is truncated")
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - _LINE))
+        *_, end = file.read().split(b"\n")
+    # Fields of sixteen characters are written by programs, which end every line.
+    if b"*" in end[:8]:
+        raise ReadError(
+            f"{path}: the file stops within the line '{end.decode('latin-1').strip()[:60]}', so it is probably "
+            "truncated: punch or copy it again, or end that line if it is whole"
+        )
+
+
+def _labels(dmig: _Dmig) -> _Labels:
+    """Keys of rows and columns of every entry."""
+    node: list[int] = []
+    component: list[int] = []
+    counts, columns = [], []
+    for card in dmig.columns:
+        columns.append(_key(card, dmig, card.integer(1), card.integer(2, 0)))
+        nodes = card.fields[_FIRST::_GROUP]
+        components = card.fields[_FIRST + 1 :: _GROUP]
+        try:
+            node.extend(map(int, nodes))
+            component.extend(int(text or 0) for text in components)
+        except ValueError:
+            raise _bad_entry(card, [*nodes, *components], "a node id and a component") from None
+        # A trailing blank component, of a scalar point with a blank value, has been cut off with the card's end.
+        component.extend([0] * (len(nodes) - len(components)))
+        counts.append(len(nodes))
+    parts = np.array(component, dtype=np.int64)
+    if parts.size and not 0 <= parts.min() <= parts.max() <= 6:
+        at = int(np.flatnonzero((parts < 0) | (parts > 6))[0])
+        card = dmig.columns[int(np.searchsorted(np.cumsum(counts), at, side="right"))]
+        raise ReadError(f"{card.where}: component {parts[at]} of node {node[at]} is not 0..6")
+    keys = np.array(columns, dtype=np.int64)
+    return _Labels(np.array(node, dtype=np.int64) * 8 + parts, np.repeat(keys, counts), keys)
+
+
+def _key(card: Card, dmig: _Dmig, node: int, component: int) -> int:
+    if not 0 <= component <= 6:
+        raise ReadError(f"{card.where}: component {component} of column {node} of '{dmig.name}' is not 0..6")
+    return node * 8 + component
+
+
+def _bad_entry(card: Card, texts: list[str], needed: str) -> ReadError:
+    """Error for the first text that is not an integer or not a number, with the line it stands on."""
+    integers = needed.startswith("a node")
+    bad = next(text for text in texts if (not text.lstrip("+-").isdigit() if integers else real_number(text) is None))
+    return ReadError(
+        f"{card.path}, line {_line_of(card, bad)}: DMIG of matrix '{card.text(0)}' needs {needed}, it has "
+        f"'{bad or 'a blank'}'; the line is damaged or cut: punch or copy the file again"
+    )
+
+
+def _line_of(card: Card, text: str) -> int:
+    """Line of a text in the card, that of the card's start where it cannot be told."""
+    lines = card.path.read_text(encoding="utf-8", errors="replace").upper().splitlines()
+    found = (at for at in range(card.line, len(lines)) if text and text in lines[at])
+    return next(found, card.line - 1) + 1
+
+
+def _index(dmig: _Dmig, labels: _Labels) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Sorted keys of the rows and of the columns; the same ones for a square matrix."""
+    if dmig.form in (1, 6):
+        both = np.union1d(labels.row, labels.column_keys)
+        return both, both
+    return np.unique(labels.row), np.unique(labels.column_keys)
+
+
+def _values(dmig: _Dmig) -> tuple[NDArray[np.float64], list[str]]:
+    """Real parts, as numbers and as printed."""
+    printed: list[str] = []
+    values: list[float] = []
+    for card in dmig.columns:
+        texts = list(card.fields[_FIRST + 2 :: _GROUP])
+        texts.extend([""] * (len(card.fields[_FIRST::_GROUP]) - len(texts)))
+        try:
+            values.extend([float(text.replace("D", "E")) for text in texts])
+        except ValueError:
+            numbers = [real_number(text) for text in texts]
+            if None in numbers:
+                raise _bad_entry(card, texts, "a number") from None
+            values.extend(number for number in numbers if number is not None)
+        printed.extend(texts)
+    return np.array(values, dtype=np.float64), printed
+
+
+def _assemble(dmig: _Dmig, path: Path) -> LabelledMatrix:
+    """Sparse matrix of one DMIG."""
+    labels = _labels(dmig)
+    rows, cols = _index(dmig, labels)
+    values, printed = _values(dmig)
+    row, col = np.searchsorted(rows, labels.row), np.searchsorted(cols, labels.col)
+    if dmig.form == 6:
+        row, col = np.maximum(row, col), np.minimum(row, col)
+    _, at, inverse = np.unique(row * max(cols.size, 1) + col, return_index=True, return_inverse=True)
+    first = values[at][inverse]
+    differs = np.flatnonzero((values != first) & ~(np.isnan(values) & np.isnan(first)))
+    if differs.size:
+        k = int(differs[0])
+        i, j = _label(rows[row[k]]), _label(cols[col[k]])
+        across = " (or across the diagonal)" if dmig.form == 6 and i != j else ""
+        raise ReadError(
+            f"{path}: matrix '{dmig.name}' has two values at row {i}, column {j}{across}: {first[k]:.10g} and "
+            f"{values[k]:.10g}; a DMIG names each place once, and a symmetric one only one triangle"
+        )
+    A = canonical(row[at], col[at], values[at], (rows.size, cols.size))
+    narrow = _FIELD if printed and max(map(len, printed)) <= _FIELD else None
+    rounding = rounding_of_printed(printed, narrow)
+    return LabelledMatrix(
+        mirrored(A) if dmig.form == 6 else A,
+        dmig.name,
+        path,
+        "dmig",
+        max(rounding, SINGLE) if dmig.type == 1 else rounding,
+        _table(rows),
+        # Columns of form 9 are mere numbers.
+        _table(cols) if dmig.form == 2 else None,
+    )
+
+
+def _label(key: int) -> str:
+    return f"{key // 8}.{key % 8}"
+
+
+def _table(keys: NDArray[np.int64]) -> DofTable:
+    return DofTable(keys // 8, (keys % 8).astype(np.int8))

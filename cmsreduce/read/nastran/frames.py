@@ -1,0 +1,309 @@
+"""Coordinate systems: rectangular, cylindrical and spherical.
+
+Coordinate systems that are defined in one another and through grids, in any order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cmsreduce.errors import ReadError
+from cmsreduce.read.printed_numbers import printed_rounding
+
+__all__ = [
+    "BASIC",
+    "CoordinateSystem",
+    "FrameChain",
+    "FrameDefinition",
+    "GridLocation",
+]
+
+# A point printed with eight digits lies off an axis through other such points by 1e-8 of its coordinates.
+_ON_AXIS = 1e-7
+# Below this the sine of the angle between AB and AC is round-off of eight printed digits.
+_COLLINEAR = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class CoordinateSystem:
+    """A coordinate system placed in basic.
+
+    Parameters
+    ----------
+    id : int
+        Number, 0 is basic.
+    kind : str
+        ``rectangular`` (x y z), ``cylindrical`` (r, theta in degrees from x, z) or ``spherical`` (r, theta in
+        degrees from z, phi in degrees from x).
+    origin : (3,) float64
+        Origin in basic.
+    axes : (3, 3) float64
+        Unit vectors x y z as rows, in basic.
+    origin_rounding : float
+        How far the origin may be off, in the unit of length.
+    angle_rounding : float
+        By how much the axes may be turned, in radians.
+    """
+
+    id: int
+    kind: str
+    origin: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    origin_rounding: float = 0.0
+    angle_rounding: float = 0.0
+
+    @classmethod
+    def through(
+        cls, id: int, kind: str, points: ArrayLike, rounding: float = 0.0, angle_rounding: float = 0.0, where: str = ""
+    ) -> CoordinateSystem:
+        """System with origin A, z axis through B and C in its half plane xz, x positive.
+
+        Parameters
+        ----------
+        id, kind
+            As of the class.
+        points : (3, 3) array_like
+            A, B and C in basic.
+        rounding : float
+            How far each point may be off, in the unit of length.
+        angle_rounding : float
+            Turn of the system that the points were given in, in radians.
+        where : str
+            Card it comes from, for the message.
+
+        Raises
+        ------
+        ReadError
+            If the three points lie on a line.
+        """
+        A, B, C = np.asarray(points, dtype=np.float64)
+        along, aside = B - A, C - A
+        arm = float(np.linalg.norm(along))
+        z = along / arm if arm > 0 else along
+        normal = np.cross(z, aside)
+        height = float(np.linalg.norm(normal))
+        if arm == 0 or height <= _COLLINEAR * np.linalg.norm(aside) or height == 0:
+            raise ReadError(f"{where or f'coordinate system {id}'}: its three points lie on one line")
+        y = normal / height
+        turn = 2 * rounding / min(arm, height) + angle_rounding
+        return cls(id, kind, A, np.array([np.cross(y, z), y, z]), rounding, turn)
+
+    def to_basic(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Basic coordinates of points given in this system, (k, 3) -> (k, 3)."""
+        return self.origin + self._local(np.asarray(points, dtype=np.float64)) @ self.axes
+
+    def _local(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Rectangular coordinates along the axes."""
+        if self.kind == "rectangular":
+            return p
+        if self.kind == "cylindrical":
+            return np.stack([p[..., 0] * _cos(p[..., 1]), p[..., 0] * _sin(p[..., 1]), p[..., 2]], axis=-1)
+        flat = p[..., 0] * _sin(p[..., 1])
+        return np.stack([flat * _cos(p[..., 2]), flat * _sin(p[..., 2]), p[..., 0] * _cos(p[..., 1])], axis=-1)
+
+    def position_rounding(self, points: NDArray[np.float64], rounding: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far points given in this system may be off, in the unit of length.
+
+        Parameters
+        ----------
+        points, rounding : (k, 3) float64
+            Coordinates in this system, and by how much each may be off.
+
+        Returns
+        -------
+        (k,) float64
+        """
+        own = rounding.copy()
+        angles = {"rectangular": [], "cylindrical": [1], "spherical": [1, 2]}[self.kind]
+        own[:, angles] *= np.radians(np.abs(points[:, :1]))
+        reach = np.linalg.norm(self._local(points), axis=1)
+        return np.asarray(np.linalg.norm(own, axis=1) + self.origin_rounding + self.angle_rounding * reach)
+
+    def displacement_axes(self, xyz: ArrayLike) -> NDArray[np.float64]:
+        """Axes along which displacements in this system are measured at points in basic.
+
+        On the polar axis, where the direction of r is undefined, they are the system's x y z.
+
+        Parameters
+        ----------
+        xyz : (k, 3) array_like
+            Points in basic.
+
+        Returns
+        -------
+        (k, 3, 3) float64
+            Unit vectors as rows, in basic.
+        """
+        xyz = np.asarray(xyz, dtype=np.float64)
+        frames = np.tile(self.axes, (xyz.shape[0], 1, 1))
+        if self.kind == "rectangular":
+            return frames
+        x, y, z = ((xyz - self.origin) @ self.axes.T).T
+        flat = np.hypot(x, y)
+        off = flat > _ON_AXIS * (np.linalg.norm(xyz, axis=1) + np.linalg.norm(self.origin))
+        c, s = x[off] / flat[off], y[off] / flat[off]
+        zero, one = np.zeros_like(c), np.ones_like(c)
+        if self.kind == "cylindrical":
+            local = np.array([[c, s, zero], [-s, c, zero], [zero, zero, one]])
+        else:
+            far = np.hypot(flat[off], z[off])
+            sin, cos = flat[off] / far, z[off] / far
+            local = np.array([[sin * c, sin * s, cos], [cos * c, cos * s, -sin], [-s, c, zero]])
+        frames[off] = np.einsum("ijk,jl->kil", local, self.axes)
+        return frames
+
+    def axes_rounding(self, xyz: NDArray[np.float64], rounding: NDArray[np.float64]) -> NDArray[np.float64]:
+        """By how much displacement axes may be turned, in radians.
+
+        Parameters
+        ----------
+        xyz : (k, 3) float64
+            Points in basic.
+        rounding : (k,) float64
+            How far each may be off.
+
+        Returns
+        -------
+        (k,) float64
+        """
+        turn = np.full(xyz.shape[0], self.angle_rounding)
+        if self.kind == "rectangular":
+            return turn
+        x, y, _ = ((xyz - self.origin) @ self.axes.T).T
+        flat = np.hypot(x, y)
+        off = flat > _ON_AXIS * (np.linalg.norm(xyz, axis=1) + np.linalg.norm(self.origin))
+        turn[off] += (rounding[off] + self.origin_rounding) / flat[off]
+        return turn
+
+
+def _cos(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.cos(np.radians(degrees)))
+
+
+def _sin(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.sin(np.radians(degrees)))
+
+
+BASIC = CoordinateSystem(0, "rectangular", np.zeros(3), np.eye(3))
+"""The basic coordinate system."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameDefinition:
+    """A coordinate system as a card defines it.
+
+    Parameters
+    ----------
+    id : int
+        Number.
+    kind : str
+        ``rectangular``, ``cylindrical`` or ``spherical``.
+    where : str
+        Card it comes from, for messages.
+    reference : int
+        System that ``points`` are given in.
+    points : (3, 3) float64, optional
+        Origin, a point on the z axis, a point in the xz plane.
+    grids : tuple of int
+        Grids at those three points, where ``points`` is None.
+    """
+
+    id: int
+    kind: str
+    where: str
+    reference: int = 0
+    points: NDArray[np.float64] | None = None
+    grids: tuple[int, ...] = ()
+
+    def same_as(self, other: FrameDefinition) -> bool:
+        """Whether both say the same, so that one may be dropped."""
+        return (self.kind, self.reference, self.grids) == (other.kind, other.reference, other.grids) and np.array_equal(
+            self.points if self.points is not None else (), other.points if other.points is not None else ()
+        )
+
+
+@dataclass(frozen=True)
+class GridLocation:
+    """Where a card says a grid is: coordinates ``x`` in system ``cp``."""
+
+    cp: int
+    x: tuple[float, float, float]
+    where: str
+
+
+class FrameChain:
+    """Resolves coordinate systems into basic.
+
+    Parameters
+    ----------
+    definitions : mapping of int to FrameDefinition
+        Systems by number.
+    grids : mapping of int to GridLocation
+        Grids by id.
+    """
+
+    def __init__(self, definitions: Mapping[int, FrameDefinition], grids: Mapping[int, GridLocation]) -> None:
+        self._definitions = definitions
+        self._grids = grids
+        self._resolved: dict[int, CoordinateSystem] = {0: BASIC}
+
+    def system(self, id: int, where: str) -> CoordinateSystem:
+        """Coordinate system of a number.
+
+        Parameters
+        ----------
+        id : int
+            Number of the system.
+        where : str
+            Card that asks for it, for messages.
+
+        Raises
+        ------
+        ReadError
+            If it, or a system or grid it builds on, is missing, or it builds on itself.
+        """
+        return self._system(id, where, ())
+
+    def _system(self, id: int, where: str, waiting: tuple[int, ...]) -> CoordinateSystem:
+        if id in self._resolved:
+            return self._resolved[id]
+        if id in waiting:
+            loop = " -> ".join(str(i) for i in (*waiting[waiting.index(id) :], id))
+            raise ReadError(f"{self._definitions[id].where}: coordinate system {id} is defined by itself: {loop}")
+        if id not in self._definitions:
+            known = ", ".join(str(i) for i in sorted(self._definitions)[:10]) or "none"
+            raise ReadError(
+                f"{where} refers to coordinate system {id}, which the deck does not define (it defines {known}). "
+                "Include the file with its CORD card"
+            )
+        found = self._place(self._definitions[id], (*waiting, id))
+        self._resolved[id] = found
+        return found
+
+    def _place(self, definition: FrameDefinition, waiting: tuple[int, ...]) -> CoordinateSystem:
+        """Put one definition into basic."""
+        if definition.points is not None:
+            parent = self._system(definition.reference, definition.where, waiting)
+            points = parent.to_basic(definition.points)
+            rounding = parent.position_rounding(definition.points, printed_rounding(definition.points))
+            turn = parent.angle_rounding
+        else:
+            placed = [self._grid(grid, definition.where, waiting) for grid in definition.grids]
+            points = np.array([xyz for xyz, _ in placed])
+            rounding, turn = np.array([off for _, off in placed]), 0.0
+        return CoordinateSystem.through(
+            definition.id, definition.kind, points, float(rounding.max()), turn, definition.where
+        )
+
+    def _grid(self, id: int, where: str, waiting: tuple[int, ...]) -> tuple[NDArray[np.float64], float]:
+        """Position in basic of a grid that a system goes through, and how far it may be off."""
+        if id not in self._grids:
+            raise ReadError(f"{where} goes through grid {id}, which the deck does not have")
+        grid = self._grids[id]
+        system = self._system(grid.cp, grid.where, waiting)
+        x = np.array([grid.x])
+        return system.to_basic(x)[0], float(system.position_rounding(x, printed_rounding(x))[0])

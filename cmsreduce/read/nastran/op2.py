@@ -1,0 +1,185 @@
+"""Matrices of NASTRAN OUTPUT2 files: found by pyYeti, read column by column without a dense array."""
+
+from __future__ import annotations
+
+import mmap
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import ReadError
+from cmsreduce.read.labelled_matrix import (
+    DOUBLE,
+    SINGLE,
+    LabelledMatrix,
+    StoredMatrix,
+    canonical,
+    check_size,
+    mirrored,
+)
+from cmsreduce.read.library_errors import reading
+from cmsreduce.read.nastran.op4_layout import FORMS, TYPES
+
+__all__ = ["op2_matrices"]
+
+_MATRIX = 1  # type of a data block
+_SYMMETRIC = 6
+_SMALLEST = 12  # bytes of the first record
+
+
+@dataclass(frozen=True)
+class _Block:
+    """A matrix data block; ``start`` is the byte of its first column."""
+
+    name: str
+    rows: int
+    cols: int
+    form: int
+    type: int
+    start: int
+
+
+def op2_matrices(path: Path) -> list[StoredMatrix]:
+    """Matrices of an OP2 file.
+
+    Parameters
+    ----------
+    path : Path
+        File of 32 or 64-bit words, either byte order; tables in it are passed over.
+
+    Returns
+    -------
+    list of StoredMatrix
+        In the order of the file.
+
+    Raises
+    ------
+    ReadError
+        If the file is truncated or damaged; all of its records are walked over first.
+    """
+    from pyyeti.nastran import op2
+
+    _check_records(path)
+    with reading(path, "the table of contents of the OP2 file"), op2.OP2(str(path)) as file:
+        blocks = []
+        for found in file.dblist:
+            if found.dbtype == _MATRIX:
+                file.set_position(found.start)
+                name, (_, cols, rows, form, kind, *_), _ = file.rdop2nt()
+                blocks.append(_Block(name, rows, cols, form, kind, file.file_handle().tell()))
+    size = path.stat().st_size
+    for block in blocks:
+        check_size(path, block.name, block.rows, block.cols, size)
+        if block.type not in TYPES:
+            raise ReadError(f"{path}: OP2 matrix '{block.name}' has type {block.type}, which is none of 1, 2, 3, 4")
+    return [_stored(path, block) for block in blocks]
+
+
+def _stored(path: Path, block: _Block) -> StoredMatrix:
+    return StoredMatrix(
+        block.name,
+        TYPES[block.type],
+        FORMS.get(block.form, f"form {block.form}"),
+        lambda: (block.rows, block.cols, None),
+        lambda: _load(path, block),
+    )
+
+
+def _order(content: mmap.mmap) -> str:
+    """Byte order, from the length of the first record, which is one word."""
+    return "<" if struct.unpack_from("<i", content)[0] in (4, 8) else ">"
+
+
+def _check_records(path: Path) -> None:
+    """Walk over all records, each of which closes with the length that opened it.
+
+    Raises
+    ------
+    ReadError
+        With the byte where the chain breaks.
+    """
+    if path.stat().st_size < _SMALLEST:
+        raise ReadError(f"{path}: the OP2 file is truncated: it has no more than {path.stat().st_size} bytes")
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        marker = struct.Struct(_order(content) + "i").unpack_from
+        size, at = len(content), 0
+        while at < size:
+            length = marker(content, at)[0] if at + 4 <= size else 0
+            end = at + 8 + length
+            if length < 0 or end > size:
+                raise ReadError(
+                    f"{path}: the OP2 file is truncated: the record at byte {at} needs {end} bytes up to its end and "
+                    f"the file has {size}; write it again, or copy it again in binary mode"
+                )
+            if marker(content, end - 4)[0] != length:
+                raise ReadError(
+                    f"{path}: the OP2 file is damaged: the record at byte {at} opens with the length {length} and "
+                    f"closes with {marker(content, end - 4)[0]}; copy it again in binary mode"
+                )
+            at = end
+
+
+def _load(path: Path, block: _Block) -> LabelledMatrix:
+    """Read one matrix."""
+    with (
+        reading(path, f"OP2 matrix '{block.name}'"),
+        path.open("rb") as file,
+        mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
+    ):
+        order = _order(content)
+        word = struct.unpack_from(order + "i", content)[0]
+        single = block.type == 1
+        number = np.dtype(f"{order}f{word if single else 8}")
+        rows, cols, values = [np.empty(0, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
+        for row, col, string in _strings(content, block, order, word, number):
+            kept = np.flatnonzero(string)
+            rows.append(kept + row)
+            cols.append(np.full(kept.size, col))
+            values.append(string[kept])
+        shape = (block.rows, block.cols)
+        A = canonical(np.concatenate(rows), np.concatenate(cols), np.concatenate(values), shape)
+    if block.form == _SYMMETRIC:
+        A = mirrored(A)
+    return LabelledMatrix(A, block.name, path, "op2", SINGLE if single and word == 4 else DOUBLE)
+
+
+def _strings(
+    content: mmap.mmap, block: _Block, order: str, word: int, number: np.dtype[np.floating]
+) -> Iterator[tuple[int, int, NDArray[np.float64]]]:
+    """Row, column (both from zero) and numbers of every string.
+
+    A column is a chain of records: a key that counts words of numbers, then row and numbers, until a key of zero or
+    less; then one key more, and the key that says whether another column follows.
+    """
+    integer = struct.Struct(order + ("i" if word == 4 else "q")).unpack_from
+    marker = struct.Struct(order + "i").unpack_from
+    at = block.start
+
+    def record() -> tuple[int, int]:
+        nonlocal at
+        length = marker(content, at)[0]
+        start, at = at + 4, at + 8 + length
+        return start, length
+
+    def key() -> int:
+        start, length = record()
+        if length != word:
+            raise ValueError(f"a key of {length} bytes at byte {start - 4}")
+        return int(integer(content, start)[0])
+
+    col, more = 0, 1
+    while more > 0:
+        while (words := key()) > 0:
+            start, length = record()
+            row = integer(content, start)[0] - 1
+            count = (length - word) // number.itemsize
+            if length != (words + 1) * word or row < 0 or row + count > block.rows or col >= block.cols:
+                raise ValueError(f"a string of {count} numbers at row {row + 1}, column {col + 1}")
+            yield row, col, np.frombuffer(content, number, count, start + word).astype(np.float64)
+        col += 1
+        key()
+        more = key()

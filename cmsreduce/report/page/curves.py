@@ -1,0 +1,236 @@
+"""What the plots of responses and errors are drawn from: plain JSON values, and where their arrays stand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cmsreduce.model import (
+    DOF_NAMES,
+    ConfigurationResult,
+    DampedPairs,
+    ModelErrors,
+    RunResult,
+)
+from cmsreduce.report.page.packing import ArrayStore, thinned_points
+from cmsreduce.report.palette import (
+    FULL,
+    INK,
+    LIMIT,
+    model_style,
+)
+from cmsreduce.report.wording import Figure, compared, measured
+
+__all__ = ["all_rounded", "decibels", "response_data", "rounded"]
+
+# More digits than a plot or a tooltip shows.
+_DIGITS = 5
+# Columns of a curve: those of a wide screen, fewer where so many curves would make the page slow to open, never fewer
+# than draw a resonance.
+_COLUMNS, _FEWEST = 700, 60
+# Bytes of all curves before compression.
+_BUDGET = 8e6
+
+
+def decibels(H: ArrayLike) -> NDArray[np.float64]:
+    """Magnitude in dB re 1, NaN where the response is zero or not finite."""
+    size = np.abs(np.asarray(H))
+    known = np.isfinite(size) & (size > 0)
+    return np.where(known, 20 * np.log10(np.where(known, size, 1.0)), np.nan)
+
+
+def response_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
+    """Curves and errors of a run.
+
+    Parameters
+    ----------
+    run : RunResult
+    store : ArrayStore
+        Takes the curves.
+
+    Returns
+    -------
+    dict
+        ``models`` label in one order what stands in every list beside them, the run's own first. Curves are thinned;
+        frequencies in Hz, magnitudes in dB re 1, ``apart`` that of a reduced model less that of the full one (or 0
+        where that is silent), ``missed`` the magnitude of the difference in dB re the full response.
+    """
+    models = (run.model, *compared(run))
+    figures = measured(run)
+    channels = [(o, i) for o in range(len(run.outputs)) for i in range(len(run.inputs))]
+    most = _BUDGET / max(1, len(run.configurations) * len(channels)) / (4 + 4 * len(models))
+    return {
+        "models": list(models),
+        "styles": {
+            "full": asdict(FULL),
+            "models": [asdict(model_style(k)) for k in range(len(models))],
+            "limit": LIMIT,
+            "ink": INK,
+        },
+        "band": list(run.band),
+        "configurations": [result.configuration.name for result in run.configurations],
+        "axes": _axes(run),
+        "channels": [
+            {"label": f"{run.inputs[i]} → {run.outputs[o]}", "input": run.inputs[i], "output": run.outputs[o]}
+            for o, i in channels
+        ],
+        "figures": [_figure(run, figure, models) for figure in figures],
+        "speed": _speed(run, models),
+        "settings": [_setting(result, models, channels, figures, store, most) for result in run.configurations],
+    }
+
+
+def _figure(run: RunResult, figure: Figure, models: Iterable[str]) -> dict[str, Any]:
+    limit = run.limits.get(figure.name)
+    return {
+        "name": figure.name,
+        "label": figure.label,
+        "unit": figure.unit,
+        "limit": None if limit is None else rounded(figure.scale * limit),
+        "values": [
+            [
+                rounded(figure.scale * getattr(result.errors[model], figure.name)) if model in result.errors else None
+                for result in run.configurations
+            ]
+            for model in models
+        ],
+    }
+
+
+def _axes(run: RunResult) -> list[dict[str, Any]]:
+    """Articulated motions that are set to more than one value, with the value in each configuration."""
+    settings = [result.configuration.angles for result in run.configurations]
+    found = []
+    for joint, dof in dict.fromkeys(axis for angles in settings for axis in angles):
+        turn = dof >= len(DOF_NAMES) // 2
+        values = [angles.get((joint, dof), 0.0) for angles in settings]
+        if len(set(values)) > 1:
+            scale = 180 / math.pi if turn else 1.0
+            label = f"{joint}.{DOF_NAMES[dof]}"
+            found.append(
+                {"label": label, "unit": "deg" if turn else "", "values": all_rounded(np.array(values) * scale)}
+            )
+    return found
+
+
+def _speed(run: RunResult, models: Iterable[str]) -> dict[str, Any] | None:
+    """What each model costs: coordinates and seconds of its responses in all configurations; the full one first."""
+    if not run.configurations:
+        return None
+    first = run.configurations[0]
+    rows = [{"coordinates": first.n_full, "seconds": None if run.speed is None else rounded(run.speed.full_frf_s)}]
+    for model in models:
+        found = [result.errors[model] for result in run.configurations if model in result.errors]
+        spent = [each.seconds for each in found if each.seconds is not None]
+        size = found[0].coordinates if found else None
+        own = first.n_reduced if model == run.model else None
+        whole = rounded(sum(spent)) if spent and len(spent) == len(found) else None
+        if whole is None and model == run.model and run.speed is not None:
+            whole = rounded(run.speed.reduced_frf_s)
+        rows.append({"coordinates": own if size is None else size, "seconds": whole})
+    return {"full": rows[0], "models": rows[1:]}
+
+
+def _setting(
+    result: ConfigurationResult,
+    models: Iterable[str],
+    channels: list[tuple[int, int]],
+    figures: tuple[Figure, ...],
+    store: ArrayStore,
+    most: float,
+) -> dict[str, Any]:
+    errors = [result.errors.get(model) for model in models]
+    return {
+        "full": [result.n_full, result.modes_full],
+        "reduced": [result.n_reduced, result.modes_reduced],
+        "errors": [found and [figure.text(getattr(found, figure.name)) for figure in figures] for found in errors],
+        "frac": [found and [rounded(found.frac[channel]) for channel in channels] for found in errors],
+        "pairs": _pairs(errors[0]) if errors[0] else [],
+        "damped": _damped_pairs(errors[0].damped) if errors[0] and errors[0].damped else None,
+        "likeness": _likeness(errors[0], store) if errors[0] else None,
+        "hz": store.exact(result.response.frequency_hz, "f4") if channels else None,
+        "curves": list(_curves(result, models, channels, store, most)),
+    }
+
+
+def _curves(
+    result: ConfigurationResult,
+    models: Iterable[str],
+    channels: list[tuple[int, int]],
+    store: ArrayStore,
+    most: float,
+) -> Iterator[dict[str, Any]]:
+    # The channels of one configuration need about as many columns each.
+    columns = float(_COLUMNS)
+    for o, i in channels:
+        found, used = _channel(result, models, o, i, store, most, min(_COLUMNS, 1.2 * columns))
+        columns = used
+        yield found
+
+
+def _likeness(found: ModelErrors, store: ArrayStore) -> dict[str, Any] | None:
+    alike = found.likeness
+    if alike is None or not alike.mac.size:
+        return None
+    mac = np.clip(np.rint(255 * alike.mac), 0, 255)
+    return {"full": all_rounded(alike.full_hz), "reduced": all_rounded(alike.reduced_hz), "mac": store.exact(mac, "u1")}
+
+
+def _pairs(found: ModelErrors) -> list[list[float | None]]:
+    """Full and reduced frequency in Hz, shift in per cent and likeness of shapes of every pair."""
+    full, reduced = found.full_hz, found.reduced_hz
+    shift = 100 * (reduced - full) / np.where(full > 0, full, np.nan)
+    return [all_rounded(pair) for pair in zip(full, reduced, shift, found.mac, strict=True)]
+
+
+def _damped_pairs(found: DampedPairs) -> list[list[float | None]]:
+    """Full and reduced frequency in Hz and damping ratio in per cent, and likeness of shapes, of every complex pair."""
+    columns = (found.full_hz, found.reduced_hz, 100 * found.full_zeta, 100 * found.reduced_zeta, found.mac)
+    return [all_rounded(pair) for pair in zip(*columns, strict=True)]
+
+
+def _channel(
+    result: ConfigurationResult, models: Iterable[str], o: int, i: int, store: ArrayStore, most: float, columns: float
+) -> tuple[dict[str, Any], float]:
+    response = result.response
+    full = decibels(response.full[:, o, i])
+    reduced = {m: decibels(response.reduced[m][:, o, i]) for m in models if m in response.reduced}
+    missed = {m: decibels(_missed(response.full[:, o, i], response.reduced[m][:, o, i])) for m in reduced}
+    errors = [abs(curve - full) for curve in reduced.values()]
+    curves = np.vstack([full, *reduced.values(), *errors, *missed.values()])
+    at = thinned_points(response.frequency_hz, curves, int(columns))
+    while at.size > most and columns > _FEWEST:
+        columns = max(_FEWEST, columns * min(0.9, most / at.size))
+        at = thinned_points(response.frequency_hz, curves, int(columns))
+    base = np.where(np.isnan(full), 0.0, full)
+    found = {
+        "at": store.ascending(at),
+        "full": store.rounded(full[at]),
+        # Against the full one, so that the error of a good model is not lost in the rounding of both.
+        "apart": [store.rounded(reduced[m][at] - base[at]) if m in reduced else None for m in models],
+        "missed": [store.rounded(missed[m][at]) if m in missed else None for m in models],
+    }
+    return found, columns
+
+
+def _missed(full: NDArray[np.complex128], reduced: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Share of the full response that the reduced one is off, in magnitude or phase; NaN where there is none."""
+    heard = full != 0
+    off = abs(reduced - full) / np.where(heard, abs(full), 1.0)
+    # Two equal numbers differ by less than rounding, which unlike zero has a place on a logarithmic axis.
+    return np.where(heard, np.maximum(off, np.finfo(float).eps), np.nan)
+
+
+def all_rounded(values: Iterable[float]) -> list[float | None]:
+    """Numbers as JSON has them, to the digits that are shown; null for what is not finite."""
+    return [rounded(value) for value in values]
+
+
+def rounded(value: float) -> float | None:
+    """Number to the digits that are shown; None for what is not finite."""
+    return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None

@@ -1,0 +1,193 @@
+"""The response overlay as a picture.
+
+Every picture of a run as files.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cmsreduce.errors import WriteError
+from cmsreduce.model import RunResult
+from cmsreduce.report.page import decibels
+from cmsreduce.report.palette import FULL, LIMIT, model_style
+from cmsreduce.report.pictures.figure import (
+    drawn,
+    legend_above,
+    line_of,
+    literal,
+    plain_axes,
+)
+from cmsreduce.report.wording import FIGURES, compared
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+from cmsreduce.report.pictures.modes import (
+    effective_mass_picture,
+    gain_picture,
+    likeness_picture,
+    sigma_picture,
+)
+from cmsreduce.report.pictures.scene import scene_picture, shapes_picture
+from cmsreduce.report.wording import worst
+
+__all__ = [
+    "response_picture",
+    "write_pictures",
+]
+
+_INCHES = (8.0, 5.2)
+# Below the smallest error an eye finds on the upper panel; keeps the logarithmic axis finite.
+_FLOOR_DB = 1e-4
+
+
+def response_picture(run: RunResult, path: Path, configuration: int = 0, channel: tuple[int, int] = (0, 0)) -> None:
+    """Draw the responses of the full and the reduced models, and their errors below.
+
+    Parameters
+    ----------
+    run : RunResult
+        With at least one configuration verified.
+    path : Path
+        File to write; its suffix says the format, such as ``.png`` (1200 x 780 pixels) or ``.svg``.
+    configuration : int
+        Which configuration.
+    channel : (int, int)
+        Output and input.
+
+    Raises
+    ------
+    WriteError
+        If the run has no such response.
+    """
+    o, i = channel
+    counts = (len(run.configurations), len(run.outputs), len(run.inputs))
+    if not all(0 <= at < count for at, count in zip((configuration, o, i), counts, strict=True)):
+        raise WriteError(
+            f"{path}: there is no response of configuration {configuration}, output {o}, input {i} to draw; the run "
+            f"verified {counts[0]} configurations of {counts[1]} outputs and {counts[2]} inputs (counted from 0)"
+        )
+    result = run.configurations[configuration]
+    hz, full = result.response.frequency_hz, decibels(result.response.full[:, o, i])
+    with drawn(path, _INCHES) as figure:
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
+        above.plot(hz, full, label="full", **line_of(FULL))
+        limit = run.limits.get("db_error")
+        top, own = _FLOOR_DB if limit is None else max(limit, _FLOOR_DB), _FLOOR_DB
+        for k, model in enumerate((run.model, *compared(run))):
+            if model not in result.response.reduced:
+                continue
+            curve = decibels(result.response.reduced[model][:, o, i])
+            error = np.maximum(abs(curve - full), _FLOOR_DB)
+            # The run's own model lies on top of those it is compared with.
+            look = line_of(model_style(k)) | {"zorder": 3 - 0.1 * k}
+            above.plot(hz, curve, label=literal(model), **look)
+            below.plot(hz, error, **look)
+            largest = float(np.max(error, initial=_FLOOR_DB, where=np.isfinite(error)))
+            top, own = max(top, largest), largest if k == 0 else own
+        if limit is not None:
+            _draw_limit(below, limit)
+        above.set(ylabel="magnitude, dB", xscale="log")
+        title = literal(f"{run.inputs[i]} → {run.outputs[o]}, {result.configuration.name}")
+        above.set_title(title, loc="left")
+        below.set(xlabel="frequency, Hz", ylabel="|error|, dB", yscale="log")
+        # Three decades below the run's own worst: the rest of the error is nothing anybody looks for.
+        below.set_ylim(0.7 * max(own / 1e3, _FLOOR_DB), 2 * top)
+        positive = hz[hz > 0]
+        if positive.size > 1:
+            below.set_xlim(positive[0], positive[-1])
+        plain_axes(above)
+        plain_axes(below, x="log", y="log")
+        legend_above(figure, above)
+        figure.align_ylabels()
+
+
+def _draw_limit(axes: Axes, limit: float) -> None:
+    axes.axhline(limit, color=LIMIT, linewidth=0.8)
+    at: Any = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
+    axes.annotate(f"limit {FIGURES[1].text(limit)}", (0, limit), (4, 3), color=LIMIT, **at)
+
+
+def write_pictures(run: RunResult, folder: Path, suffix: str = ".png") -> list[Path]:
+    """Draw a run: scene, modes, responses of every channel at the worst configuration, errors; return the files.
+
+    Parameters
+    ----------
+    run : RunResult
+    folder : Path
+        Is made if it is not there.
+    suffix : {".png", ".svg"}
+        Format.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    made: list[Path] = []
+
+    def to(name: str) -> Path:
+        made.append(folder / f"{_safe(name)}{suffix}")
+        return made[-1]
+
+    names = [result.configuration.name for result in run.configurations]
+    rows = worst(run, run.model)
+    at = names.index(rows[0].where) if rows else 0
+    if run.drawing is not None:
+        where = names[at] if names else next(iter(run.drawing.systems))
+        scene_picture(run.drawing, where, to("scene"))
+        if run.drawing.systems[where].hz.size:
+            shapes_picture(run.drawing, where, to("shapes"))
+    if run.configurations:
+        error_picture(run, to("errors"))
+        for o, output in enumerate(run.outputs):
+            for i, given in enumerate(run.inputs):
+                response_picture(run, to(f"response_{given}_{output}"), at, (o, i))
+        found = run.configurations[at].errors.get(run.model)
+        if found is not None and found.likeness is not None and found.likeness.mac.size:
+            likeness_picture(found.likeness, names[at], to("likeness"))
+    for name, part in run.components.items():
+        if np.isfinite(part.modes.sigma).any():
+            sigma_picture(part, to(f"sigma_{name}"))
+        if name in run.effective_mass:
+            effective_mass_picture(name, run.effective_mass[name], to(f"effective_mass_{name}"))
+    if run.gains:
+        gain_picture(run, run.gains[at if names else 0], to("gains"))
+    return made
+
+
+def error_picture(run: RunResult, path: Path) -> None:
+    """Draw the response error of every model in every configuration."""
+    figure_of = FIGURES[0]
+    names = [result.configuration.name for result in run.configurations]
+    with drawn(path) as figure:
+        axes = figure.subplots()
+        for k, model in enumerate((run.model, *compared(run))):
+            look = model_style(k)
+            found = [
+                (c, result.errors[model].frf_error)
+                for c, result in enumerate(run.configurations)
+                if model in result.errors
+            ]
+            shown = [(c, figure_of.scale * value) for c, value in found if np.isfinite(value) and value > 0]
+            if shown:
+                x, y = zip(*shown, strict=True)
+                axes.plot(x, y, marker="osD^vP"[k % 6], markersize=5, label=literal(model), **line_of(look))
+        limit = run.limits.get(figure_of.name)
+        if limit is not None:
+            axes.axhline(figure_of.scale * limit, color=LIMIT, linewidth=0.8)
+            place: Any = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
+            axes.annotate(f"limit {figure_of.text(limit)}", (0, figure_of.scale * limit), (4, 3), color=LIMIT, **place)
+        axes.set_yscale("log")
+        axes.set_ylabel(f"{figure_of.label}, {figure_of.unit}")
+        axes.set_xticks(
+            range(len(names)),
+            [literal(name) for name in names],
+            rotation=30 if len(names) > 4 else 0,
+            ha="right" if len(names) > 4 else "center",
+        )
+        legend_above(figure, axes)
+        plain_axes(axes, y="log")
+
+
+def _safe(name: str) -> str:
+    return "".join(letter if letter.isalnum() or letter in "-=." else "_" for letter in name)

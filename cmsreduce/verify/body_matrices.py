@@ -1,0 +1,197 @@
+"""Whether a matrix gives back no more energy than it is given.
+
+Forces that a body puts up against rigid motion, grid by grid: a free body puts up none.
+
+Dofs without mass, or with next to none, and how far apart the stiffest and the softest dof are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.factorise import factorise
+from cmsreduce.model import FEModel
+
+__all__ = [
+    "Contrast",
+    "Grounding",
+    "LightDofs",
+    "grounding",
+    "light_dofs",
+    "negative_directions",
+    "stiffness_contrast",
+]
+
+# Condensation of a slender body leaves this share of a diagonal entry, printed digits ten of their roundings.
+_CONDENSED, _DIGITS = 1e-9, 10.0
+
+
+def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
+    """Count the motions whose energy is negative by more than rounding.
+
+    Parameters
+    ----------
+    A : (n, n) sparse array
+        Stiffness or mass, symmetric.
+    rounding : float
+        Relative rounding of its entries.
+
+    Returns
+    -------
+    int or None
+        Negative pivots of the matrix scaled to a unit diagonal and raised by what rounding may take (Sylvester's law
+        of inertia); None where its factorisation does not tell.
+    """
+    own = abs(A.diagonal())
+    scale = 1 / np.sqrt(np.where(own > 0, own, own.max(initial=0.0) or 1.0))
+    unit = sp.diags_array(scale) @ A @ sp.diags_array(scale)
+    raised = unit + max(_CONDENSED, _DIGITS * rounding) * sp.eye_array(A.shape[0])
+    factor = factorise(sp.csc_array(raised), definite=False, what="the scaled matrix")
+    return int(factor.negative_pivots) if factor.inertia_known else None
+
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Grounding:
+    """K R, and what it comes to at each node.
+
+    Parameters
+    ----------
+    force : (n, r) float64
+        K R: force at every dof under each rigid motion.
+    node : (N,) int64
+        Nodes, and scalar points.
+    translation, rotation : (N,) float64
+        Largest resultant force and moment at each node, over the motions; forces of scalar dofs count as forces.
+    relative : (N,) float64
+        Largest force at a dof i of each node, relative to sqrt(K_ii) max_j sqrt(K_jj) |R_j|, which bounds each of the
+        parts that cancel in it, and of those that cancelled when the matrix was condensed.
+    """
+
+    force: Array
+    node: NDArray[np.int64]
+    translation: Array
+    rotation: Array
+    relative: Array
+
+    @property
+    def worst(self) -> int:
+        """Position of the node that is held most, relative to its stiffness."""
+        return int(self.relative.argmax())
+
+
+def grounding(body: FEModel, shapes: Array) -> Grounding:
+    """Forces that hold a body against rigid motions, which are a spring to ground or an error in the matrix.
+
+    Parameters
+    ----------
+    body : FEModel
+        Whose stiffness it is.
+    shapes : (n, r) float64
+        Rigid motions: unit translations and rotations from geometry, or any others.
+    """
+    force = np.asarray(body.K @ shapes)
+    own = np.sqrt(abs(body.K.diagonal()))
+    terms = own[:, None] * np.max(own[:, None] * abs(shapes), axis=0, initial=0.0)
+    share = np.divide(abs(force), terms, out=np.zeros_like(terms), where=terms > 0).max(axis=1, initial=0.0)
+    node, at = np.unique(body.dofs.node, return_inverse=True)
+    rotational = body.dofs.component > 3
+
+    def resultant(rows: NDArray[np.bool_]) -> Array:
+        squares = np.zeros((node.size, shapes.shape[1]))
+        np.add.at(squares, at[rows], force[rows] ** 2)
+        return np.asarray(np.sqrt(squares.max(axis=1, initial=0.0)))
+
+    relative = np.zeros(node.size)
+    np.maximum.at(relative, at, share)
+    return Grounding(force, node, resultant(~rotational), resultant(rotational), relative)
+
+
+# Mass this far below the median of its kind moves by itself at ten thousand times the frequency of its neighbours: it
+# is a number put in to make a matrix regular, and costs time steps.
+_NEARLY = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class LightDofs:
+    """Rows that carry no mass, and rows that nearly do not.
+
+    Parameters
+    ----------
+    massless : (k,) int64
+        Rows of M that are empty.
+    nearly : (l,) int64
+        Rows whose diagonal entry is far below the median of their kind, translations or rotations; lightest first.
+    highest_hz : float
+        sqrt(K_ii / M_ii) / 2 pi of the row where it is highest: no time step can pass over it.
+    highest : int
+        That row; -1 without any mass.
+    """
+
+    massless: NDArray[np.int64]
+    nearly: NDArray[np.int64]
+    highest_hz: float
+    highest: int
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """Ratio of the stiffest to the softest dof of a kind.
+
+    Parameters
+    ----------
+    kind : str
+        ``translations``, ``rotations`` or ``scalars``.
+    ratio : float
+        Of the diagonal entries of K; the softest is the smallest that is not zero.
+    stiffest, softest : int
+        Rows.
+    """
+
+    kind: str
+    ratio: float
+    stiffest: int
+    softest: int
+
+
+def light_dofs(body: FEModel) -> LightDofs:
+    """Find dofs without mass, and with next to none."""
+    empty = np.asarray(abs(body.M).sum(axis=0)).ravel() == 0
+    own = body.M.diagonal()
+    nearly = np.zeros(body.n, dtype=bool)
+    for rows in _kinds(body).values():
+        heavy = own[rows][own[rows] > 0]
+        if heavy.size:
+            nearly[rows] = (own[rows] < _NEARLY * np.median(heavy)) & ~empty[rows]
+    found = np.flatnonzero(nearly)
+    ratio = np.divide(body.K.diagonal(), own, out=np.zeros(body.n), where=own > 0)
+    top = int(ratio.argmax()) if (own > 0).any() else -1
+    highest = float(np.sqrt(max(ratio[top], 0.0)) / (2 * np.pi)) if top >= 0 else 0.0
+    return LightDofs(np.flatnonzero(empty), found[np.argsort(own[found], kind="stable")], highest, top)
+
+
+def stiffness_contrast(body: FEModel) -> list[Contrast]:
+    """Contrast of each kind of dof; a file of d digits keeps nothing of a spring that is 10^d times softer."""
+    found = []
+    own = body.K.diagonal()
+    for kind, rows in _kinds(body).items():
+        held = rows[own[rows] > 0]
+        if held.size:
+            high, low = held[own[held].argmax()], held[own[held].argmin()]
+            found.append(Contrast(kind, float(own[high] / own[low]), int(high), int(low)))
+    return found
+
+
+def _kinds(body: FEModel) -> dict[str, NDArray[np.int64]]:
+    c = body.dofs.component
+    return {
+        "translations": np.flatnonzero((c > 0) & (c <= 3)),
+        "rotations": np.flatnonzero(c > 3),
+        "scalars": np.flatnonzero(c == 0),
+    }

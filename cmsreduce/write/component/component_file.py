@@ -1,0 +1,294 @@
+"""What a component file must hold, and of which shape.
+
+Reading component files back, without the body they came from.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import ReadError
+from cmsreduce.model import Check
+from cmsreduce.write.component.component import FORMAT, FORMAT_VERSION
+
+__all__ = [
+    "ComponentFile",
+    "fault",
+    "read_component",
+]
+
+_SHAPES: Mapping[str, tuple[str | int, ...]] = {
+    "modes/omega": ("m",),
+    "modes/frequency_hz": ("m",),
+    "modes/zeta": ("m",),
+    "modes/mass": ("m", "m"),
+    "modes/stiffness": ("m", "m"),
+    "modes/damping": ("m", "m"),
+    "modes/kind": ("m",),
+    "modes/source_hz": ("m",),
+    "modes/sigma": ("m",),
+    "modes/spacing": ("m",),
+    "modes/why": ("m",),
+    "dofs/node": ("p",),
+    "dofs/component": ("p",),
+    "dofs/label": ("p",),
+    "dofs/shapes": ("p", "m"),
+    "inputs/name": ("u",),
+    "inputs/B": ("m", "u"),
+    "outputs/name": ("y",),
+    "outputs/C1": ("y", "m"),
+    "outputs/C2": ("y", "m"),
+    "checks/name": ("c",),
+    "checks/value": ("c",),
+    "checks/limit": ("c",),
+    "provenance/source": ("s",),
+    "provenance/sha256": ("s",),
+    "provenance/holds": ("s",),
+}
+"""Datasets of every file; a letter stands for one length throughout."""
+
+_WITH_GEOMETRY: Mapping[str, tuple[str | int, ...]] = {
+    "nodes/id": ("k",),
+    "nodes/xyz": ("k", 3),
+    "nodes/frame": ("k", 3, 3),
+    "nodes/translation": ("k", 3, "m"),
+    "nodes/rotation": ("k", 3, "m"),
+    "integrals/mass": (),
+    "integrals/first_moment": (3,),
+    "integrals/inertia": (3, 3),
+    "integrals/rigid_mass": (6, 6),
+    "integrals/int_phi": (3, "m"),
+    "integrals/int_r_x_phi": (3, "m"),
+}
+"""Datasets of a body with geometry."""
+
+_SECOND_ORDER: Mapping[str, tuple[str | int, ...]] = {
+    "integrals/origin": (3,),
+    "integrals/axes": (3, 3),
+    "integrals/modes": ("e",),
+    "integrals/phi": (3, "e"),
+    "integrals/r_cross_phi": (3, "e"),
+    "integrals/r_phi": (3, 3, "e"),
+    "integrals/phi_phi": (3, 3, "e", "e"),
+}
+"""Integrals of the modes that deform the body; files that were written before there were any have none of them."""
+
+_FRAME: Mapping[str, tuple[str | int, ...]] = {
+    "frame/origin": (3,),
+    "frame/axes": (3, 3),
+    "frame/node": ("f",),
+    "frame/component": ("f",),
+    "frame/removed": (6, "e"),
+}
+"""The floating frame, where one was asked for."""
+
+_AUGMENTED: Mapping[str, tuple[str | int, ...]] = {
+    "point": (3,),
+    "mass": (),
+    "first_moment": (3,),
+    "inertia": (3, 3),
+    "rigid_mass": (6, 6),
+    "bodies": ("b",),
+}
+"""What hangs on an interface; the letter is its own."""
+
+_INTERFACE: Mapping[str, tuple[str | int, ...]] = {
+    "node": ("i",),
+    "component": ("i",),
+    "position": ("n", 3),
+    "frame": (3, 3),
+    "shapes": ("i", "m"),
+}
+"""Datasets of every interface; the letters but m are its own."""
+
+_STIFFENING: Mapping[str, tuple[str | int, ...]] = {
+    "geometric_stiffness/load": ("g",),
+    "geometric_stiffness/source": ("g",),
+    "geometric_stiffness/K": ("g", "m", "m"),
+    "geometric_stiffness/origin": (3,),
+}
+"""Datasets of a body with geometric stiffness."""
+
+_GROUPS = ("modes", "dofs", "inputs", "outputs", "checks", "provenance", "units", "interfaces", "integration")
+
+
+def fault(groups: Iterable[str], shapes: Mapping[str, tuple[int, ...]]) -> str | None:
+    """Say what is missing from a component file or does not fit the rest of it.
+
+    Parameters
+    ----------
+    groups : iterable of str
+        Paths of the groups in the file.
+    shapes : mapping of path to tuple of int
+        Shape of every dataset in it.
+
+    Returns
+    -------
+    str or None
+        The first fault in words; None if there is none.
+    """
+    groups = list(groups)
+    missing = [group for group in _GROUPS if group not in groups]
+    if missing:
+        return f"group '{missing[0]}' is missing"
+    wanted = dict(_SHAPES)
+    if "nodes" in groups or "integrals" in groups:
+        wanted |= _WITH_GEOMETRY
+    if any(path in shapes for path in _SECOND_ORDER):
+        wanted |= _SECOND_ORDER
+    if any(path in shapes for path in _FRAME):
+        wanted |= _FRAME
+    wanted |= {path: ("m",) for path in shapes if path.startswith("modes/rankings/")}
+    if "geometric_stiffness" in groups:
+        wanted |= _STIFFENING
+    for group in groups:
+        for above, parts in (("interfaces", _INTERFACE), ("augmented", _AUGMENTED)):
+            if group.startswith(f"{above}/"):
+                own = {name: tuple(_owned(size, group) for size in shape) for name, shape in parts.items()}
+                wanted |= {f"{group}/{name}": shape for name, shape in own.items()}
+    length: dict[str | int, int] = {}
+    for path, shape in wanted.items():
+        if path not in shapes:
+            return f"dataset '{path}' is missing"
+        found = shapes[path]
+        fits = len(found) == len(shape) and all(
+            there == (size if isinstance(size, int) else length.setdefault(size, there))
+            for size, there in zip(shape, found, strict=True)
+        )
+        if not fits:
+            expected = ", ".join(str(length.get(size, size)) for size in shape)
+            return f"dataset '{path}' has shape {found}, where ({expected}) fits the others"
+    return None
+
+
+def _owned(size: str | int, group: str) -> str | int:
+    return size if size == "m" or isinstance(size, int) else f"{group}:{size}"
+
+
+@dataclass(frozen=True, eq=False)
+class ComponentFile:
+    """What a component file holds.
+
+    Parameters
+    ----------
+    name, method : str
+        Body, and mode set it was reduced with.
+    rigid_count : int
+        The first so many modes are rigid.
+    static_count : int
+        The last so many modes are static: without mass, and so without a frequency.
+    arrays : mapping of path to array
+        Every numeric dataset by its path in the file, such as ``modes/omega``.
+    texts : mapping of path to tuple of str
+        Every text dataset, such as ``modes/kind``.
+    attributes : mapping of path to mapping
+        Attributes of the file (path ``""``) and of its groups.
+    checks : tuple of Check
+        What the body was checked for.
+    """
+
+    name: str
+    method: str
+    rigid_count: int
+    static_count: int
+    arrays: Mapping[str, NDArray[Any]]
+    texts: Mapping[str, tuple[str, ...]]
+    attributes: Mapping[str, Mapping[str, Any]]
+    checks: tuple[Check, ...]
+
+    @property
+    def omega(self) -> NDArray[np.float64]:
+        """Natural frequencies in rad per unit of time, NaN of static modes (m,)."""
+        return self.arrays["modes/omega"]
+
+    @property
+    def elastic(self) -> slice:
+        """Columns of the elastic modes."""
+        return slice(self.rigid_count, self.omega.size - self.static_count)
+
+    @property
+    def rankings(self) -> dict[str, NDArray[np.float64]]:
+        """Coefficient of each mode in every ranking that was taken (m,); empty in files of before there were any."""
+        return {Path(name).name: values for name, values in self.arrays.items() if name.startswith("modes/rankings/")}
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The pipeline as it was understood; empty if the writer gave none."""
+        found: dict[str, Any] = json.loads(self.texts.get("provenance/settings", ("{}",))[0])
+        return found
+
+
+def read_component(path: Path | str) -> ComponentFile:
+    """Read a component file.
+
+    Raises
+    ------
+    ReadError
+        If the file is missing, damaged, not whole, or of another format or a later version.
+    """
+    import h5py
+
+    path = Path(path)
+    if not path.is_file():
+        raise ReadError(f"{path}: there is no such file")
+    arrays: dict[str, NDArray[Any]] = {}
+    texts: dict[str, tuple[str, ...]] = {}
+    attributes: dict[str, dict[str, Any]] = {}
+
+    def visit(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            value = item[()]
+            if item.dtype.kind == "S":
+                texts[name] = tuple(text.decode("utf-8") for text in value)
+            else:
+                arrays[name] = value
+        else:
+            attributes[name] = dict(item.attrs)
+
+    try:
+        with h5py.File(path, "r") as file:
+            _refuse_other_formats(path, file.attrs)
+            attributes[""] = dict(file.attrs)
+            file.visititems(visit)
+        found = fault(attributes, {name: np.shape(value) for name, value in (arrays | texts).items()})
+        if found is not None:
+            raise ReadError(f"{path}: {found}; write the file again with `cmsreduce run`")
+        return ComponentFile(
+            name=str(attributes[""]["name"]),
+            method=str(attributes[""]["method"]),
+            rigid_count=int(attributes["modes"]["rigid_count"]),
+            # Format version 1 knew no static modes.
+            static_count=int(attributes["modes"].get("static_count", 0)),
+            arrays=arrays,
+            texts=texts,
+            attributes=attributes,
+            checks=tuple(
+                Check(name, float(value), float(limit))
+                for name, value, limit in zip(
+                    texts["checks/name"], arrays["checks/value"], arrays["checks/limit"], strict=True
+                )
+            ),
+        )
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+        raise ReadError(
+            f"{path}: the file is damaged or not whole ({error}); write it again with `cmsreduce run`"
+        ) from None
+
+
+def _refuse_other_formats(path: Path, attributes: Mapping[str, Any]) -> None:
+    kind, version = attributes.get("format"), attributes.get("format_version", 0)
+    if not isinstance(kind, str) or kind != FORMAT:
+        raise ReadError(f"{path}: this HDF5 file is no component file (format {kind!r}, expected {FORMAT!r})")
+    if not isinstance(version, (int, np.integer)) or version < 1:
+        raise ReadError(f"{path}: format_version {version} is none; write the file again with `cmsreduce run`")
+    if version > FORMAT_VERSION:
+        raise ReadError(
+            f"{path}: format version {version} is newer than this program reads ({FORMAT_VERSION}); update it"
+        )

@@ -1,0 +1,176 @@
+"""A reduced body as a floating-frame code takes it: what a component file holds, in the frame of its integrals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import WriteError
+from cmsreduce.model import ModalIntegrals
+from cmsreduce.write.component.component_file import ComponentFile
+
+__all__ = ["FlexibleBody", "flexible_body", "require_mass"]
+
+# Of the largest modal mass. Integrals over the same mass as the modal mass differ from it by round-off of sums over all
+# nodes; integrals over another mass differ by per cents (theory section 8).
+_SAME_MASS = 1e-9
+
+# Rigid motions that a floating frame carries.
+_SIX = 6
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FlexibleBody:
+    """Modes that deform a body and the nodes they move, along the axes of a frame that carries its rigid motion.
+
+    Parameters
+    ----------
+    name : str
+        Name of the body.
+    integrals : ModalIntegrals
+        Over the body and the k modes.
+    mass, stiffness, damping : (k, k) float64
+        Modal matrices.
+    omega : (k,) float64
+        Natural frequencies in rad per unit of time; NaN of static modes.
+    node : (n,) int64
+        Ids of the nodes.
+    position : (n, 3) float64
+        Of each node, from the origin of the frame.
+    translation : (n, 3, k) float64
+        Displacement of each node in each mode.
+    rotation : (n, 3, k) float64
+        Slope of each node in each mode; 0 where it is not known.
+    blind : (b,) int64
+        Ids of the nodes whose slope is not known, as those of solid elements.
+    interfaces : tuple of (name, ids of its nodes)
+        Where joints attach.
+    """
+
+    name: str
+    integrals: ModalIntegrals
+    mass: Array
+    stiffness: Array
+    damping: Array
+    omega: Array
+    node: NDArray[np.int64]
+    position: Array
+    translation: Array
+    rotation: Array
+    blind: NDArray[np.int64]
+    interfaces: tuple[tuple[str, tuple[int, ...]], ...]
+
+    @property
+    def k(self) -> int:
+        """Number of modes."""
+        return int(self.omega.size)
+
+    @property
+    def static_count(self) -> int:
+        """Number of modes that carry no mass, and so have no frequency."""
+        return int(np.isnan(self.omega).sum())
+
+
+def flexible_body(component: ComponentFile, integrals: ModalIntegrals) -> FlexibleBody:
+    """Take from a component file what a floating-frame code asks for.
+
+    Parameters
+    ----------
+    component : ComponentFile
+        The body.
+    integrals : ModalIntegrals
+        Over its modes; their frame becomes the frame of the body.
+
+    Raises
+    ------
+    WriteError
+        If the body has no nodes, the integrals are over other modes or another mass than the modal mass, or its damping
+        is a complex stiffness.
+    """
+    arrays, columns = component.arrays, integrals.modes
+    if "nodes/id" not in arrays:
+        raise WriteError(
+            f"component '{component.name}': a body of scalar points without geometry has no place in a floating "
+            "frame; write it as nastran or matlab"
+        )
+    if component.rigid_count > _SIX:
+        raise WriteError(
+            f"component '{component.name}': it has {component.rigid_count} motions without strain, six of which are "
+            "the frame's: the others are a mechanism, which a floating-frame code would lose; lock it, or write the "
+            "body as nastran or matlab"
+        )
+    if "modes/loss" in arrays:
+        raise WriteError(
+            f"component '{component.name}': structural damping is a complex stiffness, which no code of motions in "
+            "time takes; give it modal damping"
+        )
+    if columns.size and (columns.min() < component.rigid_count or columns.max() >= component.omega.size):
+        raise WriteError(
+            f"component '{component.name}': the integrals are over modes {columns.min() + 1} to {columns.max() + 1}, "
+            f"but its deforming modes are {component.rigid_count + 1} to {component.omega.size}"
+        )
+    axes = integrals.axes
+    translation = np.einsum("ij,njm->nim", axes, arrays["nodes/translation"][:, :, columns])
+    rotation = np.einsum("ij,njm->nim", axes, arrays["nodes/rotation"][:, :, columns])
+    if np.isnan(translation).any():
+        lost = arrays["nodes/id"][np.isnan(translation).any(axis=(1, 2))]
+        raise WriteError(f"component '{component.name}': the motion of node {lost[0]} is not known in every direction")
+    unknown = np.isnan(rotation).any(axis=(1, 2))
+    square = np.ix_(columns, columns)
+    return FlexibleBody(
+        name=component.name,
+        integrals=integrals,
+        mass=_modal_mass(component, integrals),
+        stiffness=arrays["modes/stiffness"][square],
+        damping=arrays["modes/damping"][square],
+        omega=component.omega[columns],
+        node=arrays["nodes/id"],
+        position=(arrays["nodes/xyz"] - integrals.origin) @ axes.T,
+        translation=translation,
+        rotation=np.where(unknown[:, None, None], 0.0, rotation),
+        blind=arrays["nodes/id"][unknown],
+        interfaces=_interfaces(component),
+    )
+
+
+def require_mass(body: FlexibleBody, because: str) -> None:
+    """Refuse modes without mass where a code cannot take them.
+
+    Raises
+    ------
+    WriteError
+        If there are any; ``because`` says what the code would do with them.
+    """
+    if body.static_count:
+        raise WriteError(
+            f"component '{body.name}': {body.static_count} static modes carry no mass, and {because}; leave "
+            "`residuals` out of `reduce`, or give the nodes that they move some inertia"
+        )
+
+
+def _modal_mass(component: ComponentFile, integrals: ModalIntegrals) -> Array:
+    """Phi^T M Phi over the mass of the integrals, so that a code that takes both is given one mass.
+
+    It is the trace of int phi_i phi_j dm, whatever the mass matrix.
+    """
+    total = np.asarray(np.einsum("iiab->ab", integrals.phi_phi))
+    if integrals.lumping != "consistent":
+        return total
+    mass = component.arrays["modes/mass"][np.ix_(integrals.modes, integrals.modes)]
+    apart = abs(total - mass).max(initial=0.0)
+    if apart > _SAME_MASS * abs(mass).max(initial=0.0):
+        raise WriteError(
+            f"component '{component.name}': the modal mass of its integrals is {apart:.2e} off its own: they are over "
+            "another mass or other shapes; write the component file again"
+        )
+    return np.asarray(mass)
+
+
+def _interfaces(component: ComponentFile) -> tuple[tuple[str, tuple[int, ...]], ...]:
+    names = sorted({path.split("/")[1] for path in component.arrays if path.startswith("interfaces/")})
+    ids = (dict.fromkeys(component.arrays[f"interfaces/{name}/node"].tolist()) for name in names)
+    return tuple((name, tuple(nodes)) for name, nodes in zip(names, ids, strict=True))

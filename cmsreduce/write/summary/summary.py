@@ -1,0 +1,298 @@
+"""summary.json: the run in figures, with stable keys."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cmsreduce.mechanics import advised_steps
+from cmsreduce.model import (
+    DOF_NAMES,
+    ERRORS,
+    ComponentResult,
+    Configuration,
+    CostlyModes,
+    Factorisation,
+    ModeCertificate,
+    ModelErrors,
+    ProjectionRecord,
+    RunResult,
+    SensitivityRecord,
+)
+from cmsreduce.write.files import atomic_path
+from cmsreduce.write.summary.checks import (
+    basis,
+    channels,
+    controller,
+    figures,
+    pole_pairs,
+    static_lack,
+    system_checks,
+)
+
+__all__ = ["angles", "summary", "write_summary"]
+
+
+def summary(run: RunResult) -> dict[str, Any]:
+    """State the run as plain JSON values.
+
+    Parameters
+    ----------
+    run : RunResult
+
+    Returns
+    -------
+    dict
+        The keys of the contract, and beside them ``comparisons``, ``limits``, ``reference``, ``band_hz``,
+        ``system``, ``projection``, ``search``, ``sensitivity``, ``completeness``, ``figures``,
+        ``controller``, ``not_checked`` and ``notes``. What has no finite value is None.
+    """
+    labels = dict.fromkeys(label for result in run.configurations for label in result.errors)
+    speed = run.speed
+    facts: dict[str, Any] = _finite(
+        {
+            "name": run.name,
+            "version": run.version,
+            "components": {name: _component(part, run) for name, part in run.components.items()},
+            "configurations": _configurations(run, run.model, sizes=True),
+            "worst": _worst(run, run.model),
+            "speed": None
+            if speed is None
+            else {
+                "reduce_s": speed.reduce_s,
+                "full_frf_s": speed.full_frf_s,
+                "reduced_frf_s": speed.reduced_frf_s,
+            },
+            "passed": run.passed,
+            "comparisons": {
+                label: {"worst": _worst(run, label), "configurations": _configurations(run, label, sizes=False)}
+                for label in labels
+                if label != run.model
+            },
+            "limits": dict(run.limits),
+            "reference": dict(run.reference),
+            "band_hz": list(run.band),
+            "system": [
+                {
+                    "name": modes.configuration.name,
+                    "angles": angles(modes.configuration, [other.configuration for other in run.systems]),
+                    "rigid_modes": modes.rigid_count,
+                    "frequencies_hz": modes.frequencies_hz.tolist(),
+                    "integration": _integration(modes.highest_hz, static_highest_hz=modes.treated_hz),
+                }
+                for modes in run.systems
+            ],
+            "projection": None if run.projection is None else _projection(run.projection),
+            "search": None if run.search is None else asdict(run.search),
+            "sensitivity": None if run.sensitivity is None else _sensitivity(run.sensitivity),
+            "completeness": [{**asdict(axis), "missing": axis.missing} for axis in run.completeness],
+            "figures": figures(run),
+            "controller": controller(run),
+            "not_checked": [] if run.checks is None else list(run.checks.left_out),
+            "notes": list(run.notes),
+        }
+    )
+    return facts
+
+
+def write_summary(path: Path, run: RunResult) -> None:
+    """Write summary.json; the file is whole or not there."""
+    text = json.dumps(summary(run), indent=2, allow_nan=False) + "\n"
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _worst(run: RunResult, label: str) -> dict[str, float | None]:
+    """Largest errors; a system without damping has no damping error."""
+    found = run.worst(label)
+    return {name: found.get(name) for name in ERRORS} if found else {}
+
+
+def _complex_modes(errors: ModelErrors | None) -> list[dict[str, float]] | None:
+    """Complex modes of the reduced system in the band, each beside its full one; None without damping."""
+    if errors is None or errors.damped is None:
+        return None
+    names = ("full_hz", "reduced_hz", "full_zeta", "reduced_zeta", "mac")
+    columns = [getattr(errors.damped, name).tolist() for name in names]
+    return [dict(zip(names, mode, strict=True)) for mode in zip(*columns, strict=True)]
+
+
+def _component(part: ComponentResult, run: RunResult) -> dict[str, Any]:
+    modes = part.modes
+    elastic = np.arange(modes.omega.size)[modes.elastic]
+    return {
+        "full_dofs": part.full_dofs,
+        "basis_size": modes.basis_size,
+        "rigid_modes": modes.rigid_count,
+        "elastic_modes": modes.elastic_count,
+        "static_modes": modes.static_count,
+        "kept_modes": part.kept_modes,
+        "method": modes.method,
+        "frequencies_hz": (modes.omega[np.intersect1d(part.kept, elastic)] / (2 * np.pi)).tolist(),
+        "seconds": dict(part.seconds),
+        "peak_mib": part.peak_mib,
+        "certificate": _certificate(modes.certificate),
+        "solver": _solver(part.factorised),
+        "bound": None if part.bound is None else {**asdict(part.bound), "tightness": part.bound.tightness},
+        "cutoff": None if part.cutoff is None else asdict(part.cutoff),
+        "scaling": part.scaling,
+        "integration": _integration(part.highest_hz, costly=_costly(part.costly)),
+        "single_precision": None if part.rounding is None else asdict(part.rounding),
+        "basis": basis(part),
+        "health": None if part.health is None else dict(part.health),
+        "static_lack": None if run.checks is None else static_lack(run.checks.static.get(part.name)),
+        "checks": [
+            {"name": check.name, "value": check.value, "limit": check.limit, "passed": check.passed}
+            for check in part.checks
+        ],
+    }
+
+
+def _integration(highest_hz: float | None, **more: Any) -> dict[str, Any] | None:
+    """Steps that a highest frequency asks for; None where it is not known."""
+    if highest_hz is None:
+        return None
+    return {"highest_hz": highest_hz, "steps": advised_steps(2 * math.pi * highest_hz), **more}
+
+
+def _costly(found: CostlyModes | None) -> dict[str, Any] | None:
+    return None if found is None else {**asdict(found), "gain": found.gain}
+
+
+def _certificate(certificate: ModeCertificate | None) -> dict[str, Any] | None:
+    """What is proven of the normal modes; None without any."""
+    if certificate is None:
+        return None
+    return {
+        "cutoff_hz": certificate.cutoff_hz,
+        "counted": certificate.counted,
+        "found": certificate.frequency_hz.size,
+        "frequency_bound": certificate.worst_bound,
+    }
+
+
+def _projection(record: ProjectionRecord) -> dict[str, Any]:
+    """What projection and assembly did: chosen modes and their return, ranks, modes that came along."""
+    return {
+        "sampled": [
+            {
+                "configuration": each.configuration,
+                "modes": each.hz.size,
+                "frequencies_hz": each.hz.tolist(),
+                "worst_return": float(each.error.max(initial=0.0)),
+                "extraneous": each.extraneous,
+                "extraneous_by_count": each.predicted,
+            }
+            for each in record.sampled
+        ],
+        "rank": dict(record.rank),
+        "tolerance": record.tolerance,
+        "singular_values": {name: values.tolist() for name, values in record.singular.items()},
+        "outputs": list(record.outputs),
+        "extraneous_in_band": [
+            {
+                "configuration": mode.configuration,
+                "frequency_hz": mode.hz,
+                "body": mode.share.body,
+                "energy": dict(mode.share.energy),
+                "interface": mode.share.interface,
+                "weight": mode.weight.tolist(),
+                "likeness": mode.likeness,
+            }
+            for mode in record.extraneous
+        ],
+        "static_shapes_added": dict(record.suppressed),
+        "between": dict(record.between),
+    }
+
+
+def _sensitivity(record: SensitivityRecord) -> dict[str, Any]:
+    """What would be kept otherwise, and the modes on the edge; modes are numbered as in the tables."""
+    cases = []
+    for case in record.cases:
+        more, less = case.against(record.chosen)
+        counts = None if case.kept is None else {body: len(modes) for body, modes in case.kept.items()}
+        cases.append(
+            {"change": case.change, "kept_modes": counts, "added": more, "left_out": less, "failure": case.failure}
+        )
+    edges = {
+        body: [{"mode": number, "cases": list(changes)} for number, changes in record.edge(body).items()]
+        for body in record.chosen
+    }
+    return {"cases": cases, "on_the_edge": edges}
+
+
+def _solver(done: Sequence[Factorisation]) -> dict[str, Any]:
+    """Sparse factorisations of a body: by which solvers, how many, how large the largest was."""
+    largest = max(done, key=lambda each: each.entries, default=None)
+    return {
+        "backends": sorted({each.backend for each in done}),
+        "factorisations": len(done),
+        "seconds": sum(each.seconds for each in done),
+        # Always factorised as a whole; readers may look for the key.
+        "largest": None if largest is None else asdict(largest) | {"parts": 1},
+    }
+
+
+def _configurations(run: RunResult, label: str, *, sizes: bool) -> list[dict[str, Any]]:
+    rows = []
+    every = [result.configuration for result in run.configurations]
+    for result in run.configurations:
+        row: dict[str, Any] = {"name": result.configuration.name, "angles": angles(result.configuration, every)}
+        errors = result.errors.get(label)
+        row |= {name: None if errors is None else getattr(errors, name) for name in ERRORS}
+        if sizes:
+            row["complex_modes"] = _complex_modes(errors)
+            row |= {
+                "channels": channels(run, errors),
+                "modes": pole_pairs(errors),
+                "checks": system_checks(run, result),
+            }
+            row |= {"n_full": result.n_full, "n_reduced": result.n_reduced}
+            row |= {"modes_full": result.modes_full, "modes_reduced": result.modes_reduced}
+        rows.append(row)
+    return rows
+
+
+def angles(configuration: Configuration, among: Sequence[Configuration] = ()) -> dict[str, float]:
+    """Settings by joint, in degrees; translations in the scene's unit of length.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        Whose settings.
+    among : sequence of Configuration
+        All configurations of the run: a joint that is set in several motions anywhere in it is written ``joint.dof``
+        everywhere.
+
+    Examples
+    --------
+    >>> angles(Configuration("tilted", {("spin", 5): np.pi / 4}))
+    {'spin': 45.0}
+    """
+    motions = {key for one in (configuration, *among) for key in one.angles}
+    joints = [joint for joint, _ in motions]
+    found = {}
+    for (joint, dof), value in configuration.angles.items():
+        key = joint if joints.count(joint) == 1 else f"{joint}.{DOF_NAMES[dof]}"
+        # Twelve decimals give back the degrees that were typed.
+        found[key] = round(math.degrees(value), 12) if dof >= 3 else value
+    return found
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, (np.integer, np.bool_)):
+        return value.item()
+    return value

@@ -1,0 +1,140 @@
+"""MBDyn: the .fem file of a modal joint, in record groups."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.model import ModalIntegrals
+from cmsreduce.write.component import ComponentFile, FlexibleBody, flexible_body
+from cmsreduce.write.files import number, put_lines
+from cmsreduce.write.targets.nodal import NodalMass, nodal_mass
+
+__all__ = ["MbdynDialect", "write_mbdyn"]
+
+MbdynDialect = Literal["invariants", "lumped"]
+"""Groups 14 to 18 of recent versions, or a lumped mass in groups 9, 11 and 12, which every version reads."""
+
+_RIGID = 12  # group whose first row is one number, the mass
+
+Array = NDArray[np.float64]
+
+
+def write_mbdyn(
+    path: Path, component: ComponentFile, integrals: ModalIntegrals, dialect: MbdynDialect = "invariants"
+) -> None:
+    """Write the body for MBDyn's modal joint.
+
+    Every group is of one mass: with invariants, that of the integrals; lumped, that of the nodal masses. The slope of a
+    node of solid elements is not known and written as zero: attach such a node by its translations only.
+
+    Parameters
+    ----------
+    path : Path
+        Where; the file is whole or not there.
+    component : ComponentFile
+        The body.
+    integrals : ModalIntegrals
+        Over its modes, about the origin of the modal node.
+    dialect : {"invariants", "lumped"}
+        Which record groups describe the mass.
+
+    Raises
+    ------
+    WriteError
+        If the component file lacks what is needed, or the file cannot be written.
+    """
+    body = flexible_body(component, integrals)
+    groups = _invariants(body) if dialect == "invariants" else _lumped(body, nodal_mass(component, body))
+    put_lines(path, _lines(body, groups))
+
+
+def _lines(body: FlexibleBody, groups: dict[int, tuple[str, Array]]) -> Iterator[str]:
+    yield "** MBDyn MODAL DATA FILE"
+    yield f'** NODE SET "ALL" of {body.name}'
+    yield ""
+    yield "** RECORD GROUP 1, HEADER"
+    yield "**   REVISION,  NODE,  NORMAL, ATTACHMENT, CONSTRAINT, REJECTED MODES."
+    yield f"  REV0 {body.node.size} {body.k} 0 0 0"
+    yield "**"
+    yield "** RECORD GROUP 2, FINITE ELEMENT NODE LIST"
+    yield " ".join(str(node) for node in body.node)
+    yield "**"
+    at_rest = np.zeros((1, body.k))
+    leading = {
+        3: ("INITIAL MODAL DISPLACEMENTS", at_rest),
+        4: ("INITIAL MODAL VELOCITIES", at_rest),
+        5: ("NODAL X COORDINATES", body.position[:, :1]),
+        6: ("NODAL Y COORDINATES", body.position[:, 1:2]),
+        7: ("NODAL Z COORDINATES", body.position[:, 2:]),
+    }
+    yield from _groups(leading)
+    yield "** RECORD GROUP 8, MODE SHAPES"
+    shapes = np.concatenate([body.translation, body.rotation], axis=1)
+    for mode in range(body.k):
+        yield f"**    NORMAL MODE SHAPE #  {mode + 1}"
+        yield from _rows(shapes[:, :, mode])
+    yield "**"
+    yield from _groups(groups)
+
+
+def _groups(groups: dict[int, tuple[str, Array]]) -> Iterator[str]:
+    for group, (title, values) in sorted(groups.items()):
+        yield f"** RECORD GROUP {group}, {title}"
+        if group == _RIGID:
+            yield from _rows(values[:1, :1])
+            yield from _rows(values[1:])
+        else:
+            yield from _rows(values)
+        yield "**"
+
+
+def _invariants(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
+    integrals, k = body.integrals, body.k
+    # S(a) S(b) = b a^T - (a . b) 1, with S(a) b = a x b.
+    eight = np.einsum("iij,ab->ajb", integrals.r_phi, np.eye(3)) - np.transpose(integrals.r_phi, (1, 2, 0))
+    nine = np.transpose(integrals.phi_phi, (1, 2, 3, 0)) - np.einsum("iijk,ab->ajkb", integrals.phi_phi, np.eye(3))
+    P = integrals.phi_phi
+    five = np.stack([P[1, 2] - P[2, 1], P[2, 0] - P[0, 2], P[0, 1] - P[1, 0]])
+    return {
+        9: ("MODAL MASS MATRIX", body.mass),
+        10: ("MODAL STIFFNESS MATRIX", body.stiffness),
+        _RIGID: ("RIGID BODY INERTIA MATRIX", _rigid(integrals.mass, integrals.centre_of_mass, integrals.inertia)),
+        13: ("MODAL DAMPING MATRIX", body.damping),
+        14: ("INVARIANT 3", integrals.phi),
+        15: ("INVARIANT 4", integrals.r_cross_phi),
+        16: ("INVARIANT 8", eight.reshape(3, 3 * k)),
+        17: ("INVARIANT 5", five.reshape(3, k * k)),
+        18: ("INVARIANT 9", nine.reshape(3, 3 * k * k)),
+    }
+
+
+def _lumped(body: FlexibleBody, lumps: NodalMass) -> dict[int, tuple[str, Array]]:
+    m, J, x = lumps.mass, lumps.diagonal_inertia, body.position
+    centre = m @ x / m.sum()
+    squares = np.einsum("n,ni,nj->ij", m, x, x)
+    inertia = np.trace(squares) * np.eye(3) - squares + np.diag(J.sum(axis=0))
+    mass = np.einsum("n,nia,nib->ab", m, body.translation, body.translation)
+    mass = mass + np.einsum("ni,nia,nib->ab", J, body.rotation, body.rotation)
+    return {
+        9: ("MODAL MASS MATRIX", mass),
+        10: ("MODAL STIFFNESS MATRIX", body.stiffness),
+        11: ("DIAGONAL OF LUMPED MASS MATRIX", np.column_stack([m, m, m, J])),
+        _RIGID: ("RIGID BODY INERTIA MATRIX", _rigid(m.sum(), centre, inertia)),
+        13: ("MODAL DAMPING MATRIX", body.damping),
+    }
+
+
+def _rigid(mass: float, centre: Array, inertia: Array) -> Array:
+    """Mass, centre of mass, and inertia about it (5, 3), of the inertia about the origin; the mass stands first."""
+    about_centre = inertia - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    return np.vstack([np.array([mass, 0.0, 0.0]), centre, about_centre])
+
+
+def _rows(values: Array) -> Iterator[str]:
+    for row in values:
+        yield " ".join(number(value) for value in row)

@@ -1,0 +1,207 @@
+"""MATLAB files of state-space models: MAT 5, which MATLAB, Octave and scipy read.
+
+State space of a reduced body, from its component file: a MATLAB file, or A B C D as text.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import WriteError
+from cmsreduce.write.component import ComponentFile
+from cmsreduce.write.files import atomic_path, number, put_lines
+
+__all__ = [
+    "StateSpace",
+    "component_states",
+    "write_abcd",
+    "write_matlab",
+    "write_states",
+]
+
+# Fixed text in place of the date that scipy writes, so that equal input gives equal bytes.
+_HEADER = b"MATLAB 5.0 MAT-file, written by cmsreduce".ljust(116)
+# A MAT 5 file counts its bytes in 32 bits.
+_LARGEST = 2**31
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """x' = A x + B u, y = C x + D u, with names.
+
+    Parameters
+    ----------
+    A, B, C, D : float64
+        The model.
+    inputs, outputs : sequence of str
+        Names of the channels.
+    facts : mapping
+        What else is known of it: arrays, texts, lists of texts.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    def variables(self) -> dict[str, Any]:
+        """The model as MATLAB variables."""
+        own = {"A": self.A, "B": self.B, "C": self.C, "D": self.D}
+        return {**own, "inputs": list(self.inputs), "outputs": list(self.outputs), **self.facts}
+
+
+def write_matlab(path: Path, variables: Mapping[str, Any]) -> None:
+    """Write a MAT 5 file.
+
+    Parameters
+    ----------
+    path : Path
+        Where; the file is whole or not there.
+    variables : mapping
+        Arrays, numbers, texts; a list of texts becomes a cell array, a mapping a structure, a list of mappings a cell
+        array of structures.
+
+    Raises
+    ------
+    WriteError
+        If the file cannot be written, or is too large for the format.
+    """
+    from scipy.io import savemat
+
+    image = io.BytesIO()
+    values = {name: _value(value) for name, value in variables.items()}
+    savemat(image, values, do_compression=True, oned_as="column")  # type: ignore[arg-type]
+    content = _HEADER + image.getvalue()[len(_HEADER) :]
+    if len(content) >= _LARGEST:
+        raise WriteError(f"{path}: {len(content) / 2**30:.1f} GiB are more than a MAT 5 file holds; keep fewer modes")
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def _value(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _value(part) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        cells = np.empty((len(value), 1), dtype=object)
+        for place, part in enumerate(value):
+            cells[place, 0] = _value(part)
+        return cells
+    return value
+
+
+def component_states(component: ComponentFile) -> StateSpace:
+    """State space of a reduced body: amplitudes of its modes, then their rates.
+
+    Parameters
+    ----------
+    component : ComponentFile
+        m modes: rigid, elastic, static. Inputs are its actuators, then forces on the dofs of its interfaces; outputs
+        its sensors, then displacements of these dofs. Modes are orthonormal whatever frame the file is written in.
+
+    Raises
+    ------
+    WriteError
+        If its damping has no real state space, or a sensor measures the rate of a static mode that an input moves.
+    """
+    arrays, name = component.arrays, component.name
+    if "modes/loss" in arrays:
+        raise WriteError(
+            f"component '{name}': structural damping is a complex stiffness and has no real state space; give it "
+            "modal damping, or take `matlab` and `abcd` out of write.formats"
+        )
+    faces = sorted({path.split("/")[1] for path in arrays if path.startswith("interfaces/")})
+    labels = [label for face in faces for label in _labels(component, face)]
+    back = _to_free_modes(component)
+    shapes = [np.empty((0, back.shape[0])), *(arrays[f"interfaces/{face}/shapes"] for face in faces)]
+    at_faces = np.vstack(shapes) @ back
+    m = component.elastic.stop
+    force = np.hstack([back.T @ arrays["inputs/B"], at_faces.T])
+    C1 = np.vstack([arrays["outputs/C1"] @ back, at_faces])
+    C2 = np.vstack([arrays["outputs/C2"] @ back, np.zeros_like(at_faces)])
+    if (C2[:, m:] @ force[m:]).any():
+        raise WriteError(
+            f"component '{name}': a rate sensor feels a static mode, whose rate is the derivative of an input and no "
+            "state; measure the displacement, or take `matlab` and `abcd` out of write.formats"
+        )
+    damping = back.T @ arrays["modes/damping"] @ back
+    stiffness = np.diag(arrays["modes/stiffness"])
+    A = np.block([[np.zeros((m, m)), np.eye(m)], [-np.diag(stiffness[:m]), -damping[:m, :m]]])
+    return StateSpace(
+        A,
+        np.vstack([np.zeros((m, force.shape[1])), force[:m]]),
+        np.hstack([C1[:, :m], C2[:, :m]]),
+        C1[:, m:] @ force[m:],
+        [*component.texts["inputs/name"], *labels],
+        [*component.texts["outputs/name"], *labels],
+        {
+            "name": name,
+            "method": component.method,
+            "rigid_count": component.rigid_count,
+            "frequency_hz": component.omega[:m] / (2 * np.pi),
+            "zeta": arrays["modes/zeta"][:m],
+            "units": dict(component.attributes["units"]),
+            "states": "amplitudes of the modes, then their rates",
+        },
+    )
+
+
+def write_states(path: Path, component: ComponentFile) -> None:
+    """Write the state space of a body as a MAT 5 file.
+
+    Raises
+    ------
+    WriteError
+        If it has none (`component_states`), or the file cannot be written.
+    """
+    write_matlab(path, component_states(component).variables())
+
+
+def write_abcd(path: Path, component: ComponentFile) -> None:
+    """Write the state space of a body as text: names of channels, then A, B, C and D row by row.
+
+    Parameters
+    ----------
+    path : Path
+        Where; the file is whole or not there. Lines that begin with ``%`` say what follows, ``% A rows columns``.
+    component : ComponentFile
+        The body.
+
+    Raises
+    ------
+    WriteError
+        If it has none (`component_states`), or the file cannot be written.
+    """
+    states = component_states(component)
+    lines = [f"% STATE SPACE {component.name}: x' = A x + B u, y = C x + D u, x {states.facts['states']}"]
+    lines += [f"% INPUTS {' '.join(states.inputs)}", f"% OUTPUTS {' '.join(states.outputs)}"]
+    for letter in "ABCD":
+        matrix: Array = getattr(states, letter)
+        lines.append(f"% {letter} {matrix.shape[0]} {matrix.shape[1]}")
+        lines += [" ".join(number(value) for value in row) for row in matrix]
+    put_lines(path, lines)
+
+
+def _labels(component: ComponentFile, face: str) -> list[str]:
+    nodes, parts = (component.arrays[f"interfaces/{face}/{what}"] for what in ("node", "component"))
+    return [f"{face}.{node}.{part}" for node, part in zip(nodes, parts, strict=True)]
+
+
+def _to_free_modes(component: ComponentFile) -> Array:
+    """Modes seen from no frame, as combinations of those in the file (m, m): what a frame took off is put back."""
+    back = np.eye(component.omega.size)
+    if "frame/removed" in component.arrays:
+        r = component.rigid_count
+        back[:r, r:] = component.arrays["frame/removed"]
+    return back

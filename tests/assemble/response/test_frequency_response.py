@@ -1,0 +1,301 @@
+"""Receptance coupling against the assembled matrices, closed forms and one undivided body."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.assemble import (
+    PointStack,
+    assemble,
+    body_receptances,
+    couple,
+    frequency_response,
+    modal_substructure,
+    receptances,
+    rigid_response,
+    rigid_substructure,
+    state_space,
+    wire,
+)
+from cmsreduce.errors import MatrixError
+from cmsreduce.model import (
+    SCALAR,
+    Configuration,
+    Damping,
+    DofTable,
+    FEModel,
+    Placement,
+    Point,
+    Scene,
+)
+from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.reduce import CraigBampton
+from tests.assemble.rigs import at, direct, in_joint, joint, modal, physical, rigid_body, strut, turned
+from tests.frames import frame, line, rotation
+
+OMEGA = np.geomspace(40.0, 4000.0, 50)
+ELBOW = [1.0, 0.4, 0.0]
+DAMPINGS = {
+    "undamped": Damping(),
+    "modal": Damping(modal=0.02),
+    "table": Damping(table=((1.0, 0.01), (100.0, 0.03))),
+    "per mode": Damping(per_mode=(0.05, 0.01)),
+    "rayleigh": Damping(rayleigh=(3.0, 2e-5)),
+    "stiffness only": Damping(rayleigh=(0.0, 2e-5)),
+    "structural": Damping(structural=0.04),
+    "matrix": None,
+}
+
+
+def stator(damping):
+    body = frame(
+        "stator", [[0, 0, 0], [0.5, 0.3, 0.1], ELBOW], [(1, 2), (2, 3)], {"root": 1, "elbow": 3}, damping=damping
+    )
+    if damping is None:
+        body = replace(body, damping=Damping(), D=sp.csc_array(3e-5 * body.K + 1e-3 * sp.eye_array(body.n)))
+    return body
+
+
+def rotor():
+    xyz = [ELBOW, [1.4, 0.4, 0.0], [1.8, 0.2, 0.3]]
+    return frame("rotor", xyz, [(1, 2), (2, 3)], {"elbow": 1, "tip": 3}, damping=Damping(modal=0.01))
+
+
+BOX = rigid_body("box", 4.0, [1.9, 0.2, 0.4], [0.05, 0.06, 0.07], {"foot": [1.8, 0.2, 0.3]})
+JOINTS = (joint("hinge", "stator.elbow", "rotor.elbow", "rz"), joint("mount", "rotor.tip", "box.foot"))
+CHANNELS = {
+    "actuators": (in_joint("hinge", "rz"), at("stator.root", "y"), strut("stator.root", "box.cg")),
+    "sensors": (in_joint("hinge", "rz"), at("box.cg", "rx", rate=True), at("rotor.tip", [1, 2, 0, 0, 0, 0.5])),
+}
+TURNED = Configuration("turned", {("hinge", 5): 0.6})
+
+
+def bodies(damping, form):
+    one = stator(damping)
+    first = physical(one) if form == "dofs" and not one.damping.acts_on_modes else modal(one)
+    return {"stator": first, "rotor": modal(rotor()), "box": rigid_substructure(BOX)}
+
+
+@pytest.mark.parametrize("ground", [(), (Point("stator", "root"),)], ids=["free", "grounded"])
+@pytest.mark.parametrize("form", ["dofs", "modes"])
+@pytest.mark.parametrize("damping", DAMPINGS.values(), ids=DAMPINGS)
+def test_coupling_is_the_assembled_system_solved(damping, form, ground):
+    subs = bodies(damping, form)
+    scene = Scene(tuple(subs), (0.0, 600.0), JOINTS, (TURNED,), ground=ground, **CHANNELS)
+    expected = direct(assemble(subs, scene, TURNED), OMEGA)
+    found = frequency_response(subs, scene, TURNED, OMEGA)
+    assert found.shape == (50, 3, 3)
+    size = abs(expected).max(axis=0)
+    if ground:
+        # A force on what is grounded moves nothing.
+        assert abs(found[:, :, 1]).max() < 1e-9 * size.max()
+        size[:, 1] = size.max()
+    assert (abs(found - expected).max(axis=0) < 1e-9 * size).all()
+
+
+@pytest.mark.parametrize("damping", ["undamped", "rayleigh", "stiffness only", "structural"])
+def test_dofs_and_all_modes_answer_alike(damping):
+    answers = []
+    for form in ("dofs", "modes"):
+        subs = bodies(DAMPINGS[damping], form)
+        scene = Scene(tuple(subs), (0.0, 600.0), JOINTS, (TURNED,), **CHANNELS)
+        answers.append(frequency_response(subs, scene, TURNED, OMEGA))
+    np.testing.assert_allclose(answers[1], answers[0], rtol=0, atol=1e-8 * abs(answers[0]).max(axis=0).max())
+
+
+def test_a_lone_mass():
+    """1 / (-m w^2), and the rate of it."""
+    subs = {"box": rigid_substructure(BOX)}
+    sensors = (at("box.cg", "x"), at("box.cg", "x", "rate", rate=True))
+    scene = Scene(("box",), (0.0, 1.0), actuators=(at("box.cg", "x"),), sensors=sensors)
+    configuration = scene.configurations[0]
+    H = frequency_response(subs, scene, configuration, OMEGA)
+    np.testing.assert_allclose(H[:, 0, 0], -1 / (4 * OMEGA**2), rtol=1e-14)
+    np.testing.assert_allclose(H[:, 1, 0], -1j / (4 * OMEGA), rtol=1e-14)
+    rigid = rigid_response(assemble(subs, scene, configuration), OMEGA)
+    np.testing.assert_allclose(H - rigid, 0, atol=1e-16)
+
+
+def test_two_halves_are_the_whole():
+    options = {"damping": Damping(rayleigh=(0.0, 1e-5))}
+    whole = line("whole", [0, 0, 0], [2, 0, 0], 8, **options)
+    halves = {
+        "left": physical(line("left", [0, 0, 0], [1, 0, 0], 4, **options)),
+        "right": modal(line("right", [1, 0, 0], [2, 0, 0], 4, **options)),
+    }
+    push = [1.0, 1.0, 1.0, 0.3, 0, 0]
+    one = Scene(("whole",), (0.0, 600.0), actuators=(at("whole.a", push),), sensors=(at("whole.b", push),))
+    two = Scene(
+        ("left", "right"),
+        (0.0, 600.0),
+        (joint("weld", "left.b", "right.a"),),
+        actuators=(at("left.a", push),),
+        sensors=(at("right.b", push),),
+    )
+    expected = frequency_response({"whole": physical(whole)}, one, one.configurations[0], OMEGA)
+    found = frequency_response(halves, two, two.configurations[0], OMEGA)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * abs(expected).max())
+    # Static flexibility of the free bar, apart from rigid motion: what is left at low frequency is the same.
+    rigid = [
+        rigid_response(assemble(subs, scene, scene.configurations[0]), OMEGA[:3])
+        for subs, scene in ((halves, two), ({"whole": physical(whole)}, one))
+    ]
+    np.testing.assert_allclose(rigid[0], rigid[1], rtol=1e-9)
+
+
+def test_a_body_beyond_dense_algebra_is_solved_sparse():
+    mast = line("mast", [0, 0, 0], [0, 0, 5], 40, held=(1,), interfaces={"b": 41}, damping=Damping(structural=0.02))
+    sub = physical(mast)
+    assert sub.m == 240
+    motions = sub.motion["41"]
+    K, M, L = mast.K.toarray(), mast.M.toarray(), motions.toarray()
+    w = np.array([1.0, 35.0, 400.0])
+    for k, Y in enumerate(receptances(sub, w, motions)):
+        expected = L @ np.linalg.solve(K * (1 + 0.02j) - w[k] ** 2 * M, L.T)
+        np.testing.assert_allclose(Y, expected, rtol=0, atol=1e-9 * abs(expected).max())
+
+
+def test_receptances_hold_for_every_setting():
+    subs = bodies(DAMPINGS["modal"], "modes")
+    stack = PointStack(subs)
+    Y = body_receptances(stack, OMEGA)
+    scene = Scene(tuple(subs), (0.0, 600.0), JOINTS, (TURNED, Configuration("as built")), **CHANNELS)
+    for configuration in scene.configurations:
+        found = couple(Y, stack, [wire(stack, scene, configuration)], [OMEGA])[0]
+        np.testing.assert_array_equal(found, frequency_response(subs, scene, configuration, OMEGA))
+
+
+@pytest.mark.parametrize("form", ["dofs", "modes"])
+def test_an_undamped_body_at_its_resonance_is_named(form):
+    body = line("bar", [0, 0, 0], [1, 0, 0], 2, held=(1,), interfaces={"b": 3})
+    sub = modal(body)
+    with pytest.raises(MatrixError, match=r"'bar' has no damping and resonates at .* Hz"):
+        receptances(sub, np.array([1.0, sub.omega[2]]), sub.motion["3"])
+    if form == "dofs":
+        free = physical(line("bar", [0, 0, 0], [1, 0, 0], 2))
+        zero = replace(free, K=sp.csc_array(free.K * 0.0))
+        with pytest.raises(MatrixError, match=r"'bar' has no damping and resonates at 0 Hz"):
+            receptances(zero, np.array([0.0]), np.eye(18))
+
+
+@pytest.mark.parametrize("damping", ["modal", "rayleigh", "matrix"])
+@pytest.mark.parametrize("ground", [(), (Point("stator", "root"),)], ids=["free", "grounded"])
+def test_state_space_answers_as_the_system_does(damping, ground):
+    subs = bodies(DAMPINGS[damping], "modes")
+    scene = Scene(tuple(subs), (0.0, 600.0), JOINTS, (TURNED,), ground=ground, **CHANNELS)
+    system = assemble(subs, scene, TURNED)
+    plant = state_space(system)
+    assert (plant.ninputs, plant.noutputs, plant.nstates) == (3, 3, 2 * system.N)
+    assert plant.input_labels == ["hinge rz", "stator_root y", "stator_root to box_cg"]
+    expected = direct(system, OMEGA[::10])
+    for k, w in enumerate(OMEGA[::10]):
+        np.testing.assert_allclose(plant(1j * w), expected[k], rtol=0, atol=1e-7 * abs(expected).max())
+
+
+def test_a_lone_body_has_a_state_space_too():
+    subs = {"rotor": modal(rotor(), 300.0)}
+    scene = Scene(("rotor",), (0.0, 300.0), actuators=(at("rotor.tip", "y"),), sensors=(at("rotor.elbow", "y"),))
+    system = assemble(subs, scene, scene.configurations[0])
+    w = 50.0
+    np.testing.assert_allclose(state_space(system)(1j * w), direct(system, [w])[0, 0, 0], rtol=1e-9)
+
+
+def test_what_has_no_state_space_is_refused():
+    for damping, message in ((DAMPINGS["structural"], "complex stiffness"), (DAMPINGS["undamped"], None)):
+        subs = bodies(damping, "modes")
+        scene = Scene(tuple(subs), (0.0, 600.0), JOINTS, (TURNED,), **CHANNELS)
+        system = assemble(subs, scene, TURNED)
+        if message is None:
+            system, message = replace(system, M=system.M * 0), "neither mass nor stiffness"
+        with pytest.raises(MatrixError, match=message):
+            state_space(system)
+
+
+WALL, SOFT, MASS = 300.0, 70.0, 2.0
+
+
+def hung(damping: Damping, rate: bool):
+    """A mass on a spring to the wall, a softer spring to a point without mass, on which the force acts."""
+    K, M = np.array([[WALL + SOFT, -SOFT], [-SOFT, SOFT]]), np.diag([MASS, 0.0])
+    dofs = DofTable(np.array([1, 2]), np.full(2, SCALAR))
+    body = FEModel("hung", sp.csc_array(K), sp.csc_array(M), dofs, damping=damping, grounded=True)
+    sub = modal_substructure(orthogonalise(CraigBampton(100.0).reduce(body, [1])), ["1", "2"])
+    sensors = (at("hung.2", "x", "point"), at("hung.1", "x", "mass", rate=True), at("hung.2", "x", "speed", rate=True))
+    scene = Scene(("hung",), (0.0, 1.0), actuators=(at("hung.2", "x", "push"),), sensors=sensors[: 3 if rate else 2])
+    return assemble({"hung": sub}, scene, scene.configurations[0])
+
+
+def test_a_massless_point_is_the_feedthrough_of_the_state_space():
+    system = hung(Damping(modal=0.02), rate=False)
+    plant = state_space(system)
+    assert (plant.nstates, system.N) == (2, 2)
+    np.testing.assert_allclose(plant.D, [[1 / SOFT], [0]], atol=1e-18)
+    for w in (1e-3, 3.0, 12.2, 40.0):
+        modal_part = 1 / (WALL + 0.04j * w * np.sqrt(WALL * MASS) - w**2 * MASS)
+        np.testing.assert_allclose(plant(1j * w).ravel(), [1 / SOFT + modal_part, 1j * w * modal_part], rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("damping", "rate", "message"),
+    [
+        (Damping(modal=0.02), True, r"rate output 'speed' .* 'push'"),
+        (Damping(rayleigh=(0.0, 1e-3)), False, "shape without mass is damped"),
+    ],
+    ids=["rate", "damped"],
+)
+def test_a_massless_point_with_a_rate_has_no_state_space(damping, rate, message):
+    with pytest.raises(MatrixError, match=message):
+        state_space(hung(damping, rate))
+
+
+@pytest.mark.parametrize("name", ["stator", "rotor", "box"])
+def test_turning_a_body_s_own_frame_changes_no_response(name):
+    """Every node's displacement frame is its own, and the body's basic frame is placed back."""
+    Q, t = rotation([1.0, -2.0, 0.5], 1.1), np.array([4.0, -3.0, 0.7])
+
+    def back(x):
+        return (np.asarray(x) - t) @ Q
+
+    subs = {body.name: physical(body) for body in (stator(DAMPINGS["structural"]), replace(rotor(), damping=Damping()))}
+    subs["box"] = rigid_substructure(BOX)
+    scene = Scene(tuple(subs), (0.0, 600.0), JOINTS, (TURNED,), **CHANNELS)
+    expected = frequency_response(subs, scene, TURNED, OMEGA)
+    weights = {}
+    if name == "box":
+        other = rigid_substructure(turned(BOX, Q, t)[0])
+    else:
+        body = stator(DAMPINGS["structural"]) if name == "stator" else replace(rotor(), damping=Damping())
+        axes = np.array([rotation([k, 1, -1], 0.4 * k) for k in range(1, 4)])
+        faces = {face: int(body.interfaces[face].node[0]) for face in body.interfaces}
+        moved = frame(name, back(body.nodes.xyz), [(1, 2), (2, 3)], faces, axes=axes, damping=body.damping)
+        # Sections stand along the same lines in space as before.
+        moved = replace(moved, **restated(body, axes @ Q.T))
+        moved = replace(moved, interfaces={k: replace(f, frame=Q) for k, f in moved.interfaces.items()})
+        other = physical(moved)
+        weights = {name: Q}
+    channels = {
+        kind: tuple(_in_frame(channel, weights if name != "box" else {"box": Q}) for channel in group)
+        for kind, group in CHANNELS.items()
+    }
+    scene = Scene(tuple(subs), (0.0, 600.0), JOINTS, (TURNED,), placements={name: Placement(Q, t)}, **channels)
+    found = frequency_response({**subs, name: other}, scene, TURNED, OMEGA)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * abs(expected).max(axis=0).max())
+
+
+def restated(body, axes):
+    """Matrices of a body along other displacement axes, given in its old basic frame."""
+    T = sp.block_diag([sp.block_diag([A, A]) for A in axes], format="csc")
+    return {letter: sp.csc_array(T @ getattr(body, letter) @ T.T) for letter in "KM"}
+
+
+def _in_frame(channel, frames):
+    """Directions of a channel written in a body's turned frame."""
+    terms = []
+    for term in channel.terms:
+        if getattr(term, "at", None) is not None and term.at.body in frames:
+            Q = frames[term.at.body]
+            term = replace(term, direction=np.concatenate([term.direction[:3] @ Q, term.direction[3:] @ Q]))
+        terms.append(term)
+    return replace(channel, terms=tuple(terms))

@@ -1,0 +1,151 @@
+"""How a body's receptance is computed: by a model over shapes, or point by point where that is not sure."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.assemble import (
+    PointStack,
+    couple,
+    receptance,
+    receptances,
+    tabulated,
+    wire,
+)
+from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.response import DynamicStiffness
+from cmsreduce.model import Damping, Scene
+from tests.assemble.rigs import at, physical
+from tests.frames import line
+from tests.solids import block, face
+
+OMEGA = 2 * np.pi * np.geomspace(0.1, 300.0, 80)
+
+
+def mast(damping=Damping(structural=0.002), held=(1,)):  # noqa: B008
+    return physical(line("mast", [0, 0, 0], [0, 0, 5], 50, held=held, interfaces={"b": 51}, damping=damping))
+
+
+def dense_response(sub, L, omega):
+    K, M = sub.K.toarray(), sub.M.toarray()
+    D, loss = (np.zeros_like(K) if A is None else A.toarray() for A in (sub.D, sub.loss))
+    return np.array([L @ np.linalg.solve(K - w**2 * M + 1j * (loss + w * D), L.T) for w in omega])
+
+
+def counted(monkeypatch):
+    """Frequencies at which the whole body is solved."""
+    solved = []
+    honest = DynamicStiffness.flexibility
+    monkeypatch.setattr(
+        DynamicStiffness, "flexibility", lambda self, load, w: solved.append(w) or honest(self, load, w)
+    )
+    return solved
+
+
+def same(found, expected, tolerance=1e-6):
+    """Errors against the driving-point receptances of both ends."""
+    size = np.sqrt(abs(np.einsum("faa->fa", expected)))
+    with np.errstate(invalid="ignore"):
+        share = abs(found - expected) / (size[:, :, None] * size[:, None, :])
+    return bool(np.nanmax(share) < tolerance)
+
+
+def test_no_point_of_a_body_with_proportional_damping_is_solved(monkeypatch):
+    solved = counted(monkeypatch)
+    for damping in (Damping(), Damping(structural=0.002), Damping(rayleigh=(0.5, 1e-5))):
+        sub = mast(damping)
+        L = sub.motion["51"].toarray()
+        assert same(receptances(sub, OMEGA, sub.motion["51"]), dense_response(sub, L, OMEGA))
+    assert not solved
+
+
+def test_a_dashpot_couples_the_modes_and_two_points_are_solved(monkeypatch):
+    solved = counted(monkeypatch)
+    sub = mast()
+    u = sp.csc_array(([1.0], ([150], [0])), shape=(sub.m, 1))
+    sub = replace(sub, D=sp.csc_array(40.0 * u @ u.T))
+    found = receptances(sub, OMEGA, sub.motion["51"])
+    assert len(solved) == 2
+    assert same(found, dense_response(sub, sub.motion["51"].toarray(), OMEGA))
+
+
+def test_a_free_solid_has_no_rotations_and_its_rigid_part_is_exact(monkeypatch):
+    solved = counted(monkeypatch)
+    cells = (10, 2, 2)
+    body = replace(block("bar", [1.0, 0.1, 0.1], cells, {"end": face(cells, 10)[:1]}), damping=Damping(structural=0.01))
+    sub = physical(body)
+    motions = next(iter(sub.motion.values()))
+    L = motions.toarray()
+    Y = receptances(sub, np.geomspace(1e-3, 1e4, 60), motions)
+    assert not solved
+    assert not Y[:, 3:].any() and not Y[:, :, 3:].any()
+    rigid = -L @ sub.rigid @ (L @ sub.rigid).T / 1e-6
+    np.testing.assert_allclose(Y[0], rigid, rtol=1e-10, atol=1e-10 * abs(rigid).max())
+    w = np.array([300.0, 2e3, 9e3])
+    assert same(receptance(sub, np.geomspace(1e-3, 1e4, 60), motions)(w), dense_response(sub, L, w))
+
+
+@pytest.mark.parametrize("reason", ["few points", "above the band", "stiffness that pushes"])
+def test_where_no_model_is_sure_every_point_is_solved(monkeypatch, reason):
+    solved = counted(monkeypatch)
+    sub = mast()
+    prepared, asked = OMEGA, np.array([10.0, 1234.0])
+    if reason == "few points":
+        prepared = OMEGA[:7]
+    elif reason == "above the band":
+        asked = np.array([3.0, 5.0]) * OMEGA[-1]
+    else:
+        sub = replace(sub, K=sp.csc_array(sub.K - 1e4 * sp.diags_array(np.eye(sub.m)[-6])))
+    Y = receptance(sub, prepared, sub.motion["51"])(asked)
+    assert solved == list(asked)
+    assert same(Y, dense_response(sub, sub.motion["51"].toarray(), asked), 1e-9)
+
+
+def test_an_undamped_body_of_many_dofs_at_its_resonance_is_named():
+    """Second bending of a cantilever: (4.694091 / L)^2 sqrt(EI / rho A), and the same number from the model."""
+    sub = mast(Damping())
+    E, inertia, rho, area = 70e9, 1e-8, 2700.0, 4e-4
+    K, M = sub.K.toarray(), sub.M.toarray()
+    w = np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(M, K)).real))
+    exact = (4.694091 / 5) ** 2 * np.sqrt(E * inertia / (rho * area))
+    second = w[abs(w - exact).argmin()]
+    assert abs(second / exact - 1) < 1e-4
+    of_body = receptance(sub, OMEGA, sub.motion["51"])
+    # The resonance to the last digit, from the ratio of energies at its shape.
+    shape = np.linalg.solve(K - (1 + 1e-7) * second**2 * M, M @ np.ones(sub.m))
+    second = np.sqrt((shape @ K @ shape) / (shape @ M @ shape))
+    with pytest.raises(MatrixError, match=r"'mast' has no damping and resonates at .* Hz, where its response is inf"):
+        of_body(np.array([1.0, second]))
+
+
+def test_points_are_coupled_in_blocks_that_fit_in_memory():
+    """Receptances of 3000 points over 75 motions would take 270 MB; those of a block, no more than 16 MiB."""
+    names = [f"p{k}" for k in range(25)]
+    cells = (24, 1, 1)
+    sub = physical(block("bar", [1.0, 0.1, 0.1], cells, {name: [4 * k + 1] for k, name in enumerate(names)}))
+    stack = PointStack({"bar": sub})
+    scene = Scene(("bar",), (0.0, 1.0), actuators=(at("bar.p0", "x"),), sensors=(at("bar.p24", "x"),))
+    wiring = wire(stack, scene, scene.configurations[0])
+    largest = 0
+
+    def flexibility(omega):
+        nonlocal largest
+        Y = np.zeros((omega.size, 75, 75), dtype=complex)
+        Y[:, 0, 72] = Y[:, 72, 0] = 1 / omega
+        largest = max(largest, Y.nbytes)
+        return Y
+
+    omega = np.linspace(1.0, 2.0, 3000)
+    H = couple({"bar": flexibility}, stack, [wiring], [omega])[0]
+    np.testing.assert_allclose(H[:, 0, 0], 1 / omega, rtol=1e-15)
+    assert 2**20 < largest <= 2**24
+
+
+def test_a_table_answers_as_its_source():
+    sub = mast()
+    of_body = receptance(sub, OMEGA, sub.motion["51"])
+    table = tabulated(of_body, OMEGA, 6)
+    np.testing.assert_array_equal(table(OMEGA[20:30]), of_body(OMEGA)[20:30])
+    assert tabulated(of_body, OMEGA, 10**5) is of_body

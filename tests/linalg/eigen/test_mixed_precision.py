@@ -1,0 +1,120 @@
+"""Modes from factors in single precision against dense algebra in double precision, and static solves beside them."""
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from cmsreduce.linalg.eigen import beside_modes, certified_modes, eigenpairs, mixed_precision
+from cmsreduce.linalg.eigen.mixed_precision import corrected_modes
+from cmsreduce.linalg.factorise import factorise
+from cmsreduce.linalg.refined_factor import RefinedFactor
+from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from tests.solids import block
+
+pytestmark = pytest.mark.pardiso
+SINGLE = SolverSettings("pardiso", precision="single")
+BAR = block("bar", (3.0, 0.4, 0.3), (30, 3, 3), held=range(1, 17))
+# Square: modes in pairs.
+POST = block("post", (2.0, 0.4, 0.4), (20, 4, 4), held=range(1, 26))
+
+
+@pytest.fixture
+def corrected(monkeypatch):
+    """Modes by corrections, or the test fails: without the way round by refined solves."""
+    monkeypatch.setattr(eigenpairs, "counted_modes", None)
+
+
+def spectrum(body):
+    """Eigenvalues, turned over: the low ones keep their digits."""
+    return 1 / la.eigvalsh(body.M.toarray(), body.K.toarray())[::-1]
+
+
+def solved(A, b):
+    """Solution to all digits of a double: refined with residuals of more."""
+    dense, factor = A.toarray(), la.cho_factor(A.toarray())
+    x, more = np.zeros(b.shape, np.longdouble), dense.astype(np.longdouble)
+    for _ in range(6):
+        x += la.cho_solve(factor, (b - more @ x).astype(np.float64))
+    return x.astype(np.float64)
+
+
+@pytest.mark.usefixtures("corrected")
+@pytest.mark.parametrize("wanted", [1, 7, 30, 120])
+@pytest.mark.parametrize("body", [BAR, POST], ids=lambda body: body.name)
+def test_modes_are_those_of_double_precision(body, wanted):
+    lam = spectrum(body)
+    wanted += int(lam[wanted] < lam[wanted - 1] * (1 + 1e-6))
+    omega = float(np.sqrt((lam[wanted - 1] + lam[wanted]) / 2))
+    with solver_settings(SINGLE):
+        found = certified_modes(body.K, body.M, omega, count=wanted)
+    assert found.omega.size == wanted
+    error = abs(found.omega / np.sqrt(lam[:wanted]) - 1)
+    # The reference itself has rounding of the lowest eigenvalue in all others.
+    rounding = 20 * np.finfo(float).eps * lam[wanted - 1] / lam[0]
+    assert error.max() < 1e-10 and (error <= found.bound + rounding).all() and found.bound.max() < 1e-9
+    inertia = body.M @ found.Phi
+    np.testing.assert_allclose(found.Phi.T @ inertia, np.eye(wanted), rtol=0, atol=1e-12)
+    left = np.linalg.norm(body.K @ found.Phi - inertia * found.omega**2, axis=0)
+    assert (left <= 1e-7 * np.linalg.norm(inertia, axis=0) * found.omega**2).all()
+
+
+def test_more_copies_of_a_mode_than_columns_of_a_block_are_found():
+    """Twenty bars side by side that do not touch: a Krylov space of sixteen columns sees sixteen of them."""
+    one = block("bar", (3.0, 0.4, 0.3), (6, 1, 1), held=range(1, 5))
+    lam = spectrum(one)
+    copies = 20
+    K, M = (sp.csc_array(sp.block_diag([A] * copies)) for A in (one.K, one.M))
+    omega = float(np.sqrt((lam[2] + lam[3]) / 2))
+    with solver_settings(SINGLE):
+        found = certified_modes(K, M, omega, count=3 * copies)
+    np.testing.assert_allclose(found.omega**2, np.repeat(lam[:3], copies), rtol=1e-9)
+
+
+@pytest.mark.parametrize("mistake", [-1, 1])
+def test_a_count_that_is_not_met_is_not_believed(mistake):
+    lam = spectrum(BAR)
+    high = (lam[9] + lam[10]) / 2
+    with solver_settings(SINGLE):
+        factor = factorise(BAR.K)
+        assert isinstance(factor, RefinedFactor)
+        found = corrected_modes(BAR.K, BAR.M, factor, high, 10 + mistake, 1e-9)
+    assert found is None or mistake < 0
+
+
+def test_where_corrections_fail_refined_solves_find_the_modes(monkeypatch):
+    def singular(*_):
+        raise la.LinAlgError
+
+    monkeypatch.setattr(mixed_precision, "_ritz", singular)
+    lam = spectrum(BAR)
+    with solver_settings(SINGLE):
+        found = certified_modes(BAR.K, BAR.M, float(np.sqrt((lam[6] + lam[7]) / 2)), count=7)
+    np.testing.assert_allclose(found.omega**2, lam[:7], rtol=1e-9)
+
+
+def test_static_solves_beside_modes_take_two_rough_ones(monkeypatch):
+    lam = spectrum(BAR)
+    b = np.random.default_rng(1).standard_normal((BAR.n, 6))
+    with solver_settings(SINGLE):
+        factor = factorise(BAR.K)
+        modes = certified_modes(BAR.K, BAR.M, float(np.sqrt((lam[29] + lam[30]) / 2)), solve=factor, count=30)
+        alone = factor(b)
+        known = beside_modes(factor, BAR.M, modes.omega, modes.Phi)
+        calls = []
+        rough = RefinedFactor.rough
+        monkeypatch.setattr(RefinedFactor, "rough", lambda self, c: calls.append(c.shape) or rough(self, c))
+        found = known(b)
+    assert calls == [b.shape] * 2
+    with solver_settings(SolverSettings("pardiso")):
+        double = factorise(BAR.K)(b)
+    exact = solved(BAR.K, b)
+    off = [np.sqrt(np.einsum("ij,ij->j", x - exact, BAR.K @ (x - exact))).max() for x in (alone, found, double)]
+    whole = np.sqrt(np.einsum("ij,ij->j", exact, BAR.K @ exact)).min()
+    assert max(off) <= 1e-10 * whole
+
+
+def test_a_factor_of_all_digits_stays_as_it_is():
+    with solver_settings(SolverSettings("pardiso")):
+        factor = factorise(BAR.K)
+    assert beside_modes(factor, BAR.M, np.ones(1), np.ones((BAR.n, 1))) is factor

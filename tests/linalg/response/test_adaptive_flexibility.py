@@ -1,0 +1,254 @@
+"""Flexibility models against closed forms and the body solved point by point."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.response import RESPONSE_TOLERANCE, DynamicStiffness, ResonanceError, adaptive_flexibility
+from cmsreduce.linalg.response.flexibility_shapes import FlexibilityShapes, UnconfirmedError
+from tests.frames import frame, line
+from tests.solids import block
+
+
+def chain(n, k=1.0, m=1.0, held=True):
+    """Equal masses in a row on equal springs, the first one on a spring to ground if held."""
+    K = sp.diags_array([-np.ones(n - 1), np.full(n, 2.0), -np.ones(n - 1)], offsets=[-1, 0, 1], format="lil")
+    K[n - 1, n - 1] = 1
+    if not held:
+        K[0, 0] = 1
+    return sp.csc_array(k * K), sp.csc_array(m * sp.eye_array(n))
+
+
+def unit(n, *rows):
+    return np.eye(n)[:, list(rows)]
+
+
+def balanced(F, M, R):
+    return F - M @ R @ np.linalg.solve(R.T @ (M @ R), R.T @ F)
+
+
+def test_end_of_a_held_chain():
+    """sin N t / (k' (sin (N+1) t - sin N t)) with cos t = 1 - w^2 m / 2k', k' = k (1 + i eta)."""
+    n, eta = 1500, 0.002
+    K, M = chain(n)
+    w = np.linspace(1e-3, 0.35, 900)
+    Z = DynamicStiffness(K, M, loss=sp.csc_array(eta * K))
+    found = adaptive_flexibility(Z, unit(n, n - 1), w, rigid=np.empty((n, 0)))(w)
+    stiff = 1 + 1j * eta
+    t = 2 * np.arcsin(w / (2 * np.sqrt(stiff)))
+    expected = np.sin(n * t) / (stiff * (np.sin((n + 1) * t) - np.sin(n * t)))
+    assert found.error.max() < RESPONSE_TOLERANCE
+    np.testing.assert_allclose(found.Y[:, 0, 0], expected, rtol=1e-6)
+
+
+def test_end_of_a_free_chain_far_below_its_first_mode():
+    """Elastic part: the whole of (sin N t - sin (N-1) t) / (2 k' sin N t (cos t - 1)), less -1/(N m w^2)."""
+    n, eta = 700, 0.01
+    K, M = chain(n, held=False)
+    R = np.ones((n, 1))
+    w = np.geomspace(2e-4, 0.2, 300)
+    Z = DynamicStiffness(K, M, loss=sp.csc_array(eta * K))
+    found = adaptive_flexibility(Z, balanced(unit(n, 0), M, R), w, rigid=R)(w)
+    stiff = 1 + 1j * eta
+    t = 2 * np.arcsin(w / (2 * np.sqrt(stiff)))
+    whole = (np.sin(n * t) - np.sin((n - 1) * t)) / (-4 * stiff * np.sin(n * t) * np.sin(t / 2) ** 2)
+    np.testing.assert_allclose(found.Y[:, 0, 0], whole + 1 / (n * w**2), rtol=1e-6)
+    # Statics of the free chain: sum over the cut of (share of the mass beyond)^2 / k.
+    static = np.sum((np.arange(1, n) / n) ** 2)
+    np.testing.assert_allclose(found.Y[0, 0, 0], static / (1 + 1j * eta), rtol=2e-3)
+
+
+def coupled_twins():
+    """Two equal cantilevers a soft spring apart: every mode a pair one part in 1e7 apart."""
+    one = line("mast", [0, 0, 0], [0, 0, 2], 60, held=(1,))
+    n = one.n
+    K = sp.block_diag([one.K, one.K], format="lil")
+    ends = [n - 6, 2 * n - 6]
+    K[np.ix_(ends, ends)] += 1e-3 * np.array([[1, -1], [-1, 1]])
+    K, M = sp.csc_array(K), sp.block_diag([one.M, one.M], format="csc")
+    return K, M, unit(2 * n, n - 6, n - 5, 2 * n - 6, n - 4), np.empty((2 * n, 0)), 2 * np.pi * 400
+
+
+def square_beam():
+    """A free solid of square section: bending in pairs of equal frequency."""
+    body = block("beam", [1.0, 0.1, 0.1], [16, 3, 3])
+    R = np.zeros((body.n, 6))
+    for c in range(3):
+        R[c::3, c] = 1
+        R[:, 3 + c] = np.cross(np.eye(3)[c], body.nodes.xyz).ravel()
+    F = balanced(unit(body.n, 0, 1, body.n - 1, body.n // 2), body.M, R)
+    return sp.csc_array(body.K), sp.csc_array(body.M), F, R, 2 * np.pi * 6000
+
+
+def lattice():
+    """Masses on a grid of springs, 21 x 30, tied softly to ground: a crowd of modes, many of them twice."""
+    a, b = (sp.diags_array([-np.ones(n - 1), np.full(n, 2.0), -np.ones(n - 1)], offsets=[-1, 0, 1]) for n in (21, 30))
+    K = sp.csc_array(sp.kron(a, sp.eye_array(30)) + sp.kron(sp.eye_array(21), b) + 0.01 * sp.eye_array(630))
+    return K, sp.csc_array(sp.eye_array(630)), unit(630, 0, 331, 629), np.empty((630, 0)), 1.0
+
+
+def massless():
+    """A frame whose rotations have no mass."""
+    body = frame(
+        "rack",
+        [[0.02 * i, 0.03 * (i % 2), 0.001 * i] for i in range(60)],
+        [(i, i + 1) for i in range(1, 60)],
+        held=(1,),
+    )
+    M = body.M.tolil()
+    rotations = [row for row in range(body.n) if row % 6 > 2]
+    M[rotations] = 0
+    M[:, rotations] = 0
+    return (
+        sp.csc_array(body.K),
+        sp.csc_array(M),
+        unit(body.n, body.n - 6, 20, body.n - 1),
+        np.empty((body.n, 0)),
+        2 * np.pi * 600,
+    )
+
+
+BODIES = {
+    "twins": coupled_twins(),
+    "square beam": square_beam(),
+    "lattice": lattice(),
+    "massless": massless(),
+}
+
+
+def dashpots(n, c, *pairs):
+    rows = [row for pair in pairs for row in pair]
+    u = sp.csc_array((np.tile([1.0, -1.0], len(pairs)), (rows, np.repeat(range(len(pairs)), 2))), shape=(n, len(pairs)))
+    return sp.csc_array(c * u @ u.T)
+
+
+def damping(law, K, M, top):
+    """D and loss: sizes are chosen for the top of the band."""
+    n = K.shape[0]
+    stiff = abs(K.diagonal()).max()
+    half = sp.diags_array(np.where(np.arange(n) < n // 2, 1.0, 3.0))
+    uneven = sp.csc_array(half @ K @ half)
+    D, loss = {
+        "0.1 %": (None, 0.002 * K),
+        "none": (None, None),
+        "stiffness": (sp.csc_array(0.004 / top * K), None),
+        "mass and stiffness": (sp.csc_array(1e-3 * top * M + 1e-3 / top * K), None),
+        "dashpot": (dashpots(n, 0.02 * stiff / top, (0, n - 1)), 0.002 * K),
+        "strong dashpots": (dashpots(n, 50 * stiff / top, (0, n - 1), (1, n // 2)), 0.01 * K),
+        "uneven": (sp.csc_array(0.01 / top * uneven), None),
+        "uneven loss": (None, sp.csc_array(0.003 * uneven)),
+    }[law]
+    return D, None if loss is None else sp.csc_array(loss)
+
+
+LAWS = ("0.1 %", "none", "stiffness", "mass and stiffness", "dashpot", "strong dashpots", "uneven", "uneven loss")
+# Loss is none on rigid motion: on a free body it follows the stiffness of its parts, not that of its dofs.
+CASES = [(name, law) for name in BODIES for law in LAWS if (name, law) != ("square beam", "uneven loss")]
+
+
+@pytest.mark.parametrize(("name", "law"), CASES)
+def test_a_model_errs_by_no_more_than_its_bound(name, law):
+    K, M, F, R, top = BODIES[name]
+    D, loss = damping(law, K, M, top)
+    braked = bool(R.size) and D is not None and abs(D @ R).max() > 1e-9 * abs(D).max() * abs(R).max()
+    Z = DynamicStiffness(K, M, D, loss)
+    grid = np.linspace(top / 400, top, 400)
+    model = adaptive_flexibility(Z, F, grid, rigid=R, braked=braked)
+    # At resonances in the band, and at points of no grid.
+    random = np.random.default_rng(3).uniform(top / 400, top, 6)
+    peaks = resonances(K, M, R, top)
+    some = np.concatenate([random, peaks[:: 1 + peaks.size // 6]])
+    if law == "none":
+        some = some[model.detuning(some) > 1e-6]
+    found = model(some)
+    assert found.error.max() < RESPONSE_TOLERANCE
+    for k, w in enumerate(some):
+        plain, exact = solved(Z, F, w)
+        scale = np.sqrt(np.outer(found.size[k], found.size[k]))
+        # Of one order of the rows rounding may be small by chance.
+        error, *roundings = (float((abs(Y - exact) / scale).max()) for Y in (found.Y[k], *plain))
+        rounding = max(roundings)
+        # At a resonance of hardly any damping rounding is what is left, of the model and of a solve alike; with strong
+        # dashpots beside dofs without mass it is 1e-7 of the model, of a solve 3e-11.
+        assert error < max(1.5 * found.error[k], RESPONSE_TOLERANCE / 5, 5 * rounding)
+        np.testing.assert_array_less(abs(np.diagonal(exact)) * (1 - 1e-5), found.size[k])
+
+
+def test_a_model_that_is_not_the_body_is_not_confirmed(monkeypatch):
+    K, M, F, R, top = BODIES["square beam"]
+    honest = FlexibilityShapes.model
+    monkeypatch.setattr(
+        FlexibilityShapes,
+        "model",
+        lambda self, ceiling: replace((m := honest(self, ceiling)), mass=m.mass * 1.001),
+    )
+    for D in (None, damping("uneven", K, M, top)[0]):
+        with pytest.raises(UnconfirmedError, match=r"errs by .* Hz where its bound is"):
+            adaptive_flexibility(DynamicStiffness(K, M, D), F, np.linspace(1, top, 30), rigid=R, braked=D is not None)
+
+
+def test_a_resonance_without_damping_has_no_response():
+    K, M = chain(700)
+    w = 2 * np.sin(np.pi * 3 / 2 / (2 * 700 + 1))
+    model = adaptive_flexibility(
+        DynamicStiffness(K, M), unit(700, 699), np.linspace(1e-3, 0.1, 50), rigid=np.empty((700, 0))
+    )
+    with pytest.raises(ResonanceError, match=f"infinite at {w / 2 / np.pi:.6g} Hz"):
+        model(np.array([1e-3, w]))
+
+
+def test_nothing_is_promised_above_the_modes():
+    K, M = chain(700)
+    Z = DynamicStiffness(K, M, loss=sp.csc_array(0.01 * K))
+    model = adaptive_flexibility(Z, unit(700, 699), np.linspace(1e-3, 0.1, 50), rigid=np.empty((700, 0)))
+    assert model(np.array([0.1])).error < RESPONSE_TOLERANCE
+    assert model(np.array([0.13])).error == np.inf
+
+
+def test_stiffness_that_pushes_is_refused():
+    K, M = chain(700)
+    K = sp.csc_array(K - 3 * sp.diags_array(np.eye(700)[350]))
+    with pytest.raises(MatrixError, match="not positive definite"):
+        adaptive_flexibility(
+            DynamicStiffness(K, M), unit(700, 699), np.linspace(1e-3, 0.1, 50), rigid=np.empty((700, 0))
+        )
+
+
+def solved(Z, F, w):
+    """The body by plain solves, and with what rounding leaves taken out by residuals in extended precision."""
+    wide = {
+        letter: A.toarray().astype(np.longdouble)
+        for letter in ("K", "M", "D", "loss")
+        if (A := getattr(Z, letter)) is not None
+    }
+    real = wide["K"] - np.longdouble(w) ** 2 * wide["M"]
+    imaginary = wide.get("loss", 0 * real) + np.longdouble(w) * wide.get("D", 0 * real)
+    A = sp.csr_array(Z.at(w))
+    rows = np.repeat(np.arange(Z.n), np.diff(A.indptr))
+    entries = real[rows, A.indices] + 1j * imaginary[rows, A.indices]
+    factor = la.lu_factor(A.toarray())
+    X = la.lu_solve(factor, F.astype(complex)).astype(np.clongdouble)
+    plain = [X]
+    for seed in range(2):
+        order = np.random.default_rng(seed).permutation(Z.n)
+        plain.append(np.empty_like(X))
+        plain[-1][order] = la.solve(A[order][:, order].toarray(), F[order].astype(complex))
+    for _ in range(3):
+        r = F - np.add.reduceat(entries[:, None] * X[A.indices], A.indptr[:-1], axis=0)
+        X = X + la.lu_solve(factor, r.astype(complex))
+    return [(F.T @ each).astype(complex) for each in plain], (F.T @ X).astype(complex)
+
+
+def resonances(K, M, R, top):
+    massive = np.flatnonzero(M.diagonal())
+    K, M = K.toarray(), M.toarray()
+    rest = np.setdiff1d(np.arange(len(K)), massive)
+    G = K[np.ix_(massive, massive)]
+    if rest.size:
+        G = G - K[np.ix_(massive, rest)] @ np.linalg.solve(K[np.ix_(rest, rest)], K[np.ix_(rest, massive)])
+    w = np.sqrt(abs(la.eigh(G, M[np.ix_(massive, massive)], eigvals_only=True)))[R.shape[1] :]
+    return w[w < top]

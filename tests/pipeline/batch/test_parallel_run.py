@@ -1,0 +1,77 @@
+"""A run in several processes writes what a run in one writes, also when they fail."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import Executor, Future
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cmsreduce.config import load_pipeline
+from cmsreduce.errors import CmsReduceError
+from cmsreduce.pipeline import Run, execute
+from cmsreduce.pipeline.batch import opened_run
+from cmsreduce.pipeline.batch.parallel_run import ParallelRun
+from cmsreduce.pipeline.batch.workers import Workers
+from tests.pipeline.rounding import close
+from tests.pipeline.study import Log
+from tests.pipeline.test_reuse import untimed
+
+
+def summary(folder: Path) -> Any:
+    found = untimed(json.loads((folder / "summary.json").read_text()))
+    for part in found["components"].values():
+        del part["solver"]
+    return found
+
+
+@pytest.fixture(scope="module")
+def alone(good_study: Path, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The study run in this process."""
+    folder, path = tmp_path_factory.mktemp("alone"), good_study / "study.yaml"
+    execute(Run(load_pipeline(path), folder, Log()), path, report=False)
+    return summary(folder)
+
+
+@pytest.mark.usefixtures("warm_processes")
+def test_processes_find_the_same_as_one(alone: Any, good_study: Path, tmp_path: Path) -> None:
+    path, log = good_study / "study.yaml", Log()
+    with opened_run(path, (), tmp_path, log, jobs=2) as run:
+        assert isinstance(run, ParallelRun)
+        # What the processes finished is not done again here.
+        assert {name for name in run.reduced_names if (tmp_path / "stages" / f"{name}.orthogonalise.h5").is_file()} == {
+            *run.reduced_names
+        }
+        execute(run, path, report=False)
+    close(alone, summary(tmp_path))
+
+
+class Dying(Executor):
+    """Every process dies of its task."""
+
+    def submit(self, work: Any, /, *arguments: Any, **named: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_exception(BrokenProcessPool())
+        return future
+
+
+def test_what_processes_do_not_finish_is_done_by_the_run(alone: Any, good_study: Path, tmp_path: Path) -> None:
+    path = good_study / "study.yaml"
+    workers = Workers(2, 1, None, lambda jobs: nullcontext(Dying()), (BrokenProcessPool,))
+    run = ParallelRun(load_pipeline(path), tmp_path, Log(), path, (), workers, Dying())
+    run.finish_bodies()
+    execute(run, path, report=False)
+    close(alone, summary(tmp_path))
+
+
+@pytest.mark.usefixtures("warm_processes")
+def test_what_is_wrong_is_said_once_and_by_the_run(good_study: Path, tmp_path: Path) -> None:
+    path, wrong = good_study / "study.yaml", ("balance.keep={modes: 500}",)
+    said = "500 modes of 'arm'"
+    with pytest.raises(CmsReduceError, match=said), opened_run(path, wrong, tmp_path, Log(), jobs=2) as run:
+        execute(run, path, wrong, report=False)
+    assert not (tmp_path / "summary.json").exists()

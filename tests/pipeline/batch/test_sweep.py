@@ -1,0 +1,186 @@
+"""A sweep finds at each point what a run with the same keys finds, alone, in processes, and after a kill."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import select
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import Executor, Future
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cmsreduce.config import load_pipeline
+from cmsreduce.model import SweepResult
+from cmsreduce.pipeline import (
+    Run,
+    execute,
+    reopen,
+    run_result,
+)
+from cmsreduce.pipeline.batch import sweep, sweep_axes
+from cmsreduce.pipeline.batch.workers import Workers
+from cmsreduce.pipeline.store import cache_entries, clear_cache
+from tests.pipeline.rounding import close
+from tests.pipeline.study import Log
+from tests.pipeline.test_reuse import untimed
+
+# Two angles would take twice the time and show nothing more of what points and processes do.
+ONE_ANGLE = "scene.articulation={hinge: [50 deg]}"
+METHODS = "reduce.method=craig-bampton,macneal-rubin"
+OVER = [METHODS, "balance.keep={modes: 4},{modes: 999},all", "reduce.cutoff=10,15", ONE_ANGLE]
+TIMES = ("reduce_s", "full_frf_s", "reduced_frf_s", "point_s")
+
+
+def found(result: SweepResult) -> list[dict[str, object]]:
+    """Rows without what differs from one time to the next."""
+    return [{key: value for key, value in asdict(row).items() if key not in TIMES} for row in result.rows]
+
+
+@pytest.fixture(scope="module")
+def swept(good_study: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[SweepResult, Path]:
+    """The study swept in this process."""
+    return sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path_factory.mktemp("swept"))
+
+
+def test_each_point_is_a_run(swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path) -> None:
+    result, folder = swept
+    assert [row.status == "failed" for row in result.rows] == [False, False, True, True, False, False] * 2
+    for row in (result.rows[0], result.rows[4], result.rows[11]):
+        overrides = [f"{key}={value}" for key, value in row.overrides.items()]
+        out = tmp_path / str(row.point)
+        path = good_study / "study.yaml"
+        execute(Run(load_pipeline(path, overrides), out, Log()), path, report=False)
+        alone, here = (json.loads((at / "summary.json").read_text()) for at in (out, folder / row.folder))
+        for summary in (alone, here):
+            for part in summary["components"].values():
+                # A body that another point has read is not factorised again for being read.
+                del part["solver"]
+        close(untimed(alone), untimed(here))
+        assert row.frf_error == here["worst"]["frf_error"]
+        assert row.kept_modes == sum(part["kept_modes"] for part in here["components"].values())
+        assert (row.status == "passed") == here["passed"]
+        assert (folder / row.folder / "arm.h5").is_file()
+
+
+def test_a_point_that_fails_has_its_reason_and_no_result(swept: tuple[SweepResult, Path]) -> None:
+    result, folder = swept
+    row = result.rows[2]
+    assert "999 modes" in row.message and "elastic modes below the cutoff" in row.message
+    assert not (folder / row.folder / "summary.json").exists()
+
+
+def test_what_points_share_is_there_once(swept: tuple[SweepResult, Path]) -> None:
+    _, folder = swept
+    entries = cache_entries(folder)
+    shared = [(entry.stage, entry.what) for entry in entries if entry.path.parent == folder / "stages"]
+    # Two methods at two cutoffs; whatever is kept of them, and however many points, the bodies are these.
+    for body in ("arm", "panel"):
+        assert shared.count(("reduce", body)) == shared.count(("orthogonalise", body)) == 4
+        assert shared.count(("reference", body)) == 1
+    assert len(shared) == 2 * (4 + 4 + 1)
+    assert sum(entry.stage == "verify" for entry in entries) == 8
+
+
+def test_a_point_can_be_opened_again(swept: tuple[SweepResult, Path]) -> None:
+    result, folder = swept
+    row = result.rows[5]
+    again = run_result(reopen(folder / row.folder))
+    assert again.worst()["frf_error"] == row.frf_error
+
+
+@pytest.mark.usefixtures("warm_processes")
+def test_processes_find_the_same_as_one(swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path) -> None:
+    result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path, jobs=2)
+    close(found(result), found(swept[0]))
+
+
+class Inline(Executor):
+    """Runs a task when it is submitted."""
+
+    def submit(self, work: Any, /, *arguments: Any, **named: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(work(*arguments))
+        return future
+
+
+def test_what_needs_more_than_its_share_of_the_memory_is_run_alone(
+    swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes: list[int] = []
+
+    def start(jobs: int) -> AbstractContextManager[Executor]:
+        sizes.append(jobs)
+        return nullcontext(Inline())
+
+    # No factor fits into one byte.
+    workers = Workers(2, 0, 1.0, start, (BrokenProcessPool,))
+    monkeypatch.setattr("cmsreduce.pipeline.batch.sweep.chosen_workers", lambda *named: nullcontext(workers))
+    result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path, jobs=2)
+    close(found(result), found(swept[0]))
+    assert sizes == [2, 2, 1]
+
+
+def test_a_killed_process_loses_nothing(swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path) -> None:
+    killed: list[int] = []
+
+    def kill_one() -> None:
+        while not killed:
+            children = multiprocessing.active_children()
+            if children and any(tmp_path.glob("points/*/summary.json")):
+                children[0].kill()
+                killed.append(1)
+            time.sleep(0.02)
+
+    killer = threading.Thread(target=kill_one, daemon=True)
+    killer.start()
+    result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path, jobs=2)
+    assert killed
+    close(found(result), found(swept[0]))
+
+
+def test_the_processes_of_a_killed_sweep_end_and_the_next_one_goes_on(
+    swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path
+) -> None:
+    over = [word for text in OVER for word in ("--over", text)]
+    program = [sys.executable, "-m", "cmsreduce.cli", "sweep", str(good_study / "study.yaml"), *over, "--jobs", "2"]
+    with subprocess.Popen([*program, "--out", str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as killed:
+        while killed.poll() is None and not any(tmp_path.glob("points/*/summary.json")):
+            time.sleep(0.02)
+        killed.kill()
+        # Its processes have inherited the pipe: it ends when they do.
+        assert killed.stdout is not None and select.select([killed.stdout], [], [], 30)[0]
+        assert killed.stdout.read() == b""
+    result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path)
+    close(found(result), found(swept[0]))
+
+
+def test_a_damaged_shared_stage_is_made_again(good_study: Path, tmp_path: Path) -> None:
+    axes = sweep_axes(["reduce.cutoff=10,15"])
+    first, _ = sweep(good_study / "study.yaml", axes, (), tmp_path)
+    for path in sorted((tmp_path / "stages").glob("arm.*.h5")):
+        path.write_bytes(path.read_bytes()[:-100])
+    for path in tmp_path.glob("points/*/stages/system.verify.h5"):
+        path.unlink()
+    again, _ = sweep(good_study / "study.yaml", axes, (), tmp_path)
+    assert all("is damaged and is made again" in row.message for row in again.rows)
+    close(found(replace(again, rows=tuple(replace(row, message="") for row in again.rows))), found(first))
+
+
+def test_clearing_leaves_results(good_study: Path, tmp_path: Path) -> None:
+    sweep(good_study / "study.yaml", sweep_axes(["reduce.cutoff=10"]), (), tmp_path)
+    entries = cache_entries(tmp_path)
+    assert {entry.stage for entry in entries} == {"reduce", "orthogonalise", "reference", "balance", "verify"}
+    assert all(len(entry.key) == 12 for entry in entries)
+    count, size = clear_cache(tmp_path)
+    assert (count, size) == (len(entries), sum(entry.size for entry in entries))
+    assert cache_entries(tmp_path) == []
+    assert (tmp_path / "points" / "cutoff=10" / "summary.json").is_file()

@@ -1,0 +1,55 @@
+"""What stands for an unreduced body that is too large for all its modes, against all its modes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cmsreduce.pipeline.bodies.reference as references
+from cmsreduce.assemble import body_ports, frequency_response, modal_substructure
+from cmsreduce.model import Damping, Point, Scene
+from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.reduce import MacNealRubin
+from cmsreduce.verify import channel_scales, frf_error
+from tests.assemble.rigs import at, points_of, rigid_modes
+from tests.solids import block
+
+BAND_HZ, CUTOFF_HZ = 1500.0, 4500.0
+SCENE = Scene(
+    ("bar",),
+    (0.0, BAND_HZ),
+    ground=(Point("bar", "root"),),
+    actuators=(at("bar.166", "y"),),
+    sensors=(at("bar.150", "y"), at("bar.150", "z")),
+)
+
+
+@pytest.fixture(scope="module")
+def bar():
+    """A bar of 513 dofs, held at four nodes of its root: its damping in the scene is that of many free modes."""
+    body = block("bar", [2.7, 0.2, 0.2], [18, 2, 2], {"root": [1, 2, 3, 7]})
+    return replace(body, damping=Damping(modal=0.01))
+
+
+def response(substructure):
+    omega = 2 * np.pi * np.geomspace(2.0, BAND_HZ, 6000)
+    return omega, frequency_response({"bar": substructure}, SCENE, SCENE.configurations[0], omega)
+
+
+def test_what_answers_the_inertia_of_static_shapes_brings_the_stand_in_nearer_to_all_modes(bar, monkeypatch):
+    ports, rigid = body_ports(bar, SCENE), rigid_modes(bar)
+    omega, exact = response(references.reference(bar, SCENE, ports, rigid, CUTOFF_HZ).substructure)
+    monkeypatch.setattr(references, "ALL_MODES_LIMIT", 0)
+    stand_in = references.reference(bar, SCENE, ports, rigid, CUTOFF_HZ)
+    assert stand_in.label == "modes to 2 x cutoff"
+    less = orthogonalise(MacNealRubin(2 * CUTOFF_HZ).reduce(bar, ports.interface, ports.static_loads, rigid))
+    scales = channel_scales(SCENE.actuators, SCENE.sensors, exact, exact)
+    found, plain = (
+        frf_error(omega, exact, response(sub)[1], *scales)
+        for sub in (stand_in.substructure, modal_substructure(less, points_of(bar, ("150", "166"))))
+    )
+    assert found < 5e-5
+    assert found < plain / 3
+    assert stand_in.substructure.m == less.omega.size + 13

@@ -1,0 +1,62 @@
+"""Two runs on one directory: the second waits, and finds what the first has finished."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from cmsreduce.pipeline import Run, execute
+from cmsreduce.pipeline.store import sole_use
+from tests.pipeline.study import Log
+from tests.pipeline.test_reuse import done
+
+HOLD = "import sys, pathlib; from cmsreduce.pipeline.store.stage_cache import sole_use\n"
+HOLD += "with sole_use(pathlib.Path(sys.argv[1]), print):\n    print('held', flush=True); sys.stdin.readline()\n"
+
+
+def holder(folder: Path) -> subprocess.Popen[str]:
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None and process.stdout.readline() == "held\n"
+    return process
+
+
+def test_the_second_waits_until_the_first_is_through(tmp_path: Path) -> None:
+    said: list[str] = []
+    with holder(tmp_path) as first:
+
+        def let_go(text: str) -> None:
+            said.append(text)
+            assert first.poll() is None and first.stdin is not None
+            first.stdin.write("\n")
+            first.stdin.flush()
+
+        with sole_use(tmp_path, let_go):
+            assert first.wait(30) == 0
+    assert len(said) == 1 and f"another run is at work in {tmp_path}" in said[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_killed_process_holds_nothing(tmp_path: Path) -> None:
+    with holder(tmp_path) as first:
+        first.kill()
+        first.wait(30)
+    said: list[str] = []
+    with sole_use(tmp_path, said.append):
+        assert said == []
+
+
+def test_two_runs_at_once_do_each_stage_once(study: Path, opened: Callable[..., Run]) -> None:
+    program = [sys.executable, "-m", "cmsreduce.cli", "run", str(study)]
+    with subprocess.Popen(program, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as first:
+        assert first.stderr is not None
+        next(line for line in first.stderr if "reduce        arm" in line)
+        run = opened()
+        execute(run, study, report=False)
+        assert isinstance(run.ledger.progress, Log)
+        assert any("another run is at work" in note for note in run.ledger.progress.notes)
+        assert first.wait(60) == 0
+    assert done(run) == []

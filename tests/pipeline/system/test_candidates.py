@@ -1,0 +1,88 @@
+"""Candidates of a search, measured fast, against models built and compared one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cmsreduce.model import ModalComponent
+from cmsreduce.pipeline import Run
+from cmsreduce.pipeline.choose.selection import truncate
+from cmsreduce.pipeline.system.candidates import Candidates
+from cmsreduce.verify import frf_error
+
+Components = dict[str, ModalComponent]
+
+
+class Trials:
+    """The study's candidates, and their errors the long way, on the same grids."""
+
+    def __init__(self, run: Run, components: Components) -> None:
+        self.run, self.components = run, components
+        pool = run.joined(components)
+        self.targets = run.comparison.targets(run.scene.configurations, pool)
+        self.fast = Candidates(pool.assembled, self.targets)
+
+    def slow(self, selection: dict[str, np.ndarray]) -> float:
+        kept = truncate(self.components, selection, dict.fromkeys(self.components, "trial"))
+        model = self.run.joined(kept).assembled
+        return max(
+            frf_error(t.omega, t.elastic, model.response(t.configuration, t.omega) - t.rigid, t.row, t.column)
+            for t in self.targets
+        )
+
+    def random(self, seed: int, share: float) -> dict[str, np.ndarray]:
+        rng = np.random.default_rng(seed)
+        elastic = {name: np.arange(c.elastic.start, c.elastic.stop) for name, c in self.components.items()}
+        return {name: columns[rng.random(columns.size) < share] for name, columns in elastic.items()}
+
+
+def coupled(components: Components) -> Components:
+    """The arm with damping that couples its modes."""
+    arm = components["arm"]
+    e = arm.elastic
+    D = np.zeros((arm.omega.size, arm.omega.size))
+    mixed = np.sqrt(np.outer(arm.omega[e], arm.omega[e]))
+    D[e, e] = 0.02 * mixed * (0.7 * np.eye(mixed.shape[0]) + 0.3)
+    return {**components, "arm": replace(arm, D=D)}
+
+
+@pytest.fixture(params=["diagonal", "coupled"])
+def trials(request: pytest.FixtureRequest, opened: Callable[..., Run]) -> Trials:
+    run = opened()
+    return Trials(run, dict(run.ranked) if request.param == "diagonal" else coupled(dict(run.ranked)))
+
+
+def test_errors_are_those_of_the_models(trials: Trials) -> None:
+    for seed, share in enumerate([1.0, 0.8, 0.5, 0.0]):
+        selection = trials.random(seed, share)
+        assert trials.fast.error(selection) == pytest.approx(trials.slow(selection), rel=1e-9, abs=1e-12)
+
+
+def test_beyond_a_limit_an_error_is_a_lower_bound(trials: Trials) -> None:
+    for seed in range(12):
+        selection = trials.random(seed, 0.85)
+        exact = trials.slow(selection)
+        for limit in (0.5 * exact, 0.999 * exact, 1.001 * exact):
+            found = trials.fast.error(selection, limit)
+            assert (found > limit) == (exact > limit) and found <= exact * (1 + 1e-9)
+
+
+def test_effects_of_single_modes_foretell_errors(trials: Trials) -> None:
+    selection = trials.random(0, 1.0)
+    changes = [
+        (name, np.array([k])) for name, c in trials.components.items() for k in range(c.elastic.start, c.elastic.stop)
+    ]
+    effects = trials.fast.effects(selection, changes)
+    foretold = effects.predicted(np.arange(len(changes))[:, None])
+    small = 0
+    for (name, columns), error in zip(changes, foretold, strict=True):
+        exact = trials.fast.error({**selection, name: np.setxor1d(selection[name], columns)})
+        if exact < 0.5:
+            # The grid of effects is coarser.
+            assert error == pytest.approx(exact, rel=0.1)
+            small += 1
+    assert small > 3

@@ -1,0 +1,128 @@
+"""MATLAB files of every level."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+import scipy.sparse as sp
+
+from cmsreduce.errors import ReadError
+from cmsreduce.read import detect_format, matrix_names, read_matrix
+
+K = np.array([[2.0, -1.0 / 3.0, 0.0], [-1.0 / 3.0, 4.0e6, 0.0], [0.5, 0.0, 0.0]])
+VARIABLES = {"K": K, "S": sp.csc_matrix(K), "text": "chain", "row": np.arange(4.0)}
+
+
+def write_hdf5(path: Path) -> None:
+    """A version 7.3 file as MATLAB writes it: 512 bytes of its own, then HDF5 with the class of each variable."""
+    A = sp.csc_array(K)
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, array, kind in (
+            ("K", K, "double"),
+            ("F", K.astype("f4"), "single"),
+            ("text", np.ones((1, 5)), "char"),
+        ):
+            file.create_dataset(name, data=array.T).attrs["MATLAB_class"] = np.bytes_(kind)
+        group = file.create_group("S")
+        group.attrs["MATLAB_class"] = np.bytes_("double")
+        group.attrs["MATLAB_sparse"] = np.uint64(3)
+        group["data"], group["ir"], group["jc"] = A.data, A.indices.astype("u8"), A.indptr.astype("u8")
+        empty = file.create_group("E")
+        empty.attrs["MATLAB_class"] = np.bytes_("double")
+        empty.attrs["MATLAB_sparse"] = np.uint64(3)
+        empty["jc"] = np.zeros(4, "u8")
+        file.create_group("model").attrs["MATLAB_class"] = np.bytes_("struct")
+        complex_numbers = np.zeros((2, 2), dtype=[("real", "f8"), ("imag", "f8")])
+        file.create_dataset("C", data=complex_numbers).attrs["MATLAB_class"] = np.bytes_("double")
+        file.create_group("#refs#")
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"format": "4"}, {"format": "5"}, {"format": "5", "do_compression": True}],
+    ids=["4", "5", "5z"],
+)
+def test_written_by_scipy(tmp_path: Path, options: dict[str, object]) -> None:
+    path = tmp_path / "body.bin"
+    scipy.io.savemat(path, VARIABLES, appendmat=False, **options)
+    assert detect_format(path) == "mat"
+    for name in ("K", "S", "k"):
+        found = read_matrix(path, name)
+        assert np.array_equal(found.A.toarray(), K)
+        assert found.rounding == 2.0**-53
+    assert [one.name for one in matrix_names(path)] == ["K", "S", "row"]
+    with pytest.raises(ReadError, match=r"'text' is a .* char, not a matrix"):
+        read_matrix(path, "text")
+    with pytest.raises(ReadError, match=r"no matrix 'M' in it; it holds K, S, row"):
+        read_matrix(path, "M")
+
+
+def test_single_and_complex(tmp_path: Path) -> None:
+    path = tmp_path / "body.mat"
+    scipy.io.savemat(path, {"F": K.astype(np.float32), "C": 1j * K, "model": {"K": K}})
+    assert read_matrix(path, "F").rounding == 2.0**-24
+    with pytest.raises(ReadError, match="'C' is complex"):
+        read_matrix(path, "C")
+    with pytest.raises(ReadError, match="'model' is a 1 x 1 struct, not a matrix"):
+        read_matrix(path, "model")
+
+
+def test_version_7_3(tmp_path: Path) -> None:
+    path = tmp_path / "body.mat"
+    write_hdf5(path)
+    assert detect_format(path) == "mat"
+    assert sorted(one.name for one in matrix_names(path)) == ["C", "E", "F", "K", "S"]
+    assert np.array_equal(read_matrix(path, "K").A.toarray(), K)
+    assert np.array_equal(read_matrix(path, "s").A.toarray(), K)
+    assert read_matrix(path, "E").A.shape == (3, 3)
+    assert read_matrix(path, "F").rounding == 2.0**-24
+    with pytest.raises(ReadError, match="'C' is complex"):
+        read_matrix(path, "C")
+    for name, kind in (("text", "char"), ("model", "struct")):
+        with pytest.raises(ReadError, match=f"{kind}, not a matrix"):
+            read_matrix(path, name)
+
+
+def test_hdf5_of_another_program(tmp_path: Path) -> None:
+    path = tmp_path / "body.h5"
+    with h5py.File(path, "w") as file:
+        file["K"] = K
+    with pytest.raises(ReadError, match="HDF5 file that MATLAB did not write"):
+        read_matrix(path, "K")
+
+
+def test_size_that_was_never_written(tmp_path: Path) -> None:
+    path = tmp_path / "body.mat"
+    with h5py.File(path, "w") as file:
+        claimed = file.create_dataset("K", shape=(10**6, 10**6), dtype="f8", chunks=(100, 100))
+        claimed.attrs["MATLAB_class"] = np.bytes_("double")
+    with pytest.raises(ReadError, match="'K' claims 1000000 x 1000000 numbers, but 0 bytes"):
+        read_matrix(path, "K")
+
+
+@pytest.mark.parametrize("level", ["4", "5", "7.3"])
+def test_cut_files(tmp_path: Path, level: str) -> None:
+    path = tmp_path / "body.mat"
+    if level == "7.3":
+        write_hdf5(path)
+    else:
+        scipy.io.savemat(path, {"K": K, "S": sp.csc_matrix(K)}, format=level)
+    content = path.read_bytes()
+    for cut in range(130, len(content) - 1, 1 + len(content) // 40):
+        path.write_bytes(content[:cut])
+        with pytest.raises(ReadError, match="truncated"):
+            read_matrix(path, "S", format="mat")
+
+
+@pytest.mark.shared
+def test_iss(shared_data: Path) -> None:
+    found = read_matrix(shared_data / "slicot" / "iss.mat", "A").A
+    assert found.shape == (270, 270)
+    # 135 modes: identity over the diagonal blocks of squared frequencies and damping, zeta = 0.005.
+    assert np.array_equal(found[:135, 135:].toarray(), np.eye(135))
+    frequency = np.sqrt(-found[135:, :135].diagonal())
+    assert -found[135:, 135:].diagonal() == pytest.approx(2 * 0.005 * frequency, rel=1e-9)

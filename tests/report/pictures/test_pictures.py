@@ -1,0 +1,55 @@
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from cmsreduce.report import write_pictures
+from tests.report.large_run import large_run
+
+Drawn = Callable[[str], list[Path]]
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> Drawn:
+    """All pictures of a run as files of a kind, drawn once: it is what takes the time."""
+    run = large_run(modes=130, inputs=1, outputs=2, configurations=2, points=1500, nodes=40)
+    return cache(lambda suffix: write_pictures(run, tmp_path_factory.mktemp("drawn") / "pictures", suffix))
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg"])
+def test_every_picture_of_a_run(drawn: Drawn, suffix: str) -> None:
+    files = drawn(suffix)
+    names = [
+        "scene",
+        "shapes",
+        "errors",
+        "response_push_0_probe_0",
+        "response_push_0_probe_1",
+        "likeness",
+        "sigma_string",
+    ]
+    assert [file.name for file in files] == [f"{name}{suffix}" for name in [*names, "effective_mass_string", "gains"]]
+    for file in files:
+        start = file.read_bytes()[:8]
+        assert start == b"\x89PNG\r\n\x1a\n" if suffix == ".png" else start.startswith(b"<?xml")
+
+
+def test_lines_have_their_colours(drawn: Drawn) -> None:
+    from matplotlib.image import imread
+
+    folder = drawn(".png")[0].parent
+    for name, colours in {
+        "scene": [(0, 0x72, 0xB2)],
+        "shapes": [(0xD5, 0x5E, 0)],
+        "sigma_string": [(0, 0x72, 0xB2)],
+    }.items():
+        pixels = (255 * imread(folder / f"{name}.png")[..., :3]).round().astype(int)
+        for colour in colours:
+            assert (abs(pixels - colour).max(axis=2) <= 8).sum() > 100, name
+
+
+def test_a_run_without_responses_has_pictures_of_its_modes(make_run, tmp_path: Path) -> None:
+    assert [file.name for file in write_pictures(make_run(configurations=(), speed=None), tmp_path)] == [
+        "sigma_rotor.png"
+    ]

@@ -1,0 +1,124 @@
+"""42's flexible-body file: its grammar, and the forces that 42 forms of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cmsreduce.errors import WriteError
+from cmsreduce.write.targets.flex42 import write_42
+from tests.write.particles import FORMATS, particles
+
+
+class Lines:
+    """Lines of the file in turn, without their comments; 42 skips headings and reads comments into 80 characters."""
+
+    def __init__(self, path: Path) -> None:
+        self.lines = path.read_text().splitlines()
+        self.at = 0
+
+    def heading(self, *words: str) -> None:
+        line = self.lines[self.at]
+        assert all(word in line for word in words), line
+        self.at += 1
+
+    def row(self) -> list[str]:
+        values, _, comment = self.lines[self.at].partition("!")
+        assert len(comment) < 79
+        self.at += 1
+        return values.split()
+
+    def entries(self, *shape: int) -> np.ndarray:
+        values = np.zeros(shape)
+        for _ in range(int(self.row()[0])):
+            *place, value = self.row()
+            values[tuple(int(index) for index in place)] = float(value)
+        return values
+
+
+def read(path: Path, joints: int, nodes: int) -> dict[str, np.ndarray]:
+    """Read the file as 42 does, which knows the numbers of joints and nodes from elsewhere."""
+    f, found = Lines(path), {}
+    f.heading("Flexible Body Inputs for 42")
+    f.row()
+    k = int(f.row()[0])
+    f.heading("Initial Modal States")
+    found["start"] = np.array([f.row() for _ in range(k)], dtype=float)
+    for where, count in (("Joint", joints), ("Analysis", nodes)):
+        f.heading(f"{where} Node Mode Shapes")
+        for kind in ("PSI", "THETA"):
+            f.heading("Non-zero", kind)
+            found[f"{where} {kind}"] = f.entries(k, count, 3)
+    for name in ("Mass", "Stiffness", "Damping"):
+        f.heading("Non-zero", name)
+        found[name] = f.entries(k, k)
+    for name, symbol in (("Linear Momentum", "Pf"), ("Angular Momentum", "Hf")):
+        f.heading(name, symbol)
+        found[symbol] = np.array([f.row() for _ in range(k)], dtype=float).T
+    f.heading("Linear Modal Integral, L")
+    found["L"] = f.entries(3, 3, k)
+    f.heading("Angular Modal Integral, N")
+    found["N"] = f.entries(3, 3, k, k)
+    assert f.lines[f.at] == "[EOF]"
+    return found
+
+
+@pytest.mark.skipif(not FORMATS.is_dir(), reason="no format samples here")
+def test_the_reader_understands_a_file_of_42() -> None:
+    f = read(FORMATS / "Flex_Simple.txt", 0, 2)
+    np.testing.assert_allclose(np.sqrt(np.diag(f["Stiffness"])) / (2 * np.pi), [1.0, 10.0], rtol=1e-4)
+    assert f["Analysis THETA"][1, 0, 1] == 0.0707
+    assert f["Analysis PSI"][0, 1, 2] == -0.1
+
+
+def test_forces_that_42_forms(tmp_path: Path) -> None:
+    """Modal forces of a spinning frame with moving modes, as 42 forms them of L and N, against particles."""
+    body = particles()
+    write_42(tmp_path / "flex.txt", body.file, body.integrals)
+    f = read(tmp_path / "flex.txt", 2, 7)
+    w, alpha, a = np.array([0.4, -0.9, 1.3]), np.array([0.2, 0.5, -0.7]), np.array([1.0, -2.0, 0.5])
+    eta, xi = np.array([0.3, -0.1, 0.2, 0.05]), np.array([0.3, -0.2, 0.7, 0.1])
+    L, N = f["L"], f["N"]
+    Q = np.array([N[2, 1] - N[1, 2], N[0, 2] - N[2, 0], N[1, 0] - N[0, 1]])
+    R = np.transpose(L, (1, 2, 0)) - np.einsum("iik,ab->akb", L, np.eye(3))
+    S = np.transpose(N, (1, 2, 3, 0)) - np.einsum("iijk,ab->ajkb", N, np.eye(3))
+    carried = f["Pf"].T @ a + (f["Hf"] + Q @ eta).T @ alpha
+    spun = np.einsum("a,akb,b->k", w, R, w) + np.einsum("a,ajkb,b,k->j", w, S, w, eta)
+    spun += 2 * np.einsum("ajk,k,a->j", Q, xi, w)
+    x = body.x + body.u @ eta
+    acceleration = a + np.cross(alpha, x) + np.cross(w, np.cross(w, x)) + 2 * np.cross(w, body.u @ xi)
+    np.testing.assert_allclose(carried + spun, np.einsum("n,nik,ni->k", body.m, body.u, acceleration), rtol=1e-12)
+
+
+def test_shapes_and_matrices(tmp_path: Path) -> None:
+    body = particles()
+    write_42(tmp_path / "flex.txt", body.file, body.integrals)
+    f = read(tmp_path / "flex.txt", 2, 7)
+    for kind, shapes in (("PSI", body.node_u), ("THETA", body.node_v)):
+        np.testing.assert_allclose(f[f"Analysis {kind}"], np.transpose(shapes, (2, 0, 1)), rtol=0, atol=1e-15)
+        np.testing.assert_allclose(f[f"Joint {kind}"], np.transpose(shapes[[1, 6]], (2, 0, 1)), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(f["Mass"], np.eye(4), atol=1e-14)
+    np.testing.assert_allclose(f["Stiffness"], np.diag(body.omega**2))
+    np.testing.assert_allclose(f["Damping"], np.diag(0.02 * body.omega))
+    np.testing.assert_allclose(f["Hf"], body.integrals.r_cross_phi, rtol=0, atol=1e-15)
+    assert not f["start"].any()
+
+
+def test_a_joint_has_one_node(tmp_path: Path) -> None:
+    body = particles()
+    several = {
+        **body.file.arrays,
+        "interfaces/tip/node": np.array([21, 34]),
+        "interfaces/tip/component": np.array([1, 1]),
+    }
+    with pytest.raises(WriteError, match="interface 'tip' has 2 nodes, and a joint of 42 has one"):
+        write_42(tmp_path / "flex.txt", replace(body.file, arrays=several), body.integrals)
+
+
+def test_modes_without_mass_are_refused(tmp_path: Path) -> None:
+    body = particles(static=True)
+    with pytest.raises(WriteError, match="42 divides by the modal mass"):
+        write_42(tmp_path / "flex.txt", body.file, body.integrals)
