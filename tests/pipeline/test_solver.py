@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +121,7 @@ def test_a_solver_that_is_not_installed_is_refused(run, monkeypatch):
 
 def test_the_unreduced_body_is_represented_under_the_same_settings(files: Path, tmp_path: Path, monkeypatch) -> None:
     """A stand-in, as larger bodies have; left to itself it would take SuperLU for so few rows."""
-    monkeypatch.setattr("cmsreduce.pipeline.bodies.reference.ALL_MODES_LIMIT", 0)
+    monkeypatch.setattr(import_module("cmsreduce.pipeline.bodies.reference"), "ALL_MODES_LIMIT", 0)
     path = files / f"{tmp_path.name}.yaml"
     path.write_text(BAR.format(output=tmp_path / "out", solver="backend: pardiso"))
     run = Run(load_pipeline(path), tmp_path / "out", Silent())

@@ -36,14 +36,15 @@ __all__ = [
     "stage_key",
 ]
 
-_PACKAGE = Path(__file__).resolve().parents[1]
-_EVERY = ("model", "linalg", "reduce", "orthogonalise.py", "assemble", "balance", "project", "verify", "pipeline")
+_PACKAGE = Path(__file__).resolve().parents[2]
+_BASE = ("model", "linalg", "multifrontal", "mechanics")
+_EVERY = (*_BASE, "reduce", "orthogonalise.py", "assemble", "balance", "project", "verify", "pipeline")
 # Readers are not among them: keys hold a hash of the matrices that were read. Neither is what prints and draws.
 _ROOMS = {
     "read": (),
-    "reduce": ("model", "linalg", "reduce", "assemble", "pipeline"),
-    "orthogonalise": ("model", "linalg", "orthogonalise.py", "pipeline"),
-    "reference": ("model", "linalg", "reduce", "orthogonalise.py", "assemble", "pipeline"),
+    "reduce": (*_BASE, "reduce", "assemble", "pipeline"),
+    "orthogonalise": (*_BASE, "orthogonalise.py", "pipeline"),
+    "reference": (*_BASE, "reduce", "orthogonalise.py", "assemble", "pipeline"),
 }
 
 

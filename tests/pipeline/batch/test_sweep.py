@@ -13,6 +13,7 @@ from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -123,7 +124,9 @@ def test_what_needs_more_than_its_share_of_the_memory_is_run_alone(
 
     # No factor fits into one byte.
     workers = Workers(2, 0, 1.0, start, (BrokenProcessPool,))
-    monkeypatch.setattr("cmsreduce.pipeline.batch.sweep.chosen_workers", lambda *named: nullcontext(workers))
+    monkeypatch.setattr(
+        import_module("cmsreduce.pipeline.batch.sweep"), "chosen_workers", lambda *named: nullcontext(workers)
+    )
     result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path, jobs=2)
     close(found(result), found(swept[0]))
     assert sizes == [2, 2, 1]
