@@ -17,21 +17,10 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.meshes import Cells  # noqa: E402
 from benchmarks.mode_sets import AS_BUILT, LOSS, bracket_case, direct_difference, reduced, reference, response  # noqa: E402
 from benchmarks.performance_page import ERROR_SPEED, error_speed_table  # noqa: E402
-from cmsreduce.assemble import (  # noqa: E402
-    assemble,
-    body_points,
-    modal_substructure,
-    rigid_substructure,
-    system_modes,
-)
+from cmsreduce.assemble import assemble, body_points, modal_substructure, rigid_substructure, system_modes  # noqa: E402
 from cmsreduce.linalg.eigen import rigid_body_modes  # noqa: E402
 from cmsreduce.model import rigid_body_shapes  # noqa: E402
-from cmsreduce.verify import (  # noqa: E402
-    db_error,
-    decibel_grid,
-    frequency_grid,
-    frf_error,
-)
+from cmsreduce.verify import db_error, decibel_grid, frequency_grid, frf_error  # noqa: E402
 
 CUTOFFS = (1.0, 1.5, 2.0, 3.0, 4.0)
 CELLS: Cells = (60, 16, 16)

@@ -54,12 +54,7 @@ from cmsreduce.orthogonalise import orthogonalise  # noqa: E402
 from cmsreduce.pipeline import Run, Silent  # noqa: E402
 from cmsreduce.read import Tie, tie_nodes  # noqa: E402
 from cmsreduce.reduce import MacNealRubin, reduction  # noqa: E402
-from cmsreduce.verify import (  # noqa: E402
-    db_error,
-    decibel_grid,
-    frequency_grid,
-    frf_error,
-)
+from cmsreduce.verify import db_error, decibel_grid, frequency_grid, frf_error  # noqa: E402
 from tests.frames import frame  # noqa: E402
 
 METHODS = ("craig-bampton", "macneal-rubin", "benfield-hruda", "augmented", "guyan")

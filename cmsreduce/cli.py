@@ -8,21 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cmsreduce.cli_options import (
-    Cli,
-    check_options,
-    output_options,
-    pipeline_options,
-    worker_options,
-)
-from cmsreduce.cli_verbs import (
-    PipelineCall,
-    check_path,
-    draft_pipeline,
-    report_run,
-    run_pipeline,
-    sweep_pipeline,
-)
+from cmsreduce.cli_options import Cli, check_options, output_options, pipeline_options, worker_options
+from cmsreduce.cli_verbs import PipelineCall, check_path, draft_pipeline, report_run, run_pipeline, sweep_pipeline
 
 if TYPE_CHECKING:
     from cmsreduce.report import Output

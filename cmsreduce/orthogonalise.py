@@ -6,20 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.basis_store import (
-    absolute_parts,
-    combine,
-    combined,
-    row_blocks,
-)
+from cmsreduce.linalg.basis_store import absolute_parts, combine, combined, row_blocks
 from cmsreduce.linalg.congruence import column_blocks, congruence
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, refine
-from cmsreduce.model import (
-    FEModel,
-    ModalComponent,
-    ModeKind,
-    ReducedComponent,
-)
+from cmsreduce.model import FEModel, ModalComponent, ModeKind, ReducedComponent
 
 __all__ = ["ORTHOGONAL", "STATIC", "orthogonalise", "orthogonality_errors"]
 

@@ -8,13 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from cmsreduce.model import (
-    Damping,
-    DofTable,
-    FEModel,
-    Interface,
-    Nodes,
-)
+from cmsreduce.model import Damping, DofTable, FEModel, Interface, Nodes
 
 __all__ = ["BAR", "Section", "beam_matrices", "frame", "line", "rotation"]
 

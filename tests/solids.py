@@ -8,12 +8,7 @@ from itertools import product
 import numpy as np
 import scipy.sparse as sp
 
-from cmsreduce.model import (
-    DofTable,
-    FEModel,
-    Interface,
-    Nodes,
-)
+from cmsreduce.model import DofTable, FEModel, Interface, Nodes
 
 __all__ = ["block", "face"]
 

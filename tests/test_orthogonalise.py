@@ -9,13 +9,7 @@ import scipy.sparse as sp
 
 from cmsreduce.assemble import modal_substructure, receptances
 from cmsreduce.errors import MatrixError
-from cmsreduce.model import (
-    SCALAR,
-    Damping,
-    DofTable,
-    FEModel,
-    ModeSet,
-)
+from cmsreduce.model import SCALAR, Damping, DofTable, FEModel, ModeSet
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
 from cmsreduce.reduce import CraigBampton, project
 from tests.frames import BAR, line

@@ -7,23 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.joints import (
-    available,
-    digits,
-    first_motion,
-    relative_motion,
-)
+from cmsreduce.assemble.joints import available, digits, first_motion, relative_motion
 from cmsreduce.assemble.placement import interface_at, joint_axes
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import SceneError
-from cmsreduce.model import (
-    DOF_NAMES,
-    Joint,
-    JointElement,
-    Placement,
-    Scene,
-    Substructure,
-)
+from cmsreduce.model import DOF_NAMES, Joint, JointElement, Placement, Scene, Substructure
 
 __all__ = ["element_rows", "joint_body", "with_joint_bodies"]
 

@@ -11,24 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble.placement import (
-    interface_at,
-    joint_arms,
-    joint_axes,
-    joint_gap,
-)
+from cmsreduce.assemble.placement import interface_at, joint_arms, joint_axes, joint_gap
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import SceneError, UnitsError
-from cmsreduce.model import (
-    DOF_NAMES,
-    Interface,
-    Joint,
-    Placement,
-    Point,
-    Scene,
-    Substructure,
-    cross_matrix,
-)
+from cmsreduce.model import DOF_NAMES, Interface, Joint, Placement, Point, Scene, Substructure, cross_matrix
 
 __all__ = [
     "Constraints",

@@ -15,16 +15,7 @@ from cmsreduce.assemble.system import wire
 from cmsreduce.errors import ConstraintError
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.eigen import null_space
-from cmsreduce.model import (
-    Configuration,
-    FEModel,
-    InterfaceLoading,
-    Joint,
-    Placement,
-    Point,
-    Scene,
-    Substructure,
-)
+from cmsreduce.model import Configuration, FEModel, InterfaceLoading, Joint, Placement, Point, Scene, Substructure
 
 __all__ = ["AS_BUILT", "grounded_rows", "joined_to", "joint_rows", "neighbour_loading"]
 

@@ -10,16 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError
-from cmsreduce.model import (
-    SCALAR,
-    Channel,
-    FEModel,
-    Point,
-    PointTerm,
-    Scene,
-    StrutTerm,
-    dof_index,
-)
+from cmsreduce.model import SCALAR, Channel, FEModel, Point, PointTerm, Scene, StrutTerm, dof_index
 
 __all__ = ["Ports", "body_points", "body_ports"]
 

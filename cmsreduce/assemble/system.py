@@ -21,17 +21,7 @@ from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import MatrixError, SceneError
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.eigen import null_space
-from cmsreduce.model import (
-    Channel,
-    Configuration,
-    Matrix,
-    Placement,
-    PointTerm,
-    Scene,
-    StrutTerm,
-    Substructure,
-    System,
-)
+from cmsreduce.model import Channel, Configuration, Matrix, Placement, PointTerm, Scene, StrutTerm, Substructure, System
 
 __all__ = [
     "Wiring",

@@ -13,13 +13,7 @@ from cmsreduce.balance.clusters import CORRELATED, correlated_groups
 from cmsreduce.balance.ranking import GramianRanking
 from cmsreduce.linalg.eigen import repeated_groups
 from cmsreduce.linalg.gramians import Band, controllability, observability
-from cmsreduce.linalg.square_root import (
-    Balancing,
-    balancing,
-    hankel_norm,
-    hankel_singular_values,
-    semidefinite_root,
-)
+from cmsreduce.linalg.square_root import Balancing, balancing, hankel_norm, hankel_singular_values, semidefinite_root
 from cmsreduce.model import ModalChannels
 
 __all__ = ["Hankel", "balanced", "hankel_values"]

@@ -4,10 +4,7 @@ Reading YAML, validating it and building the scene belong here.
 Nothing here opens a matrix or a mesh; `read` does.
 """
 
-from cmsreduce.config.cluster import (
-    ClusterKeys,
-    load_cluster,
-)
+from cmsreduce.config.cluster import ClusterKeys, load_cluster
 from cmsreduce.config.keys import (
     BASIC,
     CENTRE,
@@ -27,25 +24,11 @@ from cmsreduce.config.keys import (
     channel_kind,
     json_schema,
 )
-from cmsreduce.config.load import (
-    load_pipeline,
-)
-from cmsreduce.config.located import (
-    Entry,
-    parse,
-)
-from cmsreduce.config.scene import (
-    build_scene,
-)
-from cmsreduce.config.starter import (
-    BodyDraft,
-    body_pipeline,
-    starter_pipeline,
-)
-from cmsreduce.config.suggestion import (
-    closest,
-    not_among,
-)
+from cmsreduce.config.load import load_pipeline
+from cmsreduce.config.located import Entry, parse
+from cmsreduce.config.scene import build_scene
+from cmsreduce.config.starter import BodyDraft, body_pipeline, starter_pipeline
+from cmsreduce.config.suggestion import closest, not_among
 
 __all__ = [
     "BASIC",

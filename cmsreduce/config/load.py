@@ -9,13 +9,7 @@ from pydantic import ValidationError
 
 from cmsreduce.config.consistency import findings
 from cmsreduce.config.keys import Pipeline
-from cmsreduce.config.located import (
-    Entry,
-    Location,
-    merge,
-    parse,
-    plain,
-)
+from cmsreduce.config.located import Entry, Location, merge, parse, plain
 from cmsreduce.config.problems import config_error, is_mapping_of_values, located, models_at, problems_of
 from cmsreduce.config.suggestion import closest
 from cmsreduce.errors import ConfigError, ReadError

@@ -10,12 +10,7 @@ from cmsreduce.config.consistency import findings
 from cmsreduce.config.keys import Pipeline, Quantity, parse_point
 from cmsreduce.config.scene_channels import actuator_channel, free_dof_named, sensor_channels, setting
 from cmsreduce.errors import SceneError
-from cmsreduce.model import (
-    Configuration,
-    Joint,
-    Scene,
-    dof_index,
-)
+from cmsreduce.model import Configuration, Joint, Scene, dof_index
 
 __all__ = ["build_scene"]
 

@@ -14,15 +14,7 @@ from numpy.typing import NDArray
 from cmsreduce.config.keys import ActuatorKeys, Pipeline, Quantity, SceneKeys, SensorKeys, parse_point, parse_row
 from cmsreduce.config.suggestion import not_among
 from cmsreduce.errors import SceneError
-from cmsreduce.model import (
-    DOF_NAMES,
-    Channel,
-    JointTerm,
-    PointTerm,
-    StrutTerm,
-    Units,
-    dof_index,
-)
+from cmsreduce.model import DOF_NAMES, Channel, JointTerm, PointTerm, StrutTerm, Units, dof_index
 
 __all__ = [
     "actuator_channel",

@@ -9,13 +9,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.fronts import PANEL, Blocks
 from cmsreduce.linalg.loops import loop
-from cmsreduce.linalg.narrow_products import (
-    AT_ONCE,
-    SPARE,
-    Part,
-    subtract,
-    subtract_transposed,
-)
+from cmsreduce.linalg.narrow_products import AT_ONCE, SPARE, Part, subtract, subtract_transposed
 from cmsreduce.linalg.register_kernels import COLUMNS
 
 __all__ = ["backward", "diagonal", "forward", "gather", "largest", "spread"]

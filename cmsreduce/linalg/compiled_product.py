@@ -12,12 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.layout import by_rows
 from cmsreduce.linalg.loops import loop
-from cmsreduce.linalg.register_kernels import (
-    NARROW,
-    WIDE,
-    sparse_narrow,
-    sparse_wide,
-)
+from cmsreduce.linalg.register_kernels import NARROW, WIDE, sparse_narrow, sparse_wide
 from cmsreduce.linalg.solver_settings import current_settings
 
 __all__ = ["compiled_product"]

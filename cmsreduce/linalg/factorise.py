@@ -8,27 +8,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.backends import (
-    Kind,
-    installed,
-    installed_backends,
-    kinds,
-)
-from cmsreduce.linalg.factor import (
-    BLOCK,
-    Admit,
-    Factor,
-    FactorCost,
-    SingularFactorError,
-)
+from cmsreduce.linalg.backends import Kind, installed, installed_backends, kinds
+from cmsreduce.linalg.factor import BLOCK, Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.multifrontal import multifrontal_lacks
 from cmsreduce.linalg.refined_factor import RefinedFactor, UnrefinableError
-from cmsreduce.linalg.solver_settings import (
-    BACKENDS,
-    Backend,
-    SolverSettings,
-    current_settings,
-)
+from cmsreduce.linalg.solver_settings import BACKENDS, Backend, SolverSettings, current_settings
 from cmsreduce.model import Factorisation
 
 __all__ = ["BLOCK", "Factor", "InsufficientMemoryError", "NotPositiveDefiniteError", "factorise"]

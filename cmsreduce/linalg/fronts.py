@@ -7,12 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blas_calls import (
-    factorise_block,
-    solve_block,
-    subtract_product,
-    update,
-)
+from cmsreduce.linalg.blas_calls import factorise_block, solve_block, subtract_product, update
 from cmsreduce.linalg.loops import loop
 
 __all__ = ["PANEL", "Blocks", "Given", "depth_parity", "eliminate", "place_panels", "stack_size"]

@@ -13,12 +13,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.blas_threads import blas_threads
 from cmsreduce.linalg.compiled import compiled_lacks
-from cmsreduce.linalg.factor import (
-    Admit,
-    Factor,
-    FactorCost,
-    SingularFactorError,
-)
+from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.layout import by_columns
 from cmsreduce.linalg.lower_triangle import lower_pattern
 from cmsreduce.linalg.ordering import dissection_installed, nested_dissection
@@ -122,13 +117,7 @@ class Multifrontal(Factor):
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         """Solution (n, k) for A, whatever the matrix was scaled by, laid out as b; in single precision to 7 digits."""
-        from cmsreduce.linalg.block_substitution import (
-            backward,
-            forward,
-            gather,
-            largest,
-            spread,
-        )
+        from cmsreduce.linalg.block_substitution import backward, forward, gather, largest, spread
         from cmsreduce.linalg.narrow_products import padded
 
         if not (b.flags.c_contiguous or b.flags.f_contiguous):

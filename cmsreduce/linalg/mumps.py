@@ -22,12 +22,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg import mumps_ranks
-from cmsreduce.linalg.factor import (
-    Admit,
-    Factor,
-    FactorCost,
-    SingularFactorError,
-)
+from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.layout import by_columns
 from cmsreduce.linalg.ordering import nested_dissection
 from cmsreduce.linalg.refined_factor import powers_of_two

@@ -17,20 +17,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.factor import (
-    Admit,
-    Factor,
-    FactorCost,
-    SingularFactorError,
-)
+from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.layout import by_columns
 from cmsreduce.linalg.lower_triangle import lower_triangle
-from cmsreduce.linalg.mkl_memory import (
-    can_be_mapped,
-    free_on_disk,
-    mapped_entries,
-    watch_if_large,
-)
+from cmsreduce.linalg.mkl_memory import can_be_mapped, free_on_disk, mapped_entries, watch_if_large
 from cmsreduce.linalg.solver_settings import current_settings
 
 __all__ = ["Pardiso", "mkl_library"]

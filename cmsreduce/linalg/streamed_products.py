@@ -9,14 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.loops import loop
-from cmsreduce.linalg.narrow_products import (
-    AT_ONCE,
-    SPARE,
-    Part,
-    padded,
-    subtract,
-    subtract_transposed,
-)
+from cmsreduce.linalg.narrow_products import AT_ONCE, SPARE, Part, padded, subtract, subtract_transposed
 from cmsreduce.linalg.row_shares import share_rows
 from cmsreduce.linalg.solver_settings import current_settings
 

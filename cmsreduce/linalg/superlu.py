@@ -10,12 +10,7 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.factor import (
-    Admit,
-    Factor,
-    FactorCost,
-    SingularFactorError,
-)
+from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.layout import by_columns
 from cmsreduce.linalg.ordering import dissection_installed, nested_dissection
 from cmsreduce.linalg.symbolic import factor_cost

@@ -12,15 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, MatrixError
-from cmsreduce.model import (
-    Bars,
-    DofTable,
-    FEModel,
-    Members,
-    Nodes,
-    Recovery,
-    cross_matrix,
-)
+from cmsreduce.model import Bars, DofTable, FEModel, Members, Nodes, Recovery, cross_matrix
 
 __all__ = [
     "BarStiffness",

@@ -9,13 +9,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
 from cmsreduce.mechanics.bars import end_motion, member_stiffness
-from cmsreduce.model import (
-    DofTable,
-    FEModel,
-    Followers,
-    Members,
-    Recovery,
-)
+from cmsreduce.model import DofTable, FEModel, Followers, Members, Recovery
 
 __all__ = ["condensed_dofs", "hidden_motion"]
 

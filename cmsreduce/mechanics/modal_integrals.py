@@ -12,13 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.congruence import column_blocks
 from cmsreduce.mechanics.lumped_mass import lumped_mass, untied_body
-from cmsreduce.model import (
-    FEModel,
-    Lumping,
-    ModalIntegrals,
-    mapped_in,
-    rigid_body_shapes,
-)
+from cmsreduce.model import FEModel, Lumping, ModalIntegrals, mapped_in, rigid_body_shapes
 
 __all__ = ["MassBlocks", "modal_integrals", "nodal_motion", "rigid_mass"]
 

@@ -11,16 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError
-from cmsreduce.model import (
-    DofTable,
-    FEModel,
-    Interface,
-    Nodes,
-    Recovery,
-    UntiedMass,
-    cross_matrix,
-    rigid_body_shapes,
-)
+from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Recovery, UntiedMass, cross_matrix, rigid_body_shapes
 
 __all__ = ["Tie", "tie_nodes"]
 

@@ -4,23 +4,9 @@ Bodies, mode sets, reduced bodies, scenes and systems belong here; findings of a
 Nothing here reads a file, solves or prints, except for arrays that are mapped because they outgrow memory.
 """
 
-from cmsreduce.model.body import (
-    FEModel,
-    Followers,
-    Interface,
-    Recovery,
-    RigidBody,
-    Source,
-    UntiedMass,
-)
-from cmsreduce.model.damping import (
-    Damping,
-)
-from cmsreduce.model.dofs import (
-    SCALAR,
-    DofTable,
-    components_from_digits,
-)
+from cmsreduce.model.body import FEModel, Followers, Interface, Recovery, RigidBody, Source, UntiedMass
+from cmsreduce.model.damping import Damping
+from cmsreduce.model.dofs import SCALAR, DofTable, components_from_digits
 from cmsreduce.model.geometric_stiffness import (
     INERTIA_LOADS,
     SQUARES,
@@ -38,10 +24,7 @@ from cmsreduce.model.integrals import (
     Lumping,
     ModalIntegrals,
 )
-from cmsreduce.model.loading import (
-    InterfaceLoading,
-    OutboardMass,
-)
+from cmsreduce.model.loading import InterfaceLoading, OutboardMass
 from cmsreduce.model.mapped_array import (
     CHECKSUM,
     add_dataset,
@@ -52,25 +35,10 @@ from cmsreduce.model.mapped_array import (
     mapped_in,
     shapes_beside,
 )
-from cmsreduce.model.members import (
-    Bars,
-    Members,
-)
-from cmsreduce.model.mode_set import (
-    ModeBlock,
-    ModeCertificate,
-    ModeKind,
-    ModeSet,
-)
-from cmsreduce.model.nodes import (
-    Nodes,
-    cross_matrix,
-    rigid_body_shapes,
-)
-from cmsreduce.model.reduced import (
-    ModalComponent,
-    ReducedComponent,
-)
+from cmsreduce.model.members import Bars, Members
+from cmsreduce.model.mode_set import ModeBlock, ModeCertificate, ModeKind, ModeSet
+from cmsreduce.model.nodes import Nodes, cross_matrix, rigid_body_shapes
+from cmsreduce.model.reduced import ModalComponent, ReducedComponent
 from cmsreduce.model.results import (
     CHECKS,
     ERRORS,
@@ -134,23 +102,9 @@ from cmsreduce.model.scene import (
     StrutTerm,
     dof_index,
 )
-from cmsreduce.model.system import (
-    Controller,
-    Matrix,
-    ModalChannels,
-    Substructure,
-    System,
-)
-from cmsreduce.model.unit_conversion import (
-    in_units,
-    load_stiffness_in_units,
-    recovery_in_units,
-    rigid_in_units,
-)
-from cmsreduce.model.units import (
-    SI,
-    Units,
-)
+from cmsreduce.model.system import Controller, Matrix, ModalChannels, Substructure, System
+from cmsreduce.model.unit_conversion import in_units, load_stiffness_in_units, recovery_in_units, rigid_in_units
+from cmsreduce.model.units import SI, Units
 
 __all__ = [
     "AxisCompleteness",

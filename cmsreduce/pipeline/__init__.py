@@ -4,26 +4,11 @@ Runs, their finished stages on disk, sweeps and the inspection of files belong h
 Mathematics belongs in the stages; words for people belong in `report`.
 """
 
-from cmsreduce.pipeline.execute import (
-    execute,
-    reopen,
-    write_report,
-)
-from cmsreduce.pipeline.inspection import (
-    inspected,
-)
-from cmsreduce.pipeline.results import (
-    run_result,
-)
-from cmsreduce.pipeline.run import (
-    MODEL,
-    STAGES,
-    Run,
-)
-from cmsreduce.pipeline.store import (
-    Progress,
-    Silent,
-)
+from cmsreduce.pipeline.execute import execute, reopen, write_report
+from cmsreduce.pipeline.inspection import inspected
+from cmsreduce.pipeline.results import run_result
+from cmsreduce.pipeline.run import MODEL, STAGES, Run
+from cmsreduce.pipeline.store import Progress, Silent
 
 __all__ = [
     "MODEL",

@@ -25,14 +25,7 @@ from cmsreduce.pipeline.results import (
 from cmsreduce.pipeline.run import STAGES, Run
 from cmsreduce.pipeline.store import REPORT, Silent, sole_use
 from cmsreduce.report import render_report, start_packing
-from cmsreduce.write import (
-    TARGETS,
-    atomic_path,
-    convert,
-    write_component,
-    write_summary,
-    write_system,
-)
+from cmsreduce.write import TARGETS, atomic_path, convert, write_component, write_summary, write_system
 
 __all__ = ["execute", "reopen", "write_report"]
 

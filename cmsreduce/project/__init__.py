@@ -4,22 +4,9 @@ Projection, extraneous modes and the cost of a coordinate in the system belong h
 The joined system itself belongs in `assemble`.
 """
 
-from cmsreduce.project.extraneous import (
-    extraneous_count,
-    extraneous_modes,
-    returned,
-)
-from cmsreduce.project.projection import (
-    Projection,
-    keep_combinations,
-    project_shapes,
-)
-from cmsreduce.project.system_cost import (
-    SystemCost,
-    cost_shares,
-    costliest,
-    system_cost,
-)
+from cmsreduce.project.extraneous import extraneous_count, extraneous_modes, returned
+from cmsreduce.project.projection import Projection, keep_combinations, project_shapes
+from cmsreduce.project.system_cost import SystemCost, cost_shares, costliest, system_cost
 
 __all__ = [
     "Projection",

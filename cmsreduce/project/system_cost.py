@@ -13,12 +13,7 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.eigen import elastic_and_massless, repeated_groups
 from cmsreduce.linalg.gramians import check_damped, controllability, state_space
-from cmsreduce.model import (
-    ModalChannels,
-    ModalComponent,
-    Substructure,
-    System,
-)
+from cmsreduce.model import ModalChannels, ModalComponent, Substructure, System
 
 __all__ = ["SystemCost", "cost_shares", "costliest", "system_cost"]
 

@@ -4,42 +4,15 @@ Formats, geometry, row labels, interfaces and the proof of the row order belong 
 Ties and other mechanics belong in `mechanics`; the keys that name files belong in `config`.
 """
 
-from cmsreduce.mechanics import (
-    Determined,
-    Tie,
-    hold_undetermined,
-    tie_nodes,
-)
-from cmsreduce.read.body import (
-    read_body,
-)
-from cmsreduce.read.controller import (
-    read_controller,
-)
-from cmsreduce.read.differential_stiffness import (
-    read_differential_stiffness,
-)
-from cmsreduce.read.geometry import (
-    Geometry,
-    read_geometry,
-)
-from cmsreduce.read.interfaces import (
-    InterfaceSpec,
-    MatrixSource,
-)
-from cmsreduce.read.labelled_matrix import (
-    LabelledMatrix,
-    MatrixInfo,
-)
-from cmsreduce.read.matrix import (
-    detect_format,
-    matrix_names,
-    read_matrix,
-    sha256_of,
-)
-from cmsreduce.read.mesh_cells import (
-    read_cells,
-)
+from cmsreduce.mechanics import Determined, Tie, hold_undetermined, tie_nodes
+from cmsreduce.read.body import read_body
+from cmsreduce.read.controller import read_controller
+from cmsreduce.read.differential_stiffness import read_differential_stiffness
+from cmsreduce.read.geometry import Geometry, read_geometry
+from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource
+from cmsreduce.read.labelled_matrix import LabelledMatrix, MatrixInfo
+from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix, sha256_of
+from cmsreduce.read.mesh_cells import read_cells
 from cmsreduce.read.nastran import (
     BulkDeck,
     CoordinateSystem,
@@ -51,10 +24,7 @@ from cmsreduce.read.nastran import (
     read_followers,
     read_members,
 )
-from cmsreduce.read.row_order import (
-    RowOrderProof,
-    prove_row_order,
-)
+from cmsreduce.read.row_order import RowOrderProof, prove_row_order
 
 __all__ = [
     "BulkDeck",

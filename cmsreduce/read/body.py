@@ -9,14 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.model import (
-    SI,
-    Damping,
-    DofTable,
-    FEModel,
-    Source,
-    Units,
-)
+from cmsreduce.model import SI, Damping, DofTable, FEModel, Source, Units
 from cmsreduce.read.geometry import MESH_ROWS, Geometry, read_geometry
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, resolve_interface
 from cmsreduce.read.labelled_matrix import LabelledMatrix

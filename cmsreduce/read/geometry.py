@@ -13,14 +13,7 @@ from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import DofTable, Nodes
 from cmsreduce.read.calculix_abaqus import is_abaqus_input, is_frd
 from cmsreduce.read.mesh import read_mesh
-from cmsreduce.read.nastran import (
-    KEY_STEP,
-    SET_NAMES,
-    BulkDeck,
-    read_bulk,
-    read_extseout,
-    table_of_keys,
-)
+from cmsreduce.read.nastran import KEY_STEP, SET_NAMES, BulkDeck, read_bulk, read_extseout, table_of_keys
 
 __all__ = ["MESH_ROWS", "Geometry", "read_geometry"]
 

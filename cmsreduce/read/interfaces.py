@@ -13,13 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, SceneError
-from cmsreduce.model import (
-    SCALAR,
-    DofTable,
-    Interface,
-    Nodes,
-    components_from_digits,
-)
+from cmsreduce.model import SCALAR, DofTable, Interface, Nodes, components_from_digits
 
 __all__ = [
     "InterfaceSpec",

@@ -14,22 +14,10 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.basis_store import new_basis, side_by_side
 from cmsreduce.linalg.congruence import column_blocks, congruence
 from cmsreduce.linalg.eigen import HELD, modes_below, orthonormal
-from cmsreduce.model import (
-    FEModel,
-    InterfaceLoading,
-    ModeBlock,
-    ModeSet,
-    chosen_columns,
-)
+from cmsreduce.model import FEModel, InterfaceLoading, ModeBlock, ModeSet, chosen_columns
 from cmsreduce.reduce.neglected import Basis, LeftOut
 from cmsreduce.reduce.reduction import Reduction
-from cmsreduce.reduce.static_shapes import (
-    Loads,
-    elastic_solve,
-    independent_columns,
-    residual_shapes,
-    unit_loads,
-)
+from cmsreduce.reduce.static_shapes import Loads, elastic_solve, independent_columns, residual_shapes, unit_loads
 
 __all__ = ["AugmentedBody", "BenfieldHruda"]
 

@@ -11,20 +11,10 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.basis_store import side_by_side
 from cmsreduce.linalg.congruence import column_blocks
 from cmsreduce.linalg.eigen import certified_modes, count_below
-from cmsreduce.model import (
-    FEModel,
-    ModeBlock,
-    ModeCertificate,
-    ModeSet,
-)
+from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet
 from cmsreduce.reduce.neglected import Basis, LeftOut
 from cmsreduce.reduce.reduction import Reduction
-from cmsreduce.reduce.static_shapes import (
-    Loads,
-    elastic_solve,
-    residual_shapes,
-    unit_loads,
-)
+from cmsreduce.reduce.static_shapes import Loads, elastic_solve, residual_shapes, unit_loads
 
 __all__ = ["MacNealRubin", "free_modes_and_residuals"]
 

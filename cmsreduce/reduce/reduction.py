@@ -16,13 +16,7 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.congruence import column_blocks, congruence
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.linalg.solver_settings import current_settings
-from cmsreduce.model import (
-    FEModel,
-    ModeBlock,
-    ModeSet,
-    ReducedComponent,
-    rigid_body_shapes,
-)
+from cmsreduce.model import FEModel, ModeBlock, ModeSet, ReducedComponent, rigid_body_shapes
 from cmsreduce.reduce.neglected import Basis, Examined
 
 __all__ = [

@@ -4,28 +4,11 @@ Words, tables and plots belong here.
 Numbers are computed in `verify` and collected in `pipeline.results`.
 """
 
-from cmsreduce.report.ci import (
-    finding_data,
-    junit_xml,
-    markdown_summary,
-    print_findings,
-)
-from cmsreduce.report.csv_tables import (
-    csv_tables,
-)
-from cmsreduce.report.page import (
-    render_report,
-    start_packing,
-)
-from cmsreduce.report.pareto import (
-    trades,
-)
-from cmsreduce.report.pictures import (
-    response_picture,
-    sweep_page,
-    sweep_picture,
-    write_pictures,
-)
+from cmsreduce.report.ci import finding_data, junit_xml, markdown_summary, print_findings
+from cmsreduce.report.csv_tables import csv_tables
+from cmsreduce.report.page import render_report, start_packing
+from cmsreduce.report.pareto import trades
+from cmsreduce.report.pictures import response_picture, sweep_page, sweep_picture, write_pictures
 from cmsreduce.report.terminal import (
     DIFFERENCE_WIDTH,
     RANKINGS_WIDTH,

@@ -20,20 +20,9 @@ from cmsreduce.verify.body_matrices import (
     negative_directions,
     stiffness_contrast,
 )
-from cmsreduce.verify.controller_stability import (
-    StabilityMargin,
-    controller_response,
-    stability_margin,
-)
-from cmsreduce.verify.costly_modes import (
-    costly_modes,
-    single_precision,
-)
-from cmsreduce.verify.frequency_error import (
-    FrequencyPairs,
-    pair_complex_modes,
-    pair_frequencies,
-)
+from cmsreduce.verify.controller_stability import StabilityMargin, controller_response, stability_margin
+from cmsreduce.verify.costly_modes import costly_modes, single_precision
+from cmsreduce.verify.frequency_error import FrequencyPairs, pair_complex_modes, pair_frequencies
 from cmsreduce.verify.mass_properties import (
     REALISABLE,
     MassProperties,
@@ -54,11 +43,7 @@ from cmsreduce.verify.modal_identities import (
     momentum_residual,
     shape_momentum,
 )
-from cmsreduce.verify.mode_pairing import (
-    ModePairing,
-    pair_modes,
-    scaled_rows,
-)
+from cmsreduce.verify.mode_pairing import ModePairing, pair_modes, scaled_rows
 from cmsreduce.verify.response_error import (
     channel_errors,
     channel_scales,
@@ -71,25 +56,10 @@ from cmsreduce.verify.response_error import (
     peak_errors,
     peak_shifts,
 )
-from cmsreduce.verify.rigid_motions import (
-    RigidMotions,
-    rigid_motions,
-)
-from cmsreduce.verify.static_completeness import (
-    GainSum,
-    gain_sum,
-    static_completeness,
-)
-from cmsreduce.verify.step_response import (
-    step_errors,
-    step_response,
-)
-from cmsreduce.verify.transmission_zeros import (
-    judged_zeros,
-    visible_modes,
-    zero_shifts,
-    zeros_below,
-)
+from cmsreduce.verify.rigid_motions import RigidMotions, rigid_motions
+from cmsreduce.verify.static_completeness import GainSum, gain_sum, static_completeness
+from cmsreduce.verify.step_response import step_errors, step_response
+from cmsreduce.verify.transmission_zeros import judged_zeros, visible_modes, zero_shifts, zeros_below
 
 __all__ = [
     "Contrast",

@@ -15,13 +15,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.factorise import factorise
-from cmsreduce.model import (
-    FEModel,
-    Placement,
-    RigidBody,
-    cross_matrix,
-    rigid_body_shapes,
-)
+from cmsreduce.model import FEModel, Placement, RigidBody, cross_matrix, rigid_body_shapes
 
 __all__ = [
     "EffectiveMass",

@@ -10,12 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.model import (
-    CHECKSUM,
-    Units,
-    add_dataset,
-    checksum,
-)
+from cmsreduce.model import CHECKSUM, Units, add_dataset, checksum
 from cmsreduce.write.files import atomic_path
 
 __all__ = ["hdf5_file", "put", "put_texts", "put_units"]

@@ -15,15 +15,7 @@ from cmsreduce.assemble import (
     place_bodies,
 )
 from cmsreduce.errors import SceneError
-from cmsreduce.model import (
-    Channel,
-    Configuration,
-    DofTable,
-    FEModel,
-    Point,
-    PointTerm,
-    Scene,
-)
+from cmsreduce.model import Channel, Configuration, DofTable, FEModel, Point, PointTerm, Scene
 from tests.assemble.rigs import at, in_joint, joint, physical, rigid_body, strut, substructures
 from tests.frames import frame, line, rotation
 

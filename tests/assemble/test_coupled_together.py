@@ -6,20 +6,8 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from cmsreduce.assemble import (
-    ModalReceptance,
-    PointStack,
-    body_receptances,
-    couple,
-    rigid_substructure,
-    wire,
-)
-from cmsreduce.model import (
-    Configuration,
-    Damping,
-    Point,
-    Scene,
-)
+from cmsreduce.assemble import ModalReceptance, PointStack, body_receptances, couple, rigid_substructure, wire
+from cmsreduce.model import Configuration, Damping, Point, Scene
 from tests.assemble.rigs import at, in_joint, joint, modal, physical, rigid_body
 from tests.frames import frame, line
 

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.assemble import assemble, damped_modes, system_modes
-from cmsreduce.model import (
-    Configuration,
-    Damping,
-    Scene,
-    System,
-)
+from cmsreduce.model import Configuration, Damping, Scene, System
 from tests.assemble.rigs import joint, substructures
 from tests.frames import line
 

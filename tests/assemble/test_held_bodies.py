@@ -8,15 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.assemble import (
-    PointStack,
-    assemble,
-    body_receptances,
-    couple,
-    frequency_response,
-    held_bodies,
-    wire,
-)
+from cmsreduce.assemble import PointStack, assemble, body_receptances, couple, frequency_response, held_bodies, wire
 from cmsreduce.model import Damping, Point, Scene
 from tests.assemble.rigs import at, direct, joint, modal, physical
 from tests.frames import line, rotation

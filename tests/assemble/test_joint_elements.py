@@ -20,12 +20,7 @@ from cmsreduce.assemble import (
     with_joint_bodies,
 )
 from cmsreduce.errors import SceneError
-from cmsreduce.model import (
-    Configuration,
-    JointElement,
-    Point,
-    Scene,
-)
+from cmsreduce.model import Configuration, JointElement, Point, Scene
 from tests.assemble.rigs import at, in_joint, joint, modal, rigid_body, substructures
 from tests.frames import line
 

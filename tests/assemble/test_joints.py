@@ -5,20 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cmsreduce.assemble import (
-    assemble,
-    place_bodies,
-    rigid_response,
-    rigid_substructure,
-)
+from cmsreduce.assemble import assemble, place_bodies, rigid_response, rigid_substructure
 from cmsreduce.errors import ConstraintError, SceneError, UnitsError
-from cmsreduce.model import (
-    DOF_NAMES,
-    Configuration,
-    Placement,
-    Point,
-    Scene,
-)
+from cmsreduce.model import DOF_NAMES, Configuration, Placement, Point, Scene
 from tests.assemble.rigs import in_joint, joint, rigid_body, substructures, turned
 from tests.frames import frame, line, rotation
 

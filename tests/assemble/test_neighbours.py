@@ -16,17 +16,7 @@ from cmsreduce.assemble import (
     system_modes,
 )
 from cmsreduce.errors import ConstraintError
-from cmsreduce.model import (
-    FEModel,
-    InterfaceLoading,
-    Joint,
-    JointElement,
-    Nodes,
-    Placement,
-    Point,
-    Scene,
-    Substructure,
-)
+from cmsreduce.model import FEModel, InterfaceLoading, Joint, JointElement, Nodes, Placement, Point, Scene, Substructure
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import BenfieldHruda, Guyan
 from tests.assemble.rigs import joint, physical, rigid_body, rigid_modes

@@ -8,15 +8,7 @@ import scipy.linalg as la
 
 from cmsreduce.assemble import outboard_loading
 from cmsreduce.errors import SceneError
-from cmsreduce.model import (
-    FEModel,
-    JointElement,
-    Nodes,
-    Placement,
-    Point,
-    RigidBody,
-    Scene,
-)
+from cmsreduce.model import FEModel, JointElement, Nodes, Placement, Point, RigidBody, Scene
 from tests.assemble.rigs import joint, rigid_body, turned
 from tests.frames import BAR, frame, line, rotation
 

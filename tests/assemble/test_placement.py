@@ -7,12 +7,7 @@ import pytest
 
 from cmsreduce.assemble import place_bodies, rigid_substructure
 from cmsreduce.errors import SceneError
-from cmsreduce.model import (
-    Configuration,
-    Placement,
-    Point,
-    Scene,
-)
+from cmsreduce.model import Configuration, Placement, Point, Scene
 from tests.assemble.rigs import joint, rigid_body
 from tests.frames import rotation
 

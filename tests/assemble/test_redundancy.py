@@ -3,19 +3,9 @@
 import numpy as np
 import pytest
 
-from cmsreduce.assemble import (
-    assemble,
-    frequency_response,
-    place_bodies,
-    system_modes,
-)
+from cmsreduce.assemble import assemble, frequency_response, place_bodies, system_modes
 from cmsreduce.errors import ConstraintError, SceneError
-from cmsreduce.model import (
-    Channel,
-    Configuration,
-    Point,
-    Scene,
-)
+from cmsreduce.model import Channel, Configuration, Point, Scene
 from tests.assemble.rigs import at, in_joint, joint, physical, rigid_body, substructures
 from tests.frames import line
 

@@ -10,12 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cmsreduce.balance import (
-    elastic_norm,
-    hankel_values,
-    keep_bound,
-    mode_bounds,
-)
+from cmsreduce.balance import elastic_norm, hankel_values, keep_bound, mode_bounds
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import DampingError
 from cmsreduce.model import ModalChannels

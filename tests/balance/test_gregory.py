@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from cmsreduce.balance import (
-    CLOSE,
-    RANKINGS,
-    ByFrequency,
-    Gregory,
-    mode_spacing,
-)
+from cmsreduce.balance import CLOSE, RANKINGS, ByFrequency, Gregory, mode_spacing
 from cmsreduce.errors import DampingError
 from cmsreduce.model import Damping, ModalChannels, ModalComponent
 from cmsreduce.orthogonalise import orthogonalise

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from cmsreduce.balance import (
-    Gregory,
-    Hankel,
-    balanced,
-    cluster_groups,
-    hankel_values,
-)
+from cmsreduce.balance import Gregory, Hankel, balanced, cluster_groups, hankel_values
 from cmsreduce.errors import DampingError
 from cmsreduce.model import ModalChannels
 from tests.lyapunov import hankel, mixed, response, two_close_modes

@@ -6,21 +6,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.balance import (
-    RANKINGS,
-    Sized,
-    Turning,
-    characteristic_length,
-    scaled,
-    sized,
-    turning_rows,
-)
-from cmsreduce.model import (
-    SCALAR,
-    Damping,
-    DofTable,
-    FEModel,
-)
+from cmsreduce.balance import RANKINGS, Sized, Turning, characteristic_length, scaled, sized, turning_rows
+from cmsreduce.model import SCALAR, Damping, DofTable, FEModel
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
 from tests.frames import line

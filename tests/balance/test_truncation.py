@@ -6,20 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmsreduce.balance import (
-    Gregory,
-    Hankel,
-    keep_all,
-    keep_fraction,
-    keep_modes,
-)
+from cmsreduce.balance import Gregory, Hankel, keep_all, keep_fraction, keep_modes
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import (
-    DofTable,
-    FEModel,
-    ModalChannels,
-    ModalComponent,
-)
+from cmsreduce.model import DofTable, FEModel, ModalChannels, ModalComponent
 from tests.lyapunov import response, two_close_modes
 
 

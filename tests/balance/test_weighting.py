@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from cmsreduce.balance import (
-    RANKINGS,
-    BandPass,
-    LowPass,
-    TransferFunction,
-    component_costs,
-)
+from cmsreduce.balance import RANKINGS, BandPass, LowPass, TransferFunction, component_costs
 from cmsreduce.errors import ConfigError
 from tests.lyapunov import mixed
 

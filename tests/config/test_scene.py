@@ -7,12 +7,7 @@ import pytest
 
 from cmsreduce.config import Pipeline, build_scene, load_pipeline
 from cmsreduce.errors import SceneError
-from cmsreduce.model import (
-    JointTerm,
-    Point,
-    PointTerm,
-    StrutTerm,
-)
+from cmsreduce.model import JointTerm, Point, PointTerm, StrutTerm
 
 
 def scene_of(galileo, *overrides):

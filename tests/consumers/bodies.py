@@ -8,13 +8,7 @@ from pathlib import Path
 import numpy as np
 import scipy.linalg as la
 
-from cmsreduce.model import (
-    FEModel,
-    FloatingFrame,
-    IntegralFrame,
-    ModalComponent,
-    rigid_body_shapes,
-)
+from cmsreduce.model import FEModel, FloatingFrame, IntegralFrame, ModalComponent, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
 from cmsreduce.write import convert, write_component

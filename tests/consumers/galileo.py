@@ -8,12 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cmsreduce.assemble import (
-    assemble,
-    modal_substructure,
-    physical_substructure,
-    system_modes,
-)
+from cmsreduce.assemble import assemble, modal_substructure, physical_substructure, system_modes
 from cmsreduce.config import load_pipeline
 from cmsreduce.model import Configuration, ModalComponent
 from cmsreduce.pipeline import Run, Silent

@@ -9,12 +9,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.config import load_pipeline
-from cmsreduce.pipeline import (
-    MODEL,
-    Run,
-    Silent,
-    execute,
-)
+from cmsreduce.pipeline import MODEL, Run, Silent, execute
 from cmsreduce.pipeline.system.candidates import Candidates
 
 ROOT = Path(__file__).parents[2]

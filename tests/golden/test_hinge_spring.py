@@ -8,13 +8,7 @@ import pytest
 import scipy.sparse as sp
 from scipy.optimize import brentq
 
-from cmsreduce.assemble import (
-    assemble,
-    frequency_response,
-    modal_substructure,
-    physical_substructure,
-    system_modes,
-)
+from cmsreduce.assemble import assemble, frequency_response, modal_substructure, physical_substructure, system_modes
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import (
     Channel,

@@ -6,21 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cmsreduce.assemble import (
-    assemble,
-    physical_substructure,
-    rigid_substructure,
-    system_modes,
-)
+from cmsreduce.assemble import assemble, physical_substructure, rigid_substructure, system_modes
 from cmsreduce.config import load_pipeline
 from cmsreduce.pipeline import Run, Silent, execute
-from cmsreduce.verify import (
-    articulation_inertia,
-    articulation_sensors,
-    free_index,
-    hinges_locked,
-    locked_index,
-)
+from cmsreduce.verify import articulation_inertia, articulation_sensors, free_index, hinges_locked, locked_index
 from tests.samples import check_made_again
 
 ROOT = Path(__file__).parents[2]

@@ -8,21 +8,10 @@ import pytest
 
 from cmsreduce.assemble import assemble, modal_substructure, system_modes
 from cmsreduce.config import load_pipeline
-from cmsreduce.pipeline import (
-    MODEL,
-    Run,
-    Silent,
-    execute,
-)
+from cmsreduce.pipeline import MODEL, Run, Silent, execute
 from cmsreduce.pipeline.system import AssembledModel, ReducedModel
 from cmsreduce.project import costliest, system_cost
-from cmsreduce.verify import (
-    articulation_inertia,
-    articulation_sensors,
-    free_index,
-    hinges_locked,
-    locked_index,
-)
+from cmsreduce.verify import articulation_inertia, articulation_sensors, free_index, hinges_locked, locked_index
 from tests.samples import check_made_again
 
 ROOT = Path(__file__).parents[2]

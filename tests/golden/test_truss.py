@@ -5,24 +5,9 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from cmsreduce.assemble import (
-    assemble,
-    modal_substructure,
-    physical_substructure,
-    system_modes,
-)
+from cmsreduce.assemble import assemble, modal_substructure, physical_substructure, system_modes
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.model import (
-    Configuration,
-    DofTable,
-    FEModel,
-    Interface,
-    Joint,
-    Nodes,
-    Point,
-    Scene,
-    rigid_body_shapes,
-)
+from cmsreduce.model import Configuration, DofTable, FEModel, Interface, Joint, Nodes, Point, Scene, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
 

@@ -4,23 +4,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.assemble import (
-    assemble,
-    modal_substructure,
-    physical_substructure,
-    system_modes,
-)
+from cmsreduce.assemble import assemble, modal_substructure, physical_substructure, system_modes
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.model import (
-    Configuration,
-    DofTable,
-    FEModel,
-    Interface,
-    Joint,
-    Nodes,
-    Point,
-    Scene,
-)
+from cmsreduce.model import Configuration, DofTable, FEModel, Interface, Joint, Nodes, Point, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
 

@@ -11,13 +11,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.model import (
-    DofTable,
-    FEModel,
-    InterfaceLoading,
-    Nodes,
-    rigid_body_shapes,
-)
+from cmsreduce.model import DofTable, FEModel, InterfaceLoading, Nodes, rigid_body_shapes
 from tests.frames import BAR, Section, beam_matrices
 
 __all__ = ["bars", "chain", "lump", "restricted", "rigid_motions", "rows", "springs", "strut", "tied", "twin"]

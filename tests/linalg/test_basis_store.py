@@ -13,23 +13,10 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.errors import WriteError
-from cmsreduce.linalg.basis_store import (
-    absolute_parts,
-    combine,
-    combined,
-    new_basis,
-    observed,
-    side_by_side,
-)
+from cmsreduce.linalg.basis_store import absolute_parts, combine, combined, new_basis, observed, side_by_side
 from cmsreduce.linalg.congruence import congruence
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
-from cmsreduce.model import (
-    add_dataset,
-    chosen_columns,
-    mapped_array,
-    mapped_in,
-    shapes_beside,
-)
+from cmsreduce.model import add_dataset, chosen_columns, mapped_array, mapped_in, shapes_beside
 
 N, M = 3000, 150
 RANDOM = np.random.default_rng(4)

@@ -12,12 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg import superlu
-from cmsreduce.linalg.factorise import (
-    BLOCK,
-    InsufficientMemoryError,
-    NotPositiveDefiniteError,
-    factorise,
-)
+from cmsreduce.linalg.factorise import BLOCK, InsufficientMemoryError, NotPositiveDefiniteError, factorise
 from cmsreduce.linalg.ordering import KnownOrders, nested_dissection
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
 from cmsreduce.linalg.symbolic import factor_cost

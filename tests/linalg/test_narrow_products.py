@@ -3,13 +3,7 @@
 import numpy as np
 import pytest
 
-from cmsreduce.linalg.narrow_products import (
-    SPARE,
-    Part,
-    padded,
-    subtract,
-    subtract_transposed,
-)
+from cmsreduce.linalg.narrow_products import SPARE, Part, padded, subtract, subtract_transposed
 
 
 def laid(rows: int, columns: int, real: type, seed: int) -> np.ndarray:

@@ -6,12 +6,7 @@ from contextvars import copy_context
 import pytest
 
 from cmsreduce.linalg import solver_settings as module
-from cmsreduce.linalg.solver_settings import (
-    SolverSettings,
-    available_memory,
-    current_settings,
-    solver_settings,
-)
+from cmsreduce.linalg.solver_settings import SolverSettings, available_memory, current_settings, solver_settings
 
 
 def test_settings_nest():

@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from cmsreduce.linalg.square_root import (
-    balancing,
-    hankel_norm,
-    hankel_singular_values,
-    semidefinite_root,
-)
+from cmsreduce.linalg.square_root import balancing, hankel_norm, hankel_singular_values, semidefinite_root
 from tests.lyapunov import dense_states, gramians, hankel, mixed, response, two_close_modes
 
 

@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
-from cmsreduce.linalg.tall_products import (
-    column_products,
-    combination,
-    inner,
-    inner_of_all,
-    less,
-    less_all,
-    times,
-)
+from cmsreduce.linalg.tall_products import column_products, combination, inner, inner_of_all, less, less_all, times
 
 
 def laid(n: int, columns: int, how: str, seed: int) -> np.ndarray:

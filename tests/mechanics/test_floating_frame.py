@@ -12,12 +12,7 @@ import scipy.sparse as sp
 from cmsreduce.errors import FloatingFrameError
 from cmsreduce.mechanics import REMOVED, floating_frame, lumped_mass
 from cmsreduce.mechanics.floating_frames import chord_axes
-from cmsreduce.model import (
-    FEModel,
-    FrameCondition,
-    ModalComponent,
-    rigid_body_shapes,
-)
+from cmsreduce.model import FEModel, FrameCondition, ModalComponent, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton, MacNealRubin
 from tests.frames import BAR, frame, line, rotation

@@ -14,12 +14,7 @@ from cmsreduce.errors import SceneError, SingularInterfaceError
 from cmsreduce.mechanics import bars_stiffness, modal_integrals, modal_stiffening, spinning_modes
 from cmsreduce.mechanics.bars import BarStiffness
 from cmsreduce.mechanics.geometric_stiffness import inertia_loads, unit_forces
-from cmsreduce.model import (
-    INERTIA_LOADS,
-    Bars,
-    FEModel,
-    UnitLoad,
-)
+from cmsreduce.model import INERTIA_LOADS, Bars, FEModel, UnitLoad
 from tests.frames import BAR, Section, frame, line, rotation
 from tests.spinning_beam import BEAM, LENGTH, beam
 

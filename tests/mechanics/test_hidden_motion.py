@@ -25,14 +25,7 @@ from cmsreduce.model import (
     cross_matrix,
     rigid_body_shapes,
 )
-from cmsreduce.read import (
-    MatrixSource,
-    read_bars,
-    read_body,
-    read_bulk,
-    read_followers,
-    read_members,
-)
+from cmsreduce.read import MatrixSource, read_bars, read_body, read_bulk, read_followers, read_members
 from tests.frames import BAR, Section, beam_matrices, frame, rotation
 from tests.mechanics.test_geometric_stiffness import chain
 

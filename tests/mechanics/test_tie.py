@@ -12,16 +12,7 @@ import scipy.sparse.linalg as spla
 
 from cmsreduce.errors import SceneError
 from cmsreduce.mechanics import rigid_mass
-from cmsreduce.model import (
-    DofTable,
-    FEModel,
-    Interface,
-    Nodes,
-    Units,
-    cross_matrix,
-    in_units,
-    rigid_body_shapes,
-)
+from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Units, cross_matrix, in_units, rigid_body_shapes
 from cmsreduce.read import Tie, tie_nodes
 from cmsreduce.verify import rigid_mass_properties
 from tests.frames import line, rotation

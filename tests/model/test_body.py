@@ -5,14 +5,7 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.errors import DofMapError, MatrixError, SceneError
-from cmsreduce.model import (
-    Damping,
-    DofTable,
-    FEModel,
-    Interface,
-    Nodes,
-    RigidBody,
-)
+from cmsreduce.model import Damping, DofTable, FEModel, Interface, Nodes, RigidBody
 
 DOFS = DofTable([1, 1, 2], [1, 2, 1])
 GOOD = np.diag([3.0, 2.0, 1.0])

@@ -6,13 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.model import (
-    DofTable,
-    Nodes,
-    components_from_digits,
-    cross_matrix,
-    rigid_body_shapes,
-)
+from cmsreduce.model import DofTable, Nodes, components_from_digits, cross_matrix, rigid_body_shapes
 from tests.frames import rotation
 
 

@@ -17,12 +17,7 @@ from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ConfigError
 from cmsreduce.pipeline import Run, Silent, execute
-from cmsreduce.write import (
-    TARGETS,
-    ComponentFile,
-    convert,
-    read_component,
-)
+from cmsreduce.write import TARGETS, ComponentFile, convert, read_component
 from tests.frames import BAR
 from tests.pipeline.study import PIPELINE, write_study
 

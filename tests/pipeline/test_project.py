@@ -13,12 +13,7 @@ from click.testing import CliRunner
 
 from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
-from cmsreduce.model import (
-    Configuration,
-    Joint,
-    Point,
-    Scene,
-)
+from cmsreduce.model import Configuration, Joint, Point, Scene
 from cmsreduce.pipeline import execute
 from cmsreduce.pipeline.project.stage import halfway
 from cmsreduce.pipeline.run import Run

@@ -12,12 +12,7 @@ from click.testing import CliRunner
 
 from cmsreduce.cli import main
 from cmsreduce.errors import ReadError, StageError
-from cmsreduce.pipeline import (
-    Run,
-    execute,
-    reopen,
-    run_result,
-)
+from cmsreduce.pipeline import Run, execute, reopen, run_result
 from tests.pipeline.test_reuse import done
 
 REDUCED = {"stages/arm.reduce.h5", "stages/panel.reduce.h5"}

@@ -12,12 +12,7 @@ import scipy.sparse as sp
 
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import SceneError
-from cmsreduce.model import (
-    FEModel,
-    Interface,
-    cross_matrix,
-    rigid_body_shapes,
-)
+from cmsreduce.model import FEModel, Interface, cross_matrix, rigid_body_shapes
 from cmsreduce.pipeline import Run, Silent
 from cmsreduce.read import Tie, tie_nodes
 from tests.frames import line, rotation

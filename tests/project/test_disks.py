@@ -9,12 +9,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.linalg.eigen import null_space
-from cmsreduce.project import (
-    Projection,
-    extraneous_count,
-    project_shapes,
-    returned,
-)
+from cmsreduce.project import Projection, extraneous_count, project_shapes, returned
 
 CHAINS = {
     "three disks": (

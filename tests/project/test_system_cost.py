@@ -7,28 +7,13 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from cmsreduce.assemble import (
-    assemble,
-    elastic_states,
-    modal_substructure,
-    rigid_substructure,
-)
+from cmsreduce.assemble import assemble, elastic_states, modal_substructure, rigid_substructure
 from cmsreduce.balance import component_costs
 from cmsreduce.errors import DampingError, MatrixError
 from cmsreduce.linalg.dense import dense
-from cmsreduce.model import (
-    Configuration,
-    Damping,
-    ModalChannels,
-    Scene,
-)
+from cmsreduce.model import Configuration, Damping, ModalChannels, Scene
 from cmsreduce.orthogonalise import orthogonalise
-from cmsreduce.project import (
-    SystemCost,
-    cost_shares,
-    costliest,
-    system_cost,
-)
+from cmsreduce.project import SystemCost, cost_shares, costliest, system_cost
 from cmsreduce.reduce import CraigBampton
 from tests.assemble.rigs import at, in_joint, joint, rigid_body
 from tests.frames import line

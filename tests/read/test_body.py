@@ -12,24 +12,9 @@ import scipy.io
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.errors import (
-    DofMapError,
-    MatrixError,
-    ReadError,
-    SceneError,
-)
-from cmsreduce.model import (
-    Damping,
-    FEModel,
-    Units,
-    rigid_body_shapes,
-)
-from cmsreduce.read import (
-    InterfaceSpec,
-    MatrixSource,
-    prove_row_order,
-    read_body,
-)
+from cmsreduce.errors import DofMapError, MatrixError, ReadError, SceneError
+from cmsreduce.model import Damping, FEModel, Units, rigid_body_shapes
+from cmsreduce.read import InterfaceSpec, MatrixSource, prove_row_order, read_body
 
 Frame = Callable[..., FEModel]
 

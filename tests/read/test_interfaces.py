@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import SceneError
-from cmsreduce.model import (
-    DofTable,
-    FEModel,
-    Interface,
-    Nodes,
-)
+from cmsreduce.model import DofTable, FEModel, Interface, Nodes
 from cmsreduce.read import InterfaceSpec
 from cmsreduce.read.interfaces import resolve_interface
 

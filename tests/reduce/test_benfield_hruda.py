@@ -10,21 +10,9 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.model import (
-    DofTable,
-    FEModel,
-    InterfaceLoading,
-    ReducedComponent,
-    rigid_body_shapes,
-)
+from cmsreduce.model import DofTable, FEModel, InterfaceLoading, ReducedComponent, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
-from cmsreduce.reduce import (
-    AugmentedBody,
-    BenfieldHruda,
-    Guyan,
-    MacNealRubin,
-    reduction,
-)
+from cmsreduce.reduce import AugmentedBody, BenfieldHruda, Guyan, MacNealRubin, reduction
 from tests.frames import BAR, Section, frame, line
 
 EVERYTHING = 1e9  # Hz

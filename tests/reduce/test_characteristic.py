@@ -10,21 +10,9 @@ import scipy.sparse.linalg as spla
 
 from cmsreduce.errors import ConfigError, MatrixError
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.model import (
-    DofTable,
-    FEModel,
-    Interface,
-    Nodes,
-    rigid_body_shapes,
-)
+from cmsreduce.model import DofTable, FEModel, Interface, Nodes, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
-from cmsreduce.reduce import (
-    CraigBampton,
-    Guyan,
-    InterfaceReduction,
-    MacNealRubin,
-    reduction,
-)
+from cmsreduce.reduce import CraigBampton, Guyan, InterfaceReduction, MacNealRubin, reduction
 from tests.frames import frame, line
 
 EVERYTHING = 1e9  # Hz

@@ -10,22 +10,9 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cmsreduce.model import (
-    DofTable,
-    FEModel,
-    InterfaceLoading,
-    ModalComponent,
-    rigid_body_shapes,
-)
+from cmsreduce.model import DofTable, FEModel, InterfaceLoading, ModalComponent, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
-from cmsreduce.reduce import (
-    AugmentedBody,
-    BenfieldHruda,
-    CraigBampton,
-    Guyan,
-    MacNealRubin,
-    Reduction,
-)
+from cmsreduce.reduce import AugmentedBody, BenfieldHruda, CraigBampton, Guyan, MacNealRubin, Reduction
 from tests.frames import Section, frame, rotation
 
 quick = settings(max_examples=12, deadline=None, derandomize=True)

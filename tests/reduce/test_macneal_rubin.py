@@ -9,12 +9,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.model import (
-    DofTable,
-    FEModel,
-    ReducedComponent,
-    rigid_body_shapes,
-)
+from cmsreduce.model import DofTable, FEModel, ReducedComponent, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
 from cmsreduce.read import InterfaceSpec, MatrixSource, read_body
 from cmsreduce.reduce import MacNealRubin

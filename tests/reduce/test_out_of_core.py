@@ -6,14 +6,7 @@ import pytest
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
 from cmsreduce.model import mapped_in
 from cmsreduce.orthogonalise import ORTHOGONAL, orthogonalise, orthogonality_errors
-from cmsreduce.reduce import (
-    AugmentedBody,
-    BenfieldHruda,
-    CraigBampton,
-    Guyan,
-    InterfaceReduction,
-    MacNealRubin,
-)
+from cmsreduce.reduce import AugmentedBody, BenfieldHruda, CraigBampton, Guyan, InterfaceReduction, MacNealRubin
 from tests.solids import block, face
 
 CELLS = (12, 5, 5)

@@ -11,13 +11,7 @@ from hypothesis import strategies as st
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.model import (
-    Damping,
-    DofTable,
-    FEModel,
-    ModeSet,
-    rigid_body_shapes,
-)
+from cmsreduce.model import Damping, DofTable, FEModel, ModeSet, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
 from cmsreduce.reduce import CraigBampton, Guyan, project
 from tests.frames import Section, frame

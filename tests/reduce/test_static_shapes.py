@@ -10,12 +10,7 @@ from cmsreduce.linalg.factorise import factorise
 from cmsreduce.model import FEModel, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
 from cmsreduce.reduce import CraigBampton, MacNealRubin
-from cmsreduce.reduce.static_shapes import (
-    elastic_solve,
-    independent_columns,
-    residual_shapes,
-    unit_loads,
-)
+from cmsreduce.reduce.static_shapes import elastic_solve, independent_columns, residual_shapes, unit_loads
 from tests.frames import frame, line
 
 

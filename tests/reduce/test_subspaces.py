@@ -7,19 +7,8 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from cmsreduce.model import (
-    DofTable,
-    FEModel,
-    InterfaceLoading,
-    ModeSet,
-)
-from cmsreduce.reduce import (
-    METHODS,
-    CraigBampton,
-    MacNealRubin,
-    Reduction,
-    reduction,
-)
+from cmsreduce.model import DofTable, FEModel, InterfaceLoading, ModeSet
+from cmsreduce.reduce import METHODS, CraigBampton, MacNealRubin, Reduction, reduction
 from tests.frames import Section, frame, line
 
 # The same in both planes, so that every bending mode is one of a pair.

@@ -4,12 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cmsreduce.model import (
-    ChannelZeros,
-    ControllerMargin,
-    StepErrors,
-    SystemChecks,
-)
+from cmsreduce.model import ChannelZeros, ControllerMargin, StepErrors, SystemChecks
 
 __all__ = ["HEALTH", "SHIFT", "WORST_RATIO", "channel_zeros", "controller_margin", "step_of", "system_checks"]
 

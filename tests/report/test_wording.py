@@ -4,13 +4,7 @@ from dataclasses import replace
 import pytest
 
 from cmsreduce.model import Check
-from cmsreduce.report.wording import (
-    FIGURES,
-    broken,
-    headline,
-    number,
-    worst,
-)
+from cmsreduce.report.wording import FIGURES, broken, headline, number, worst
 
 
 @pytest.mark.parametrize(

@@ -8,14 +8,7 @@ import h5py
 import numpy as np
 import scipy.sparse as sp
 
-from cmsreduce.model import (
-    Configuration,
-    Joint,
-    JointElement,
-    Point,
-    System,
-    Units,
-)
+from cmsreduce.model import Configuration, Joint, JointElement, Point, System, Units
 from cmsreduce.write import write_system
 
 PAGE = Path(__file__).parents[2] / "docs" / "component-file.md"

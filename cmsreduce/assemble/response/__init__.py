@@ -4,24 +4,10 @@ Receptances, modal terms and residual flexibility over frequency belong here.
 The matrices of the joined system belong in `assemble`.
 """
 
-from cmsreduce.assemble.response.frequency_response import (
-    body_receptances,
-    couple,
-    frequency_response,
-    rigid_response,
-)
-from cmsreduce.assemble.response.modal_receptance import (
-    ModalReceptance,
-)
-from cmsreduce.assemble.response.modal_terms import (
-    Change,
-)
-from cmsreduce.assemble.response.receptance import (
-    Receptance,
-    receptance,
-    receptances,
-    tabulated,
-)
+from cmsreduce.assemble.response.frequency_response import body_receptances, couple, frequency_response, rigid_response
+from cmsreduce.assemble.response.modal_receptance import ModalReceptance
+from cmsreduce.assemble.response.modal_terms import Change
+from cmsreduce.assemble.response.receptance import Receptance, receptance, receptances, tabulated
 
 __all__ = [
     "Change",

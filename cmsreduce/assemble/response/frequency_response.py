@@ -10,23 +10,12 @@ from numpy.typing import NDArray
 from cmsreduce.assemble.held_bodies import held_bodies
 from cmsreduce.assemble.joint_elements import with_joint_bodies
 from cmsreduce.assemble.points import PointStack
-from cmsreduce.assemble.response.receptance import (
-    BRAKED,
-    Receptance,
-    add_between,
-    frequencies_last,
-    receptance,
-)
+from cmsreduce.assemble.response.receptance import BRAKED, Receptance, add_between, frequencies_last, receptance
 from cmsreduce.assemble.response.residual_flexibility import JoinedRows, residual_flexibility
 from cmsreduce.assemble.system import Wiring, wire
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.response import frequency_blocks
-from cmsreduce.model import (
-    Configuration,
-    Scene,
-    Substructure,
-    System,
-)
+from cmsreduce.model import Configuration, Scene, Substructure, System
 
 __all__ = ["body_receptances", "couple", "frequency_response", "rigid_response"]
 

@@ -19,13 +19,7 @@ from cmsreduce.assemble.response.modal_terms import (
     ModalTerms,
     add_terms,
 )
-from cmsreduce.assemble.response.receptance import (
-    Receptance,
-    add_between,
-    frequencies_last,
-    modal_weights,
-    resonant,
-)
+from cmsreduce.assemble.response.receptance import Receptance, add_between, frequencies_last, modal_weights, resonant
 from cmsreduce.assemble.system import Wiring
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.eigen import row_basis

@@ -16,12 +16,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from cmsreduce.config.keys.mapping import (
-    Keys,
-    Plain,
-    Written,
-    WrittenItems,
-)
+from cmsreduce.config.keys.mapping import Keys, Plain, Written, WrittenItems
 from cmsreduce.config.keys.quantities import Quantity
 
 __all__ = ["Articulation", "NamedSettings", "Settings"]

@@ -17,14 +17,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from cmsreduce.config.keys.mapping import (
-    Count,
-    Flag,
-    Keys,
-    Name,
-    Positive,
-    refused,
-)
+from cmsreduce.config.keys.mapping import Count, Flag, Keys, Name, Positive, refused
 from cmsreduce.config.keys.ranking_options import ClusterKeys, ScalingKeys, WeightingKeys
 
 __all__ = ["BalanceKeys", "KeepKeys", "RankingKeys"]

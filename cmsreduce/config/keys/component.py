@@ -14,16 +14,7 @@ from cmsreduce.config.keys.damping import DampingKeys
 from cmsreduce.config.keys.files import GeometryFile, MatrixFile, RowOrder
 from cmsreduce.config.keys.frame import BodyWriteKeys
 from cmsreduce.config.keys.interface import InterfaceKeys, InterfaceName, Rotations, rotation_matrix
-from cmsreduce.config.keys.mapping import (
-    DataPath,
-    Flag,
-    Keys,
-    Number,
-    Positive,
-    UnitSystem,
-    Vector,
-    WrittenVector,
-)
+from cmsreduce.config.keys.mapping import DataPath, Flag, Keys, Number, Positive, UnitSystem, Vector, WrittenVector
 from cmsreduce.config.keys.quantities import Quantity
 from cmsreduce.config.keys.stages import ReduceKeys
 from cmsreduce.config.keys.stiffening import GeometricStiffnessKeys

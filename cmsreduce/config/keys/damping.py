@@ -7,12 +7,7 @@ from typing import Annotated, ClassVar
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from cmsreduce.config.keys.files import MatrixFile
-from cmsreduce.config.keys.mapping import (
-    Frequency,
-    Keys,
-    Number,
-    exactly_one,
-)
+from cmsreduce.config.keys.mapping import Frequency, Keys, Number, exactly_one
 from cmsreduce.errors import DampingError
 from cmsreduce.model import Damping
 

@@ -7,12 +7,7 @@ from typing import Any, ClassVar
 
 from pydantic import Field, model_validator
 
-from cmsreduce.config.keys.mapping import (
-    DataPath,
-    Keys,
-    Plain,
-    exactly_one,
-)
+from cmsreduce.config.keys.mapping import DataPath, Keys, Plain, exactly_one
 
 __all__ = ["ControllerFile", "GeometryFile", "MatrixFile", "RowOrder"]
 

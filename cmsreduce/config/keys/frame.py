@@ -6,12 +6,7 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from cmsreduce.config.keys.mapping import (
-    Keys,
-    Name,
-    Number,
-    Plain,
-)
+from cmsreduce.config.keys.mapping import Keys, Name, Number, Plain
 from cmsreduce.model import DOF_NAMES, FrameCondition, FrameKind, Lumping
 
 __all__ = ["BASIC", "CENTRE", "BodyWriteKeys", "FloatingFrameKeys", "IntegralKeys"]

@@ -7,12 +7,7 @@ from typing import Annotated, cast
 from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema, field_validator, model_validator
 
 from cmsreduce.config.keys.channels import DofName, Pair
-from cmsreduce.config.keys.mapping import (
-    DofNames,
-    Keys,
-    WrittenVector,
-    reported,
-)
+from cmsreduce.config.keys.mapping import DofNames, Keys, WrittenVector, reported
 from cmsreduce.config.keys.quantities import Compound, ElementFigure, Quantity, parse_compound
 from cmsreduce.errors import UnitsError
 from cmsreduce.model import DOF_NAMES, SI, JointElement, Units

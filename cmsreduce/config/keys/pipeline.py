@@ -10,12 +10,7 @@ from pydantic import AfterValidator, Field, WithJsonSchema
 from cmsreduce.config.keys.balance import BalanceKeys, KeepKeys
 from cmsreduce.config.keys.component import Component
 from cmsreduce.config.keys.frame import BodyWriteKeys
-from cmsreduce.config.keys.mapping import (
-    DataPath,
-    Keys,
-    Name,
-    OneOrMore,
-)
+from cmsreduce.config.keys.mapping import DataPath, Keys, Name, OneOrMore
 from cmsreduce.config.keys.project import ProjectKeys
 from cmsreduce.config.keys.scene import SceneKeys
 from cmsreduce.config.keys.solver import SolverKeys

@@ -6,16 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from cmsreduce.config.keys.mapping import (
-    Count,
-    Flag,
-    Keys,
-    Number,
-    OneOrMore,
-    Plain,
-    Positive,
-    exactly_one,
-)
+from cmsreduce.config.keys.mapping import Count, Flag, Keys, Number, OneOrMore, Plain, Positive, exactly_one
 
 __all__ = ["ProjectKeys", "SystemModeKeys"]
 

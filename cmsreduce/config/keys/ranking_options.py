@@ -8,15 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, PlainSerializer, Strict, WithJsonSchema, model_validator
 
 from cmsreduce.config.keys.channel_sizes import ChannelSize
-from cmsreduce.config.keys.mapping import (
-    Flag,
-    Frequency,
-    Keys,
-    Number,
-    Plain,
-    exactly_one,
-    reported,
-)
+from cmsreduce.config.keys.mapping import Flag, Frequency, Keys, Number, Plain, exactly_one, reported
 from cmsreduce.config.keys.quantities import Quantity, parse_quantity
 from cmsreduce.config.keys.scene import Band
 

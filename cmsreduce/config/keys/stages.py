@@ -5,23 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import (
-    BeforeValidator,
-    Discriminator,
-    Field,
-    Strict,
-    Tag,
-    model_validator,
-)
+from pydantic import BeforeValidator, Discriminator, Field, Strict, Tag, model_validator
 
 from cmsreduce.config.keys.balance import RankingKeys
 from cmsreduce.config.keys.frame import BodyWriteKeys
-from cmsreduce.config.keys.mapping import (
-    Flag,
-    Keys,
-    Plain,
-    Positive,
-)
+from cmsreduce.config.keys.mapping import Flag, Keys, Plain, Positive
 from cmsreduce.config.keys.solver import NO_PARTS
 from cmsreduce.model import DOF_NAMES
 

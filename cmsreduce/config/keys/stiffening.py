@@ -8,13 +8,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, mod
 
 from cmsreduce.config.keys.files import MatrixFile
 from cmsreduce.config.keys.interface import InterfaceName
-from cmsreduce.config.keys.mapping import (
-    Keys,
-    Name,
-    OneOrMore,
-    Vector,
-    reported,
-)
+from cmsreduce.config.keys.mapping import Keys, Name, OneOrMore, Vector, reported
 from cmsreduce.config.keys.quantities import measure
 from cmsreduce.model import INERTIA_LOADS, UnitLoad
 

@@ -4,17 +4,8 @@ Lanczos, slicing, Sturm counts and error bounds belong here.
 What a mode means for a body belongs in `reduce` or `verify`.
 """
 
-from cmsreduce.linalg.eigen.complex_modes import (
-    ComplexModes,
-    DampedPencil,
-    complex_modes,
-)
-from cmsreduce.linalg.eigen.eigenpairs import (
-    beside_modes,
-    certified_modes,
-    count_below,
-    modes_below,
-)
+from cmsreduce.linalg.eigen.complex_modes import ComplexModes, DampedPencil, complex_modes
+from cmsreduce.linalg.eigen.eigenpairs import beside_modes, certified_modes, count_below, modes_below
 from cmsreduce.linalg.eigen.null_space import (
     DEPENDENT,
     HELD,

@@ -11,14 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.layout import by_rows
 from cmsreduce.linalg.search_space import SearchSpace
-from cmsreduce.linalg.tall_products import (
-    column_products,
-    inner,
-    inner_of_all,
-    less,
-    less_all,
-    times,
-)
+from cmsreduce.linalg.tall_products import column_products, inner, inner_of_all, less, less_all, times
 
 __all__ = ["BlockLanczos", "Operator", "Ritz"]
 

@@ -4,10 +4,7 @@ Frozen dataclasses that the summary, the report and the terminal share belong he
 Nothing here computes or prints.
 """
 
-from cmsreduce.model.results.check import (
-    Check,
-    Finding,
-)
+from cmsreduce.model.results.check import Check, Finding
 from cmsreduce.model.results.choices import (
     BoundRecord,
     CutoffRecord,
@@ -27,21 +24,8 @@ from cmsreduce.model.results.component import (
     Factorisation,
     RoundingEffect,
 )
-from cmsreduce.model.results.drawing import (
-    BodyDrawing,
-    JointDrawing,
-    PortDrawing,
-    SceneDrawing,
-    SystemShapes,
-)
-from cmsreduce.model.results.errors import (
-    ERRORS,
-    DampedPairs,
-    EffectiveMassCurve,
-    GainCurve,
-    ModelErrors,
-    ModeLikeness,
-)
+from cmsreduce.model.results.drawing import BodyDrawing, JointDrawing, PortDrawing, SceneDrawing, SystemShapes
+from cmsreduce.model.results.errors import ERRORS, DampedPairs, EffectiveMassCurve, GainCurve, ModelErrors, ModeLikeness
 from cmsreduce.model.results.reduction_checks import (
     CHECKS,
     ChannelZeros,
@@ -62,11 +46,7 @@ from cmsreduce.model.results.run import (
     Speed,
     SystemModes,
 )
-from cmsreduce.model.results.sweep import (
-    SweepResult,
-    SweepRow,
-    short_keys,
-)
+from cmsreduce.model.results.sweep import SweepResult, SweepRow, short_keys
 
 __all__ = [
     "AxisCompleteness",

@@ -15,13 +15,7 @@ from numpy.typing import NDArray
 from cmsreduce.model.body import Source
 from cmsreduce.model.reduced import ModalComponent
 from cmsreduce.model.results.check import Check
-from cmsreduce.model.results.choices import (
-    BoundRecord,
-    CutoffRecord,
-    ProjectionRecord,
-    SearchRecord,
-    SensitivityRecord,
-)
+from cmsreduce.model.results.choices import BoundRecord, CutoffRecord, ProjectionRecord, SearchRecord, SensitivityRecord
 from cmsreduce.model.results.component import AxisCompleteness, CostlyModes, Factorisation, RoundingEffect
 from cmsreduce.model.results.drawing import SceneDrawing
 from cmsreduce.model.results.errors import ERRORS, EffectiveMassCurve, GainCurve, ModelErrors

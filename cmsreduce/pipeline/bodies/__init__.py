@@ -4,35 +4,13 @@ Steps from the keys of one component to one body in the units of the scene belon
 The joined system belongs in `pipeline.system`.
 """
 
-from cmsreduce.pipeline.bodies.bodies import (
-    FlexibleBody,
-    probing_loads,
-    read_flexible,
-    read_rigid,
-)
-from cmsreduce.pipeline.bodies.body_health import (
-    BodyHealth,
-    body_health,
-    effective_masses,
-)
-from cmsreduce.pipeline.bodies.draft import (
-    first_look,
-)
-from cmsreduce.pipeline.bodies.interface_loading import (
-    body_reduction,
-)
-from cmsreduce.pipeline.bodies.reference import (
-    ALL_MODES_LIMIT,
-    Reference,
-    reference,
-)
-from cmsreduce.pipeline.bodies.spinning import (
-    spin_notes,
-)
-from cmsreduce.pipeline.bodies.wireframe import (
-    cells_of,
-    outline,
-)
+from cmsreduce.pipeline.bodies.bodies import FlexibleBody, probing_loads, read_flexible, read_rigid
+from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effective_masses
+from cmsreduce.pipeline.bodies.draft import first_look
+from cmsreduce.pipeline.bodies.interface_loading import body_reduction
+from cmsreduce.pipeline.bodies.reference import ALL_MODES_LIMIT, Reference, reference
+from cmsreduce.pipeline.bodies.spinning import spin_notes
+from cmsreduce.pipeline.bodies.wireframe import cells_of, outline
 
 __all__ = [
     "ALL_MODES_LIMIT",

@@ -16,22 +16,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import Ports, body_points, body_ports
-from cmsreduce.config import (
-    Component,
-    InterfaceKeys,
-    MatrixFile,
-    Pipeline,
-)
+from cmsreduce.config import Component, InterfaceKeys, MatrixFile, Pipeline
 from cmsreduce.errors import SceneError
 from cmsreduce.linalg.eigen import motions_held, only_motions, rigid_body_modes
-from cmsreduce.mechanics import (
-    Determined,
-    Tie,
-    check_connected,
-    hold_undetermined,
-    rigid_mass,
-    tie_nodes,
-)
+from cmsreduce.mechanics import Determined, Tie, check_connected, hold_undetermined, rigid_mass, tie_nodes
 from cmsreduce.model import (
     Check,
     Damping,
@@ -47,14 +35,7 @@ from cmsreduce.model import (
 )
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
-from cmsreduce.read import (
-    InterfaceSpec,
-    MatrixSource,
-    RowOrderProof,
-    deck_mass,
-    prove_row_order,
-    read_body,
-)
+from cmsreduce.read import InterfaceSpec, MatrixSource, RowOrderProof, deck_mass, prove_row_order, read_body
 from cmsreduce.verify import REALISABLE, inertia_excess, mass_disorder, rigid_mass_properties
 
 __all__ = [

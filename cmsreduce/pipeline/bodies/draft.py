@@ -13,12 +13,7 @@ from cmsreduce.config import BodyDraft
 from cmsreduce.errors import CmsReduceError, ReadError
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import FEModel, rigid_body_shapes
-from cmsreduce.read import (
-    MatrixSource,
-    detect_format,
-    matrix_names,
-    read_body,
-)
+from cmsreduce.read import MatrixSource, detect_format, matrix_names, read_body
 from cmsreduce.verify import rigid_motions
 
 __all__ = ["first_look"]

@@ -24,25 +24,9 @@ from cmsreduce.assemble import (
 )
 from cmsreduce.config import ReduceKeys
 from cmsreduce.errors import SceneError
-from cmsreduce.model import (
-    FEModel,
-    InterfaceLoading,
-    Joint,
-    Point,
-    RigidBody,
-    Scene,
-    Substructure,
-)
+from cmsreduce.model import FEModel, InterfaceLoading, Joint, Point, RigidBody, Scene, Substructure
 from cmsreduce.pipeline.bodies.bodies import FlexibleBody
-from cmsreduce.reduce import (
-    METHODS,
-    BenfieldHruda,
-    CraigBampton,
-    Guyan,
-    InterfaceReduction,
-    Reduction,
-    reduction,
-)
+from cmsreduce.reduce import METHODS, BenfieldHruda, CraigBampton, Guyan, InterfaceReduction, Reduction, reduction
 
 __all__ = [
     "body_reduction",

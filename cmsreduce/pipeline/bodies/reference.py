@@ -7,21 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import (
-    Ports,
-    body_points,
-    modal_substructure,
-    physical_substructure,
-)
-from cmsreduce.model import (
-    FEModel,
-    ModalComponent,
-    ModeKind,
-    ModeSet,
-    ReducedComponent,
-    Scene,
-    Substructure,
-)
+from cmsreduce.assemble import Ports, body_points, modal_substructure, physical_substructure
+from cmsreduce.model import FEModel, ModalComponent, ModeKind, ModeSet, ReducedComponent, Scene, Substructure
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import MacNealRubin
 

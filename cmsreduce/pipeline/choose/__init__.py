@@ -4,18 +4,8 @@ Steps from reduced bodies to kept modes belong here.
 Shapes from system modes belong in `pipeline.project`.
 """
 
-from cmsreduce.pipeline.choose.balancing import (
-    Balancing,
-)
-from cmsreduce.pipeline.choose.mode_sets import (
-    ModeSets,
-)
-from cmsreduce.pipeline.choose.selection import (
-    Choice,
-)
+from cmsreduce.pipeline.choose.balancing import Balancing
+from cmsreduce.pipeline.choose.mode_sets import ModeSets
+from cmsreduce.pipeline.choose.selection import Choice
 
-__all__ = [
-    "Balancing",
-    "Choice",
-    "ModeSets",
-]
+__all__ = ["Balancing", "Choice", "ModeSets"]

@@ -10,30 +10,12 @@ from typing import Protocol
 from cmsreduce.balance import Selection, keep_all
 from cmsreduce.config import ModeSetKeys, Pipeline, RankingKeys
 from cmsreduce.errors import ConfigError, DampingError, MatrixError
-from cmsreduce.model import (
-    ModalChannels,
-    ModalComponent,
-    Scene,
-    SensitivityCase,
-    SensitivityRecord,
-)
+from cmsreduce.model import ModalChannels, ModalComponent, Scene, SensitivityCase, SensitivityRecord
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.choose.paths import off_every_path
 from cmsreduce.pipeline.choose.ranked import ranked, ranking_channels, scaling_words
-from cmsreduce.pipeline.choose.selection import (
-    Choice,
-    choice_from,
-    choice_to,
-    select,
-    truncate,
-)
-from cmsreduce.pipeline.choose.sensitivity import (
-    Change,
-    ChangedBodies,
-    changed_comparison,
-    changed_model,
-    sensitivity,
-)
+from cmsreduce.pipeline.choose.selection import Choice, choice_from, choice_to, select, truncate
+from cmsreduce.pipeline.choose.sensitivity import Change, ChangedBodies, changed_comparison, changed_model, sensitivity
 from cmsreduce.pipeline.choose.sized_channels import SizedRows, sized_rows
 from cmsreduce.pipeline.choose.system_ranking import SYSTEM_COST, with_system_cost
 from cmsreduce.pipeline.store import Ledger

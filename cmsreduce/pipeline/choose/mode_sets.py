@@ -17,12 +17,7 @@ from cmsreduce import __version__
 from cmsreduce.assemble import rigid_substructure
 from cmsreduce.config import ModeSetKeys, Pipeline, ReduceKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import (
-    ModalComponent,
-    ReducedComponent,
-    RigidBody,
-    Scene,
-)
+from cmsreduce.model import ModalComponent, ReducedComponent, RigidBody, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import FlexibleBody, body_reduction, probing_loads, reference
 from cmsreduce.pipeline.choose.cutoff import (
@@ -35,21 +30,8 @@ from cmsreduce.pipeline.choose.cutoff import (
     neglected_errors,
 )
 from cmsreduce.pipeline.choose.paths import off_every_path
-from cmsreduce.pipeline.store import (
-    Ledger,
-    modal_from,
-    modal_to,
-    reduced_from,
-    reduced_to,
-    stage_key,
-)
-from cmsreduce.reduce import (
-    METHODS,
-    BenfieldHruda,
-    CraigBampton,
-    Examined,
-    kept_rigid,
-)
+from cmsreduce.pipeline.store import Ledger, modal_from, modal_to, reduced_from, reduced_to, stage_key
+from cmsreduce.reduce import METHODS, BenfieldHruda, CraigBampton, Examined, kept_rigid
 
 __all__ = [
     "ModeSets",

@@ -8,12 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from cmsreduce.model import (
-    Channel,
-    JointTerm,
-    PointTerm,
-    Scene,
-)
+from cmsreduce.model import Channel, JointTerm, PointTerm, Scene
 
 __all__ = ["off_every_path"]
 

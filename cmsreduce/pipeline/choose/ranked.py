@@ -27,12 +27,7 @@ from cmsreduce.balance import (
 )
 from cmsreduce.config import RankingKeys
 from cmsreduce.errors import DampingError
-from cmsreduce.model import (
-    FEModel,
-    ModalChannels,
-    ModalComponent,
-    Scene,
-)
+from cmsreduce.model import FEModel, ModalChannels, ModalComponent, Scene
 from cmsreduce.pipeline.choose.selection import modal_channels
 from cmsreduce.pipeline.choose.sized_channels import SizedRows, channel_sizes, sized_in
 

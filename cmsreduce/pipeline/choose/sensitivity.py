@@ -11,13 +11,7 @@ from cmsreduce.assemble import body_ports
 from cmsreduce.balance import Selection
 from cmsreduce.config import ModeSetKeys
 from cmsreduce.errors import CmsReduceError
-from cmsreduce.model import (
-    ModalComponent,
-    Scene,
-    SensitivityCase,
-    SensitivityRecord,
-    Substructure,
-)
+from cmsreduce.model import ModalComponent, Scene, SensitivityCase, SensitivityRecord, Substructure
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.system import AssembledModel, Comparison, ReducedModel
 

@@ -13,14 +13,7 @@ from cmsreduce.balance import Sized
 from cmsreduce.config import ScalingKeys, Size, channel_kind
 from cmsreduce.linalg.basis_store import observed
 from cmsreduce.linalg.dense import dense
-from cmsreduce.model import (
-    Channel,
-    Configuration,
-    ModalComponent,
-    PointTerm,
-    Scene,
-    Units,
-)
+from cmsreduce.model import Channel, Configuration, ModalComponent, PointTerm, Scene, Units
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.system import AssembledModel
 

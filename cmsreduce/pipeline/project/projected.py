@@ -9,14 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import (
-    ExtraneousMode,
-    FEModel,
-    ModalComponent,
-    ModeShare,
-    ProjectionRecord,
-    SampledModes,
-)
+from cmsreduce.model import ExtraneousMode, FEModel, ModalComponent, ModeShare, ProjectionRecord, SampledModes
 from cmsreduce.pipeline.store import modal_from, modal_to
 
 __all__ = ["Projected", "projected_from", "projected_to"]

@@ -11,12 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.basis_store import combined
 from cmsreduce.linalg.graded import weighted_singular_values
 from cmsreduce.mechanics import energies
-from cmsreduce.model import (
-    ModalComponent,
-    ModeBlock,
-    ModeKind,
-    ModeSet,
-)
+from cmsreduce.model import ModalComponent, ModeBlock, ModeKind, ModeSet
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.project import Projection, keep_combinations, project_shapes

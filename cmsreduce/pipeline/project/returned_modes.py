@@ -9,20 +9,10 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.dense import dense
-from cmsreduce.model import (
-    ExtraneousMode,
-    Matrix,
-    SampledModes,
-    Scene,
-)
+from cmsreduce.model import ExtraneousMode, Matrix, SampledModes, Scene
 from cmsreduce.pipeline.project.system_projection import ModesOfSystem, SystemModes, all_modes
 from cmsreduce.pipeline.system import ReducedModel, cross_orthogonality, mass_products
-from cmsreduce.project import (
-    extraneous_count,
-    extraneous_modes,
-    project_shapes,
-    returned,
-)
+from cmsreduce.project import extraneous_count, extraneous_modes, project_shapes, returned
 
 __all__ = ["extraneous_in_band", "sampled_modes"]
 

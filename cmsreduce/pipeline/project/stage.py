@@ -13,14 +13,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.config import ProjectKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import (
-    DOF_NAMES,
-    Configuration,
-    ExtraneousMode,
-    ModalComponent,
-    ProjectionRecord,
-    Scene,
-)
+from cmsreduce.model import DOF_NAMES, Configuration, ExtraneousMode, ModalComponent, ProjectionRecord, Scene
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.project.projected import Projected
 from cmsreduce.pipeline.project.projected_body import attachment_amplitudes, remade

@@ -4,54 +4,17 @@ Steps from a run to the data that files and reports show belong here.
 Rendering belongs in `report`, file formats in `write`.
 """
 
-from cmsreduce.pipeline.results.checking import (
-    check_result,
-    write_junit,
-    write_markdown,
-)
-from cmsreduce.pipeline.results.exports import (
-    export_pictures,
-    export_shapes,
-    export_tables,
-)
-from cmsreduce.pipeline.results.framing import (
-    frame_of,
-    integral_frame_of,
-    outboard_of,
-)
-from cmsreduce.pipeline.results.health import (
-    effective_mass_data,
-    effective_mass_lines,
-    health_data,
-    health_lines,
-)
-from cmsreduce.pipeline.results.limits import (
-    read_limits,
-)
-from cmsreduce.pipeline.results.mass_totals import (
-    body_totals,
-    file_totals,
-    total_data,
-    total_lines,
-)
-from cmsreduce.pipeline.results.matlab import (
-    write_system_states,
-)
-from cmsreduce.pipeline.results.reduction_text import (
-    frame_lines,
-    run_lines,
-)
-from cmsreduce.pipeline.results.result import (
-    component_checks,
-    run_result,
-)
-from cmsreduce.pipeline.results.run_difference import (
-    run_difference,
-)
-from cmsreduce.pipeline.results.step_advice import (
-    body_costly_modes,
-    file_rounding,
-)
+from cmsreduce.pipeline.results.checking import check_result, write_junit, write_markdown
+from cmsreduce.pipeline.results.exports import export_pictures, export_shapes, export_tables
+from cmsreduce.pipeline.results.framing import frame_of, integral_frame_of, outboard_of
+from cmsreduce.pipeline.results.health import effective_mass_data, effective_mass_lines, health_data, health_lines
+from cmsreduce.pipeline.results.limits import read_limits
+from cmsreduce.pipeline.results.mass_totals import body_totals, file_totals, total_data, total_lines
+from cmsreduce.pipeline.results.matlab import write_system_states
+from cmsreduce.pipeline.results.reduction_text import frame_lines, run_lines
+from cmsreduce.pipeline.results.result import component_checks, run_result
+from cmsreduce.pipeline.results.run_difference import run_difference
+from cmsreduce.pipeline.results.step_advice import body_costly_modes, file_rounding
 
 __all__ = [
     "body_costly_modes",

@@ -8,14 +8,7 @@ from cmsreduce.assemble import outboard_masses
 from cmsreduce.config import BASIC, CENTRE
 from cmsreduce.errors import SceneError
 from cmsreduce.mechanics import REMOVED, floating_frame, rigid_mass
-from cmsreduce.model import (
-    Check,
-    FEModel,
-    FloatingFrame,
-    IntegralFrame,
-    OutboardMass,
-    RigidBody,
-)
+from cmsreduce.model import Check, FEModel, FloatingFrame, IntegralFrame, OutboardMass, RigidBody
 from cmsreduce.pipeline.run import Run
 from cmsreduce.verify import rigid_mass_properties
 

@@ -7,14 +7,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import CmsReduceError
-from cmsreduce.model import (
-    EffectiveMassCurve,
-    FEModel,
-    GainCurve,
-    GainSum,
-    ModalComponent,
-    rigid_body_shapes,
-)
+from cmsreduce.model import EffectiveMassCurve, FEModel, GainCurve, GainSum, ModalComponent, rigid_body_shapes
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.system import channel_gains
 from cmsreduce.verify import effective_mass

@@ -9,13 +9,7 @@ from functools import cached_property, partial
 from cmsreduce.balance import Selection
 from cmsreduce.config import ProjectKeys, VerifyKeys
 from cmsreduce.errors import ConfigError, ConstraintError
-from cmsreduce.model import (
-    AxisCompleteness,
-    ConfigurationResult,
-    ControllerMargin,
-    ModalComponent,
-    ReductionChecks,
-)
+from cmsreduce.model import AxisCompleteness, ConfigurationResult, ControllerMargin, ModalComponent, ReductionChecks
 from cmsreduce.pipeline.bodies import spin_notes
 from cmsreduce.pipeline.choose import Balancing, Choice
 from cmsreduce.pipeline.project import PROJECTED_ERROR, Measures, Projected, ProjectStage, projected_from, projected_to

@@ -7,13 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from cmsreduce.model import (
-    FEModel,
-    ModalComponent,
-    ModeCertificate,
-    ModeSet,
-    ReducedComponent,
-)
+from cmsreduce.model import FEModel, ModalComponent, ModeCertificate, ModeSet, ReducedComponent
 
 __all__ = ["modal_from", "modal_to", "reduced_from", "reduced_to"]
 

@@ -4,30 +4,12 @@ Responses and checks in every configuration belong here.
 The choice of modes belongs in `pipeline.choose`.
 """
 
-from cmsreduce.pipeline.system.assembled import (
-    AssembledModel,
-    cross_orthogonality,
-    mass_products,
-)
-from cmsreduce.pipeline.system.candidates import (
-    SystemErrors,
-    system_errors,
-)
-from cmsreduce.pipeline.system.comparison import (
-    Comparison,
-    ReducedModel,
-)
-from cmsreduce.pipeline.system.completeness import (
-    axis_completeness,
-    completeness_note,
-)
-from cmsreduce.pipeline.system.controlled import (
-    controller_margins,
-)
-from cmsreduce.pipeline.system.reduction_health import (
-    channel_gains,
-    reduction_checks,
-)
+from cmsreduce.pipeline.system.assembled import AssembledModel, cross_orthogonality, mass_products
+from cmsreduce.pipeline.system.candidates import SystemErrors, system_errors
+from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel
+from cmsreduce.pipeline.system.completeness import axis_completeness, completeness_note
+from cmsreduce.pipeline.system.controlled import controller_margins
+from cmsreduce.pipeline.system.reduction_health import channel_gains, reduction_checks
 
 __all__ = [
     "AssembledModel",

@@ -32,15 +32,7 @@ from cmsreduce.linalg.congruence import column_blocks
 from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless
 from cmsreduce.linalg.products import symmetric_product
-from cmsreduce.model import (
-    Configuration,
-    FEModel,
-    Matrix,
-    ModalComponent,
-    Scene,
-    Substructure,
-    System,
-)
+from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System
 from cmsreduce.verify import decibel_grid
 
 __all__ = ["AssembledModel", "DampedModes", "Resonances", "cross_orthogonality", "mass_products"]

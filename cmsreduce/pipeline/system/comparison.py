@@ -25,12 +25,7 @@ from cmsreduce.model import (
     Speed,
 )
 from cmsreduce.pipeline.store import Progress
-from cmsreduce.pipeline.system.assembled import (
-    AssembledModel,
-    Number,
-    cross_orthogonality,
-    mass_products,
-)
+from cmsreduce.pipeline.system.assembled import AssembledModel, Number, cross_orthogonality, mass_products
 from cmsreduce.verify import (
     FrequencyPairs,
     channel_errors,

@@ -9,12 +9,7 @@ import scipy.linalg as la
 
 from cmsreduce.assemble import state_space
 from cmsreduce.errors import CmsReduceError
-from cmsreduce.model import (
-    ConfigurationResult,
-    Controller,
-    ControllerMargin,
-    System,
-)
+from cmsreduce.model import ConfigurationResult, Controller, ControllerMargin, System
 from cmsreduce.pipeline.system.assembled import AssembledModel
 from cmsreduce.verify import controller_response, stability_margin
 

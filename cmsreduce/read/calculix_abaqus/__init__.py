@@ -4,20 +4,9 @@ The text formats of these two programs belong here.
 Meshes of other programs are read by `read.mesh`.
 """
 
-from cmsreduce.read.calculix_abaqus.frd import (
-    is_frd,
-    read_frd,
-)
-from cmsreduce.read.calculix_abaqus.input_file import (
-    is_abaqus_input,
-    keyword_blocks,
-    read_abaqus_input,
-)
-from cmsreduce.read.calculix_abaqus.matrices import (
-    coordinate_matrices,
-    dof_list_beside,
-    read_dof_list,
-)
+from cmsreduce.read.calculix_abaqus.frd import is_frd, read_frd
+from cmsreduce.read.calculix_abaqus.input_file import is_abaqus_input, keyword_blocks, read_abaqus_input
+from cmsreduce.read.calculix_abaqus.matrices import coordinate_matrices, dof_list_beside, read_dof_list
 
 __all__ = [
     "dof_list_beside",

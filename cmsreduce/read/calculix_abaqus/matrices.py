@@ -15,13 +15,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import DofTable
-from cmsreduce.read.labelled_matrix import (
-    LabelledMatrix,
-    StoredMatrix,
-    canonical,
-    check_size,
-    mirrored,
-)
+from cmsreduce.read.labelled_matrix import LabelledMatrix, StoredMatrix, canonical, check_size, mirrored
 from cmsreduce.read.matrices import COORDINATE, LABELLED, read_entries
 from cmsreduce.read.printed_numbers import rounding_of_printed
 

@@ -4,22 +4,11 @@ Readers that give a labelled matrix belong here.
 The choice of a reader by content belongs in `read.matrix`.
 """
 
-from cmsreduce.read.matrices.entry_lines import (
-    COORDINATE,
-    LABELLED,
-    read_entries,
-)
+from cmsreduce.read.matrices.entry_lines import COORDINATE, LABELLED, read_entries
 from cmsreduce.read.matrices.matlab import matlab_matrices
-from cmsreduce.read.matrices.matlab_layout import (
-    is_level_4,
-)
-from cmsreduce.read.matrices.matrix_market import (
-    market_matrices,
-)
-from cmsreduce.read.matrices.numpy_files import (
-    npy_matrices,
-    npz_matrices,
-)
+from cmsreduce.read.matrices.matlab_layout import is_level_4
+from cmsreduce.read.matrices.matrix_market import market_matrices
+from cmsreduce.read.matrices.numpy_files import npy_matrices, npz_matrices
 
 __all__ = [
     "COORDINATE",

@@ -13,13 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.labelled_matrix import (
-    DOUBLE,
-    LabelledMatrix,
-    StoredMatrix,
-    canonical,
-    check_size,
-)
+from cmsreduce.read.labelled_matrix import DOUBLE, LabelledMatrix, StoredMatrix, canonical, check_size
 from cmsreduce.read.library_errors import reading
 from cmsreduce.read.matrices.entry_lines import COORDINATE, VALUE, read_entries
 from cmsreduce.read.printed_numbers import rounding_of_printed

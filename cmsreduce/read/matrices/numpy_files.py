@@ -18,13 +18,7 @@ import scipy.sparse as sp
 from numpy.lib import format as npy
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.labelled_matrix import (
-    DOUBLE,
-    LabelledMatrix,
-    StoredMatrix,
-    canonical,
-    check_size,
-)
+from cmsreduce.read.labelled_matrix import DOUBLE, LabelledMatrix, StoredMatrix, canonical, check_size
 from cmsreduce.read.library_errors import reading
 
 __all__ = [

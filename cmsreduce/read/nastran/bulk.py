@@ -14,12 +14,7 @@ from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import DofTable, Nodes
 from cmsreduce.read.nastran.card_reader import read_cards
 from cmsreduce.read.nastran.cards import Card, CardFile
-from cmsreduce.read.nastran.constraint_cards import (
-    CONSTRAINT_CARDS,
-    constrained_dofs,
-    dependent_dofs,
-    named_sets,
-)
+from cmsreduce.read.nastran.constraint_cards import CONSTRAINT_CARDS, constrained_dofs, dependent_dofs, named_sets
 from cmsreduce.read.nastran.frames import FrameChain
 from cmsreduce.read.nastran.grid_cards import (
     GRID_CARDS,

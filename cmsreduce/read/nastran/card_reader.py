@@ -12,12 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.nastran.cards import (
-    FIELDS_PER_LINE,
-    Card,
-    CardFile,
-    real_number,
-)
+from cmsreduce.read.nastran.cards import FIELDS_PER_LINE, Card, CardFile, real_number
 
 __all__ = ["read_cards"]
 

@@ -13,12 +13,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.read.nastran.cards import Card
-from cmsreduce.read.nastran.point_ids import (
-    Points,
-    dof_keys,
-    drop_trailing_reals,
-    id_ranges,
-)
+from cmsreduce.read.nastran.point_ids import Points, dof_keys, drop_trailing_reals, id_ranges
 
 __all__ = [
     "CONSTRAINT_CARDS",

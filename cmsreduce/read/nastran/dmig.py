@@ -13,13 +13,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable
-from cmsreduce.read.labelled_matrix import (
-    SINGLE,
-    LabelledMatrix,
-    StoredMatrix,
-    canonical,
-    mirrored,
-)
+from cmsreduce.read.labelled_matrix import SINGLE, LabelledMatrix, StoredMatrix, canonical, mirrored
 from cmsreduce.read.nastran.card_reader import read_cards
 from cmsreduce.read.nastran.cards import Card, real_number
 from cmsreduce.read.printed_numbers import rounding_of_printed

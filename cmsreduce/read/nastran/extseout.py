@@ -15,13 +15,7 @@ from cmsreduce.read.nastran.bulk import table_of_keys
 from cmsreduce.read.nastran.card_reader import read_cards
 from cmsreduce.read.nastran.cards import Card, CardFile
 from cmsreduce.read.nastran.frames import FrameChain
-from cmsreduce.read.nastran.grid_cards import (
-    GRID_CARDS,
-    frame_definitions,
-    grid_cards,
-    place_nodes,
-    scalar_points,
-)
+from cmsreduce.read.nastran.grid_cards import GRID_CARDS, frame_definitions, grid_cards, place_nodes, scalar_points
 from cmsreduce.read.nastran.point_ids import KEY_STEP, Points, id_ranges
 
 __all__ = ["ExternalSuperelement", "read_extseout"]

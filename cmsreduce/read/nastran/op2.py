@@ -12,15 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.labelled_matrix import (
-    DOUBLE,
-    SINGLE,
-    LabelledMatrix,
-    StoredMatrix,
-    canonical,
-    check_size,
-    mirrored,
-)
+from cmsreduce.read.labelled_matrix import DOUBLE, SINGLE, LabelledMatrix, StoredMatrix, canonical, check_size, mirrored
 from cmsreduce.read.library_errors import reading
 from cmsreduce.read.nastran.op4_layout import FORMS, TYPES
 

@@ -10,21 +10,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.labelled_matrix import (
-    LabelledMatrix,
-    StoredMatrix,
-    canonical,
-    mirrored,
-)
+from cmsreduce.read.labelled_matrix import LabelledMatrix, StoredMatrix, canonical, mirrored
 from cmsreduce.read.library_errors import reading
 from cmsreduce.read.nastran.cards import real_number
-from cmsreduce.read.nastran.op4_layout import (
-    FORMS,
-    TYPES,
-    Op4Header,
-    binary_headers,
-    binary_strings,
-)
+from cmsreduce.read.nastran.op4_layout import FORMS, TYPES, Op4Header, binary_headers, binary_strings
 from cmsreduce.read.nastran.op4_printed import printed_headers, printed_strings
 
 __all__ = ["op4_matrices"]

@@ -10,12 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import (
-    DofTable,
-    Followers,
-    Nodes,
-    cross_matrix,
-)
+from cmsreduce.model import DofTable, Followers, Nodes, cross_matrix
 from cmsreduce.read.nastran.card_reader import read_cards
 from cmsreduce.read.nastran.cards import Card
 from cmsreduce.read.nastran.constraint_cards import CONSTRAINT_CARDS, cards_in_force, dependent_of

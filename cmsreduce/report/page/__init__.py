@@ -4,22 +4,7 @@ Data of its plots, rows of its tables and the page itself belong here.
 Static pictures belong in `report.pictures`.
 """
 
-from cmsreduce.report.page.curves import (
-    decibels,
-)
-from cmsreduce.report.page.page import (
-    embedded,
-    packed_plotly,
-    part,
-    render_report,
-    start_packing,
-)
+from cmsreduce.report.page.curves import decibels
+from cmsreduce.report.page.page import embedded, packed_plotly, part, render_report, start_packing
 
-__all__ = [
-    "decibels",
-    "embedded",
-    "packed_plotly",
-    "part",
-    "render_report",
-    "start_packing",
-]
+__all__ = ["decibels", "embedded", "packed_plotly", "part", "render_report", "start_packing"]

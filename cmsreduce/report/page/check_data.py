@@ -9,14 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.model import (
-    ChannelZeros,
-    ControllerMargin,
-    GainCurve,
-    GainSum,
-    RunResult,
-    StepErrors,
-)
+from cmsreduce.model import ChannelZeros, ControllerMargin, GainCurve, GainSum, RunResult, StepErrors
 from cmsreduce.report.page.curves import all_rounded, rounded
 from cmsreduce.report.page.packing import ArrayStore, thinned_points
 

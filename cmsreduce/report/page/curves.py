@@ -10,20 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.model import (
-    DOF_NAMES,
-    ConfigurationResult,
-    DampedPairs,
-    ModelErrors,
-    RunResult,
-)
+from cmsreduce.model import DOF_NAMES, ConfigurationResult, DampedPairs, ModelErrors, RunResult
 from cmsreduce.report.page.packing import ArrayStore, thinned_points
-from cmsreduce.report.palette import (
-    FULL,
-    INK,
-    LIMIT,
-    model_style,
-)
+from cmsreduce.report.palette import FULL, INK, LIMIT, model_style
 from cmsreduce.report.wording import Figure, compared, measured
 
 __all__ = ["all_rounded", "decibels", "response_data", "rounded"]

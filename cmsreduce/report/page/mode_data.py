@@ -7,13 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import (
-    ComponentResult,
-    EffectiveMassCurve,
-    GainCurve,
-    ProjectionRecord,
-    RunResult,
-)
+from cmsreduce.model import ComponentResult, EffectiveMassCurve, GainCurve, ProjectionRecord, RunResult
 from cmsreduce.report.page.check_data import high_gains
 from cmsreduce.report.page.curves import all_rounded, rounded
 from cmsreduce.report.page.packing import ArrayStore

@@ -27,16 +27,7 @@ from cmsreduce.report.page.tables import (
     sensitivity_rows,
     timings,
 )
-from cmsreduce.report.wording import (
-    broken,
-    checked,
-    compared,
-    headline,
-    measured,
-    number,
-    seconds,
-    worst,
-)
+from cmsreduce.report.wording import broken, checked, compared, headline, measured, number, seconds, worst
 
 __all__ = [
     "embedded",

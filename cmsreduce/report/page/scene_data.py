@@ -6,13 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cmsreduce.model import (
-    BodyDrawing,
-    ComponentResult,
-    RunResult,
-    SceneDrawing,
-    SystemShapes,
-)
+from cmsreduce.model import BodyDrawing, ComponentResult, RunResult, SceneDrawing, SystemShapes
 from cmsreduce.report.page.curves import all_rounded
 from cmsreduce.report.page.packing import ArrayStore
 

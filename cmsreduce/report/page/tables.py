@@ -9,20 +9,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from cmsreduce.model import (
-    Check,
-    ComponentResult,
-    ConfigurationResult,
-    RunResult,
-)
-from cmsreduce.report.wording import (
-    Figure,
-    compared,
-    measured,
-    number,
-    seconds,
-    worst,
-)
+from cmsreduce.model import Check, ComponentResult, ConfigurationResult, RunResult
+from cmsreduce.report.wording import Figure, compared, measured, number, seconds, worst
 
 __all__ = [
     "Card",

@@ -7,19 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cmsreduce.model import (
-    ComponentResult,
-    EffectiveMassCurve,
-    GainCurve,
-    ModeLikeness,
-    RunResult,
-)
-from cmsreduce.report.palette import (
-    FULL,
-    INK,
-    LIMIT,
-    model_style,
-)
+from cmsreduce.model import ComponentResult, EffectiveMassCurve, GainCurve, ModeLikeness, RunResult
+from cmsreduce.report.palette import FULL, INK, LIMIT, model_style
 from cmsreduce.report.pictures.figure import drawn, literal, plain_axes
 
 __all__ = ["effective_mass_picture", "gain_picture", "likeness_picture", "sigma_picture"]

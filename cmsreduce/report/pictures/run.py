@@ -14,23 +14,12 @@ from cmsreduce.errors import WriteError
 from cmsreduce.model import RunResult
 from cmsreduce.report.page import decibels
 from cmsreduce.report.palette import FULL, LIMIT, model_style
-from cmsreduce.report.pictures.figure import (
-    drawn,
-    legend_above,
-    line_of,
-    literal,
-    plain_axes,
-)
+from cmsreduce.report.pictures.figure import drawn, legend_above, line_of, literal, plain_axes
 from cmsreduce.report.wording import FIGURES, compared
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-from cmsreduce.report.pictures.modes import (
-    effective_mass_picture,
-    gain_picture,
-    likeness_picture,
-    sigma_picture,
-)
+from cmsreduce.report.pictures.modes import effective_mass_picture, gain_picture, likeness_picture, sigma_picture
 from cmsreduce.report.pictures.scene import scene_picture, shapes_picture
 from cmsreduce.report.wording import worst
 

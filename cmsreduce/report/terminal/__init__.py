@@ -4,28 +4,11 @@ Everything that a command prints belongs here.
 Files for continuous integration belong in `report.ci`.
 """
 
-from cmsreduce.report.terminal.output import (
-    Output,
-    opened_output,
-)
-from cmsreduce.report.terminal.rankings import (
-    RANKINGS_WIDTH,
-    print_rankings,
-)
-from cmsreduce.report.terminal.run import (
-    print_summary,
-    worst_error,
-)
-from cmsreduce.report.terminal.sweep import (
-    SWEEP_WIDTH,
-    print_sweep,
-    sweep_data,
-)
-from cmsreduce.report.terminal.tables import (
-    DIFFERENCE_WIDTH,
-    print_difference,
-    print_inspected,
-)
+from cmsreduce.report.terminal.output import Output, opened_output
+from cmsreduce.report.terminal.rankings import RANKINGS_WIDTH, print_rankings
+from cmsreduce.report.terminal.run import print_summary, worst_error
+from cmsreduce.report.terminal.sweep import SWEEP_WIDTH, print_sweep, sweep_data
+from cmsreduce.report.terminal.tables import DIFFERENCE_WIDTH, print_difference, print_inspected
 
 __all__ = [
     "DIFFERENCE_WIDTH",

@@ -164,14 +164,7 @@ def watch(listener: Listener | None = None) -> Iterator[Listener | Bar | Lines]:
         yield Lines(sys.stderr)
     else:
         from rich.console import Console
-        from rich.progress import (
-            BarColumn,
-            Progress,
-            SpinnerColumn,
-            TextColumn,
-            TimeElapsedColumn,
-            TimeRemainingColumn,
-        )
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
         columns = (
             SpinnerColumn(),

@@ -16,17 +16,7 @@ import numpy as np
 
 from cmsreduce.mechanics import advised_steps
 from cmsreduce.model import AxisCompleteness, ProjectionRecord, RunResult
-from cmsreduce.report.wording import (
-    Worst,
-    broken,
-    checked,
-    compared,
-    headline,
-    number,
-    plural,
-    seconds,
-    worst,
-)
+from cmsreduce.report.wording import Worst, broken, checked, compared, headline, number, plural, seconds, worst
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -4,26 +4,11 @@ Datasets, their checks and the body in the frame of its integrals belong here.
 Files of other programs belong in `write.targets`.
 """
 
-from cmsreduce.write.component.component import (
-    write_component,
-)
-from cmsreduce.write.component.component_file import (
-    ComponentFile,
-    read_component,
-)
-from cmsreduce.write.component.flexible_body import (
-    FlexibleBody,
-    flexible_body,
-    require_mass,
-)
-from cmsreduce.write.component.shapes import (
-    basic_shapes,
-)
-from cmsreduce.write.component.stored import (
-    FrameStiffening,
-    frame_stiffening,
-    stored_integrals,
-)
+from cmsreduce.write.component.component import write_component
+from cmsreduce.write.component.component_file import ComponentFile, read_component
+from cmsreduce.write.component.flexible_body import FlexibleBody, flexible_body, require_mass
+from cmsreduce.write.component.shapes import basic_shapes
+from cmsreduce.write.component.stored import FrameStiffening, frame_stiffening, stored_integrals
 
 __all__ = [
     "ComponentFile",

@@ -26,20 +26,9 @@ from cmsreduce.model import (
     ModalComponent,
     OutboardMass,
 )
-from cmsreduce.write.component.integrals import (
-    put_augmented,
-    put_frame,
-    put_integrals,
-    put_stiffening,
-    support,
-)
+from cmsreduce.write.component.integrals import put_augmented, put_frame, put_integrals, put_stiffening, support
 from cmsreduce.write.component.shapes import basic_shapes, lumps_of_nodes
-from cmsreduce.write.datasets import (
-    hdf5_file,
-    put,
-    put_texts,
-    put_units,
-)
+from cmsreduce.write.datasets import hdf5_file, put, put_texts, put_units
 
 __all__ = ["FORMAT", "FORMAT_VERSION", "write_component"]
 

@@ -13,14 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
-from cmsreduce.model import (
-    INERTIA_LOADS,
-    SQUARES,
-    Lumping,
-    ModalIntegrals,
-    ModalStiffening,
-    UnitLoad,
-)
+from cmsreduce.model import INERTIA_LOADS, SQUARES, Lumping, ModalIntegrals, ModalStiffening, UnitLoad
 from cmsreduce.write.component.component_file import ComponentFile
 
 __all__ = [

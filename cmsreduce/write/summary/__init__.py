@@ -4,18 +4,7 @@ Stable keys and columns belong here.
 Words for people belong in `report`.
 """
 
-from cmsreduce.write.summary.summary import (
-    summary,
-    write_summary,
-)
-from cmsreduce.write.summary.sweep_table import (
-    write_sweep_csv,
-    write_sweep_table,
-)
+from cmsreduce.write.summary.summary import summary, write_summary
+from cmsreduce.write.summary.sweep_table import write_sweep_csv, write_sweep_table
 
-__all__ = [
-    "summary",
-    "write_summary",
-    "write_sweep_csv",
-    "write_sweep_table",
-]
+__all__ = ["summary", "write_summary", "write_sweep_csv", "write_sweep_table"]

@@ -26,15 +26,7 @@ from cmsreduce.model import (
     SensitivityRecord,
 )
 from cmsreduce.write.files import atomic_path
-from cmsreduce.write.summary.checks import (
-    basis,
-    channels,
-    controller,
-    figures,
-    pole_pairs,
-    static_lack,
-    system_checks,
-)
+from cmsreduce.write.summary.checks import basis, channels, controller, figures, pole_pairs, static_lack, system_checks
 
 __all__ = ["angles", "summary", "write_summary"]
 

@@ -4,26 +4,8 @@ Each module turns a component file into what one program loads; `table` lists th
 The component file itself belongs in `write.component`.
 """
 
-from cmsreduce.write.targets.state_space import (
-    StateSpace,
-    component_states,
-    write_matlab,
-)
-from cmsreduce.write.targets.table import (
-    TARGETS,
-    Target,
-    convert,
-)
-from cmsreduce.write.targets.vtu import (
-    write_vtu,
-)
+from cmsreduce.write.targets.state_space import StateSpace, component_states, write_matlab
+from cmsreduce.write.targets.table import TARGETS, Target, convert
+from cmsreduce.write.targets.vtu import write_vtu
 
-__all__ = [
-    "StateSpace",
-    "TARGETS",
-    "Target",
-    "component_states",
-    "convert",
-    "write_matlab",
-    "write_vtu",
-]
+__all__ = ["StateSpace", "TARGETS", "Target", "component_states", "convert", "write_matlab", "write_vtu"]

@@ -20,16 +20,7 @@ from cmsreduce.assemble import (
     wire,
 )
 from cmsreduce.errors import MatrixError
-from cmsreduce.model import (
-    SCALAR,
-    Configuration,
-    Damping,
-    DofTable,
-    FEModel,
-    Placement,
-    Point,
-    Scene,
-)
+from cmsreduce.model import SCALAR, Configuration, Damping, DofTable, FEModel, Placement, Point, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
 from tests.assemble.rigs import at, direct, in_joint, joint, modal, physical, rigid_body, strut, turned

@@ -20,14 +20,7 @@ from cmsreduce.assemble import (
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import row_basis
-from cmsreduce.model import (
-    Configuration,
-    Damping,
-    FEModel,
-    ModalComponent,
-    Point,
-    Scene,
-)
+from cmsreduce.model import Configuration, Damping, FEModel, ModalComponent, Point, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline import Run, Silent
 from cmsreduce.reduce import CraigBampton

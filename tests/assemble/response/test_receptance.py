@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.assemble import (
-    PointStack,
-    couple,
-    receptance,
-    receptances,
-    tabulated,
-    wire,
-)
+from cmsreduce.assemble import PointStack, couple, receptance, receptances, tabulated, wire
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.response import DynamicStiffness
 from cmsreduce.model import Damping, Scene

@@ -8,14 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmsreduce.assemble import (
-    PointStack,
-    assemble,
-    body_receptances,
-    couple,
-    rigid_substructure,
-    wire,
-)
+from cmsreduce.assemble import PointStack, assemble, body_receptances, couple, rigid_substructure, wire
 from cmsreduce.assemble.response.residual_flexibility import JoinedRows, residual_flexibility
 from cmsreduce.errors import MatrixError
 from cmsreduce.model import Damping, Point, Scene

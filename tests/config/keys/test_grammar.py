@@ -5,12 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cmsreduce.config import (
-    build_scene,
-    json_schema,
-    load_pipeline,
-    starter_pipeline,
-)
+from cmsreduce.config import build_scene, json_schema, load_pipeline, starter_pipeline
 from cmsreduce.errors import ConfigError
 
 CONFIGS = Path(__file__).parents[3] / "configs"

@@ -21,12 +21,7 @@ import pytest
 
 from cmsreduce.config import load_pipeline
 from cmsreduce.model import SweepResult
-from cmsreduce.pipeline import (
-    Run,
-    execute,
-    reopen,
-    run_result,
-)
+from cmsreduce.pipeline import Run, execute, reopen, run_result
 from cmsreduce.pipeline.batch import sweep, sweep_axes
 from cmsreduce.pipeline.batch.workers import Workers
 from cmsreduce.pipeline.store import cache_entries, clear_cache

@@ -14,12 +14,7 @@ from pyyeti.nastran import op4
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.mechanics import bars_stiffness
-from cmsreduce.model import (
-    UnitLoad,
-    Units,
-    in_units,
-    load_stiffness_in_units,
-)
+from cmsreduce.model import UnitLoad, Units, in_units, load_stiffness_in_units
 from cmsreduce.pipeline import Run, Silent, execute, inspected
 from cmsreduce.read import bars_in_units
 from cmsreduce.write import convert, read_component

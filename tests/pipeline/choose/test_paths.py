@@ -7,15 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from cmsreduce.model import (
-    Channel,
-    Joint,
-    JointTerm,
-    Point,
-    PointTerm,
-    Scene,
-    StrutTerm,
-)
+from cmsreduce.model import Channel, Joint, JointTerm, Point, PointTerm, Scene, StrutTerm
 from cmsreduce.pipeline.choose.paths import off_every_path
 
 BODIES = ("a", "b", "c", "d")

@@ -5,12 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmsreduce.balance import (
-    RANKINGS,
-    Hankel,
-    characteristic_length,
-    component_costs,
-)
+from cmsreduce.balance import RANKINGS, Hankel, characteristic_length, component_costs
 from cmsreduce.config import RankingKeys
 from cmsreduce.pipeline.choose.ranked import ranked, ranking_channels
 

@@ -7,13 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmsreduce.model import (
-    ChannelZeros,
-    GainCurve,
-    ReductionChecks,
-    StaticLack,
-    SystemChecks,
-)
+from cmsreduce.model import ChannelZeros, GainCurve, ReductionChecks, StaticLack, SystemChecks
 from cmsreduce.report.page.check_data import check_data, high_gains
 from cmsreduce.report.page.health_rows import basis_row, health_rows
 from cmsreduce.report.page.packing import ArrayStore

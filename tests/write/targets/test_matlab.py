@@ -11,21 +11,10 @@ import pytest
 from scipy.io import loadmat
 
 from cmsreduce.errors import WriteError
-from cmsreduce.model import (
-    Damping,
-    FloatingFrame,
-    FrameCondition,
-    ModalComponent,
-)
+from cmsreduce.model import Damping, FloatingFrame, FrameCondition, ModalComponent
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
-from cmsreduce.write import (
-    StateSpace,
-    component_states,
-    read_component,
-    write_component,
-    write_matlab,
-)
+from cmsreduce.write import StateSpace, component_states, read_component, write_component, write_matlab
 from cmsreduce.write.targets.state_space import write_abcd
 from tests.frames import line
 from tests.hard.structures import springs
