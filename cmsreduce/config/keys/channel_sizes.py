@@ -11,22 +11,15 @@ from pydantic import BeforeValidator, PlainSerializer, WithJsonSchema
 from cmsreduce.config.keys.mapping import reported
 from cmsreduce.config.keys.quantities import parse_quantity
 from cmsreduce.errors import UnitsError
-from cmsreduce.model import Channel, Units
+from cmsreduce.model import Channel, Units, units_of
 
 __all__ = ["ChannelSize", "Kind", "Size", "channel_kind"]
 
 Kind = Literal["force", "torque", "length", "angle", "velocity", "angular velocity"]
 
-# Worth of each unit of effort in N or N m.
 _EFFORTS: dict[str, tuple[Kind, float]] = {
-    "N": ("force", 1.0),
-    "mN": ("force", 1e-3),
-    "kN": ("force", 1e3),
-    "lbf": ("force", 4.4482216152605),
-    "Nm": ("torque", 1.0),
-    "mNm": ("torque", 1e-3),
-    "kNm": ("torque", 1e3),
-    "Nmm": ("torque", 1e-3),
+    **{name: ("force", value) for name, value in units_of("force").items()},
+    **{name: ("torque", value) for name, value in units_of("torque").items()},
 }
 _EXAMPLE: dict[Kind, str] = {
     "force": "5 N",
