@@ -10,8 +10,6 @@ from cmsreduce.config.keys.mapping import Count, Flag, Keys, Number, OneOrMore, 
 
 __all__ = ["ProjectKeys", "SystemModeKeys"]
 
-_RULES = ("auto", "cutoff", "list", "count")
-
 
 class SystemModeKeys(Keys):
     """Which modes of the whole system are projected on the bodies: one of the keys, or ``auto``."""
@@ -19,8 +17,9 @@ class SystemModeKeys(Keys):
     alternatives: ClassVar[tuple[str, ...]] = ("cutoff", "list", "count")
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"const": "auto"},)
 
-    cutoff: Positive | None = Field(
+    cutoff_bands: Positive | None = Field(
         default=None,
+        alias="cutoff",
         description="All elastic modes up to this multiple of the upper end of scene.band, at each configuration.",
         examples=[1.5],
     )
@@ -48,13 +47,14 @@ class SystemModeKeys(Keys):
     @model_validator(mode="after")
     def _one_rule(self) -> SystemModeKeys:
         if self.model_fields_set:
-            exactly_one(self, ("cutoff", "list", "count"), "project.modes")
+            exactly_one(self, self.alternatives, "project.modes")
         return self
 
     @property
     def rule(self) -> str:
         """Name of the rule in force: ``auto``, ``cutoff``, ``list`` or ``count``."""
-        return next((name for name in _RULES[1:] if getattr(self, name) is not None), "auto")
+        given = self.given(self.alternatives)
+        return given[0] if given else "auto"
 
 
 Sampled = Annotated[

@@ -89,14 +89,16 @@ class ModeSetKeys(Keys):
         "the mass of all that is outboard; guyan: constraint modes only.",
         examples=["craig-bampton"],
     )
-    cutoff: Cutoff = Field(
+    cutoff_bands: Cutoff = Field(
         default=2.0,
+        alias="cutoff",
         description="Normal modes are kept up to this multiple of the upper end of scene.band. `auto`: from 1.5 times "
         "the band, raised for each body until the modes left out cost less than the error asked for.",
         examples=[2.0, "auto"],
     )
-    interface_cutoff: Positive | None = Field(
+    interface_cutoff_bands: Positive | None = Field(
         default=None,
+        alias="interface_cutoff",
         description="Interfaces of several nodes get characteristic constraint modes up to this multiple of the upper "
         "end of scene.band, instead of a constraint mode for each of their dofs. For craig-bampton and guyan.",
         examples=[5.0],
@@ -104,12 +106,12 @@ class ModeSetKeys(Keys):
 
     @model_validator(mode="after")
     def _has_constraint_modes(self) -> ModeSetKeys:
-        if self.interface_cutoff is not None and self.method not in _CONSTRAINT_MODES:
+        if self.interface_cutoff_bands is not None and self.method not in _CONSTRAINT_MODES:
             raise ValueError(
                 f"{self.method} has no constraint modes, so interface_cutoff does not apply to it: take it out, or "
                 f"use {' or '.join(_CONSTRAINT_MODES)}"
             )
-        if self.cutoff == "auto" and self.method == "guyan":
+        if self.cutoff_bands == "auto" and self.method == "guyan":
             raise ValueError("guyan keeps no normal modes, so no cutoff can be found for it: take `cutoff: auto` out")
         return self
 
@@ -127,8 +129,9 @@ class ReduceKeys(ModeSetKeys):
         examples=[["sensors"]],
     )
 
-    static_above: Positive | None = Field(
+    static_above_bands: Positive | None = Field(
         default=None,
+        alias="static_above",
         description="Modes above this multiple of the upper end of scene.band are treated statically: they keep their "
         "stiffness and lose their mass, so that they ask for no small steps of an integrator.",
         examples=[8.0],
