@@ -19,15 +19,15 @@ from cmsreduce.config.keys import (
     parse_point,
     parse_row,
 )
+from cmsreduce.config.problems import not_among
 from cmsreduce.config.scene_channels import free_dof, free_dof_named, setting, sized_names
-from cmsreduce.config.suggestion import not_among
 from cmsreduce.errors import SceneError, UnitsError
 from cmsreduce.model import Point, UnitLoad
 
-__all__ = ["Finding", "findings"]
+__all__ = ["BrokenReference", "broken_references"]
 
 
-class Finding(NamedTuple):
+class BrokenReference(NamedTuple):
     """A reference that leads nowhere.
 
     Parameters
@@ -42,7 +42,7 @@ class Finding(NamedTuple):
     message: str
 
 
-def findings(pipeline: Pipeline) -> Iterator[Finding]:
+def broken_references(pipeline: Pipeline) -> Iterator[BrokenReference]:
     """Every reference of a pipeline that leads nowhere, in the order of the grammar."""
     yield from _components(pipeline)
     yield from _joints(pipeline)
@@ -57,14 +57,16 @@ def findings(pipeline: Pipeline) -> Iterator[Finding]:
         for name, channel in group.items():
             yield from _channel(pipeline, ("scene", kind, name), channel)
     if scene.controller is not None and not (scene.sensors and scene.actuators):
-        yield Finding(("scene", "controller"), "a controller needs sensors and actuators: add them, or take it out")
+        yield BrokenReference(
+            ("scene", "controller"), "a controller needs sensors and actuators: add them, or take it out"
+        )
     for k, text in enumerate(scene.ground):
         yield from _interface(pipeline, ("scene", "ground", k), text)
     for k, name in enumerate(scene.floating):
         if name not in pipeline.components:
-            yield Finding(("scene", "floating", k), not_among("component", name, pipeline.components))
+            yield BrokenReference(("scene", "floating", k), not_among("component", name, pipeline.components))
     if scene.base is not None and scene.base not in pipeline.components:
-        yield Finding(("scene", "base"), not_among("component", scene.base, pipeline.components))
+        yield BrokenReference(("scene", "base"), not_among("component", scene.base, pipeline.components))
     yield from _stiffening(pipeline)
     yield from _residuals(pipeline)
     yield from _frames(pipeline)
@@ -74,7 +76,7 @@ def findings(pipeline: Pipeline) -> Iterator[Finding]:
         yield from _sizes(pipeline, (*at, "scaling"), ranking.scaling)
 
 
-def _stiffening(pipeline: Pipeline) -> Iterator[Finding]:
+def _stiffening(pipeline: Pipeline) -> Iterator[BrokenReference]:
     """Interfaces that geometric stiffness names, and bodies that the scene spins."""
     for name, component in pipeline.components.items():
         keys, at = component.geometric_stiffness, ("components", name, "geometric_stiffness")
@@ -85,46 +87,52 @@ def _stiffening(pipeline: Pipeline) -> Iterator[Finding]:
         points += [(("held",), face) for face in keys.held]
         for key, point in dict.fromkeys(points):
             if point and not (point.isdigit() and key != ("held",)) and point not in component.interfaces:
-                yield Finding((*at, *key), not_among("interface", point, component.interfaces))
+                yield BrokenReference((*at, *key), not_among("interface", point, component.interfaces))
         if keys.bars and component.geometry is None:
-            yield Finding((*at, "bars"), "the bars are those of the deck: give the component its `geometry:`")
+            yield BrokenReference((*at, "bars"), "the bars are those of the deck: give the component its `geometry:`")
     flexible = [name for name, component in pipeline.components.items() if component.rigid is None]
     for name in pipeline.scene.spin:
         if name not in flexible:
-            yield Finding(("scene", "spin", name), not_among("flexible component", name, flexible))
+            yield BrokenReference(("scene", "spin", name), not_among("flexible component", name, flexible))
 
 
-def _residuals(pipeline: Pipeline) -> Iterator[Finding]:
+def _residuals(pipeline: Pipeline) -> Iterator[BrokenReference]:
     if pipeline.reduce is None:
         return
     for text in pipeline.reduce.own_points:
-        yield Finding(
+        yield BrokenReference(
             ("reduce", "residuals"),
             f"'{text}' is a node of one body: write it under components.NAME.reduce.residuals; here sensors and "
             "actuators can stand",
         )
 
 
-def _components(pipeline: Pipeline) -> Iterator[Finding]:
+def _components(pipeline: Pipeline) -> Iterator[BrokenReference]:
     for name, component in pipeline.components.items():
         for key in FLEXIBLE_ONLY if component.rigid is not None else ():
             if getattr(component, key) not in (None, False):
-                yield Finding(("components", name, key), f"a rigid body has no {key}: take out this key, or 'rigid'")
+                yield BrokenReference(
+                    ("components", name, key), f"a rigid body has no {key}: take out this key, or 'rigid'"
+                )
         for face, keys in component.interfaces.items():
             at = ("components", name, "interfaces", face)
             if component.rigid is not None and (keys.position is None or keys.tie is not None):
-                yield Finding(at, "an interface of a rigid body is given by its position, e.g. {position: [0, 0, 0]}")
+                yield BrokenReference(
+                    at, "an interface of a rigid body is given by its position, e.g. {position: [0, 0, 0]}"
+                )
             if component.rigid is None and keys.position is not None and keys.tie is None:
-                yield Finding(at, "an interface of a flexible body is given by node, nodes or set, e.g. {node: 1001}")
+                yield BrokenReference(
+                    at, "an interface of a flexible body is given by node, nodes or set, e.g. {node: 1001}"
+                )
         if component.balance is not None:
             at = ("components", name, "balance", "keep")
             if component.balance.keep.frf_error is not None:
-                yield Finding(at, "frf_error is an error of the whole system: ask for it under 'balance.keep'")
+                yield BrokenReference(at, "frf_error is an error of the whole system: ask for it under 'balance.keep'")
             if isinstance(component.balance.keep.modes, dict):
-                yield Finding(at, "here is one body only: write a number, e.g. {modes: 20}")
+                yield BrokenReference(at, "here is one body only: write a number, e.g. {modes: 20}")
 
 
-def _frames(pipeline: Pipeline) -> Iterator[Finding]:
+def _frames(pipeline: Pipeline) -> Iterator[BrokenReference]:
     """Interfaces that frames and integrals are about."""
     for name, component in pipeline.components.items():
         if component.rigid is not None or pipeline.reduce_of(name) is None:
@@ -137,23 +145,23 @@ def _frames(pipeline: Pipeline) -> Iterator[Finding]:
                 continue
             message = f"component '{name}': {not_among('interface', face, component.interfaces)}"
             if own is not None and group in own.model_fields_set:
-                yield Finding(("components", name, "write", group, key), message)
+                yield BrokenReference(("components", name, "write", group, key), message)
             else:
                 message += f"; give this body keys of its own, components.{name}.write"
-                yield Finding(("write", group, key), message)
+                yield BrokenReference(("write", group, key), message)
 
 
-def _joints(pipeline: Pipeline) -> Iterator[Finding]:
+def _joints(pipeline: Pipeline) -> Iterator[BrokenReference]:
     for name, joint in pipeline.scene.joints.items():
         for k, text in enumerate(joint.connect):
             yield from _interface(pipeline, ("scene", "joints", name, "connect", k), text)
 
 
-def _interface(pipeline: Pipeline, keys: tuple[str | int, ...], text: str) -> Iterator[Finding]:
+def _interface(pipeline: Pipeline, keys: tuple[str | int, ...], text: str) -> Iterator[BrokenReference]:
     """Check a reference that must be to an interface."""
     point = parse_point(text)
     if point.body not in pipeline.components:
-        yield Finding(keys, not_among("component", point.body, pipeline.components))
+        yield BrokenReference(keys, not_among("component", point.body, pipeline.components))
         return
     component = pipeline.components[point.body]
     if point.name in component.interfaces:
@@ -161,44 +169,44 @@ def _interface(pipeline: Pipeline, keys: tuple[str | int, ...], text: str) -> It
     message = f"component '{point.body}': {not_among('interface', point.name, component.interfaces)}"
     if point.name.isdigit() and component.rigid is None:
         message += f"; declare the node under 'components.{point.body}.interfaces', e.g. NAME: {{node: {point.name}}}"
-    yield Finding(keys, message)
+    yield BrokenReference(keys, message)
 
 
-def _point(pipeline: Pipeline, keys: tuple[str | int, ...], point: Point) -> Iterator[Finding]:
+def _point(pipeline: Pipeline, keys: tuple[str | int, ...], point: Point) -> Iterator[BrokenReference]:
     """Check a reference to an interface, a node, or the centre of mass."""
     component = pipeline.components.get(point.body)
     if component is None:
-        yield Finding(keys, not_among("component", point.body, pipeline.components))
+        yield BrokenReference(keys, not_among("component", point.body, pipeline.components))
     elif point.name == "cg":
         if component.rigid is None:
-            yield Finding(keys, f"'{point}': a flexible body's centre of mass is no point of it; name a node")
+            yield BrokenReference(keys, f"'{point}': a flexible body's centre of mass is no point of it; name a node")
     elif point.name.isdigit():
         if component.rigid is not None:
             places = ", ".join(["cg", *component.interfaces])
-            yield Finding(keys, f"'{point}': a rigid body has no nodes; points of '{point.body}' are {places}")
+            yield BrokenReference(keys, f"'{point}': a rigid body has no nodes; points of '{point.body}' are {places}")
     elif point.name not in component.interfaces:
         message = f"component '{point.body}': {not_among('interface', point.name, component.interfaces)}"
-        yield Finding(keys, f"{message}; a node is named by its number")
+        yield BrokenReference(keys, f"{message}; a node is named by its number")
 
 
-def _articulation(pipeline: Pipeline, articulation: Articulation) -> Iterator[Finding]:
+def _articulation(pipeline: Pipeline, articulation: Articulation) -> Iterator[BrokenReference]:
     at = ("scene", "articulation")
     for joint, settings in (articulation.product or {}).items():
         quantities = settings.quantities()
         yield from _settings(pipeline, (*at, joint), joint, quantities)
         repeated = [item for k, item in enumerate(quantities) if item in quantities[:k]]
         if repeated:
-            yield Finding((*at, joint), f"{repeated[0]} is listed twice")
+            yield BrokenReference((*at, joint), f"{repeated[0]} is listed twice")
     for joint, others in _same_motion(pipeline, list(articulation.product or {})):
-        yield Finding((*at, joint), f"the same motion is set by '{others}'")
+        yield BrokenReference((*at, joint), f"the same motion is set by '{others}'")
     names: list[str | None] = []
     for k, named in enumerate(articulation.named or ()):
         for joint, quantity in named.joints.items():
             yield from _settings(pipeline, (*at, k, joint), joint, (quantity,))
         for joint, others in _same_motion(pipeline, list(named.joints)):
-            yield Finding((*at, k, joint), f"the same motion is set by '{others}'")
+            yield BrokenReference((*at, k, joint), f"the same motion is set by '{others}'")
         if named.name is not None and named.name in names:
-            yield Finding((*at, k, "name"), f"two configurations are named '{named.name}'")
+            yield BrokenReference((*at, k, "name"), f"two configurations are named '{named.name}'")
         names.append(named.name)
 
 
@@ -217,17 +225,19 @@ def _same_motion(pipeline: Pipeline, joints: list[str]) -> Iterator[tuple[str, s
 
 def _settings(
     pipeline: Pipeline, keys: tuple[str | int, ...], joint: str, quantities: tuple[Quantity, ...]
-) -> Iterator[Finding]:
+) -> Iterator[BrokenReference]:
     try:
         _, dof = free_dof_named(pipeline.scene, joint)
         # The largest first: a zero fits everything and shows nothing.
         for quantity in sorted(quantities, key=lambda item: -abs(item.value)):
             setting(dof, quantity, pipeline.units)
     except (SceneError, UnitsError) as error:
-        yield Finding(keys, str(error))
+        yield BrokenReference(keys, str(error))
 
 
-def _channel(pipeline: Pipeline, keys: tuple[str | int, ...], channel: ActuatorKeys | SensorKeys) -> Iterator[Finding]:
+def _channel(
+    pipeline: Pipeline, keys: tuple[str | int, ...], channel: ActuatorKeys | SensorKeys
+) -> Iterator[BrokenReference]:
     if channel.at is not None:
         yield from _point(pipeline, (*keys, "at"), parse_point(channel.at))
     for k, text in enumerate(channel.between or ()):
@@ -239,14 +249,14 @@ def _channel(pipeline: Pipeline, keys: tuple[str | int, ...], channel: ActuatorK
             free_dof(pipeline.scene, channel.joint, channel.dof)
         except SceneError as error:
             known = channel.joint in pipeline.scene.joints and channel.dof is not None
-            yield Finding((*keys, "dof" if known else "joint"), str(error))
+            yield BrokenReference((*keys, "dof" if known else "joint"), str(error))
 
 
-def _keep(pipeline: Pipeline, keys: tuple[str | int, ...], keep: KeepKeys) -> Iterator[Finding]:
+def _keep(pipeline: Pipeline, keys: tuple[str | int, ...], keep: KeepKeys) -> Iterator[BrokenReference]:
     flexible = [name for name, component in pipeline.components.items() if component.rigid is None]
     for name in keep.modes if isinstance(keep.modes, dict) else ():
         if name not in flexible:
-            yield Finding((*keys, "modes", name), not_among("flexible component", name, flexible))
+            yield BrokenReference((*keys, "modes", name), not_among("flexible component", name, flexible))
 
 
 def _rankings(pipeline: Pipeline) -> Iterator[tuple[tuple[str, ...], RankingKeys]]:
@@ -260,7 +270,7 @@ def _rankings(pipeline: Pipeline) -> Iterator[tuple[tuple[str, ...], RankingKeys
         yield ("verify", "compare", label), ranking
 
 
-def _sizes(pipeline: Pipeline, keys: tuple[str | int, ...], scaling: ScalingKeys) -> Iterator[Finding]:
+def _sizes(pipeline: Pipeline, keys: tuple[str | int, ...], scaling: ScalingKeys) -> Iterator[BrokenReference]:
     try:
         inputs, outputs = sized_names(pipeline)
     except SceneError:
@@ -270,10 +280,10 @@ def _sizes(pipeline: Pipeline, keys: tuple[str | int, ...], scaling: ScalingKeys
         what = "actuator" if kind == "inputs" else "sensor"
         for name, size in sizes.items():
             if name not in channels:
-                yield Finding((*keys, kind, name), not_among(what, name, channels))
+                yield BrokenReference((*keys, kind, name), not_among(what, name, channels))
                 continue
             try:
                 for channel in channels[name]:
                     size.worth(channel_kind(channel, effort=kind == "inputs"), pipeline.units)
             except UnitsError as error:
-                yield Finding((*keys, kind, name), str(error))
+                yield BrokenReference((*keys, kind, name), str(error))

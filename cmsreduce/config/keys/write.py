@@ -1,15 +1,15 @@
-"""Keys of the frame that a body is written in: its floating frame, and what its integrals are about and over."""
+"""Keys of the write stage: files, and the frame of a body in them."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Strict, Tag, model_validator
 
-from cmsreduce.config.keys.mapping import Keys, Name, Number, Plain
+from cmsreduce.config.keys.mapping import Flag, Keys, Name, Number, Plain
 from cmsreduce.model import DOF_NAMES, FrameCondition, FrameKind, Lumping
 
-__all__ = ["BASIC", "CENTRE", "BodyWriteKeys", "FloatingFrameKeys", "IntegralKeys"]
+__all__ = ["BASIC", "BodyWriteKeys", "CENTRE", "FloatingFrameKeys", "IntegralKeys", "WriteKeys"]
 
 BASIC, CENTRE = "basic", "centre-of-mass"
 """Words for a place that no interface has to be named for."""
@@ -133,3 +133,76 @@ class BodyWriteKeys(Keys):
         description="Frame and mass of the modal integrals.",
         examples=[{"about": "centre-of-mass", "mass": "consistent"}],
     )
+
+
+Format = Literal[
+    "hdf5",
+    "matlab",
+    "abcd",
+    "nastran",
+    "42",
+    "sid",
+    "mbdyn",
+    "mbsim",
+    "exudyn",
+    "discos",
+    "dads",
+    "treetops",
+    "treetops-h5",
+]
+
+_DIALECTS = {"sid": ("by-axis", "by-mode"), "mbdyn": ("invariants", "lumped")}
+
+
+def _as_text(value: object) -> object:
+    # YAML takes the name of NASA's code for a number.
+    return str(value) if type(value) is int else value
+
+
+WrittenFormat = Annotated[Format, BeforeValidator(_as_text)]
+
+
+class WriteKeys(BodyWriteKeys):
+    """Which files the reduced bodies are written to, and in which frame."""
+
+    formats: tuple[WrittenFormat, ...] = Field(
+        default=("hdf5",),
+        min_length=1,
+        description="Formats of the files. hdf5: component files and the system; matlab, abcd: their state space, as "
+        ".mat and as text; the others are those of codes (docs/targets.md).",
+        examples=[["hdf5", "matlab"]],
+    )
+    dialects: dict[Plain, Plain] = Field(
+        default={},
+        description="How a format is written that comes in several ways. sid: by-axis or by-mode, the columns of Gr; "
+        "mbdyn: invariants or lumped.",
+        examples=[{"sid": "by-mode"}],
+    )
+    balanced_states: Annotated[int, Strict(), Field(ge=2, multiple_of=2)] | None = Field(
+        default=None,
+        description="Also write, with the system's state space, its elastic part balanced and cut down to so many "
+        "states, which are displacements and rates of points. For matlab.",
+        examples=[12],
+    )
+    all_nodes: Flag = Field(
+        default=False,
+        description="Write shapes at every node, not only where interfaces, actuators and sensors are.",
+        examples=[True],
+    )
+
+    @model_validator(mode="after")
+    def _knows_dialects(self) -> WriteKeys:
+        for name, dialect in self.dialects.items():
+            if name not in _DIALECTS:
+                raise ValueError(f"'{name}' has no dialects (those that have: {', '.join(_DIALECTS)})")
+            if dialect not in _DIALECTS[name]:
+                raise ValueError(f"'{dialect}' is no dialect of {name} (its dialects: {', '.join(_DIALECTS[name])})")
+            if name not in self.formats:
+                raise ValueError(f"{name} is not written, so its dialect says nothing: add it to the formats")
+        return self
+
+    @model_validator(mode="after")
+    def _has_states(self) -> WriteKeys:
+        if self.balanced_states is not None and "matlab" not in self.formats:
+            raise ValueError("balanced_states are written to system.mat: add matlab to the formats")
+        return self
