@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.ordering import compressed_graph, dissection_installed, row_groups
+from cmsreduce.multifrontal import compressed_graph, dissection_installed, row_groups
 
 __all__ = ["Partition", "partition"]
 

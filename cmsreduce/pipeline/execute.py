@@ -11,8 +11,8 @@ import numpy as np
 
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ReadError, StageError
-from cmsreduce.linalg.blas_threads import blas_threads
 from cmsreduce.model import Configuration, RunResult
+from cmsreduce.multifrontal import blas_threads
 from cmsreduce.pipeline.framing import frame_of, integral_frame_of, outboard_of
 from cmsreduce.pipeline.ledger import REPORT
 from cmsreduce.pipeline.matlab import write_system_states

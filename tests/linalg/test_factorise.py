@@ -18,9 +18,10 @@ from cmsreduce.linalg.factorise import (
     NotPositiveDefiniteError,
     factorise,
 )
-from cmsreduce.linalg.ordering import KnownOrders, nested_dissection
+from cmsreduce.linalg.known_orders import KnownOrders
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
 from cmsreduce.linalg.symbolic import factor_cost
+from cmsreduce.multifrontal import nested_dissection
 from tests.frames import frame, line
 from tests.solids import block
 
@@ -339,7 +340,7 @@ def test_a_solver_that_is_not_there_is_named(monkeypatch):
 
 
 def test_what_a_solver_lacks_is_said(monkeypatch):
-    monkeypatch.setattr("cmsreduce.linalg.multifrontal.dissection_installed", lambda: False)
+    monkeypatch.setattr("cmsreduce.linalg.factorise.lacks", lambda: "METIS (pip install pymetis)")
     monkeypatch.setattr("cmsreduce.linalg.factorise.installed", lambda backend: backend == "superlu")
     with (
         solver_settings(SolverSettings("multifrontal")),
