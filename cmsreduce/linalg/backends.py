@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.cholmod import cholmod_factor
 from cmsreduce.linalg.factor import Admit, Factor
-from cmsreduce.linalg.multifrontal import Multifrontal, multifrontal_lacks
+from cmsreduce.linalg.mkl_library import mkl_library
+from cmsreduce.linalg.multifrontal import Multifrontal
 from cmsreduce.linalg.mumps import Mumps, mumps_lacks
-from cmsreduce.linalg.pardiso import Pardiso, mkl_library
+from cmsreduce.linalg.pardiso import Pardiso
 from cmsreduce.linalg.refined_factor import RefinedFactor, Rough
 from cmsreduce.linalg.solver_settings import BACKENDS, Backend, SolverSettings
 from cmsreduce.linalg.superlu import SuperLU
+from cmsreduce.multifrontal import lacks
 
 __all__ = ["Kind", "installed", "installed_backends", "kinds"]
 
@@ -39,7 +41,7 @@ def installed(backend: Backend) -> bool:
     if backend == "cholmod":
         return importlib.util.find_spec("sksparse") is not None
     if backend == "multifrontal":
-        return not multifrontal_lacks()
+        return not lacks()
     return backend != "mumps" or not mumps_lacks()
 
 

@@ -10,10 +10,10 @@ import scipy.sparse as sp
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.backends import Kind, installed, installed_backends, kinds
 from cmsreduce.linalg.factor import BLOCK, Admit, Factor, FactorCost, SingularFactorError
-from cmsreduce.linalg.multifrontal import multifrontal_lacks
 from cmsreduce.linalg.refined_factor import RefinedFactor, UnrefinableError
 from cmsreduce.linalg.solver_settings import BACKENDS, Backend, SolverSettings, current_settings
 from cmsreduce.model import Factorisation
+from cmsreduce.multifrontal import lacks
 
 __all__ = ["BLOCK", "Factor", "InsufficientMemoryError", "NotPositiveDefiniteError", "factorise"]
 
@@ -157,9 +157,9 @@ def _chosen(wanted: Backend, n: int, definite: bool) -> Backend:
         # Whether MUMPS can run takes a second to find out, and is not asked here: it is the last.
         return "superlu" if n < _SMALL else next(backend for backend in BACKENDS if installed(backend))
     if wanted != "mumps" and not installed(wanted):
-        lacks = f": it lacks {multifrontal_lacks()}" if wanted == "multifrontal" else ""
+        missing = f": it lacks {lacks()}" if wanted == "multifrontal" else ""
         raise MatrixError(
-            f"the sparse solver '{wanted}' is not installed here{lacks}; installed: {', '.join(installed_backends())}"
+            f"the sparse solver '{wanted}' is not installed here{missing}; installed: {', '.join(installed_backends())}"
         )
     return wanted if n else "superlu"
 

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from cmsreduce.linalg.mkl_library import mkl_library
 from cmsreduce.linalg.solver_settings import current_settings
 
 __all__ = ["can_be_mapped", "free_on_disk", "mapped_entries", "watch_if_large"]
@@ -46,28 +47,28 @@ class _Entries:
 _ENTRIES = _Entries()
 
 
-def watch_if_large(library: ctypes.CDLL, n: int) -> None:
+def watch_if_large(n: int) -> None:
     """Have MKL ask here for memory, where settings allow it and a factor of so many rows may outgrow memory.
 
     Parameters
     ----------
-    library : CDLL
-        MKL's runtime, not used before: it looks for whom to ask only once.
     n : int
         Rows.
 
     Notes
     -----
-    Not done for smaller matrices: code that calls MKL without letting go of Python's lock would wait for itself.
+    MKL looks for whom to ask only once, when it is used for the first time. Not done for smaller matrices: code that
+    calls MKL without letting go of Python's lock would wait for itself.
     Source: Intel oneAPI Math Kernel Library, developer guide, "Redefining Memory Functions" (i_malloc).
     """
     settings = current_settings()
     if settings.replace_allocators and settings.scratch is not None and _BYTES_A_ROW * n > settings.memory_limit:
-        _watch(library)
+        _watch()
 
 
-def _watch(library: ctypes.CDLL) -> None:
-    if sys.platform != "linux" or _ENTRIES.watching or library._name is None:
+def _watch() -> None:
+    library = mkl_library()
+    if sys.platform != "linux" or _ENTRIES.watching or library is None or library._name is None:
         return
     beside = Path(library._name)
     try:

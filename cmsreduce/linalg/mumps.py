@@ -24,10 +24,10 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg import mumps_ranks
 from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.layout import by_columns
-from cmsreduce.linalg.ordering import nested_dissection
 from cmsreduce.linalg.refined_factor import powers_of_two
 from cmsreduce.linalg.solver_settings import current_settings
 from cmsreduce.linalg.symbolic import factor_cost
+from cmsreduce.multifrontal import nested_dissection
 
 __all__ = ["Mumps", "mumps_lacks"]
 

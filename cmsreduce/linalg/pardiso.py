@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import ctypes
-import os
-import sys
-import sysconfig
 import weakref
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +16,11 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.layout import by_columns
 from cmsreduce.linalg.lower_triangle import lower_triangle
+from cmsreduce.linalg.mkl_library import mkl_library, pardiso, pardiso_pivots
 from cmsreduce.linalg.mkl_memory import can_be_mapped, free_on_disk, mapped_entries, watch_if_large
 from cmsreduce.linalg.solver_settings import current_settings
 
-__all__ = ["Pardiso", "mkl_library"]
+__all__ = ["Pardiso"]
 
 # Matrix types of PARDISO.
 _DEFINITE, _INDEFINITE = 2, -2
@@ -40,23 +37,6 @@ _PERTURBED = 20
 # Where it says how many pivots were moved.
 _MOVED = 13
 _KIB = 1024.0
-
-
-@cache
-def mkl_library() -> ctypes.CDLL | None:
-    """The MKL runtime of the `mkl` wheel, or of the system; None where there is none."""
-    # Its threads wait for more work by spinning, 200 ms long by default, on the cores that dense algebra needs next.
-    os.environ.setdefault("KMP_BLOCKTIME", "1")
-    roots = [Path(sysconfig.get_path("data")) / "lib", Path(sys.prefix) / "lib", Path(sysconfig.get_path("purelib"))]
-    names = [str(path) for root in roots for path in sorted(root.glob("libmkl_rt.so*"), reverse=True)]
-    for name in [*names, "libmkl_rt.so.3", "libmkl_rt.so.2", "libmkl_rt.so"]:
-        try:
-            library = ctypes.CDLL(name)
-        except OSError:
-            continue
-        if hasattr(library, "pardiso"):
-            return library
-    return None
 
 
 class Pardiso(Factor):
@@ -99,6 +79,8 @@ class Pardiso(Factor):
         scale: NDArray[np.float64] | None = None,
         folder: Path | None = None,
     ) -> None:
+        if mkl_library() is None:
+            raise MatrixError("the MKL runtime is not installed: pip install mkl, or set solver.backend to superlu")
         self._scale, self._real = scale, np.dtype(np.float64 if scale is None else np.float32)
         # The upper triangle by rows is the lower one by columns; PARDISO wants every diagonal entry, zeros too.
         self._values, self._indices, self._indptr = lower_triangle(A, scale, self._real)
@@ -112,7 +94,7 @@ class Pardiso(Factor):
         self._iparm = _parameters(A.shape[0], scale is not None, known is not None).astype(self._integer)
         size = A.shape[0]
         self._release = weakref.finalize(self, _release, self._handle, self._iparm.copy(), self._type, size)
-        watch_if_large(_library(), size)
+        watch_if_large(size)
         self._call(_ANALYSE, size)
         if known is None:
             orders.keep(self._indptr, self._indices, self._order)
@@ -173,11 +155,9 @@ class Pardiso(Factor):
     @cached_property
     def pivots(self) -> NDArray[np.float64]:
         """Pivots in the matrix's own row order (n,); of a block of two rows, its diagonal."""
-        eliminated, entries = np.empty(self.n, self._real), np.empty(self.n, self._real)
-        library, error = _library(), ctypes.c_int(0)
-        library.pardiso_getdiag(_at(self._handle), _at(eliminated), _at(entries), _by(1), ctypes.byref(error))
-        if error.value:
-            raise _failure("gives no pivots", error.value)
+        eliminated = np.empty(self.n, self._real)
+        if code := pardiso_pivots(self._handle, eliminated):
+            raise _failure("gives no pivots", code)
         pivots = np.empty(self.n)
         pivots[self._order] = eliminated
         return pivots if self._scale is None else np.asarray(pivots / self._scale**2)
@@ -191,15 +171,8 @@ class Pardiso(Factor):
         return 0 if self._type == _DEFINITE else int(self._iparm[22])
 
     def _call(self, phase: int, n: int, b: NDArray[Any] | None = None, x: NDArray[Any] | None = None) -> None:
-        _library().MKL_Set_Num_Threads_Local(ctypes.c_int(current_settings().thread_count))
-        columns = 1 if b is None else b.shape[1]
-        one, kind, step, rows, width, quiet, error = _references(self._integer, 1, self._type, phase, n, columns, 0, 0)
-        _routine(self._integer)(
-            *(_at(self._handle), one, one, kind, step, rows),
-            *(_at(self._values), _at(self._indptr), _at(self._indices), _at(self._order), width),
-            *(_at(self._iparm), quiet, _at(b), _at(x), error),
-        )
-        code = int(error[0])
+        matrix, threads = (self._values, self._indptr, self._indices), current_settings().thread_count
+        code = pardiso(self._handle, phase, self._type, n, matrix, self._order, self._iparm, b, x, threads)
         if code == _BAD_PIVOT:
             raise SingularFactorError
         if code == _NO_MEMORY:
@@ -229,38 +202,7 @@ def _failure(what: str, code: int) -> MatrixError:
     )
 
 
-def _library() -> ctypes.CDLL:
-    library = mkl_library()
-    if library is None:
-        raise MatrixError("the MKL runtime is not installed: pip install mkl, or set solver.backend to superlu")
-    return library
-
-
 def _release(handle: NDArray[np.int64], iparm: NDArray[Any], kind: int, n: int) -> None:
     """Give the memory of a factor back."""
     nothing = np.zeros(1, dtype=iparm.dtype)
-    one, type_, step, rows, quiet, error = _references(iparm.dtype, 1, kind, _RELEASE, n, 0, 0)
-    _routine(iparm.dtype)(
-        *(_at(handle), one, one, type_, step, rows, None, _at(nothing), _at(nothing)),
-        *(_at(nothing), one, _at(iparm), quiet, None, None, error),
-    )
-
-
-def _routine(integer: np.dtype[Any]) -> Any:
-    """PARDISO with integers of one size: counted in the smaller ones, the entries of a long factor would overflow."""
-    library = _library()
-    return library.pardiso_64 if integer == np.int64 else library.pardiso
-
-
-def _references(integer: np.dtype[Any], *values: int) -> list[Any]:
-    """Numbers as Fortran takes them."""
-    number = ctypes.c_int64 if integer == np.int64 else ctypes.c_int32
-    return [(number * 1)(value) for value in values]
-
-
-def _at(array: NDArray[Any] | None) -> ctypes.c_void_p | None:
-    return None if array is None else array.ctypes.data_as(ctypes.c_void_p)
-
-
-def _by(value: int) -> Any:
-    return ctypes.byref(ctypes.c_int(value))
+    pardiso(handle, _RELEASE, kind, n, (nothing, nothing, nothing), nothing, iparm)

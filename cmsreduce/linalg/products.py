@@ -10,8 +10,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.compiled import worth_compiling
-from cmsreduce.linalg.mkl_product import mkl_product
+from cmsreduce.linalg.mkl_library import SparseMatrix, mkl_library
+from cmsreduce.linalg.mkl_memory import watch_if_large
 from cmsreduce.linalg.solver_settings import current_settings
 
 __all__ = ["Product", "symmetric_product"]
@@ -43,12 +43,38 @@ def symmetric_product(A: sp.csc_array) -> Product:
     columns = sp.csc_array(A)
     if np.count_nonzero(columns.data) < (1 - _ZEROS) * columns.nnz:
         columns = _without_zeros(columns)
-    quick = (mkl_product(columns) if columns.nnz >= _FEW_FOR_MKL else None) or _shared(columns)
-    if columns.data.dtype != np.float64 or not worth_compiling(columns.shape[0]):
-        return quick
-    from cmsreduce.linalg.compiled_product import compiled_product
+    return (mkl_product(columns) if columns.nnz >= _FEW_FOR_MKL else None) or _shared(columns)
 
-    return compiled_product(columns, quick)
+
+def mkl_product(A: sp.csc_array) -> Product | None:
+    """Product of a symmetric matrix with blocks of vectors by MKL, four times as quick as scipy's.
+
+    Parameters
+    ----------
+    A : (n, n) csc array
+        Symmetric, float64; its columns are read as rows, without a copy.
+
+    Returns
+    -------
+    callable or None
+        X -> A X, (n,) or (n, k); None without MKL, or where its indices do not reach.
+    """
+    if mkl_library() is None or A.nnz > np.iinfo(np.int32).max or A.data.dtype != np.float64:
+        return None
+    watch_if_large(A.shape[0])
+    try:
+        matrix = SparseMatrix(A.indptr.astype(np.int32, copy=False), A.indices.astype(np.int32, copy=False), A.data)
+    except ValueError:
+        return None
+
+    def product(X: NDArray[np.float64]) -> NDArray[np.float64]:
+        X = np.ascontiguousarray(X, dtype=np.float64)
+        Y = np.empty_like(X)
+        if X.size:
+            matrix.multiply(X, Y, current_settings().thread_count)
+        return Y
+
+    return product
 
 
 def _shared(columns: sp.csc_array) -> Product:

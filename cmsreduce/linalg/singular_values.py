@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Callable, Mapping
-from functools import cache
 from typing import Any
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
-from scipy.linalg import cython_lapack
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.blas_threads import blas_threads
+from cmsreduce.linalg.lapack_calls import lapack_call, lent
+from cmsreduce.multifrontal import blas_threads
 
 __all__ = ["singular_values"]
 
@@ -54,7 +51,7 @@ def singular_values(A: NDArray[np.float64]) -> Array:
     """
     p, q = A.shape
     rows, columns = (np.argsort(-np.linalg.norm(A, axis=axis), kind="stable") for axis in (1, 0))
-    if min(p, q) < _LARGE or not _available():
+    if min(p, q) < _LARGE or not lent("dgbbrd", "dlasq1"):
         return np.asarray(la.svdvals(A[np.ix_(rows, columns)]))
     square = np.zeros((max(p, q), max(p, q)))
     square[:p, :q] = A[np.ix_(rows, columns)]
@@ -110,46 +107,9 @@ def _band_values(band: Array) -> Array:
     """Singular values of an upper band matrix (b + 1, n), which is used up."""
     n, width = band.shape[1], band.shape[0] - 1
     d, e, none = np.zeros(n), np.zeros(n), np.zeros(1)
-    info = _call(
+    info = lapack_call(
         "dgbbrd", b"N", n, n, 0, 0, width, band, width + 1, d, e, none, 1, none, 1, none, 1, np.zeros(2 * n)
-    ) or _call("dlasq1", n, d, e, np.zeros(4 * n))
+    ) or lapack_call("dlasq1", n, d, e, np.zeros(4 * n))
     if info:
         raise MatrixError(f"the singular values of a matrix of size {n} did not converge (LAPACK: {info})")
     return d
-
-
-def _call(name: str, *arguments: bytes | int | Array) -> int:
-    """Call a routine of LAPACK with its arguments in order, and return its last one, INFO."""
-    info = ctypes.c_int(0)
-    held = [
-        ctypes.c_char(each) if isinstance(each, bytes) else ctypes.c_int(each) if isinstance(each, int) else each
-        for each in arguments
-    ]
-    where = [each.ctypes.data if isinstance(each, np.ndarray) else ctypes.addressof(each) for each in held]
-    _routine(name, len(held) + 1)(*where, ctypes.addressof(info))
-    return info.value
-
-
-@cache
-def _routine(name: str, count: int) -> Callable[..., None]:
-    """A routine that scipy links and lends to compiled code, but has no function for."""
-    capsule, pointer = _lent()[name], ctypes.pythonapi.PyCapsule_GetPointer
-    pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
-    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * count)(pointer(capsule, _signature(capsule)))
-
-
-def _signature(capsule: object) -> bytes:
-    name = ctypes.pythonapi.PyCapsule_GetName
-    name.restype, name.argtypes = ctypes.c_char_p, [ctypes.py_object]
-    return bytes(name(capsule))
-
-
-def _lent() -> Mapping[str, object]:
-    return getattr(cython_lapack, "__pyx_capi__", {})
-
-
-@cache
-def _available() -> bool:
-    """Whether scipy lends both routines, with integers of the size that is assumed here."""
-    lent = _lent()
-    return all(name in lent and b"int *" in _signature(lent[name]) for name in ("dgbbrd", "dlasq1"))

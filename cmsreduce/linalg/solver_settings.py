@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from cmsreduce.linalg.blas_threads import blas_threads
 from cmsreduce.linalg.kept_pages import kept_bytes, kept_pages
-from cmsreduce.linalg.ordering import KnownOrders
+from cmsreduce.linalg.known_orders import KnownOrders
 from cmsreduce.model import Factorisation
+from cmsreduce.multifrontal import blas_threads
 
 __all__ = [
     "BACKENDS",

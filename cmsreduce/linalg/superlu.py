@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.factor import Admit, Factor, FactorCost, SingularFactorError
 from cmsreduce.linalg.layout import by_columns
-from cmsreduce.linalg.ordering import dissection_installed, nested_dissection
 from cmsreduce.linalg.symbolic import factor_cost
+from cmsreduce.multifrontal import dissection_installed, nested_dissection
 
 __all__ = ["SuperLU"]
 

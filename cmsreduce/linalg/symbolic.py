@@ -8,7 +8,7 @@ import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.factor import FactorCost
-from cmsreduce.linalg.ordering import compressed_graph, row_groups
+from cmsreduce.multifrontal import compressed_graph, row_groups
 
 __all__ = ["elimination_tree", "factor_cost"]
 

@@ -13,9 +13,10 @@ from threadpoolctl import threadpool_limits
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg import superlu
 from cmsreduce.linalg.factorise import BLOCK, InsufficientMemoryError, NotPositiveDefiniteError, factorise
-from cmsreduce.linalg.ordering import KnownOrders, nested_dissection
+from cmsreduce.linalg.known_orders import KnownOrders
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
 from cmsreduce.linalg.symbolic import factor_cost
+from cmsreduce.multifrontal import nested_dissection
 from tests.frames import frame, line
 from tests.solids import block
 
@@ -334,7 +335,7 @@ def test_a_solver_that_is_not_there_is_named(monkeypatch):
 
 
 def test_what_a_solver_lacks_is_said(monkeypatch):
-    monkeypatch.setattr("cmsreduce.linalg.multifrontal.dissection_installed", lambda: False)
+    monkeypatch.setattr("cmsreduce.linalg.factorise.lacks", lambda: "METIS (pip install pymetis)")
     monkeypatch.setattr("cmsreduce.linalg.factorise.installed", lambda backend: backend == "superlu")
     with (
         solver_settings(SolverSettings("multifrontal")),

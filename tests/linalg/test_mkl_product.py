@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.linalg import mkl_product as module
-from cmsreduce.linalg.mkl_product import mkl_product
+from cmsreduce.linalg import products as module
+from cmsreduce.linalg.products import mkl_product
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
 
 pytestmark = pytest.mark.pardiso

@@ -5,10 +5,10 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.linalg.factorise import factorise
-from cmsreduce.linalg.ordering import nested_dissection
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
 from cmsreduce.linalg.superlu import SuperLU
 from cmsreduce.linalg.symbolic import elimination_tree, factor_cost
+from cmsreduce.multifrontal import nested_dissection
 
 
 def sparse_definite(nodes: int, density: float, seed: int) -> sp.csc_array:

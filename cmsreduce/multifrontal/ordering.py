@@ -3,51 +3,19 @@
 from __future__ import annotations
 
 import importlib.util
-import zlib
 from functools import cache
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-__all__ = ["KnownOrders", "compressed_graph", "dissection_installed", "nested_dissection", "row_groups"]
+__all__ = ["compressed_graph", "dissection_installed", "nested_dissection", "row_groups"]
 
 # The order must be the same in every run.
 _SEED = 1
 # A row coupled with more groups than this many times the root of their number, and with more than a few, belongs to no
 # place of the graph: it would sit in every separator. Order it last, as minimum-degree codes do with theirs.
 _DENSE, _DENSE_AT_LEAST = 10.0, 16
-# Patterns whose order is remembered: those of a few components at work.
-_KNOWN = 8
-
-
-class KnownOrders:
-    """Orders that were found for patterns, so that K, K - sigma M at any shift and what follows are ordered once.
-
-    They stay in their process: each finds its own.
-    """
-
-    def __init__(self) -> None:
-        self._found: dict[int, NDArray[Any]] = {}
-
-    def __reduce__(self) -> tuple[type[KnownOrders], tuple[()]]:
-        return type(self), ()
-
-    def of(self, starts: NDArray[Any], indices: NDArray[Any]) -> NDArray[Any] | None:
-        """Order (n,) that was found for a pattern in compressed form; None for another one."""
-        return self._found.get(_fingerprint(starts, indices))
-
-    def keep(self, starts: NDArray[Any], indices: NDArray[Any], order: NDArray[Any]) -> None:
-        """Remember an order (n,); the oldest is forgotten."""
-        self._found[_fingerprint(starts, indices)] = order
-        while len(self._found) > _KNOWN:
-            del self._found[next(iter(self._found))]
-
-
-def _fingerprint(starts: NDArray[Any], indices: NDArray[Any]) -> int:
-    """Number of a pattern: two that share one by chance cost each other fill, not digits, if they have as many rows."""
-    return zlib.crc32(indices.data, zlib.crc32(starts.data)) << 32 | starts.size
 
 
 @cache

@@ -1,4 +1,7 @@
-"""BLAS and LAPACK, as scipy brings them, called from compiled loops without a word of Python in between."""
+"""BLAS and LAPACK, as scipy brings them, called from compiled loops without Python in between.
+
+A matrix lies by columns and is given as its address and its leading dimension.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from numba.core import cgutils
 from numba.extending import get_cython_function_address, intrinsic
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.loops import loop
+from cmsreduce.multifrontal.loops import loop
 
 __all__ = [
     "GEMM",
@@ -21,6 +24,8 @@ __all__ = [
     "factorise_block",
     "routines",
     "solve_block",
+    "solve_transposed_block",
+    "subtract_plain_product",
     "subtract_product",
     "update",
 ]
@@ -94,7 +99,33 @@ def subtract_product(
     B: tuple[int, int],
     C: tuple[int, int],
 ) -> None:
-    """C = C - A B^T; matrices by columns, given as address and leading dimension."""
+    """C = C - A B^T; ``shape`` is the rows and columns of C and the columns of A, ``sizes`` room for eight integers."""
+    _subtract(table, sizes, shape, A, B, C, _TRANSPOSED)
+
+
+@loop
+def subtract_plain_product(
+    table: NDArray[np.int64],
+    sizes: NDArray[np.int32],
+    shape: tuple[int, int, int],
+    A: tuple[int, int],
+    B: tuple[int, int],
+    C: tuple[int, int],
+) -> None:
+    """C = C - A B."""
+    _subtract(table, sizes, shape, A, B, C, _PLAIN)
+
+
+@loop
+def _subtract(
+    table: NDArray[np.int64],
+    sizes: NDArray[np.int32],
+    shape: tuple[int, int, int],
+    A: tuple[int, int],
+    B: tuple[int, int],
+    C: tuple[int, int],
+    letter: int,
+) -> None:
     for place, value in enumerate((shape[0], shape[1], shape[2], A[1], B[1], C[1])):
         sizes[place] = value
     at, letters = sizes.ctypes.data, table[_LETTERS]
@@ -102,7 +133,7 @@ def subtract_product(
         table[GEMM],
         (
             letters + _PLAIN,
-            letters + _TRANSPOSED,
+            letters + letter,
             at,
             at + 4,
             at + 8,
@@ -156,7 +187,31 @@ def solve_block(
     L: tuple[int, int],
     B: tuple[int, int],
 ) -> None:
-    """B = B L^-T for a lower triangle L."""
+    """B = B L^-T for a lower triangle L; ``shape`` is that of B."""
+    _solve(table, sizes, shape, L, B, _TRANSPOSED)
+
+
+@loop
+def solve_transposed_block(
+    table: NDArray[np.int64],
+    sizes: NDArray[np.int32],
+    shape: tuple[int, int],
+    L: tuple[int, int],
+    B: tuple[int, int],
+) -> None:
+    """B = B L^-1."""
+    _solve(table, sizes, shape, L, B, _PLAIN)
+
+
+@loop
+def _solve(
+    table: NDArray[np.int64],
+    sizes: NDArray[np.int32],
+    shape: tuple[int, int],
+    L: tuple[int, int],
+    B: tuple[int, int],
+    letter: int,
+) -> None:
     for place, value in enumerate((shape[0], shape[1], L[1], B[1])):
         sizes[place] = value
     at, letters = sizes.ctypes.data, table[_LETTERS]
@@ -165,7 +220,7 @@ def solve_block(
         (
             letters + _RIGHT,
             letters + _LOWER,
-            letters + _TRANSPOSED,
+            letters + letter,
             letters + _PLAIN,
             at,
             at + 4,

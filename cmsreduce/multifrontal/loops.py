@@ -53,7 +53,7 @@ def loop(function: Function) -> Function:
 @cache
 def _folder() -> Path:
     """Where code is kept: beside the package, or where the user's caches lie."""
-    name = f"cmsreduce-{_stamp(Path(__file__).parent):08x}"
+    name = f"multifrontal-{_stamp(Path(__file__).parent):08x}"
     for base in _bases():
         folder = base / name
         try:
@@ -69,7 +69,7 @@ def _bases() -> Iterator[Path]:
     if config.CACHE_DIR:
         yield Path(config.CACHE_DIR)
     yield Path(__file__).parent / "__pycache__"
-    yield Path(AppDirs(appname="cmsreduce", appauthor=False).user_cache_dir)
+    yield Path(AppDirs(appname="multifrontal", appauthor=False).user_cache_dir)
 
 
 def _stamp(package: Path) -> int:

@@ -1,4 +1,4 @@
-"""Threads of dense algebra are limited within a block and given back after it; MKL is left alone."""
+"""Settings limit the threads of dense algebra, and leave MKL alone."""
 
 import subprocess
 import sys
@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from cmsreduce.linalg.blas_threads import blas_threads
 from cmsreduce.linalg.solver_settings import SolverSettings, allowed_threads, solver_settings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -18,15 +17,13 @@ import numpy as np
 import scipy.sparse as sp
 from cmsreduce.linalg import mkl_memory
 from cmsreduce.linalg.factorise import factorise
-from cmsreduce.linalg.pardiso import mkl_library
 from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
 
-library = mkl_library()
 A = sp.csc_array(sp.diags_array([-1.0, 3.0, -1.0], offsets=[-1, 0, 1], shape=(6000, 6000)))
 with solver_settings(SolverSettings("multifrontal", memory=1e9, scratch=Path(sys.argv[1]), replace_allocators=True)):
     factor = factorise(A)
     assert abs(A @ factor(np.ones(6000)) - 1).max() < 1e-12
-    mkl_memory.watch_if_large(library, 10**6)
+    mkl_memory.watch_if_large(10**6)
 print(factor.backend, mkl_memory.can_be_mapped())
 """
 
@@ -41,26 +38,6 @@ def two():
     """Two threads, whatever the environment says."""
     with threadpool_limits(2, "blas"):
         yield
-
-
-def test_one_thread_and_then_as_before():
-    assert set(threads()) == {2}
-    with blas_threads(1):
-        assert set(threads()) == {1}
-        with blas_threads(2):
-            assert set(threads()) == {2}
-        assert set(threads()) == {1}
-    assert set(threads()) == {2}
-
-
-def test_blocks_of_two_threads_that_overlap_leave_nothing_behind():
-    first, second = blas_threads(1), blas_threads(1)
-    first.__enter__()
-    second.__enter__()
-    first.__exit__(None, None, None)
-    assert set(threads()) == {1}
-    second.__exit__(None, None, None)
-    assert set(threads()) == {2}
 
 
 def test_settings_take_one_thread_unless_they_name_more():

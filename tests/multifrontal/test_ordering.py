@@ -1,23 +1,12 @@
 """Fill-reducing order against orders and groups that are known."""
 
-import pickle
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from cmsreduce.linalg import ordering
-from cmsreduce.linalg.ordering import KnownOrders, nested_dissection, row_groups
-from cmsreduce.linalg.symbolic import factor_cost
-from tests.frames import frame
-from tests.linalg.test_symbolic import solid, sparse_definite
-from tests.solids import block
-
-
-def shuffled(A: sp.csc_array, seed: int = 0) -> sp.csc_array:
-    order = np.random.default_rng(seed).permutation(A.shape[0])
-    return sp.csc_array(A[order][:, order])
+from cmsreduce.multifrontal import nested_dissection, ordering, row_groups
+from tests.multifrontal.matrices import coupled, factor_entries, lattice, shuffled, sparse_definite
 
 
 def like_rows(A: sp.csc_array) -> set[frozenset[int]]:
@@ -33,10 +22,10 @@ def as_sets(group: np.ndarray) -> set[frozenset[int]]:
     return {frozenset(np.flatnonzero(group == g).tolist()) for g in np.unique(group)}
 
 
-SQUARE = frame("square", [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.3]], [(1, 2), (2, 3), (3, 4), (4, 1)]).K
+RING = sp.diags_array([np.ones(1), np.ones(5), np.ones(6), np.ones(5), np.ones(1)], offsets=[-5, -1, 0, 1, 5])
 PATTERNS = {
-    "solid": block("solid", (3, 1, 1), (4, 2, 2)).K,
-    "frame": SQUARE,
+    "solid": lattice(5, 3, 3),
+    "frame": coupled(RING, 6),
     "shuffled nodes": shuffled(sparse_definite(40, 0.05, 1)),
     "single rows": shuffled(sp.csc_array(sp.diags_array([np.ones(29), np.ones(30), np.ones(29)], offsets=[-1, 0, 1]))),
     "diagonal": sp.csc_array(sp.eye_array(7)),
@@ -53,7 +42,7 @@ def test_groups_are_the_rows_of_like_entries(A):
 
 
 def test_groups_are_numbered_by_their_first_rows():
-    A = sp.csc_array(sp.kron(solid(2), np.ones((2, 2))))
+    A = sp.csc_array(sp.kron(lattice(3, 3, 3), np.ones((2, 2))))
     np.testing.assert_array_equal(row_groups(A), np.repeat(np.arange(27), 6))
 
 
@@ -80,13 +69,13 @@ def test_every_row_has_one_place_beside_its_like(A):
 
 
 def test_the_order_is_the_same_every_time():
-    A = solid(6)
+    A = lattice(7, 7, 7)
     np.testing.assert_array_equal(nested_dissection(A), nested_dissection(A.copy()))
 
 
 def test_entries_need_not_be_sorted_and_stay_as_they_are():
     order = np.random.default_rng(3).permutation(81)
-    A = solid(2)[order][:, order]
+    A = lattice(3, 3, 3)[order][:, order]
     assert not A.has_sorted_indices
     before = A.indices.copy(), A.toarray()
     nested = nested_dissection(A)
@@ -97,18 +86,18 @@ def test_entries_need_not_be_sorted_and_stay_as_they_are():
 
 
 def test_a_solid_fills_less_than_by_minimum_degree():
-    A = solid(14)
+    A = lattice(15, 15, 15)
     assert 10_000 < A.shape[0] < 10_500
     lu = spla.splu(A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    assert factor_cost(A, nested_dissection(A)).nnz < 0.95 * lu.nnz / 2
+    assert factor_entries(A, nested_dissection(A)) < 0.95 * lu.nnz / 2
 
 
 def test_parts_are_ordered_apart():
-    parts = [solid(6), solid(4), sp.eye_array(5)]
+    parts = [lattice(7, 7, 7), lattice(5, 5, 5), sp.eye_array(5)]
     whole = shuffled(sp.csc_array(sp.block_diag(parts)))
-    alone = sum(factor_cost(part, nested_dissection(part)).nnz for part in map(sp.csc_array, parts))
+    alone = sum(factor_entries(part, nested_dissection(part)) for part in map(sp.csc_array, parts))
     # The cuts of METIS differ with the rest of the graph, by a tenth here; parts that touched would fill far more.
-    assert factor_cost(whole, nested_dissection(whole)).nnz < 1.2 * alone
+    assert factor_entries(whole, nested_dissection(whole)) < 1.2 * alone
 
 
 def test_rows_that_couple_with_all_come_last():
@@ -121,17 +110,4 @@ def test_rows_that_couple_with_all_come_last():
     order = nested_dissection(A)
     assert set(order[-2:]) == set(hubs)
     # Each hub adds one entry to each column; a dissected chain has two or three.
-    assert factor_cost(A, order).nnz < 5 * n
-
-
-def test_an_order_is_known_again_by_its_pattern_alone():
-    known, A = KnownOrders(), sparse_definite(10, 0.2, 0)
-    other = shuffled(A)
-    known.keep(A.indptr, A.indices, np.arange(A.shape[0]))
-    np.testing.assert_array_equal(known.of(A.indptr.copy(), A.indices.copy()), np.arange(A.shape[0]))
-    assert known.of(other.indptr, other.indices) is None
-    assert pickle.loads(pickle.dumps(known)).of(A.indptr, A.indices) is None
-    for n in range(40, 48):
-        known.keep(np.arange(n + 1), np.arange(n), np.arange(n))
-    assert known.of(A.indptr, A.indices) is None
-    assert known.of(np.arange(48), np.arange(47)) is not None
+    assert factor_entries(A, order) < 5 * n

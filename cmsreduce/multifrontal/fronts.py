@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blas_calls import factorise_block, solve_block, subtract_product, update
-from cmsreduce.linalg.loops import loop
+from cmsreduce.multifrontal.blas import factorise_block, solve_block, subtract_product, update
+from cmsreduce.multifrontal.loops import loop
 
 __all__ = ["PANEL", "Blocks", "Given", "depth_parity", "eliminate", "place_panels", "stack_size"]
 
