@@ -24,9 +24,12 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.meshes import problem  # noqa: E402
-from cmsreduce.linalg.mkl_library import mkl_library  # noqa: E402
-from cmsreduce.linalg.pardiso import Pardiso  # noqa: E402
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings  # noqa: E402
+from cmsreduce.linalg.machine import (  # noqa: E402
+    SolverSettings,
+    mkl_library,
+    solver_settings,
+)
+from cmsreduce.linalg.sparse.pardiso import Pardiso  # noqa: E402
 from cmsreduce.multifrontal import CholeskyFactor, nested_dissection  # noqa: E402
 
 Array = NDArray[np.float64]

@@ -12,11 +12,11 @@ import numpy as np
 import scipy.sparse as sp
 from problem import Problem, Report
 
-from cmsreduce.linalg.backends import installed_backends
 from cmsreduce.linalg.eigen import beside_modes, certified_modes, count_below
-from cmsreduce.linalg.factorise import factorise
-from cmsreduce.linalg.known_orders import KnownOrders
-from cmsreduce.linalg.solver_settings import SolverSettings, current_settings, solver_settings
+from cmsreduce.linalg.machine import SolverSettings, current_settings, solver_settings
+from cmsreduce.linalg.machine.settings import KnownOrders
+from cmsreduce.linalg.sparse import factorise
+from cmsreduce.linalg.sparse.factorise import installed_backends
 from cmsreduce.multifrontal import CholeskyFactor
 
 TOLERANCE = 1e-8

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from cmsreduce.linalg.solver_settings import SolverSettings, allowed_threads, solver_settings
+from cmsreduce.linalg.machine import SolverSettings, allowed_threads, solver_settings
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = """
