@@ -33,7 +33,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("reduce/craig_bampton.py", ("reduce", "reference", "cutoff", "balance", "verify")),
         ("orthogonalise.py", ("orthogonalise", "reference", "cutoff", "balance", "verify")),
         ("mechanics/ties.py", ("reduce", "orthogonalise", "reference", "cutoff", "balance", "verify")),
-        ("linalg/factorise.py", ("reduce", "orthogonalise", "reference", "cutoff", "balance", "verify")),
+        ("linalg/sparse/factorisation.py", ("reduce", "orthogonalise", "reference", "cutoff", "balance", "verify")),
     ],
 )
 def test_a_change_concerns_the_stages_that_use_it(package: Path, file: str, concerned: tuple[str, ...]) -> None:
