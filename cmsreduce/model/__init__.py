@@ -4,9 +4,9 @@ Bodies, mode sets, reduced bodies, scenes and systems belong here; findings of a
 Nothing here reads a file, solves or prints, except for arrays that are mapped because they outgrow memory.
 """
 
-from cmsreduce.model.body import FEModel, Followers, Interface, Recovery, RigidBody, Source, UntiedMass
+from cmsreduce.model.body import FEModel, Interface, Recovery, RigidBody, Source, UntiedMass
 from cmsreduce.model.damping import Damping
-from cmsreduce.model.dofs import SCALAR, DofTable, components_from_digits
+from cmsreduce.model.dofs import SCALAR, DofTable, Nodes, components_from_digits, cross_matrix, rigid_body_shapes
 from cmsreduce.model.geometric_stiffness import (
     INERTIA_LOADS,
     SQUARES,
@@ -37,7 +37,6 @@ from cmsreduce.model.mapped_array import (
 )
 from cmsreduce.model.members import Bars, Members
 from cmsreduce.model.mode_set import ModeBlock, ModeCertificate, ModeKind, ModeSet
-from cmsreduce.model.nodes import Nodes, cross_matrix, rigid_body_shapes
 from cmsreduce.model.reduced import ModalComponent, ReducedComponent
 from cmsreduce.model.results import (
     CHECKS,
@@ -135,7 +134,6 @@ __all__ = [
     "Factorisation",
     "Finding",
     "FloatingFrame",
-    "Followers",
     "FrameCondition",
     "FrameKind",
     "GainCurve",

@@ -54,8 +54,8 @@ def in_units(body: FEModel, units: Units) -> FEModel:
         interfaces=_faces(body.interfaces, length),
         damping=damping,
         units=units,
-        tied=body.tied and Recovery(body.tied.dofs, _diagonal(body.tied.dofs, length) @ body.tied.T @ inverse),
-        untied=body.untied and _untied(body.untied, length, mass),
+        tied=body.tied and recovery_in_units(body.tied, body.units, units),
+        untied_mass=body.untied_mass and _untied(body.untied_mass, length, mass),
     )
 
 
@@ -67,10 +67,10 @@ def load_stiffness_in_units(A: sp.csc_array, dofs: DofTable, load: UnitLoad, old
     return sp.csc_array(energy * load.worth(new) / load.worth(old) * (inverse @ A @ inverse))
 
 
-def recovery_in_units(known: Recovery, dofs: DofTable, old: Units, new: Units) -> Recovery:
-    """Restate the motion of dofs (k) under unit motion of the rows ``dofs`` (n)."""
+def recovery_in_units(known: Recovery, old: Units, new: Units) -> Recovery:
+    """Restate the motion of dofs that follow others."""
     length, _, _ = _ratios(old, new)
-    return Recovery(known.dofs, _diagonal(known.dofs, length) @ known.T @ _diagonal(dofs, 1 / length))
+    return replace(known, T=_diagonal(known.dofs, length) @ known.T @ _diagonal(known.leads, 1 / length))
 
 
 def rigid_in_units(body: RigidBody, units: Units) -> RigidBody:
