@@ -11,7 +11,9 @@ from cmsreduce.model.dofs import SCALAR, DofTable, Nodes, components_from_digits
 from cmsreduce.model.geometric_stiffness import (
     INERTIA_LOADS,
     SQUARES,
+    Bars,
     GeometricStiffness,
+    Members,
     ModalStiffening,
     UnitLoad,
     loads_in_words,
@@ -25,7 +27,6 @@ from cmsreduce.model.integrals import (
     Lumping,
     ModalIntegrals,
 )
-from cmsreduce.model.loading import InterfaceLoading, OutboardMass
 from cmsreduce.model.mapped_array import (
     CHECKSUM,
     add_dataset,
@@ -36,7 +37,6 @@ from cmsreduce.model.mapped_array import (
     mapped_in,
     shapes_beside,
 )
-from cmsreduce.model.members import Bars, Members
 from cmsreduce.model.mode_set import ModeBlock, ModeCertificate, ModeKind, ModeSet
 from cmsreduce.model.reduced import ModalComponent, ReducedComponent
 from cmsreduce.model.results import *  # noqa: F403 - its own face names what it offers
@@ -54,7 +54,15 @@ from cmsreduce.model.scene import (
     StrutTerm,
     dof_index,
 )
-from cmsreduce.model.system import Controller, Matrix, ModalChannels, Substructure, System
+from cmsreduce.model.system import (
+    Controller,
+    InterfaceLoading,
+    Matrix,
+    ModalChannels,
+    OutboardMass,
+    Substructure,
+    System,
+)
 from cmsreduce.model.unit_conversion import in_units, load_stiffness_in_units, recovery_in_units, rigid_in_units
 from cmsreduce.model.units import SI, UNITS, UnitKind, Units, units_of
 
