@@ -187,7 +187,7 @@ def test_rows_of_another_table_need_labels(tmp_path: Path) -> None:
         ("1.1\n1.7\n", "line 2: '1.7' is not a dof"),
         ("1.1\nnode\n", "line 2: 'node' is not a dof"),
         ("# none\n", "the dof list is empty"),
-        ("1.1\n1.2\n1.1\n", "dof 1.1 stands in two rows, 1 and 3"),
+        ("1.1\n1.2\n1.1\n", "dof 1.1 is in two rows, 1 and 3"),
         ("99999999999999999999.1\n", "too large"),
     ],
 )

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import DofTable, Followers, Nodes, cross_matrix
+from cmsreduce.model import DofTable, Nodes, Recovery, cross_matrix
 from cmsreduce.read.nastran.card_reader import read_cards
 from cmsreduce.read.nastran.cards import Card
 from cmsreduce.read.nastran.constraint_cards import CONSTRAINT_CARDS, cards_in_force, dependent_of
@@ -28,7 +28,7 @@ Equation = tuple[Keys, Keys, Array]
 _DETERMINED = 1e-9
 
 
-def read_followers(path: Path, nodes: Nodes) -> Followers:
+def read_followers(path: Path, nodes: Nodes) -> Recovery:
     """How the dependent dofs of a deck follow others.
 
     Parameters
@@ -40,7 +40,7 @@ def read_followers(path: Path, nodes: Nodes) -> Followers:
 
     Returns
     -------
-    Followers
+    Recovery
         Of RBE1, RBE2, RBAR, RBAR1, RJOINT, RROD and the MPC set in force; chains of them are followed to their end. The
         mean motion of RBE3 is left out.
 
@@ -149,7 +149,7 @@ def _later_starts(fields: int) -> list[int]:
     return [line + first for line in range(8, fields, 8) for first in (1, 4)]
 
 
-def _resolved(path: Path, equations: Sequence[Equation]) -> Followers:
+def _resolved(path: Path, equations: Sequence[Equation]) -> Recovery:
     """x_d = G x, followed until no dependent dof is left on the right."""
     empty = np.zeros(0, dtype=np.int64)
     follows = np.sort(np.concatenate([empty, *(one for one, _, _ in equations)]))
@@ -176,11 +176,11 @@ def _resolved(path: Path, equations: Sequence[Equation]) -> Followers:
         step = on_followers @ step
         step.eliminate_zeros()
         if not step.nnz:
-            return Followers(_table(follows), _table(leads), sp.csr_array(T))
+            return Recovery(_table(follows), _table(leads), sp.csr_array(T))
         T = T + step
     if follows.size:
         raise ReadError(f"{path}: its rigid elements and constraints make dofs follow themselves")
-    return Followers(_table(follows), _table(leads), sp.csr_array(T))
+    return Recovery(_table(follows), _table(leads), sp.csr_array(T))
 
 
 def _table(keys: Keys) -> DofTable:

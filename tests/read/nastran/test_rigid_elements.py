@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import Followers, rigid_body_shapes
+from cmsreduce.model import Recovery, rigid_body_shapes
 from cmsreduce.read import read_bulk, read_followers
 
 GRIDS = """\
@@ -22,7 +22,7 @@ GRID,4,,1.,2.,0.5
 """
 
 
-def followers(folder: Path, cards: str, case: str = "") -> tuple[Followers, np.ndarray, np.ndarray]:
+def followers(folder: Path, cards: str, case: str = "") -> tuple[Recovery, np.ndarray, np.ndarray]:
     """What is read, and the rigid motions (6) of its followers and of what leads them."""
     path = folder / "body.bdf"
     path.write_text(case + GRIDS + cards + "ENDDATA\n")
