@@ -8,11 +8,12 @@ from cmsreduce.mechanics import Determined, Tie, hold_undetermined, tie_nodes
 from cmsreduce.read.body import read_body
 from cmsreduce.read.controller import read_controller
 from cmsreduce.read.differential_stiffness import read_differential_stiffness
-from cmsreduce.read.geometry import Geometry, read_geometry
+from cmsreduce.read.files import sha256_of
+from cmsreduce.read.formats import Geometry, MatrixInfo
+from cmsreduce.read.geometry import read_cells, read_geometry
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource
-from cmsreduce.read.labelled_matrix import LabelledMatrix, MatrixInfo
-from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix, sha256_of
-from cmsreduce.read.mesh_cells import read_cells
+from cmsreduce.read.labelled_matrix import LabelledMatrix
+from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix
 from cmsreduce.read.nastran import (
     BulkDeck,
     CoordinateSystem,

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Controller
-from cmsreduce.read.matrix import matrix_names, read_matrix, require_file
+from cmsreduce.read.files import require_file
+from cmsreduce.read.matrix import matrix_names, read_matrix
 
 __all__ = ["read_controller"]
 

@@ -171,7 +171,7 @@ def test_a_damping_matrix_is_put_on_the_same_rows(tmp_path: Path) -> None:
     ("changes", "error", "message"),
     [
         ({"mass": 5}, MatrixError, r"different size: 'k' of .*k.mtx is 6 x 6, 'm' of .*m.mtx is 5 x 5"),
-        ({"geometry": None}, DofMapError, r"nothing says what the 6 rows of 'k' in .*k.mtx are; give `geometry:`"),
+        ({"geometry": None}, DofMapError, r"the dofs of the 6 rows of 'k' in .*k.mtx are unknown; give `geometry:`"),
         ({"stiffness": 7}, DofMapError, r"'k' of .*k.mtx has 7 rows, .*no dof set of .*a 12, f 12, n 12, g 12, transl"),
         ({"rows": "b"}, DofMapError, r"there is no dof set 'b'; its sets and their sizes are a \(12\)"),
         ({"rows": "asett"}, DofMapError, r"there is no dof set 'asett'; its sets and their sizes are a \(12\)"),

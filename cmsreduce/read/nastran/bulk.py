@@ -1,8 +1,9 @@
-"""NASTRAN bulk data: points, displacement frames and dof sets of a body."""
+"""NASTRAN decks: points, displacement frames, dof sets and elements of a body."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,21 +13,32 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import DofTable, Nodes
-from cmsreduce.read.nastran.card_reader import read_cards
-from cmsreduce.read.nastran.cards import Card, CardFile
-from cmsreduce.read.nastran.constraint_cards import CONSTRAINT_CARDS, constrained_dofs, dependent_dofs, named_sets
-from cmsreduce.read.nastran.frames import FrameChain
-from cmsreduce.read.nastran.grid_cards import (
-    GRID_CARDS,
-    frame_definitions,
-    grid_cards,
-    own_constraints,
-    place_nodes,
-    scalar_points,
-)
-from cmsreduce.read.nastran.point_ids import KEY_STEP, Points
+from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat, cells_by_kind, rows_of_nodes
+from cmsreduce.read.labelled_matrix import KEY_STEP, table_of_keys
+from cmsreduce.read.nastran.cards import Card, CardFile, Cards, read_cards
+from cmsreduce.read.nastran.dof_sets import SET_CARDS, Points, constrained_dofs, named_sets
+from cmsreduce.read.nastran.grids import GRID_CARDS, read_points
+from cmsreduce.read.nastran.rigid_elements import DEPENDENCE_CARDS, dependent_dofs
 
-__all__ = ["SET_NAMES", "BulkDeck", "read_bulk", "table_of_keys"]
+__all__ = ["BULK_DATA", "SET_NAMES", "BulkDeck", "deck_cells", "is_bulk_data", "read_bulk"]
+
+_BULK_DATA = re.compile(
+    r"^\s{0,7}(GRID|GRDSET|SPOINT|CORD[12][RCS]|SECONCT|EXTRN|INCLUDE|CEND|SOL|BEGIN\s+(BULK|SUPER))(?=[\s,*=']|$)",
+    re.IGNORECASE | re.MULTILINE,
+)
+# Field of the first node and kind of cell of elements.
+_CELLS = {
+    **dict.fromkeys(("CROD", "CTUBE", "CBAR", "CBEAM", "CBEND", "CBUSH"), (2, "line")),
+    **dict.fromkeys(("CONROD", "PLOTEL", "RBAR"), (1, "line")),
+    **dict.fromkeys(("CTRIA3", "CTRIA6", "CTRIAR"), (2, "triangle")),
+    **dict.fromkeys(("CQUAD4", "CQUAD8", "CQUADR", "CSHEAR"), (2, "quad")),
+    "CTETRA": (2, "tetra"),
+    "CPYRAM": (2, "pyramid"),
+    "CPENTA": (2, "wedge"),
+    "CHEXA": (2, "hexahedron"),
+}
+# Nodes of these are in every other field: node, component, node, component.
+_SPRINGS = ("CELAS1", "CELAS2", "CDAMP1", "CDAMP2")
 
 SET_NAMES = {
     "a": "analysis set",
@@ -41,17 +53,12 @@ SET_NAMES = {
     "s": "single-point constraints",
     "m": "dependent dofs",
 }
-"""Dof sets of NASTRAN that a deck can tell."""
-
-
-def table_of_keys(keys: NDArray[np.int64]) -> DofTable:
-    """Dof table of dof keys, in their order."""
-    return DofTable(keys // KEY_STEP, (keys % KEY_STEP).astype(np.int8))
+"""Dof sets of NASTRAN that a deck can define."""
 
 
 @dataclass(frozen=True, eq=False)
 class BulkDeck:
-    """What a deck says about points and dofs.
+    """Points and dof sets of a deck.
 
     Parameters
     ----------
@@ -66,7 +73,7 @@ class BulkDeck:
     constrained, dependent : (k,) int64
         Dof keys of single-point constraints (s) and of dependent dofs (m).
     remarks : tuple of str
-        What could not be read or is ambiguous.
+        Parts that could not be read or are ambiguous.
     files : tuple of Path
         Files read, the deck first.
     """
@@ -146,27 +153,24 @@ def read_bulk(path: Path, superelement: int | None = None) -> BulkDeck:
         If a file is missing, a card cannot be read, a coordinate system is missing or defined by itself, a grid is
         defined twice with different data, or there are no points.
     """
-    found = read_cards(path, GRID_CARDS | CONSTRAINT_CARDS)
+    found = read_cards(path, GRID_CARDS | SET_CARDS | DEPENDENCE_CARDS)
     cards = _section(found, superelement)
-    grids = grid_cards(cards)
-    spoints = scalar_points(cards, grids)
-    nodes = place_nodes(grids, FrameChain(frame_definitions(cards), grids))
-    points = Points(np.sort(nodes.id), spoints)
+    nodes, points, held = read_points(cards)
     constrained, remarks = constrained_dofs(cards, found.case_control, points)
     dependent, more = dependent_dofs(cards, found.case_control, points)
     return BulkDeck(
         path,
         nodes,
-        spoints,
+        points.scalars,
         named_sets(cards, points),
-        np.union1d(constrained, own_constraints(grids)),
+        np.union1d(constrained, held),
         dependent,
         (*remarks, *more),
         found.files,
     )
 
 
-def _section(found: CardFile, superelement: int | None) -> Mapping[str, tuple[Card, ...]]:
+def _section(found: CardFile, superelement: int | None) -> Cards:
     """The part of the deck that describes the body."""
     with_points = [number for number, cards in found.sections.items() if cards.keys() & {"GRID", "SPOINT"}]
     listed = ", ".join(str(number) for number in sorted(with_points))
@@ -179,3 +183,50 @@ def _section(found: CardFile, superelement: int | None) -> Mapping[str, tuple[Ca
     if superelement not in with_points:
         raise ReadError(f"{found.path}: superelement {superelement} has no points (those that have: {listed})")
     return found.sections[superelement]
+
+
+def _deck_geometry(path: Path) -> Geometry:
+    """Geometry of a deck; of the sets that a matrix may have, the analysis set is first, as programs write it."""
+    deck = read_bulk(path)
+    sizes = deck.sizes()
+    rows: dict[str, DofTable] = {name: deck.dof_table(name) for name in ("a", "f", "n", "g") if name in sizes}
+    if len(deck.nodes):
+        translations = rows_of_nodes(deck.nodes, 3)
+        keys = translations.node * KEY_STEP + translations.component
+        rows["translations"] = table_of_keys(np.setdiff1d(keys, deck.constrained))
+    sets = {name: deck.dof_table(name) for name in SET_NAMES if name in sizes}
+    return Geometry(path, deck.nodes, rows, sets, table_of_keys(deck.constrained), deck.files, deck.remarks)
+
+
+def deck_cells(path: Path) -> Cells:
+    """Elements of a deck as cells between its grids."""
+    sections = read_cards(path, {*_CELLS, *_SPRINGS, "RBE2"}).sections.values()
+    return cells_by_kind(
+        cell for part in sections for cards in part.values() for card in cards for cell in _cells_of(card)
+    )
+
+
+def _cells_of(card: Card) -> Iterator[tuple[str, list[int]]]:
+    if card.name in _SPRINGS:
+        ends = [card.text(2), card.text(4)]
+        if all(end.isdigit() and end != "0" for end in ends):
+            yield "line", [int(end) for end in ends]
+    elif card.name == "RBE2":
+        for node in card.fields[3:]:
+            if node.isdigit():
+                yield "line", [card.integer(1), int(node)]
+    else:
+        first, kind = _CELLS[card.name]
+        corners = [card.text(first + k) for k in range(CELL_CORNERS[kind])]
+        # A bush may have one end without a node.
+        if all(corner.isdigit() for corner in corners):
+            yield kind, [int(corner) for corner in corners]
+
+
+def is_bulk_data(head: str) -> bool:
+    """Whether text from the start of a file is a NASTRAN deck or punch file with points."""
+    return "\0" not in head and _BULK_DATA.search(head) is not None
+
+
+BULK_DATA = GeometryFormat(is_bulk_data, _deck_geometry, deck_cells)
+"""NASTRAN deck."""

@@ -2,55 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import re
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import SCALAR, DofTable, Nodes
-from cmsreduce.read.nastran.bulk import table_of_keys
-from cmsreduce.read.nastran.card_reader import read_cards
-from cmsreduce.read.nastran.cards import Card, CardFile
-from cmsreduce.read.nastran.frames import FrameChain
-from cmsreduce.read.nastran.grid_cards import GRID_CARDS, frame_definitions, grid_cards, place_nodes, scalar_points
-from cmsreduce.read.nastran.point_ids import KEY_STEP, Points, id_ranges
+from cmsreduce.model import SCALAR, Nodes
+from cmsreduce.read.formats import Geometry, GeometryFormat
+from cmsreduce.read.labelled_matrix import KEY_STEP, table_of_keys
+from cmsreduce.read.nastran.bulk import deck_cells, is_bulk_data
+from cmsreduce.read.nastran.cards import Card, CardFile, Cards, read_cards
+from cmsreduce.read.nastran.dof_sets import Keys, id_ranges
+from cmsreduce.read.nastran.grids import GRID_CARDS, read_points
 
-__all__ = ["ExternalSuperelement", "read_extseout"]
+__all__ = ["EXTERNAL_SUPERELEMENT", "read_extseout"]
 
 _CARDS = GRID_CARDS | {"SECONCT", "EXTRN"}
 _SECONCT_START = 8  # pairs of ids start on the second line
+_ORDER = re.compile(r"^\s{0,7}(SECONCT|EXTRN)(?=[\s,*])", re.IGNORECASE | re.MULTILINE)
+_CASE_CONTROL = re.compile(r"^\s{0,7}CEND\b", re.IGNORECASE | re.MULTILINE)
 
 
-@dataclass(frozen=True, eq=False)
-class ExternalSuperelement:
-    """What the rows of an external superelement's matrices are.
-
-    Parameters
-    ----------
-    dofs : DofTable
-        Rows in the order of the matrices.
-    nodes : Nodes
-        Boundary grids, displacement frames resolved.
-    sets : mapping of str to DofTable
-        ``b``: dofs of the boundary grids; ``q``: generalised coordinates, which are scalar points.
-    files : tuple of Path
-        Files read.
-    """
-
-    dofs: DofTable
-    nodes: Nodes
-    sets: Mapping[str, DofTable]
-    files: tuple[Path, ...]
-
-
-def read_extseout(path: Path) -> ExternalSuperelement:
+def read_extseout(path: Path) -> Geometry:
     """Read the grids and the dof order of an external superelement.
 
-    The punch file has both (EXTRN and the grids behind BEGIN SUPER). The assembly file names the order on SECONCT,
-    six dofs for each grid, and is used alone only if no punch file of its stem lies beside it.
+    The punch file has both (EXTRN, and the grids after BEGIN SUPER). The assembly file gives the order on SECONCT,
+    six dofs for each grid; it is used alone only if its folder has no punch file of the same stem.
 
     Parameters
     ----------
@@ -59,7 +37,9 @@ def read_extseout(path: Path) -> ExternalSuperelement:
 
     Returns
     -------
-    ExternalSuperelement
+    Geometry
+        Rows ``a`` in the order of the matrices. Sets ``b``: dofs of the boundary grids, and ``q``: generalised
+        coordinates, which are scalar points.
 
     Raises
     ------
@@ -77,14 +57,14 @@ def read_extseout(path: Path) -> ExternalSuperelement:
                 files = (*files, *punch.files)
                 break
     if chosen is not None:
-        return _from_extrn(chosen, files)
+        return _superelement(*_from_extrn(chosen), files)
     chosen = _with_order(found, "SECONCT")
     if chosen is None:
         raise ReadError(f"{path}: neither EXTRN nor SECONCT in it: no external superelement")
-    return _from_seconct(chosen, files)
+    return _superelement(*_from_seconct(chosen), files)
 
 
-def _with_order(found: CardFile, name: str) -> Mapping[str, Sequence[Card]] | None:
+def _with_order(found: CardFile, name: str) -> Cards | None:
     """The one section that has cards of a name, None if there is none."""
     sections = [cards for cards in found.sections.values() if name in cards]
     if not sections:
@@ -95,16 +75,9 @@ def _with_order(found: CardFile, name: str) -> Mapping[str, Sequence[Card]] | No
     return sections[0]
 
 
-def _points(cards: Mapping[str, Sequence[Card]]) -> tuple[Nodes, Points]:
-    """Grids and scalar points of a section."""
-    grids = grid_cards(cards)
-    nodes = place_nodes(grids, FrameChain(frame_definitions(cards), grids))
-    return nodes, Points(np.sort(nodes.id), scalar_points(cards, grids))
-
-
-def _from_extrn(cards: Mapping[str, Sequence[Card]], files: tuple[Path, ...]) -> ExternalSuperelement:
+def _from_extrn(cards: Cards) -> tuple[Nodes, Keys]:
     """Order from (id, components) pairs; a range of ids shares its components."""
-    nodes, points = _points(cards)
+    nodes, points, _ = read_points(cards)
     keys = [np.zeros(0, dtype=np.int64)]
     for card in cards["EXTRN"]:
         fields = [k for k, text in enumerate(card.fields) if text]
@@ -112,15 +85,15 @@ def _from_extrn(cards: Mapping[str, Sequence[Card]], files: tuple[Path, ...]) ->
             length = 3 if len(fields) > 1 and card.text(fields[1]) == "THRU" else 1
             if len(fields) <= length:
                 raise ReadError(f"{card.where}: no components follow {card.text(fields[0])}")
-            ids = id_ranges(Card(card.name, tuple(card.text(k) for k in fields[:length]), card.path, card.line), 0)
+            ids = id_ranges(card.with_fields([card.text(k) for k in fields[:length]]), 0)
             keys.append(np.sort(points.keys(ids, card.text(fields[length]), card)))
             fields = fields[length + 1 :]
-    return _superelement(np.concatenate(keys), nodes, files)
+    return nodes, np.concatenate(keys)
 
 
-def _from_seconct(cards: Mapping[str, Sequence[Card]], files: tuple[Path, ...]) -> ExternalSuperelement:
-    """Order from pairs of an id of the superelement and the id it is connected to, which has the card."""
-    nodes, points = _points(cards)
+def _from_seconct(cards: Cards) -> tuple[Nodes, Keys]:
+    """Order from pairs of ids: that of the superelement, and that of the GRID which it is connected to."""
+    nodes, points, _ = read_points(cards)
     keys = [np.zeros(0, dtype=np.int64)]
     own: dict[int, int] = {}
     for card in cards["SECONCT"]:
@@ -133,21 +106,28 @@ def _from_seconct(cards: Mapping[str, Sequence[Card]], files: tuple[Path, ...]) 
             keys.append(inner * KEY_STEP + (np.array([SCALAR]) if scalar else np.arange(1, 7)))
     renamed = np.array([own.get(int(id), int(id)) for id in nodes.id], dtype=np.int64)
     placed = Nodes(renamed, nodes.xyz, nodes.frame, nodes.xyz_rounding, nodes.frame_rounding)
-    return _superelement(np.concatenate(keys), placed, files)
+    return placed, np.concatenate(keys)
 
 
 def _pairs(card: Card) -> list[tuple[int, int]]:
-    """Pairs of ids, ranges run out: ``a b``, or ``a1 THRU a2 b1 THRU b2``."""
+    """Pairs of ids, with all ids of ranges: ``a b``, or ``a1 THRU a2 b1 THRU b2``."""
     fields = [text for text in card.fields[_SECONCT_START:] if text]
-    spans: list[NDArray[np.int64]] = []
-    for span in id_ranges(Card(card.name, tuple(fields), card.path, card.line), 0):
-        spans.append(span.ids())
+    spans = [span.ids() for span in id_ranges(card.with_fields(fields), 0)]
     if len(spans) % 2 or any(a.size != b.size for a, b in zip(spans[::2], spans[1::2], strict=True)):
         raise ReadError(f"{card.where}: ids do not come in pairs; the card is damaged")
     return [(int(a), int(b)) for A, B in zip(spans[::2], spans[1::2], strict=True) for a, b in zip(A, B, strict=True)]
 
 
-def _superelement(keys: NDArray[np.int64], nodes: Nodes, files: tuple[Path, ...]) -> ExternalSuperelement:
+def _superelement(nodes: Nodes, keys: Keys, files: tuple[Path, ...]) -> Geometry:
     scalar = keys % KEY_STEP == SCALAR
     sets = {name: table_of_keys(part) for name, part in (("b", keys[~scalar]), ("q", keys[scalar])) if part.size}
-    return ExternalSuperelement(table_of_keys(keys), nodes, sets, files)
+    return Geometry(files[0], nodes, {"a": table_of_keys(keys)}, sets, files=files)
+
+
+def _is_superelement(head: str) -> bool:
+    """Whether the file gives the order of a superelement; an assembly run does so too, but is a deck of its own."""
+    return is_bulk_data(head) and _ORDER.search(head) is not None and not _CASE_CONTROL.search(head)
+
+
+EXTERNAL_SUPERELEMENT = GeometryFormat(_is_superelement, read_extseout, deck_cells)
+"""Assembly or punch file of an external superelement."""

@@ -68,7 +68,7 @@ WRONG = {
     "no way to be stiff": ("RBAR,1,2,3,1235,4\n", "do not fix a stiff body"),
     "too few": ("RBE1,1,1,123\n+,UM,2,123\n", "do not fix"),
     "a circle": ("RBE2,1,1,1,2\nRBE2,2,2,1,1\n", "follow themselves"),
-    "two masters": ("RBE2,1,1,123,3\nRBE2,2,2,123,3\n", "3.1 follows by two"),
+    "two masters": ("RBE2,1,1,123,3\nRBE2,2,2,123,3\n", "3.1 depends on two"),
     "no such grid": ("RBE2,1,9,123,3\n", "no such GRID"),
     "nothing dependent": ("RROD,1,1,4\n", "one translation"),
 }

@@ -55,7 +55,7 @@ def test_a_bar_is_read(tmp_path: Path, cards: str, expected: tuple) -> None:
 
 REFUSED = {
     "no bars": ("", "no CBAR"),
-    "a plate": ("CQUAD4,1,1,1,2,3,3\nCONROD,11,1,3,9,1.-4\n" + STEEL, "line 5: CQUAD4.*bars alone"),
+    "a plate": ("CQUAD4,1,1,1,2,3,3\nCONROD,11,1,3,9,1.-4\n" + STEEL, "line 5: CQUAD4.*bars only"),
     "offsets along the bar": (
         "CBAR,11,4,1,2,0.,1.,0.,GOO\n+,,,0.,0.,.1\n" + BAR + STEEL,
         "line 5: CBAR 11.*offset",
