@@ -65,7 +65,7 @@ REFUSED = {
     "too small": (lambda A, body: A[:-6, :-6], MatrixError, "24 x 24, but the stiffness has 30 rows"),
     "not symmetric": (lambda A, body: A + np.triu(A), MatrixError, "not symmetric"),
     "not finite": (lambda A, body: np.where(np.eye(body.n) > 0, np.nan, A), MatrixError, "not finite"),
-    "nodes in another order": (shuffled, DofMapError, "does not join"),
+    "nodes in another order": (shuffled, DofMapError, "does not couple"),
     "dofs in another order": (components_first, DofMapError, "another order"),
     "with the softening by spin": (lambda A, body: A - body.M.toarray(), DofMapError, "omega"),
 }

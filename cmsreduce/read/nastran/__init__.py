@@ -9,7 +9,6 @@ from cmsreduce.read.nastran.bulk import BULK_DATA, SET_NAMES, BulkDeck, read_bul
 from cmsreduce.read.nastran.deck_mass import DeckMass, deck_mass
 from cmsreduce.read.nastran.dmig import DMIG
 from cmsreduce.read.nastran.extseout import EXTERNAL_SUPERELEMENT
-from cmsreduce.read.nastran.frames import CoordinateSystem
 from cmsreduce.read.nastran.op2 import OP2
 from cmsreduce.read.nastran.op4 import OP4
 from cmsreduce.read.nastran.rigid_elements import read_followers
@@ -17,7 +16,6 @@ from cmsreduce.read.nastran.rigid_elements import read_followers
 __all__ = [
     "BULK_DATA",
     "BulkDeck",
-    "CoordinateSystem",
     "DMIG",
     "DeckMass",
     "EXTERNAL_SUPERELEMENT",

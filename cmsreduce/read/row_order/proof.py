@@ -278,8 +278,8 @@ def _held_to_ground(case: _Failure) -> str | None:
     force = float(np.abs(case.found.force[rows, :3]).max())
     return (
         f"node {_some(case.loaded)} is held to the ground, by a spring (CELAS with one blank end; a motion of the body "
-        f"by one unit of length costs {force:.3g} units of force there) or because nodes next to it are fixed by an SPC "
-        "that is not in the geometry file. Add the SPC cards to the geometry, remove the spring, or say "
+        f"by one unit of length costs {force:.3g} units of force there) or because nodes next to it are fixed by an "
+        "SPC that is not in the geometry file. Add the SPC cards to the geometry, remove the spring, or say "
         "`grounded: true` if the body is meant to be held"
     )
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read import CoordinateSystem
-from cmsreduce.read.nastran.frames import BASIC, FrameChain, FrameDefinition, Grid
+from cmsreduce.read.nastran.frames import BASIC, CoordinateSystem, FrameChain, FrameDefinition, Grid
 from cmsreduce.read.printed_numbers import printed_rounding
 
 ORIGIN = np.array([1.0, 2.0, 3.0])
