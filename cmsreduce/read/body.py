@@ -215,12 +215,9 @@ def _on_common_rows(
     """
     first = matrices[0]
     labelled = [_labelled(body, one, dofs, first) for one in matrices]
-    table = dofs
     for one in labelled:
-        beyond = _beyond(one, table)
-        if beyond:
-            table = _extended(body, table, one, beyond, first, geometry)
-    return table, [one.on(table) for one in labelled]
+        dofs = _extended(body, dofs, one, first, geometry)
+    return dofs, [one.on(dofs) for one in labelled]
 
 
 def _labelled(body: str, matrix: LabelledMatrix, dofs: DofTable, first: LabelledMatrix) -> LabelledMatrix:
@@ -241,24 +238,13 @@ def _labelled(body: str, matrix: LabelledMatrix, dofs: DofTable, first: Labelled
     return matrix.with_dofs(dofs, matrix.path)
 
 
-def _beyond(matrix: LabelledMatrix, table: DofTable) -> list[str]:
-    """Labels of a matrix that a table lacks."""
-    if matrix.dofs is None:
-        return []
-    missing = table.rows(matrix.dofs.node, matrix.dofs.component) < 0
-    return [label for label, gone in zip(matrix.dofs.labels, missing, strict=True) if gone]
-
-
 def _extended(
-    body: str,
-    table: DofTable,
-    matrix: LabelledMatrix,
-    beyond: list[str],
-    first: LabelledMatrix,
-    geometry: Geometry | None,
+    body: str, table: DofTable, matrix: LabelledMatrix, first: LabelledMatrix, geometry: Geometry | None
 ) -> DofTable:
     """Rows of a table and of a matrix together, in the order of a set of the geometry that has them all."""
-    if matrix.dofs is not None and geometry is not None:
+    if matrix.dofs is None or (missing := table.rows(matrix.dofs.node, matrix.dofs.component) < 0).sum() == 0:
+        return table
+    if geometry is not None:
         node = np.concatenate([table.node, matrix.dofs.node])
         component = np.concatenate([table.component, matrix.dofs.component])
         for known in geometry.rows.values():
@@ -266,8 +252,8 @@ def _extended(
             if rows[0] >= 0:
                 return DofTable(known.node[rows], known.component[rows])
     raise MatrixError(
-        f"body '{body}': '{matrix.name}' of {matrix.path} has {len(beyond)} dofs that '{first.name}' of {first.path} "
-        f"lacks, the first is {beyond[0]}"
+        f"body '{body}': '{matrix.name}' of {matrix.path} has {missing.sum()} dofs that '{first.name}' of {first.path} "
+        f"lacks, the first is {matrix.dofs.labels[int(missing.argmax())]}"
         + ("; " if geometry is None else f", and no dof set of {geometry.path} has them all; ")
         + "check that both are of one model, or give the deck they were made from as `geometry:`"
     )

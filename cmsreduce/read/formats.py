@@ -29,6 +29,9 @@ __all__ = [
     "rows_of_nodes",
 ]
 
+Size = tuple[int, int, int | None]
+"""Rows, columns and stored entries of a matrix."""
+
 Cells = dict[str, NDArray[np.int64]]
 """Node ids of the corners of elements, (k, corners), by kind of cell."""
 
@@ -84,8 +87,9 @@ class StoredMatrix:
         Name as the file spells it.
     numbers, form : str
         As in MatrixInfo.
-    size : callable
-        Returns rows, columns and stored entries; entries are None where only loading can count them.
+    size : tuple, or callable that returns one
+        Rows, columns and stored entries. Entries are None where only loading can count them; a callable serves where
+        the size itself is not in a header.
     load : callable
         Reads the matrix; raises ReadError if the entries are damaged.
     usable : bool
@@ -95,14 +99,15 @@ class StoredMatrix:
     name: str
     numbers: str
     form: str
-    size: Callable[[], tuple[int, int, int | None]]
+    size: Size | Callable[[], Size]
     load: Callable[[], LabelledMatrix]
     usable: bool = True
 
     @property
     def info(self) -> MatrixInfo:
         """Description without loading."""
-        return MatrixInfo(self.name, *self.size(), self.numbers, self.form)
+        size = self.size() if callable(self.size) else self.size
+        return MatrixInfo(self.name, *size, self.numbers, self.form)
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ def _stored(path: Path, name: str, shape: tuple[int, ...], kind: str) -> StoredM
     rows, cols = shape if len(shape) == 2 else (0, 0)
     numbers = f"real {kind}" if kind in ("double", "single") else kind
     load = partial(_load, path, name) if usable else partial(_refuse, path, name, kind, shape)
-    return StoredMatrix(name, numbers, "", lambda: (rows, cols, None), load, usable)
+    return StoredMatrix(name, numbers, "", (rows, cols, None), load, usable)
 
 
 def _load(path: Path, name: str) -> LabelledMatrix:
@@ -114,12 +114,10 @@ def _hdf5_stored(path: Path, name: str, kind: str, item: Any) -> StoredMatrix:
         columns = int(item["jc"].shape[0]) - 1
         entries = int(item["data"].shape[0]) if "data" in item else 0
         size = (int(sparse_rows), columns, entries)
-        return StoredMatrix(name, "real double", "", lambda: size, partial(_load_hdf5_sparse, path, name))
+        return StoredMatrix(name, "real double", "", size, partial(_load_hdf5_sparse, path, name))
     shape = tuple(reversed(getattr(item, "shape", ())))
     if kind not in _NUMERIC or len(shape) != 2:
-        return StoredMatrix(
-            name, kind, "", lambda: (0, 0, None), partial(_refuse, path, name, kind, shape), usable=False
-        )
+        return StoredMatrix(name, kind, "", (0, 0, None), partial(_refuse, path, name, kind, shape), usable=False)
     numbers = "complex double" if item.dtype.names else kind_of(item.dtype) or str(item.dtype)
     claimed = prod(shape) * item.dtype.itemsize
     if claimed > _LARGEST_RATIO * max(item.id.get_storage_size(), 1):
@@ -127,7 +125,7 @@ def _hdf5_stored(path: Path, name: str, kind: str, item: Any) -> StoredMatrix:
             f"{path}: variable '{name}' claims {shape[0]} x {shape[1]} numbers, but {item.id.get_storage_size()} bytes "
             "are stored for it; the file is damaged: save it again"
         )
-    return StoredMatrix(name, numbers, "", lambda: (shape[0], shape[1], None), partial(_load_hdf5_dense, path, name))
+    return StoredMatrix(name, numbers, "", (shape[0], shape[1], None), partial(_load_hdf5_dense, path, name))
 
 
 def _load_hdf5_dense(path: Path, name: str) -> LabelledMatrix:

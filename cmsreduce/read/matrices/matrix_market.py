@@ -189,17 +189,20 @@ def _market_matrices(path: Path) -> list[StoredMatrix]:
         raise ReadError(f"{path}: the Matrix Market file is a pattern without values; write it with real values")
     numbers = "complex" if header.field == "complex" else f"{header.field}, as text"
     size = (header.rows, header.cols, header.entries)
-    return [StoredMatrix(path.stem, numbers, header.symmetry, lambda: size, lambda: _load(path, header))]
+    return [StoredMatrix(path.stem, numbers, header.symmetry, size, lambda: _load(path, header))]
 
 
 def _load(path: Path, header: _Header) -> LabelledMatrix:
     """Read the matrix."""
     entries = read_entries(path, _body(path), COORDINATE if header.layout == "coordinate" else VALUE)
     shape = header.rows, header.cols
-    due = header.entries if header.layout == "coordinate" else _array_length(header)
-    if entries.value.size != due:
+    n, expected = header.rows, header.entries
+    if header.layout == "array":
+        lengths = {"general": n * header.cols, "skew-symmetric": n * (n - 1) // 2}
+        expected = lengths.get(header.symmetry, n * (n + 1) // 2)
+    if entries.value.size != expected:
         raise ReadError(
-            f"{path}: the Matrix Market file has {entries.value.size} entries where its header says {due}; it is "
+            f"{path}: the Matrix Market file has {entries.value.size} entries where its header says {expected}; it is "
             "truncated or two files in one: write or copy it again"
         )
     where = entries.where - 1 if header.layout == "coordinate" else _array_places(header)
@@ -223,12 +226,6 @@ def _body(path: Path) -> str:
     head = _HEAD.match(text)
     end = head.end() if head else 0
     return "\n" * text.count("\n", 0, end) + text[end:]
-
-
-def _array_length(header: _Header) -> int:
-    """Values that an array file prints."""
-    n = header.rows
-    return {"general": n * header.cols, "skew-symmetric": n * (n - 1) // 2}.get(header.symmetry, n * (n + 1) // 2)
 
 
 def _array_places(header: _Header) -> NDArray[np.int64]:

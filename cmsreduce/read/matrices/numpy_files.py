@@ -71,19 +71,15 @@ def from_array(path: Path, name: str, format: str, array: Any) -> LabelledMatrix
         raise ReadError(f"{path}: '{name}' has {array.ndim} dimensions, a matrix has 2")
     rows, cols = array.shape
     check_size(path, name, rows, cols, path.stat().st_size)
-    A = _entries_of(path, name, array) if sp.issparse(array) else _nonzeros_of(array)
     rounding = max(DOUBLE, float(np.finfo(dtype).eps) / 2) if dtype.kind == "f" else DOUBLE
-    return LabelledMatrix(A, name, path, format, rounding)
-
-
-def _nonzeros_of(array: Any) -> sp.csc_array:
-    """Sparse array of a dense one."""
-    row, col = np.nonzero(array)
-    return canonical(row, col, array[row, col], array.shape)
+    return LabelledMatrix(_entries_of(path, name, array), name, path, format, rounding)
 
 
 def _entries_of(path: Path, name: str, array: Any) -> sp.csc_array:
-    """Canonical form of a sparse matrix, whose indices scipy has not checked."""
+    """Canonical form of a dense array, or of a sparse matrix, whose indices scipy has not checked."""
+    if isinstance(array, np.ndarray):
+        row, col = np.nonzero(array)
+        return canonical(row, col, array[row, col], array.shape)
     if array.format in ("csc", "csr", "bsr"):
         try:
             array.check_format(full_check=True)
@@ -184,7 +180,7 @@ def _stored(
     rows, cols = shape if len(shape) == 2 else (0, 0)
     kind = kind_of(dtype)
     usable = kind is not None and len(shape) == 2
-    return StoredMatrix(name, kind or str(dtype), "", lambda: (rows, cols, None), load, usable)
+    return StoredMatrix(name, kind or str(dtype), "", (rows, cols, None), load, usable)
 
 
 def _member(path: Path, name: str) -> Any:

@@ -139,7 +139,10 @@ def _labels(dmig: _Dmig) -> _Labels:
     component: list[int] = []
     counts, columns = [], []
     for card in dmig.columns:
-        columns.append(_key(card, dmig, card.integer(1), card.integer(2, 0)))
+        column, of_column = card.integer(1), card.integer(2, 0)
+        if not 0 <= of_column <= 6:
+            raise ReadError(f"{card.where}: component {of_column} of column {column} of '{dmig.name}' is not 0..6")
+        columns.append(column * KEY_STEP + of_column)
         nodes = card.fields[_FIRST::_GROUP]
         components = card.fields[_FIRST + 1 :: _GROUP]
         try:
@@ -157,12 +160,6 @@ def _labels(dmig: _Dmig) -> _Labels:
         raise ReadError(f"{card.where}: component {parts[at]} of node {node[at]} is not 0..6")
     keys = np.array(columns, dtype=np.int64)
     return _Labels(np.array(node, dtype=np.int64) * KEY_STEP + parts, np.repeat(keys, counts), keys)
-
-
-def _key(card: Card, dmig: _Dmig, node: int, component: int) -> int:
-    if not 0 <= component <= 6:
-        raise ReadError(f"{card.where}: component {component} of column {node} of '{dmig.name}' is not 0..6")
-    return node * KEY_STEP + component
 
 
 def _bad_entry(card: Card, texts: list[str], needed: str) -> ReadError:

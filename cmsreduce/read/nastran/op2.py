@@ -6,6 +6,7 @@ import mmap
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -69,17 +70,16 @@ def _op2_matrices(path: Path) -> list[StoredMatrix]:
         check_size(path, block.name, block.rows, block.cols, size)
         if block.type not in TYPES:
             raise ReadError(f"{path}: OP2 matrix '{block.name}' has type {block.type}, which is none of 1, 2, 3, 4")
-    return [_stored(path, block) for block in blocks]
-
-
-def _stored(path: Path, block: _Block) -> StoredMatrix:
-    return StoredMatrix(
-        block.name,
-        TYPES[block.type],
-        FORMS.get(block.form, f"form {block.form}"),
-        lambda: (block.rows, block.cols, None),
-        lambda: _load(path, block),
-    )
+    return [
+        StoredMatrix(
+            block.name,
+            TYPES[block.type],
+            FORMS.get(block.form, f"form {block.form}"),
+            (block.rows, block.cols, None),
+            partial(_load, path, block),
+        )
+        for block in blocks
+    ]
 
 
 def _order(content: mmap.mmap) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from array import array
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +59,16 @@ def _op4_matrices(path: Path) -> list[StoredMatrix]:
     ReadError
         If the file is truncated or damaged; the whole file is checked first.
     """
-    return [_stored(path, header, header.name or f"m{k}") for k, header in enumerate(_headers(path))]
+    return [
+        StoredMatrix(
+            header.name or f"m{k}",
+            TYPES[header.type] + (f", {round(-np.log10(2 * header.rounding))} digits" if header.ascii else ""),
+            FORMS.get(header.form, f"form {header.form}"),
+            (header.rows, header.cols, None),
+            partial(_load, path, header, header.name or f"m{k}"),
+        )
+        for k, header in enumerate(_headers(path))
+    ]
 
 
 def _headers(path: Path) -> list[Op4Header]:
@@ -69,17 +79,6 @@ def _headers(path: Path) -> list[Op4Header]:
         return list(PrintedRecords(path).headers())
     with BinaryRecords.of(path) as records:
         return list(records.headers())
-
-
-def _stored(path: Path, header: Op4Header, name: str) -> StoredMatrix:
-    digits = f", {round(-np.log10(2 * header.rounding))} digits" if header.ascii else ""
-    return StoredMatrix(
-        name,
-        f"{TYPES[header.type]}{digits}",
-        FORMS.get(header.form, f"form {header.form}"),
-        lambda: (header.rows, header.cols, None),
-        lambda: _load(path, header, name),
-    )
 
 
 def _load(path: Path, header: Op4Header, name: str) -> LabelledMatrix:

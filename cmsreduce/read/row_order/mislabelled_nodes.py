@@ -40,7 +40,7 @@ def mislabelled_nodes(body: FEModel, nodes: Nodes, found: RigidResidual, suspect
     Parameters
     ----------
     body : FEModel
-        Body whose six rigid motions leave forces.
+        Body whose rigid motions leave forces; only one with all six of them is examined.
     nodes : Nodes
         Its geometry.
     found : RigidResidual
@@ -54,7 +54,7 @@ def mislabelled_nodes(body: FEModel, nodes: Nodes, found: RigidResidual, suspect
         None if other labels of the suspects do not explain the forces.
     """
     free = np.isin(body.dofs.node, suspects)
-    if free.all() or free.sum() > _MOST_DOFS:
+    if not np.array_equal(found.motions, np.eye(6)) or free.all() or free.sum() > _MOST_DOFS:
         return None
     moved = _follow(body, found, free)
     if moved is None:

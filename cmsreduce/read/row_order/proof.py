@@ -166,7 +166,7 @@ def _likely_cause(case: _Failure) -> str:
         _order_of_appearance,
         _component_by_component,
         _other_length_unit,
-        _mislabelled,
+        lambda failure: mislabelled_nodes(failure.body, failure.nodes, failure.found, failure.loaded),
         _springs_between_apart_nodes,
         _held_to_ground,
         _coarse_coordinates,
@@ -250,13 +250,6 @@ def _other_length_unit(case: _Failure) -> str | None:
                 f"vanish, as if the geometry were in {here} and the matrices in {there}. Give both in one unit system"
             )
     return None
-
-
-def _mislabelled(case: _Failure) -> str | None:
-    """A few nodes whose rows belong to other nodes, or are along other axes than the geometry says."""
-    if not np.array_equal(case.found.motions, np.eye(6)):
-        return None
-    return mislabelled_nodes(case.body, case.nodes, case.found, case.loaded)
 
 
 def _springs_between_apart_nodes(case: _Failure) -> str | None:
