@@ -84,11 +84,11 @@ def read_body(
     }
     sources = _sources(matrices, shape, dof_list)
 
-    def build(dofs: DofTable, wanted: Mapping[str, InterfaceSpec]) -> FEModel:
+    def build(dofs: DofTable, named: Mapping[str, InterfaceSpec]) -> FEModel:
         table, (K, M, *D) = _on_common_rows(name, dofs, [*matrices.values()], shape)
         nodes = shape.nodes if shape is not None and len(shape.nodes) else None
         sets = {} if shape is None else _rows_of_sets(table, shape)
-        resolved = {face: resolve_interface(name, face, spec, table, nodes, sets) for face, spec in wanted.items()}
+        resolved = {face: resolve_interface(name, face, spec, table, nodes, sets) for face, spec in named.items()}
         return FEModel(
             name,
             K.A,

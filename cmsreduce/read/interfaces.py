@@ -97,7 +97,7 @@ def resolve_interface(
     """
     where = f"body '{body}', interface '{name}'"
     if (spec.nodes is None) == (spec.set is None):
-        raise SceneError(f"{where}: say either `node:` (or `nodes:`) or `set:`")
+        raise SceneError(f"{where}: give either `node:` (or `nodes:`) or `set:`")
     if spec.set is not None:
         members, components = _of_set(where, spec.set, spec.dofs, dofs, sets)
     else:

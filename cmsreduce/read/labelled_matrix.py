@@ -110,7 +110,7 @@ class LabelledMatrix:
         Parameters
         ----------
         dofs : DofTable
-            Rows wanted.
+            Rows of the result.
 
         Raises
         ------
@@ -125,7 +125,7 @@ class LabelledMatrix:
         if (to < 0).any():
             lacking = [label for label, row in zip(self.dofs.labels, to, strict=True) if row < 0]
             raise ReadError(
-                f"{self.path}: matrix '{self.name}' has {len(lacking)} dofs that are not in the dof list asked for, "
+                f"{self.path}: matrix '{self.name}' has {len(lacking)} dofs that the dof list lacks, "
                 f"the first is {lacking[0]}; check that both are of one model"
             )
         entries = sp.coo_array(self.A)

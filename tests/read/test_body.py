@@ -190,11 +190,11 @@ def test_what_does_not_fit_is_refused(
         B[: min(size, 6), : min(size, 6)] = A[:size, :size]
         return market(tmp_path / f"{name}.mtx", sp.csc_array(B))
 
-    asked: dict[str, object] = {"geometry": write(tmp_path / "b.bdf", ["GRID,1", "GRID,2,,4."]), **changes}
-    asked["stiffness"] = sized("k", ROD, changes.get("stiffness"))
-    asked["mass"] = sized("m", np.eye(6), changes.get("mass"))
+    given: dict[str, object] = {"geometry": write(tmp_path / "b.bdf", ["GRID,1", "GRID,2,,4."]), **changes}
+    given["stiffness"] = sized("k", ROD, changes.get("stiffness"))
+    given["mass"] = sized("m", np.eye(6), changes.get("mass"))
     with pytest.raises(error, match=message):
-        read_body("rod", **asked)  # type: ignore[arg-type]
+        read_body("rod", **given)  # type: ignore[arg-type]
 
 
 def test_a_rectangular_matrix_is_refused(tmp_path: Path) -> None:

@@ -71,10 +71,10 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("change, error, said", REFUSED.values(), ids=REFUSED.keys())
-def test_what_does_not_fit_the_stiffness_is_refused(
-    tmp_path: Path, body: FEModel, stress: np.ndarray, change, error: type[Exception], said: str
+@pytest.mark.parametrize("change, error, message", REFUSED.values(), ids=REFUSED.keys())
+def test_a_matrix_that_does_not_fit_the_stiffness_is_refused(
+    tmp_path: Path, body: FEModel, stress: np.ndarray, change, error: type[Exception], message: str
 ) -> None:
-    with pytest.raises(error, match=said) as caught:
+    with pytest.raises(error, match=message) as caught:
         read_differential_stiffness(stored(tmp_path, change(stress, body)), body, "centrifugal zz")
     assert "kg.op4 (centrifugal zz)" in str(caught.value)

@@ -106,7 +106,7 @@ def test_abaqus_and_calculix_input(tmp_path: Path, text: str, ids: list[int], xy
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (PARTS.replace(" 50, 7.", " 2, 7."), r"node 2 stands at two places"),
+        (PARTS.replace(" 50, 7.", " 2, 7."), r"node 2 has two places"),
         ("*NODE\n1,0.,x\n", r"line 2: '1,0.,x' is no node"),
         ("*NODE\n1,0.\n*NGEN\n1,5,1\n", "line 3: \\*NGEN: generated nodes are not read"),
         ("*NODE\n1,0.\n*TRANSFORM, NSET=A, TYPE=C\n", "degrees of freedom in a local system"),

@@ -171,7 +171,7 @@ def test_dof_list_orders_a_matrix_that_has_labels(tmp_path: Path) -> None:
     assert found.dofs.labels == ["3.1", "9.2", "1.1", "2.1"]
     assert found.A.toarray().tolist() == [[1, 0, 0, -1], [0, 0, 0, 0], [0, 0, 2, -1], [-1, 0, -1, 2]]
     listed.write_text("3.1\n1.1\n")
-    with pytest.raises(ReadError, match=r"has 1 dofs that are not in the dof list asked for, the first is 2\.1"):
+    with pytest.raises(ReadError, match=r"has 1 dofs that the dof list lacks, the first is 2\.1"):
         read_matrix(tmp_path / "k.pch", dofs=listed)
 
 

@@ -95,7 +95,7 @@ def _load_labelled(path: Path, format: str, text: str, symmetric: bool) -> Label
 
 
 def _entries_only(path: Path) -> tuple[str, bool]:
-    """Text without comments and keywords, and whether one triangle of it may stand for both.
+    """Text without comments and keywords, and whether one triangle may represent both.
 
     Their lines become empty, so that the other lines keep their numbers.
     """

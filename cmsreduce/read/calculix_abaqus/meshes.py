@@ -179,7 +179,7 @@ def _input_cells(path: Path) -> Iterator[tuple[str, list[int]]]:
         kind, count = _INPUT_CELLS[known]
         for at in range(0, len(numbers) - count, count + 1):
             nodes = numbers[at + 1 : at + 1 + count]
-            # The middle node of a curved beam stands between its ends.
+            # The middle node of a curved beam is listed between its ends.
             yield kind, [nodes[0], nodes[-1]] if kind == "line" else nodes[: CELL_CORNERS[kind]]
 
 
@@ -260,7 +260,7 @@ def _merge(into: Coordinates, more: Coordinates, where: str) -> None:
     for id, xyz in more.items():
         if into.setdefault(id, xyz) != xyz:
             raise ReadError(
-                f"{where}: node {id} stands at two places, {into[id]} and {xyz}; where instances share node numbers, "
+                f"{where}: node {id} has two places, {into[id]} and {xyz}; where instances share node numbers, "
                 "write the model flat (one numbering), then give its geometry and matrices"
             )
 

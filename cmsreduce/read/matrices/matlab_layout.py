@@ -1,7 +1,7 @@
 """Layout of MATLAB files of level 4 and 5, checked before scipy reads them.
 
-scipy trusts the type codes and the sizes in a file; on damaged files it asks for any amount of memory, or crashes the
-process. Source: MathWorks, "MAT-File Format", level 4 and level 5.
+scipy does not check the type codes and the sizes in a file; on damaged files it allocates any amount of memory, or
+crashes the process. Source: MathWorks, "MAT-File Format", level 4 and level 5.
 """
 
 from __future__ import annotations

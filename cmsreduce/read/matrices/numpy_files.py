@@ -95,7 +95,7 @@ def _npy_matrices(path: Path) -> list[StoredMatrix]:
     Raises
     ------
     ReadError
-        If the file is shorter than its header says; loading raises it if the array is no matrix of real numbers.
+        If the file is shorter than its header claims; loading raises it if the array is no matrix of real numbers.
     """
     size = path.stat().st_size
     with reading(path, "the .npy file"), path.open("rb") as file:

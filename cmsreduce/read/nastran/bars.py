@@ -68,7 +68,7 @@ def read_bars(path: Path) -> Bars:
             "(`geometric_stiffness: {matrices: ...}`)" + ("" if not with_bars else ", or a deck of this body alone")
         )
     number, cards = next(iter(with_bars.items()))
-    # Materials may stand in the main bulk data.
+    # Materials may be in the main bulk data.
     shared = {**sections.get(0, {}), **cards} if number else cards
     _refuse_others(cards)
     sections_by_key = _straight_sections(shared)

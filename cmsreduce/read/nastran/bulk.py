@@ -49,8 +49,8 @@ SET_NAMES = {
     "f": "free set (n less single-point constraints)",
     "n": "g less the dofs that rigid elements and multipoint constraints make dependent",
     "g": "all dofs of all points",
-    "b": "fixed boundary",
-    "c": "free boundary",
+    "b": "fixed interface",
+    "c": "free interface",
     "q": "generalised coordinates",
     "o": "omitted",
     "r": "supports",
@@ -241,7 +241,7 @@ def read_extseout(path: Path) -> Geometry:
     Returns
     -------
     Geometry
-        Rows ``a`` in the order of the matrices. Sets ``b``: dofs of the boundary grids, and ``q``: generalised
+        Rows ``a`` in the order of the matrices. Sets ``b``: dofs of the interface grids, and ``q``: generalised
         coordinates, which are scalar points.
 
     Raises

@@ -141,12 +141,12 @@ class _Line:
 
 @dataclass
 class _OpenCard:
-    """A card whose continuation lines may still come; ``wanted`` is false for cards that are skipped."""
+    """A card whose continuation lines may follow; ``kept`` is false for cards that are skipped."""
 
     name: str
     path: Path
     line: int
-    wanted: bool
+    kept: bool
     fields: list[str] = field(default_factory=list)
     follow: str = ""
 
@@ -178,7 +178,7 @@ def read_cards(path: Path, names: Collection[str]) -> CardFile:
     path : Path
         Input file, with or without executive and case control.
     names : collection of str
-        Cards wanted, upper case; others are skipped.
+        Cards to read, upper case; others are skipped.
 
     Returns
     -------
@@ -249,10 +249,10 @@ def _read_bulk_line(line: str, path: Path, number: int, state: _State) -> None:
     if first[:1] in ("", "+", "*"):
         if card is None:
             raise ReadError(f"{path}, line {number}: a continuation line with no card before it")
-        if card.wanted:
+        if card.kept:
             _continue(card, _cut(line), path, number)
     elif first[0] == "=":
-        if card is not None and card.wanted:
+        if card is not None and card.kept:
             raise ReadError(
                 f"{path}, line {number}: '{first}' repeats fields of the {card.name} above it; this shorthand is not "
                 "read, write the cards out (NASTRAN does with ECHO = PUNCH)"
@@ -260,9 +260,9 @@ def _read_bulk_line(line: str, path: Path, number: int, state: _State) -> None:
     else:
         _close(state)
         name = first.rstrip("*").strip()
-        wanted = name in state.names and state.section != _ELSEWHERE
-        state.card = _OpenCard(name, path, number, wanted)
-        if wanted:
+        kept = name in state.names and state.section != _ELSEWHERE
+        state.card = _OpenCard(name, path, number, kept)
+        if kept:
             _append(state.card, _cut(line), path, number)
 
 
@@ -286,8 +286,8 @@ def _cut(text: str) -> _Line:
 
 def _continue(card: _OpenCard, line: _Line, path: Path, number: int) -> None:
     """Add a continuation line, if the card names it."""
-    asked, here = card.follow.lstrip("+*"), line.first.lstrip("+*")
-    if asked and here and asked != here:
+    named, here = card.follow.lstrip("+*"), line.first.lstrip("+*")
+    if named and here and named != here:
         raise ReadError(
             f"{path}, line {number}: continuation '{line.first}' follows {card.name} of line {card.line}, which "
             f"names '{card.follow}'; put every continuation directly after its card"
@@ -311,7 +311,7 @@ def _append(card: _OpenCard, line: _Line, path: Path, number: int) -> None:
 def _close(state: _State) -> None:
     """Store the card, which is complete now."""
     card, state.card = state.card, None
-    if card is None or not card.wanted:
+    if card is None or not card.kept:
         return
     while card.fields and not card.fields[-1]:
         card.fields.pop()

@@ -88,7 +88,7 @@ def scalar_points(cards: Cards, grids: Mapping[int, Grid]) -> NDArray[np.int64]:
     for name, start in _SCALAR_IDS.items():
         for card in cards.get(name, ()):
             found.update(card.integer(index) for index in (start, start + 1) if card.text(index))
-    # A zero stands for the ground.
+    # A zero is the ground.
     return np.array(sorted(found - grids.keys() - {0}), dtype=np.int64)
 
 

@@ -121,7 +121,7 @@ def _difference(true: _TrueNode, nodes: Nodes, found: RigidResidual) -> str:
             return f"the rows labelled node {true.id} are those of node {nodes.id[nearest]} (rows are shuffled)"
         place = ", ".join(f"{x:.6g}" for x in true.arm + found.centre)
         given = ", ".join(f"{x:.6g}" for x in nodes.xyz[at])
-        return f"node {true.id} stands at ({place}) in the matrices, at ({given}) in the geometry"
+        return f"node {true.id} is at ({place}) in the matrices, at ({given}) in the geometry"
     own = nodes.frame[at]
     if np.linalg.det(true.axes @ own.T) < 0:
         return f"the rows of node {true.id} are left-handed: components are exchanged, or one has the other sign"

@@ -90,7 +90,7 @@ def prove_row_order(body: FEModel) -> RowOrderProof:
     if body.grounded:
         return RowOrderProof("grounded", remark="the body is declared grounded, so its row order cannot be proven")
     if (body.dofs.component == SCALAR).all():
-        return RowOrderProof("scalar", remark="all dofs are scalar: rigid motion says nothing about them")
+        return RowOrderProof("scalar", remark="all dofs are scalar, so rigid motion proves nothing")
     if body.nodes is None:
         return RowOrderProof("no geometry", remark="without coordinates the row order cannot be proven")
     condensed = is_condensed(body)

@@ -74,9 +74,9 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("cards, said", REFUSED.values(), ids=REFUSED.keys())
-def test_what_is_not_computed_is_refused_by_its_line(tmp_path: Path, cards: str, said: str) -> None:
-    with pytest.raises(ReadError, match=said):
+@pytest.mark.parametrize("cards, message", REFUSED.values(), ids=REFUSED.keys())
+def test_an_unsupported_card_is_refused_by_its_line(tmp_path: Path, cards: str, message: str) -> None:
+    with pytest.raises(ReadError, match=message):
         read_bars(deck(tmp_path, cards))
 
 

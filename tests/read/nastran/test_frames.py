@@ -82,7 +82,7 @@ UP = np.array([[0.0, 0, 0], [0, 0, 1], [1, 0, 0]])
 
 
 def test_a_chain_in_any_order_and_a_system_through_grids_in_another_system() -> None:
-    # 30 stands at r = 2, theta = 90 of the cylindrical 20, which stands in 10, moved by (10, 0, 0).
+    # 30 is at r = 2, theta = 90 in the cylindrical 20, which is defined in 10, moved by (10, 0, 0).
     far = FrameDefinition(30, "rectangular", "CORD2R 30", 20, np.array([[2.0, 90, 0], [2, 90, 1], [3, 90, 0]]))
     middle = FrameDefinition(20, "cylindrical", "CORD2C 20", 10, UP)
     near = FrameDefinition(10, "rectangular", "CORD2R 10", 0, UP + np.array([10.0, 0, 0]))

@@ -23,7 +23,7 @@ GRID,4,,1.,2.,0.5
 
 
 def followers(folder: Path, cards: str, case: str = "") -> tuple[Followers, np.ndarray, np.ndarray]:
-    """What is read, and the rigid motions (6) of its followers and of what leads them."""
+    """The followers, and the six rigid motions of the dependent and of the independent dofs."""
     path = folder / "body.bdf"
     path.write_text(case + GRIDS + cards + "ENDDATA\n")
     nodes = read_bulk(path).nodes
@@ -74,9 +74,9 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("cards, said", WRONG.values(), ids=WRONG.keys())
-def test_a_card_that_does_not_say_how_dofs_follow_is_refused(tmp_path: Path, cards: str, said: str) -> None:
-    with pytest.raises(ReadError, match=said):
+@pytest.mark.parametrize("cards, message", WRONG.values(), ids=WRONG.keys())
+def test_a_card_without_an_equation_is_refused(tmp_path: Path, cards: str, message: str) -> None:
+    with pytest.raises(ReadError, match=message):
         followers(tmp_path, cards)
 
 

@@ -265,7 +265,7 @@ class TestBlock:
         xyz[block_a.nodes.index(100)[0]] += [0.01, 0, 0]
         text = refusal(replace(block_a, nodes=Nodes.in_basic(block_a.nodes.id, xyz)))
         place = ", ".join(f"{x:.6g}" for x in true)
-        assert f"node 100 stands at ({place}) in the matrices" in text
+        assert f"node 100 is at ({place}) in the matrices" in text
 
     def test_exchanged_components_are_named(self, block_a: FEModel) -> None:
         order = np.arange(block_a.n)
