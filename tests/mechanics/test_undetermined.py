@@ -12,8 +12,8 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import MatrixError, SceneError
 from cmsreduce.linalg.eigen import elastic_pairs, rigid_body_modes
+from cmsreduce.mechanics import hold_undetermined
 from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Recovery, rigid_body_shapes
-from cmsreduce.read import hold_undetermined
 from tests.frames import BAR, Section, beam_matrices, frame, line, rotation
 
 CHAIN = 34
