@@ -22,7 +22,7 @@ __all__ = [
     "frac",
     "frequency_grid",
     "frf_error",
-    "heard",
+    "loud_channels",
     "lowest_frequency",
     "peak_errors",
     "peak_shifts",
@@ -173,13 +173,13 @@ def db_error(H: Response, H_r: Response, row: NDArray[np.float64], column: NDArr
     """
     worst = 0.0
     tiny = np.finfo(float).tiny
-    for i, j in zip(*np.nonzero(heard(H, row, column)), strict=True):
+    for i, j in zip(*np.nonzero(loud_channels(H, row, column)), strict=True):
         ratio = np.maximum(abs(H_r[:, i, j]), tiny) / np.maximum(abs(H[:, i, j]), tiny)
         worst = max(worst, float(np.percentile(abs(20 * np.log10(ratio)), _PERCENTILE)))
     return worst
 
 
-def heard(H: Response, row: NDArray[np.float64], column: NDArray[np.float64]) -> NDArray[np.bool_]:
+def loud_channels(H: Response, row: NDArray[np.float64], column: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Channels (outputs, inputs) that are not silent beside the strongest of their unit; arguments of `db_error`."""
     size = np.sqrt(np.mean(abs(H) ** 2, axis=0)) * row[:, None] * column[None, :]
     return np.asarray(size > SILENT * size.max(initial=0.0))
