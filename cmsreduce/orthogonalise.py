@@ -13,6 +13,8 @@ from cmsreduce.model import FEModel, ModalComponent, ModeKind, ReducedComponent
 
 __all__ = ["ORTHOGONAL", "STATIC", "orthogonalise", "orthogonality_errors"]
 
+Array = NDArray[np.float64]
+
 ORTHOGONAL = 1e-10
 """Modes are orthonormal to this share of their norms in M and in K."""
 
@@ -140,7 +142,7 @@ def _rank_and_condition(component: ReducedComponent) -> tuple[int, float]:
     return rank, float(np.sqrt(values[-1] / values[0])) if values[0] > least else np.inf
 
 
-def _polish(body: FEModel, Phi: NDArray[np.float64], r: int, s: int, lam: NDArray[np.float64]) -> NDArray[np.float64]:
+def _polish(body: FEModel, Phi: Array, r: int, s: int, lam: Array) -> Array:
     """Make modes orthonormal once more over all dofs, in place; their squared frequencies.
 
     A basis of shapes that are nearly alike, such as constraint modes of neighbouring nodes, loses digits when its
@@ -161,7 +163,7 @@ def _polish(body: FEModel, Phi: NDArray[np.float64], r: int, s: int, lam: NDArra
     return lam[order]
 
 
-def _refuse_repeats(component: ReducedComponent, N: NDArray[np.float64]) -> None:
+def _refuse_repeats(component: ReducedComponent, N: Array) -> None:
     """Refuse massless shapes that are none: combinations of the basis that add up to nothing."""
     energy = np.einsum("ij,ij->j", N, component.K @ N)
     K, Phi, parts = component.body.K, component.modes.Phi, np.empty(N.shape[1])
@@ -175,7 +177,7 @@ def _refuse_repeats(component: ReducedComponent, N: NDArray[np.float64]) -> None
         raise MatrixError(_undetermined(component, N[:, int(np.argmax(nothing))]))
 
 
-def _undetermined(component: ReducedComponent, shape: NDArray[np.float64]) -> str:
+def _undetermined(component: ReducedComponent, shape: Array) -> str:
     """What is wrong with a basis that holds a shape with neither mass nor stiffness."""
     modes, dofs = component.modes, component.body.dofs
     size = np.array([abs(column).max(initial=0.0) for column in modes.Phi.T]) * abs(shape)
@@ -193,9 +195,7 @@ def _undetermined(component: ReducedComponent, shape: NDArray[np.float64]) -> st
     )
 
 
-def _origin(
-    component: ReducedComponent, X: NDArray[np.float64], N: NDArray[np.float64]
-) -> tuple[tuple[ModeKind, ...], NDArray[np.float64]]:
+def _origin(component: ReducedComponent, X: Array, N: Array) -> tuple[tuple[ModeKind, ...], Array]:
     """Kind and source frequency of the basis shapes with most of each mode's energy: kinetic, or strain if static."""
     modes, r, s = component.modes, component.rigid.shape[1], N.shape[1]
     share = np.hstack([abs(X * (component.M @ X)), abs(N * (component.K @ N))])
@@ -206,6 +206,6 @@ def _origin(
     return tuple(kind), source
 
 
-def _largest(error: NDArray[np.float64], scale: NDArray[np.float64]) -> float:
+def _largest(error: Array, scale: Array) -> float:
     """Largest relative error; zero where there is nothing to be relative to."""
     return float(np.divide(error, scale, out=np.zeros_like(error), where=scale > 0).max(initial=0.0))

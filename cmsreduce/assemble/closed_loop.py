@@ -14,16 +14,23 @@ from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.eigen import ComplexModes, DampedPencil, complex_modes, elastic_pairs
 from cmsreduce.model import System
 
-__all__ = [
-    "check_closed_loop",
-    "closed_loop_modes",
-    "damped_modes",
-]
+__all__ = ["check_closed_loop", "closed_loop_modes", "damped_modes"]
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# The state matrix has (2 N)^2 entries, of which all eigenvalues are computed.
+_LARGEST = 1500
+# A root of this size, relative to the highest frequency, is rigid motion that no feedback holds: twice zero, it is
+# known to the root of rounding only.
+_AT_REST = 1e-6
+# Newton's step on a root is trusted up to this share of it; a larger one belongs to a multiple root, which has none.
+_TRUSTED = 1e-3
+# Each step squares the error, of 1e-6 at most to begin with.
+_STEPS = 2
 
 
-def damped_modes(
-    system: System, omega: float, undamped: tuple[NDArray[np.float64], NDArray[np.float64]]
-) -> ComplexModes | None:
+def damped_modes(system: System, omega: float, undamped: tuple[Real, Real]) -> ComplexModes | None:
     """Complex modes of a system up to a frequency; its damping is taken as it is, not its diagonal in the modes.
 
     Parameters
@@ -49,20 +56,6 @@ def damped_modes(
         return None
     pencil = DampedPencil(system.K, system.M, system.D, system.loss)
     return complex_modes(pencil, omega, system.rigid, undamped, system.rounding)
-
-
-# The state matrix has (2 N)^2 entries, of which all eigenvalues are computed.
-_LARGEST = 1500
-# A root of this size, relative to the highest frequency, is rigid motion that no feedback holds: twice zero, it is
-# known to the root of rounding only.
-_AT_REST = 1e-6
-# Newton's step on a root is trusted up to this share of it; a larger one belongs to a multiple root, which has none.
-_TRUSTED = 1e-3
-# Each step squares the error, of 1e-6 at most to begin with.
-_STEPS = 2
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def closed_loop_modes(

@@ -29,11 +29,17 @@ __all__ = [
     "relative_motion",
 ]
 
+Array = NDArray[np.float64]
+
 # Direction cosines below this are zero: frames are known to eight digits.
 _ALIGNED = 1e-6
 
+# Interfaces of one joint coincide to this share of the size of the system: decks print eight digits or fewer.
+_COINCIDENT = 1e-5
+_UNIT_RATIOS = {1000.0: "m and mm", 100.0: "m and cm", 39.3700787: "m and in", 25.4: "mm and in", 3.2808399: "m and ft"}
 
-def relative_motion(stack: PointStack, placed: Mapping[str, Placement], joint: Joint, dof: int) -> NDArray[np.float64]:
+
+def relative_motion(stack: PointStack, placed: Mapping[str, Placement], joint: Joint, dof: int) -> Array:
     """Row over the stacked motions: the second interface against the first, along a joint axis.
 
     Parameters
@@ -63,7 +69,7 @@ def relative_motion(stack: PointStack, placed: Mapping[str, Placement], joint: J
     return row
 
 
-def first_motion(stack: PointStack, placed: Mapping[str, Placement], joint: Joint, dof: int) -> NDArray[np.float64]:
+def first_motion(stack: PointStack, placed: Mapping[str, Placement], joint: Joint, dof: int) -> Array:
     """Row over the stacked motions: the first interface along a joint axis (size,)."""
     direction = joint_direction(joint_axes(stack.substructures, placed, joint), dof)
     row = np.zeros(stack.size)
@@ -71,19 +77,19 @@ def first_motion(stack: PointStack, placed: Mapping[str, Placement], joint: Join
     return row
 
 
-def joint_direction(axes: NDArray[np.float64], dof: int) -> NDArray[np.float64]:
+def joint_direction(axes: Array, dof: int) -> Array:
     """Unit motion along one of the axes, which are rows, as weights of x y z rx ry rz (6,)."""
     direction = np.zeros(6)
     direction[dof // 3 * 3 : dof // 3 * 3 + 3] = axes[dof % 3]
     return direction
 
 
-def in_body(direction: NDArray[np.float64], place: Placement) -> NDArray[np.float64]:
+def in_body(direction: Array, place: Placement) -> Array:
     """Weights of six motions along the axes of the scene, along those of a body (6,)."""
     return np.concatenate([direction[:3] @ place.rotation, direction[3:] @ place.rotation])
 
 
-def available(face: Interface, k: int, axes: NDArray[np.float64]) -> list[bool]:
+def available(face: Interface, k: int, axes: Array) -> list[bool]:
     """Which motions along ``axes`` (rows, in the body's basic frame) a node of the interface has."""
     frame = face.node_frame(k)
     components = {max(c, 1) for c in face.components[k]}
@@ -97,11 +103,6 @@ def available(face: Interface, k: int, axes: NDArray[np.float64]) -> list[bool]:
 def digits(face: Interface, k: int) -> str:
     """Dofs of a node of an interface, as they are written."""
     return "".join(str(c) for c in face.components[k])
-
-
-# Interfaces of one joint coincide to this share of the size of the system: decks print eight digits or fewer.
-_COINCIDENT = 1e-5
-_UNIT_RATIOS = {1000.0: "m and mm", 100.0: "m and cm", 39.3700787: "m and in", 25.4: "mm and in", 3.2808399: "m and ft"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +119,7 @@ class Constraints:
         Largest distance between nodes that are joined, relative to the size of the system.
     """
 
-    A: NDArray[np.float64]
+    A: Array
     owner: tuple[str, ...]
     gap: float
 
@@ -148,7 +149,7 @@ def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], 
     UnitsError
         If they would coincide in another unit of length.
     """
-    rows: list[NDArray[np.float64]] = []
+    rows: list[Array] = []
     owner: list[str] = []
     gap = 0.0
     for joint in scene.joints:
@@ -211,8 +212,8 @@ def _turned_where_locked(
 
 
 def _joint_rows(
-    stack: PointStack, placed: Mapping[str, Placement], joint: Joint, axes: NDArray[np.float64]
-) -> list[tuple[NDArray[np.float64], str]]:
+    stack: PointStack, placed: Mapping[str, Placement], joint: Joint, axes: Array
+) -> list[tuple[Array, str]]:
     first, second = (interface_at(stack.substructures, point) for point in (joint.first, joint.second))
     if first.node.size != second.node.size:
         raise SceneError(
@@ -262,7 +263,7 @@ def _joint_rows(
     return found
 
 
-def _check_carried(face: Interface, k: int, turn: NDArray[np.float64], joint: Joint, size: float) -> None:
+def _check_carried(face: Interface, k: int, turn: Array, joint: Joint, size: float) -> None:
     """Refuse an arm on a node without the rotation, about ``turn``, that swings it."""
     missing = [face.node_frame(k)[c - 4] for c in (4, 5, 6) if c not in face.components[k]]
     if any(abs(turn @ axis) > _COINCIDENT * size for axis in missing):
@@ -272,7 +273,7 @@ def _check_carried(face: Interface, k: int, turn: NDArray[np.float64], joint: Jo
         )
 
 
-def ground_rows(stack: PointStack, point: Point) -> list[tuple[NDArray[np.float64], str]]:
+def ground_rows(stack: PointStack, point: Point) -> list[tuple[Array, str]]:
     """Constraint rows that hold one interface to the ground, and the motion that each locks.
 
     They lie along the displacement axes of the interface's nodes, so that they are the same however the body stands.
@@ -300,7 +301,7 @@ def _coincidence(
     substructures: Mapping[str, Substructure],
     placed: Mapping[str, Placement],
     joint: Joint,
-    axes: NDArray[np.float64],
+    axes: Array,
     as_built: bool,
 ) -> float:
     """Largest gap of a joint relative to the size of the system; refused where it is none of rounding."""
@@ -339,5 +340,5 @@ def _reach(substructures: Mapping[str, Substructure]) -> float:
     return max(float(np.ptp(places, axis=0).max()), float(abs(places).max()), 1e-300)
 
 
-def _xyz(x: NDArray[np.float64]) -> str:
+def _xyz(x: Array) -> str:
     return "(" + ", ".join(f"{value:g}" for value in x) + ")"

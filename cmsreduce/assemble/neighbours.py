@@ -19,6 +19,8 @@ from cmsreduce.model import Configuration, FEModel, InterfaceLoading, Joint, Pla
 
 __all__ = ["AS_BUILT", "grounded_rows", "joined_to", "joint_rows", "neighbour_loading"]
 
+Array = NDArray[np.float64]
+
 AS_BUILT = Configuration("as built")
 """Reference configuration: every joint at zero."""
 
@@ -50,7 +52,7 @@ def grounded_rows(body: FEModel, rows: NDArray[np.int64], scene: Scene) -> NDArr
 
 def joint_rows(
     here: Substructure, there: Substructure, joints: Iterable[Joint], ground: Iterable[Point], scene: Scene
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     """Constraints of joints between two bodies as built, and of the ground, without the joints' springs.
 
     Parameters
@@ -139,8 +141,8 @@ def neighbour_loading(here: Substructure, others: Iterable[Substructure], scene:
 
 
 def _elements(
-    here: Substructure, there: Substructure, joints: Iterable[Joint], shapes: NDArray[np.float64], scene: Scene
-) -> Iterator[tuple[float, float, NDArray[np.float64]]]:
+    here: Substructure, there: Substructure, joints: Iterable[Joint], shapes: Array, scene: Scene
+) -> Iterator[tuple[float, float, Array]]:
     """Springs and inertias of joints to a neighbour: stiffness, inertia, and the motion they act on (i + z,)."""
     stack = PointStack({here.name: here, there.name: there})
     placed = {name: scene.placements.get(name, Placement()) for name in stack.substructures}
@@ -154,7 +156,7 @@ def _elements(
             yield 0.0, element.inertia, first
 
 
-def _follow(rows: NDArray[np.float64], i: int, shapes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _follow(rows: Array, i: int, shapes: Array) -> Array:
     """Rows over the i-set and the neighbour's own coordinates, the neighbour following."""
     return np.pad(rows[:, :i], ((0, 0), (0, shapes.shape[1] - i))) + rows[:, i:] @ shapes
 
@@ -169,7 +171,7 @@ def _locked(joint: Joint, here: Substructure, there: Substructure) -> Joint:
     return joint.locked() if whole else joint
 
 
-def _felt(there: Substructure, motions: NDArray[np.float64]) -> NDArray[np.float64]:
+def _felt(there: Substructure, motions: Array) -> Array:
     """Motions of a neighbour that have mass or stiffness: the spin of a rod about its own axis has neither."""
     energy = np.zeros((motions.shape[1], motions.shape[1]))
     for A in (there.K, there.M):
@@ -179,7 +181,7 @@ def _felt(there: Substructure, motions: NDArray[np.float64]) -> NDArray[np.float
     return np.asarray(motions @ V[:, weight > _FELT])
 
 
-def _least_squares(A: NDArray[np.float64], B: NDArray[np.float64]) -> NDArray[np.float64]:
+def _least_squares(A: Array, B: Array) -> Array:
     """Solve A X = B, with rows and columns of A scaled: the arms of a joint are long in some units."""
     row = _unit(np.linalg.norm(A, axis=1))[:, None]
     column = _unit(np.linalg.norm(row * A, axis=0))
@@ -187,10 +189,10 @@ def _least_squares(A: NDArray[np.float64], B: NDArray[np.float64]) -> NDArray[np
     return np.asarray(column[:, None] * X)
 
 
-def _unit(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unit(lengths: Array) -> Array:
     """Factors that make lengths one, where they are not zero."""
     return 1 / np.where(lengths > 0, lengths, 1.0)
 
 
-def _grown(A: NDArray[np.float64], more: int) -> NDArray[np.float64]:
+def _grown(A: Array, more: int) -> Array:
     return np.pad(A, (0, more))

@@ -41,6 +41,9 @@ __all__ = [
     "place_bodies",
 ]
 
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
 
 def place_bodies(
     substructures: Mapping[str, Substructure], scene: Scene, configuration: Configuration
@@ -121,17 +124,13 @@ def joint_tree(scene: Scene) -> tuple[list[str], dict[str, Joint]]:
     return reached, inboard_of
 
 
-def joint_axes(
-    substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], joint: Joint
-) -> NDArray[np.float64]:
+def joint_axes(substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], joint: Joint) -> Array:
     """Axes of a joint as rows, in scene components: those of its first interface (3, 3)."""
     face = interface_at(substructures, joint.first)
     return np.asarray(face.frame @ placed[joint.first.body].rotation.T)
 
 
-def joint_gap(
-    substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], joint: Joint
-) -> NDArray[np.float64]:
+def joint_gap(substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], joint: Joint) -> Array:
     """Vector from the first interface's nodes (offset included) to the second's, in the scene (p, 3)."""
     first, second = (interface_at(substructures, point) for point in (joint.first, joint.second))
     a, b = placed[joint.first.body], placed[joint.second.body]
@@ -141,9 +140,7 @@ def joint_gap(
     return np.asarray(there - here)
 
 
-def joint_arms(
-    substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], joint: Joint
-) -> NDArray[np.float64]:
+def joint_arms(substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], joint: Joint) -> Array:
     """Rigid arms from the first interface's nodes to the second's, in the first body's basic axes (p, 3).
 
     They hold the joint's offset and how far it is slid; what motion of the first interface does at the second is
@@ -173,9 +170,7 @@ def interface_at(substructures: Mapping[str, Substructure], point: Point) -> Int
     return faces[point.name]
 
 
-def _position(
-    substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], point: Point
-) -> NDArray[np.float64]:
+def _position(substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], point: Point) -> Array:
     place = placed[point.body]
     return np.asarray(place.rotation @ interface_at(substructures, point).position[0] + place.translation)
 
@@ -187,9 +182,7 @@ def _outboard(name: str, children: Mapping[str, list[str]]) -> list[str]:
     return found
 
 
-def _moved(
-    place: Placement, pivot: NDArray[np.float64], axis: NDArray[np.float64], value: float, *, turn: bool
-) -> Placement:
+def _moved(place: Placement, pivot: Array, axis: Array, value: float, *, turn: bool) -> Placement:
     if not turn:
         return Placement(place.rotation, place.translation + value * axis)
     skew = cross_matrix(axis)
@@ -198,7 +191,7 @@ def _moved(
 
 
 def outboard_loading(
-    body: FEModel, rows: NDArray[np.int64], bodies: Mapping[str, FEModel | RigidBody], scene: Scene
+    body: FEModel, rows: Indices, bodies: Mapping[str, FEModel | RigidBody], scene: Scene
 ) -> InterfaceLoading:
     """Mass and inertia of everything outboard of a body, rigid, on its interfaces (augmented-body modes).
 
@@ -268,7 +261,7 @@ def outboard_masses(body: FEModel, bodies: Mapping[str, FEModel | RigidBody], sc
 
 def _joined(
     body: FEModel, bodies: Mapping[str, FEModel | RigidBody], scene: Scene
-) -> Iterator[tuple[str, NDArray[np.float64], list[str]]]:
+) -> Iterator[tuple[str, Array, list[str]]]:
     """Interface, mass matrix about its first node along the body's axes (6, 6), and bodies, of each joint outwards."""
     _, inboard_of = joint_tree(scene)
     placed = {name: scene.placements.get(name, Placement()) for name in bodies}
@@ -289,7 +282,7 @@ def _joined(
             yield joint.first.name, _spin(bodies, placed, joint, here), []
 
 
-def _carried(body: FEModel, rows: NDArray[np.int64], face: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _carried(body: FEModel, rows: Indices, face: str) -> tuple[Indices, Array]:
     """Where the dofs of an interface stand in the i-set, and its best-fitting rigid motion (6, dofs)."""
     own = body.interface_rows(face)
     at = np.array([int(np.flatnonzero(rows == row)[0]) for row in own])
@@ -298,7 +291,7 @@ def _carried(body: FEModel, rows: NDArray[np.int64], face: str) -> tuple[NDArray
 
 def _spin(
     bodies: Mapping[str, FEModel | RigidBody], placed: Mapping[str, Placement], joint: Joint, frame: Placement
-) -> NDArray[np.float64]:
+) -> Array:
     """Inertia that a joint owns, along the axes of a body (6, 6)."""
     first = joint.first
     axes = bodies[first.body].interfaces[first.name].frame @ placed[first.body].rotation.T @ frame.rotation
@@ -319,9 +312,7 @@ def _beyond(outer: str, inboard_of: Mapping[str, Joint]) -> list[str]:
     return found
 
 
-def _mass_about(
-    body: FEModel | RigidBody, place: Placement, pivot: NDArray[np.float64], frame: Placement
-) -> NDArray[np.float64]:
+def _mass_about(body: FEModel | RigidBody, place: Placement, pivot: Array, frame: Placement) -> Array:
     """Rigid mass matrix of a body about a point of the scene, along the axes of another body (6, 6)."""
     point = place.rotation.T @ (pivot - place.translation)
     if isinstance(body, RigidBody):
@@ -335,7 +326,7 @@ def _mass_about(
     return np.asarray(turn @ own @ turn.T)
 
 
-def _rigid_rows(body: FEModel, rows: NDArray[np.int64], point: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rigid_rows(body: FEModel, rows: Indices, point: Array) -> Array:
     if body.nodes is None:
         raise SceneError(
             f"component '{body.name}' has no geometry, so augmented-body modes cannot carry mass along its arms; give "

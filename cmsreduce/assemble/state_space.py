@@ -20,16 +20,21 @@ from cmsreduce.linalg.dense import dense
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, elastic_pairs, modes_below, split_massless
 from cmsreduce.model import System
 
-__all__ = [
-    "ElasticStates",
-    "elastic_states",
-    "state_space",
-    "system_modes",
-    "undetermined",
-]
+__all__ = ["ElasticStates", "elastic_states", "state_space", "system_modes", "undetermined"]
+
+Array = NDArray[np.float64]
+
+# Damping couples rigid motions to elastic ones when it resists them by more than this share of its largest entry.
+_BRAKES = 1e-9
+# A has (2 N)^2 entries: 128 MiB at this size.
+_LARGEST = 2000
+# Damping of a massless shape is none if it holds the shape back by less than this share at the highest frequency.
+_NO_DAMPING = 1e-6
+# A product below this share of the size of its factors, or of the absolute parts of its sum, is round-off.
+_ROUND_OFF = 1e-12
 
 
-def system_modes(system: System, omega: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def system_modes(system: System, omega: float) -> tuple[Array, Array]:
     """Elastic modes of a system up to a frequency; its rigid modes are ``system.rigid``.
 
     Parameters
@@ -73,10 +78,6 @@ def undetermined(system: System, error: UndeterminedError) -> UndeterminedError:
     )
 
 
-# Damping couples rigid motions to elastic ones when it resists them by more than this share of its largest entry.
-_BRAKES = 1e-9
-
-
 @dataclass(frozen=True, eq=False)
 class ElasticStates:
     """z' = A z + B u, y = C z + D u with z = [w q; q'] of the e elastic modes.
@@ -97,17 +98,17 @@ class ElasticStates:
         Modes in the system's coordinates, orthonormal in M.
     """
 
-    A: NDArray[np.float64]
-    B: NDArray[np.float64]
-    C: NDArray[np.float64]
-    D: NDArray[np.float64]
-    rigid_B: NDArray[np.float64]
-    rigid_C1: NDArray[np.float64]
-    rigid_C2: NDArray[np.float64]
-    omega: NDArray[np.float64]
-    Phi: NDArray[np.float64]
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    rigid_B: Array
+    rigid_C1: Array
+    rigid_C2: Array
+    omega: Array
+    Phi: Array
 
-    def states_of(self, rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def states_of(self, rows: Array) -> tuple[Array, Array]:
         """Elastic displacements and rates, from z (p, 2e) each, of motions over the system's coordinates (p, N)."""
         shapes = rows @ self.Phi
         none = np.zeros_like(shapes)
@@ -151,14 +152,6 @@ def elastic_states(system: System) -> ElasticStates:
         w,
         Phi,
     )
-
-
-# A has (2 N)^2 entries: 128 MiB at this size.
-_LARGEST = 2000
-# Damping of a massless shape is none if it holds the shape back by less than this share at the highest frequency.
-_NO_DAMPING = 1e-6
-# A product below this share of the size of its factors, or of the absolute parts of its sum, is round-off.
-_ROUND_OFF = 1e-12
 
 
 def state_space(system: System) -> Any:
@@ -212,7 +205,7 @@ def state_space(system: System) -> Any:
     return control.ss(A, B, C, feedthrough, inputs=inputs, outputs=outputs)
 
 
-def _refuse_rates(system: System, N: NDArray[np.float64], top: float) -> None:
+def _refuse_rates(system: System, N: Array, top: float) -> None:
     """Refuse what makes the rate of a massless shape appear: it is the derivative of a load, which is no state."""
     if system.D is not None and (np.einsum("ij,ij->j", N, system.D @ N) * top > _NO_DAMPING).any():
         raise MatrixError(
@@ -229,7 +222,7 @@ def _refuse_rates(system: System, N: NDArray[np.float64], top: float) -> None:
         )
 
 
-def _product(A: NDArray[np.float64], B: NDArray[np.float64]) -> NDArray[np.float64]:
+def _product(A: Array, B: Array) -> Array:
     """A B without its round-off."""
     AB = A @ B
     size = np.outer(np.linalg.norm(A, axis=1), np.linalg.norm(B, axis=0))

@@ -15,11 +15,7 @@ from cmsreduce.linalg.eigen import repeated_groups
 from cmsreduce.linalg.gramians import check_damped
 from cmsreduce.model import ModalChannels
 
-__all__ = [
-    "Gregory",
-    "ModalGain",
-    "modal_gains",
-]
+__all__ = ["Gregory", "ModalGain", "modal_gains"]
 
 
 def modal_gains(channels: ModalChannels) -> NDArray[np.float64]:

@@ -16,13 +16,9 @@ from cmsreduce.balance.weighting import Weighting
 from cmsreduce.linalg.gramians import Band
 from cmsreduce.model import ModalChannels, ModalComponent
 
-__all__ = [
-    "ByFrequency",
-    "CLOSE",
-    "GramianRanking",
-    "Ranking",
-    "mode_spacing",
-]
+__all__ = ["ByFrequency", "CLOSE", "GramianRanking", "Ranking", "mode_spacing"]
+
+Array = NDArray[np.float64]
 
 CLOSE = 0.1
 """Spacing ratio above which "much smaller than one" (Gregory's condition) no longer holds."""
@@ -34,10 +30,10 @@ class Ranking(ABC):
     name: ClassVar[str]
 
     @abstractmethod
-    def coefficients(self, channels: ModalChannels) -> NDArray[np.float64]:
+    def coefficients(self, channels: ModalChannels) -> Array:
         """One coefficient per elastic mode (e,), larger for more important."""
 
-    def weighted(self, channels: ModalChannels, weighting: Weighting | None) -> NDArray[np.float64]:
+    def weighted(self, channels: ModalChannels, weighting: Weighting | None) -> Array:
         """Coefficients (e,) with each mode's inputs times the gain of a filter at its frequency."""
         return self.coefficients(channels if weighting is None else weighting.applied(channels))
 
@@ -71,10 +67,10 @@ class GramianRanking(Ranking):
     """A ranking that rests on Gramians, and limits them where the weighting is a band."""
 
     @abstractmethod
-    def band_coefficients(self, channels: ModalChannels, band: Band | None) -> NDArray[np.float64]:
+    def band_coefficients(self, channels: ModalChannels, band: Band | None) -> Array:
         """One coefficient per elastic mode (e,), of what happens at the frequencies of a band in rad/s."""
 
-    def coefficients(self, channels: ModalChannels) -> NDArray[np.float64]:
+    def coefficients(self, channels: ModalChannels) -> Array:
         """See `Ranking.coefficients`.
 
         Raises
@@ -84,14 +80,14 @@ class GramianRanking(Ranking):
         """
         return self.band_coefficients(channels, None)
 
-    def weighted(self, channels: ModalChannels, weighting: Weighting | None) -> NDArray[np.float64]:
+    def weighted(self, channels: ModalChannels, weighting: Weighting | None) -> Array:
         """Coefficients from Gramians limited to the weighting's band, or else by its gain; see `Ranking.weighted`."""
         if weighting is None or weighting.band is None:
             return super().weighted(channels, weighting)
         return self.band_coefficients(channels, weighting.band)
 
 
-def mode_spacing(omega: NDArray[np.float64], zeta: NDArray[np.float64]) -> NDArray[np.float64]:
+def mode_spacing(omega: Array, zeta: Array) -> Array:
     """Measure how close each mode is to its nearest, in half-power bandwidths.
 
     Returns
@@ -115,6 +111,6 @@ class ByFrequency(Ranking):
 
     name: ClassVar[str] = "frequency"
 
-    def coefficients(self, channels: ModalChannels) -> NDArray[np.float64]:
+    def coefficients(self, channels: ModalChannels) -> Array:
         """Periods in seconds; see `Ranking.coefficients`."""
         return np.asarray(2 * np.pi / channels.omega)

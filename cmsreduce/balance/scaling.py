@@ -12,6 +12,8 @@ from cmsreduce.model import FEModel, ModalChannels, rigid_body_shapes
 
 __all__ = ["Sized", "Turning", "characteristic_length", "scaled", "sized", "turning_rows"]
 
+Array = NDArray[np.float64]
+
 # A row of direction cosines that cancel leaves this share of its parts.
 _NO_MOTION = 1e-6
 # Directions of unit length that span less than this beyond others are taken for the same.
@@ -45,8 +47,8 @@ class Sized:
         What each does to the body's elastic modes: its force at its size, or the motion it measures in sizes.
     """
 
-    among: NDArray[np.float64]
-    modal: NDArray[np.float64]
+    among: Array
+    modal: Array
 
 
 def characteristic_length(body: FEModel) -> float:
@@ -80,7 +82,7 @@ def characteristic_length(body: FEModel) -> float:
     return float(np.sqrt(spread)) if spread > 0 else 1.0
 
 
-def turning_rows(rows: NDArray[np.float64] | sp.sparray, body: FEModel) -> NDArray[np.bool_]:
+def turning_rows(rows: Array | sp.sparray, body: FEModel) -> NDArray[np.bool_]:
     """Which rows over the dofs of a body measure an angle, or are the load of a moment.
 
     Parameters
@@ -128,7 +130,7 @@ def scaled(channels: ModalChannels, turning: Turning, length: float) -> ModalCha
         factor, and the order of the modes stays.
     """
 
-    def factor(turns: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def factor(turns: NDArray[np.bool_]) -> Array:
         return np.where(turns, length, 1.0)
 
     return replace(
@@ -170,7 +172,7 @@ def sized(
     )
 
 
-def _with_sizes(rows: NDArray[np.float64], own: Sized, turns: NDArray[np.bool_], length: float) -> NDArray[np.float64]:
+def _with_sizes(rows: Array, own: Sized, turns: NDArray[np.bool_], length: float) -> Array:
     if not own.among.shape[0]:
         return rows
     # In scaled rows a rotation is as many times smaller as the row is larger: so no unit of length decides.

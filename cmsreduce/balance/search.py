@@ -22,12 +22,24 @@ from cmsreduce.balance.truncation import Columns, Selection, whole_groups
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import ModalComponent
 
-__all__ = [
-    "Effects",
-    "Found",
-    "Judge",
-    "keep_error",
-]
+__all__ = ["Effects", "Found", "Judge", "keep_error"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+Order = list[int]
+# Up to this many groups every prefix of a ranked list is tried; beyond, the first passing one is bracketed.
+_EXHAUSTIVE = 400
+# What is predicted to miss the limit by less than this is tried: single effects on a coarser grid are this good.
+_SLACK = 1.2
+# Exchanges tried at a time, and groups of either side among which they are sought: the best by their own effect.
+_TRIALS = 24
+_PARTNERS = 48
+# How often what is predicted to go together is halved before groups are tried one by one.
+_HALVES = 4
+# An exchange of equally many modes is worth taking if it lowers the error by this share, and so often at most.
+_GAIN = 0.01
+_EXCHANGES = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +53,9 @@ class Effects:
         to the response. Several changes at once are predicted by the sum of their effects.
     """
 
-    gram: NDArray[np.float64]
+    gram: Array
 
-    def predicted(self, changes: NDArray[np.int64]) -> NDArray[np.float64]:
+    def predicted(self, changes: Indices) -> Array:
         """Worst error over all configurations after each of some sets of changes.
 
         Parameters
@@ -67,22 +79,6 @@ class Judge(Protocol):
 
     def effects(self, selection: Selection, changes: Sequence[tuple[str, Columns]]) -> Effects:
         """Effects of putting in columns that are left out, and of leaving out such as are in."""
-
-
-Order = list[int]
-
-# Up to this many groups every prefix of a ranked list is tried; beyond, the first passing one is bracketed.
-_EXHAUSTIVE = 400
-# What is predicted to miss the limit by less than this is tried: single effects on a coarser grid are this good.
-_SLACK = 1.2
-# Exchanges tried at a time, and groups of either side among which they are sought: the best by their own effect.
-_TRIALS = 24
-_PARTNERS = 48
-# How often what is predicted to go together is halved before groups are tried one by one.
-_HALVES = 4
-# An exchange of equally many modes is worth taking if it lowers the error by this share, and so often at most.
-_GAIN = 0.01
-_EXCHANGES = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,10 +107,7 @@ class Found:
 
 
 def keep_error(
-    components: Mapping[str, ModalComponent],
-    rankings: Mapping[str, Mapping[str, NDArray[np.float64]]],
-    judge: Judge,
-    limit: float,
+    components: Mapping[str, ModalComponent], rankings: Mapping[str, Mapping[str, Array]], judge: Judge, limit: float
 ) -> Found:
     """Keep the fewest modes with which the assembled system meets an error, or as few as the search gets to.
 
@@ -149,7 +142,7 @@ class _Search:
         self.errors: dict[frozenset[int], float] = {}
         self.asked: dict[frozenset[int], float] = {}
 
-    def run(self, rankings: Mapping[str, Mapping[str, NDArray[np.float64]]]) -> Found:
+    def run(self, rankings: Mapping[str, Mapping[str, Array]]) -> Found:
         everything = frozenset(range(len(self.groups)))
         full = self._error(everything, np.inf)
         if full > self.limit:
@@ -191,7 +184,7 @@ class _Search:
     def _passes(self, kept: frozenset[int]) -> bool:
         return self._error(kept, self.limit) <= self.limit
 
-    def _orders(self, coefficients: Mapping[str, NDArray[np.float64]]) -> Iterator[Order]:
+    def _orders(self, coefficients: Mapping[str, Array]) -> Iterator[Order]:
         """All bodies in one list, by what a coefficient is and by its share of the body's largest."""
         value = np.array([coefficients[name][columns].max() for name, columns in self.groups])
         largest = {
@@ -240,7 +233,7 @@ class _Search:
             kept = found
         return kept
 
-    def _spared(self, effects: Effects, order: NDArray[np.int64]) -> list[int]:
+    def _spared(self, effects: Effects, order: Indices) -> list[int]:
         """Changes that together are predicted to stay within the limit, taken one after another."""
         gram = effects.gram
         square, cross, taken = gram[:, 0, 0].copy(), gram[:, 0, 1:].copy(), list[int]()
@@ -283,7 +276,7 @@ class _Search:
         return None
 
 
-def _each_with(one: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
+def _each_with(one: Indices, others: Indices) -> Indices:
     """Every number of a list beside every row of a table."""
     return np.hstack([np.repeat(one, len(others))[:, None], np.tile(others, (one.size, 1))])
 

@@ -12,6 +12,8 @@ from cmsreduce.model import ExtraneousMode, ModeShare
 
 __all__ = ["extraneous_count", "extraneous_modes", "returned"]
 
+Array = NDArray[np.float64]
+
 # A mode is one of the chosen ones, or a combination of repeated ones, when they hold this share of its modal mass;
 # those that came along are orthogonal to them, so that shares lie near one or near zero.
 _CHOSEN = 0.5
@@ -43,7 +45,7 @@ def extraneous_count(ranks: Sequence[int], constrained: int, chosen: int) -> int
     return sum(ranks) - constrained - chosen
 
 
-def returned(products: NDArray[np.float64], gram: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+def returned(products: Array, gram: Array | None = None) -> Array:
     """Share of the modal mass of each reassembled mode that the chosen shapes hold.
 
     Parameters
@@ -64,12 +66,12 @@ def returned(products: NDArray[np.float64], gram: NDArray[np.float64] | None = N
 
 def extraneous_modes(
     configuration: str,
-    omega: NDArray[np.float64],
-    held: NDArray[np.float64],
-    energy: Mapping[str, NDArray[np.float64]],
-    motion: Mapping[str, NDArray[np.float64]],
-    peak: NDArray[np.float64],
-    likeness: NDArray[np.float64],
+    omega: Array,
+    held: Array,
+    energy: Mapping[str, Array],
+    motion: Mapping[str, Array],
+    peak: Array,
+    likeness: Array,
 ) -> tuple[ExtraneousMode, ...]:
     """Name the modes of a reassembled system that were not chosen.
 

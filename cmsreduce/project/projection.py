@@ -16,6 +16,8 @@ from cmsreduce.model import Matrix, ModalComponent
 
 __all__ = ["INDEPENDENT", "Projection", "keep_combinations", "project_shapes"]
 
+Array = NDArray[np.float64]
+
 INDEPENDENT = 1e-8
 """A direction of a body's projected shapes is one of its own when it holds more than this share of the amplitude of a
 mode of the system of unit modal mass: 1e-16 of its kinetic energy. System modes are known to 1e-9 of theirs."""
@@ -45,8 +47,8 @@ class Projection:
     """
 
     body: str
-    Q: NDArray[np.float64]
-    singular: NDArray[np.float64]
+    Q: Array
+    singular: Array
 
     @property
     def rank(self) -> int:
@@ -59,12 +61,7 @@ class Projection:
         return float(self.singular[self.rank :].max(initial=0.0))
 
 
-def project_shapes(
-    body: str,
-    shapes: Sequence[NDArray[np.float64]],
-    M: Matrix,
-    tolerance: float = INDEPENDENT,
-) -> Projection:
+def project_shapes(body: str, shapes: Sequence[Array], M: Matrix, tolerance: float = INDEPENDENT) -> Projection:
     """Collect a body's part of system modes from several configurations, freed of what is dependent.
 
     Parameters
@@ -98,7 +95,7 @@ def project_shapes(
     return Projection(body, np.asarray(basis @ U[:, :rank]), np.asarray(singular))
 
 
-def keep_combinations(component: ModalComponent, Q: NDArray[np.float64], why: str) -> ModalComponent:
+def keep_combinations(component: ModalComponent, Q: Array, why: str) -> ModalComponent:
     """Cut a body down to chosen combinations of its elastic modes.
 
     Parameters
@@ -165,7 +162,7 @@ def keep_combinations(component: ModalComponent, Q: NDArray[np.float64], why: st
     )
 
 
-def _orthonormal(X: NDArray[np.float64], M: Matrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _orthonormal(X: Array, M: Matrix) -> tuple[Array, Array]:
     """Columns orthonormal in M (m, r) and R (r, k) with X their product, by Gram and Schmidt twice over."""
     basis, of_mass, R = np.empty(X.shape), np.empty(X.shape), np.zeros((X.shape[1], X.shape[1]))
     r = 0

@@ -49,10 +49,7 @@ class SystemCost:
 
 
 def system_cost(
-    system: System,
-    substructures: Mapping[str, Substructure],
-    noise: Array | None = None,
-    weight: Array | None = None,
+    system: System, substructures: Mapping[str, Substructure], noise: Array | None = None, weight: Array | None = None
 ) -> SystemCost:
     """Share the mean square response of an assembled system out to the coordinates of its bodies.
 

@@ -58,11 +58,7 @@ class Loads:
 
 
 def residual_shapes(
-    solve: Solve,
-    K: sp.csc_array,
-    loads: Array | sp.csc_array | Loads,
-    known: Array,
-    M: sp.csc_array | None = None,
+    solve: Solve, K: sp.csc_array, loads: Array | sp.csc_array | Loads, known: Array, M: sp.csc_array | None = None
 ) -> tuple[Array, Rows]:
     """Static responses without the part that other shapes hold.
 

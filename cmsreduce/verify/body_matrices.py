@@ -16,18 +16,17 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.factorise import factorise
 from cmsreduce.model import FEModel
 
-__all__ = [
-    "Contrast",
-    "Grounding",
-    "LightDofs",
-    "grounding",
-    "light_dofs",
-    "negative_directions",
-    "stiffness_contrast",
-]
+__all__ = ["Contrast", "Grounding", "LightDofs", "grounding", "light_dofs", "negative_directions", "stiffness_contrast"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 # Condensation of a slender body leaves this share of a diagonal entry, printed digits ten of their roundings.
 _CONDENSED, _DIGITS = 1e-9, 10.0
+
+# Mass this far below the median of its kind moves by itself at ten thousand times the frequency of its neighbours: it
+# is a number put in to make a matrix regular, and costs time steps.
+_NEARLY = 1e-8
 
 
 def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
@@ -54,9 +53,6 @@ def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
     return int(factor.negative_pivots) if factor.inertia_known else None
 
 
-Array = NDArray[np.float64]
-
-
 @dataclass(frozen=True, eq=False)
 class Grounding:
     """K R, and what it comes to at each node.
@@ -75,7 +71,7 @@ class Grounding:
     """
 
     force: Array
-    node: NDArray[np.int64]
+    node: Indices
     translation: Array
     rotation: Array
     relative: Array
@@ -113,11 +109,6 @@ def grounding(body: FEModel, shapes: Array) -> Grounding:
     return Grounding(force, node, resultant(~rotational), resultant(rotational), relative)
 
 
-# Mass this far below the median of its kind moves by itself at ten thousand times the frequency of its neighbours: it
-# is a number put in to make a matrix regular, and costs time steps.
-_NEARLY = 1e-8
-
-
 @dataclass(frozen=True, eq=False)
 class LightDofs:
     """Rows that carry no mass, and rows that nearly do not.
@@ -134,8 +125,8 @@ class LightDofs:
         That row; -1 without any mass.
     """
 
-    massless: NDArray[np.int64]
-    nearly: NDArray[np.int64]
+    massless: Indices
+    nearly: Indices
     highest_hz: float
     highest: int
 
@@ -188,7 +179,7 @@ def stiffness_contrast(body: FEModel) -> list[Contrast]:
     return found
 
 
-def _kinds(body: FEModel) -> dict[str, NDArray[np.int64]]:
+def _kinds(body: FEModel) -> dict[str, Indices]:
     c = body.dofs.component
     return {
         "translations": np.flatnonzero((c > 0) & (c <= 3)),

@@ -13,6 +13,7 @@ from cmsreduce.model import Check
 __all__ = ["StabilityMargin", "controller_response", "stability_margin"]
 
 Complex = NDArray[np.complex128]
+Array = NDArray[np.float64]
 
 # Entries of the matrices that are solved at a time: 64 MiB.
 _BLOCK_ENTRIES = 2**22
@@ -32,12 +33,12 @@ class StabilityMargin:
         sigma_min(I + G_R K): distance of the reduced loop from instability.
     """
 
-    frequency_hz: NDArray[np.float64]
-    spillover: NDArray[np.float64]
-    borne: NDArray[np.float64]
+    frequency_hz: Array
+    spillover: Array
+    borne: Array
 
     @property
-    def ratio(self) -> NDArray[np.float64]:
+    def ratio(self) -> Array:
         """Spillover over what is borne (f,); below 1 everywhere proves the full loop stable if the reduced one is."""
         return np.asarray(
             np.divide(self.spillover, self.borne, out=np.full(self.borne.size, np.inf), where=self.borne > 0)
@@ -60,13 +61,7 @@ class StabilityMargin:
         return Check("stability of the controller: sigma_max(dG K) / sigma_min(I + G_R K)", self.worst, below)
 
 
-def controller_response(
-    A: NDArray[np.float64],
-    B: NDArray[np.float64],
-    C: NDArray[np.float64],
-    D: NDArray[np.float64],
-    frequency_hz: NDArray[np.float64],
-) -> Complex:
+def controller_response(A: Array, B: Array, C: Array, D: Array, frequency_hz: Array) -> Complex:
     """Frequency response of a controller in state space.
 
     Parameters
@@ -104,7 +99,7 @@ def controller_response(
     return np.asarray(C @ inner + D, dtype=np.complex128)
 
 
-def stability_margin(frequency_hz: NDArray[np.float64], full: Complex, reduced: Complex, K: Complex) -> StabilityMargin:
+def stability_margin(frequency_hz: Array, full: Complex, reduced: Complex, K: Complex) -> StabilityMargin:
     """Compare the spillover of a loop with what the reduced loop bears.
 
     Parameters

@@ -11,18 +11,28 @@ from numpy.typing import NDArray
 
 from cmsreduce.model import CostlyMode, CostlyModes, ModalComponent, RoundingEffect
 
-__all__ = [
-    "costly_modes",
-    "single_precision",
-]
+__all__ = ["costly_modes", "single_precision"]
+
+Array = NDArray[np.float64]
 
 # Below twice the band, a mode's mass changes its flexibility in the band by a third or more.
 _FACTOR = 2.0
 # A thousandth of a point's flexibility is a thousandth of a decade's response there, and 5e-4 of a frequency.
 _SHARE = 1e-3
 
+# Motions of the interface that the shapes make to less than this, relative to their largest, are not made at all: what
+# single precision leaves of a row that depends on the others is smaller, a motion that a mode makes is not.
+_MADE = 1e-5
+# Beyond 1e5 times the lowest frequency a shape is one without mass.
+_MASSLESS = 1e-10
+# A motion below a hundredth of the lowest elastic frequency is a rigid one.
+_RIGID = 1e-2
+# Beside the stiffness of the body held, this much of its lowest frequency squared is nothing; where its interface does
+# not hold it, it keeps what is left free from being singular.
+_SHIFT = 1e-8
 
-def costly_modes(component: ModalComponent, points: NDArray[np.float64], band_hz: float) -> CostlyModes:
+
+def costly_modes(component: ModalComponent, points: Array, band_hz: float) -> CostlyModes:
     """Find the modes above all that serve the band.
 
     Parameters
@@ -70,20 +80,6 @@ def costly_modes(component: ModalComponent, points: NDArray[np.float64], band_hz
         _FACTOR,
         _SHARE,
     )
-
-
-Array = NDArray[np.float64]
-
-# Motions of the interface that the shapes make to less than this, relative to their largest, are not made at all: what
-# single precision leaves of a row that depends on the others is smaller, a motion that a mode makes is not.
-_MADE = 1e-5
-# Beyond 1e5 times the lowest frequency a shape is one without mass.
-_MASSLESS = 1e-10
-# A motion below a hundredth of the lowest elastic frequency is a rigid one.
-_RIGID = 1e-2
-# Beside the stiffness of the body held, this much of its lowest frequency squared is nothing; where its interface does
-# not hold it, it keeps what is left free from being singular.
-_SHIFT = 1e-8
 
 
 def single_precision(M: Array, K: Array, shapes: Array, rigid_count: int, static_count: int) -> RoundingEffect:

@@ -28,6 +28,13 @@ __all__ = [
     "rigid_mass_properties",
 ]
 
+Array = NDArray[np.float64]
+
+REALISABLE = 1e-6
+"""Printed digits of a mass matrix may put a thin body's inertia this far beyond what mass can have, relative."""
+# The mass of a free body is the same in all directions, to the few digits that a condensed body keeps.
+_SAME_MASS = 1e-3
+
 
 @dataclass(frozen=True, eq=False)
 class MassProperties:
@@ -43,12 +50,12 @@ class MassProperties:
         Inertia tensor about the centre of mass.
     """
 
-    mass: NDArray[np.float64]
-    cg: NDArray[np.float64]
-    inertia: NDArray[np.float64]
+    mass: Array
+    cg: Array
+    inertia: Array
 
 
-def rigid_mass_properties(rigid: NDArray[np.float64]) -> MassProperties:
+def rigid_mass_properties(rigid: Array) -> MassProperties:
     """Mass properties from a rigid mass matrix.
 
     Parameters
@@ -98,15 +105,6 @@ def mass_disorder(body: FEModel) -> float:
     coupling = rigid[:, 3:] / size
     worst = max(abs(rigid[:, :3] - mass * np.eye(3)).max(), abs(coupling + coupling.T).max())
     return float(worst / mass) if mass > 0 else float("inf")
-
-
-Array = NDArray[np.float64]
-
-REALISABLE = 1e-6
-"""Printed digits of a mass matrix may put a thin body's inertia this far beyond what mass can have, relative."""
-
-# The mass of a free body is the same in all directions, to the few digits that a condensed body keeps.
-_SAME_MASS = 1e-3
 
 
 @dataclass(frozen=True, eq=False)

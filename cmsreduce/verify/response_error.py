@@ -28,6 +28,9 @@ __all__ = [
     "peak_shifts",
 ]
 
+Response = NDArray[np.complex128]
+Array = NDArray[np.float64]
+
 # A band that starts at zero is looked at over this many decades: below, only rigid motion is left.
 _DECADES = 3.0
 # Distances from a resonance, in half-power half-widths zeta w, from well inside the peak to well outside.
@@ -40,15 +43,28 @@ _NO_DAMPING = 1e-4
 # Points of the fixed grid of the decibel error.
 _DECIBEL_POINTS = 1000
 
+# A channel whose elastic response is below this share of its rigid one is round-off left by the subtraction.
+_ROUND_OFF = 1e-10
+# A channel 120 dB below the strongest of its unit is nothing that an eye sees beside it.
+SILENT = 1e-6
+# Rounds of scaling rows and columns in turn. More would raise a coupling that is next to nothing until outputs and
+# inputs agree in every unit.
+_ROUNDS = 4
+# Share of the points of a Bode plot that lie within the decibel error.
+_PERCENTILE = 99.0
+# A peak so far below the highest of its channel, 60 dB, is nothing that an eye sees beside it.
+_SEEN = 1e-3
+# A peak stands beside its resonance by zeta^2, more where the slope of others tilts it; further off, it is of a mode
+# that has no partner.
+_NEAR = 0.02
+
 
 def lowest_frequency(band: tuple[float, float]) -> float:
     """Lowest frequency compared, in Hz: the band's own, or three decades below its top if that is zero."""
     return band[0] if band[0] > 0 else float(band[1] / 10**_DECADES)
 
 
-def frequency_grid(
-    band: tuple[float, float], points: int, omega: NDArray[np.float64], zeta: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def frequency_grid(band: tuple[float, float], points: int, omega: Array, zeta: Array) -> Array:
     """Logarithmic grid over the band, refined at every resonance, so that no peak is missed.
 
     Parameters
@@ -77,27 +93,14 @@ def frequency_grid(
     return w[(w >= 2 * np.pi * low * (1 - 1e-12)) & (w <= 2 * np.pi * high * (1 + 1e-12))]
 
 
-def decibel_grid(band: tuple[float, float]) -> NDArray[np.float64]:
+def decibel_grid(band: tuple[float, float]) -> Array:
     """Fixed logarithmic grid of 1000 circular frequencies in the band, rad/s."""
     return 2 * np.pi * np.geomspace(lowest_frequency(band), band[1], _DECIBEL_POINTS)
 
 
-# A channel whose elastic response is below this share of its rigid one is round-off left by the subtraction.
-_ROUND_OFF = 1e-10
-# A channel 120 dB below the strongest of its unit is nothing that an eye sees beside it.
-SILENT = 1e-6
-# Rounds of scaling rows and columns in turn. More would raise a coupling that is next to nothing until outputs and
-# inputs agree in every unit.
-_ROUNDS = 4
-# Share of the points of a Bode plot that lie within the decibel error.
-_PERCENTILE = 99.0
-
-Response = NDArray[np.complex128]
-
-
 def channel_scales(
     inputs: Sequence[Channel], outputs: Sequence[Channel], elastic: Response, total: Response
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     """Scales that make channels of unlike units comparable.
 
     Channels of one unit keep their proportions; each unit is scaled to the same root mean square response, so that
@@ -129,9 +132,7 @@ def channel_scales(
     return row[rows], column[columns]
 
 
-def frf_error(
-    omega: NDArray[np.float64], H: Response, H_r: Response, row: NDArray[np.float64], column: NDArray[np.float64]
-) -> float:
+def frf_error(omega: Array, H: Response, H_r: Response, row: Array, column: Array) -> float:
     """Relative error of the elastic response over the band.
 
     Parameters
@@ -156,7 +157,7 @@ def frf_error(
     return float(np.sqrt(miss / size))
 
 
-def db_error(H: Response, H_r: Response, row: NDArray[np.float64], column: NDArray[np.float64]) -> float:
+def db_error(H: Response, H_r: Response, row: Array, column: Array) -> float:
     """Decibels by which the reduced response leaves the full one, worst channel.
 
     Parameters
@@ -179,13 +180,13 @@ def db_error(H: Response, H_r: Response, row: NDArray[np.float64], column: NDArr
     return worst
 
 
-def loud_channels(H: Response, row: NDArray[np.float64], column: NDArray[np.float64]) -> NDArray[np.bool_]:
+def loud_channels(H: Response, row: Array, column: Array) -> NDArray[np.bool_]:
     """Channels (outputs, inputs) that are not silent beside the strongest of their unit; arguments of `db_error`."""
     size = np.sqrt(np.mean(abs(H) ** 2, axis=0)) * row[:, None] * column[None, :]
     return np.asarray(size > SILENT * size.max(initial=0.0))
 
 
-def channel_errors(omega: NDArray[np.float64], H: Response, H_r: Response) -> NDArray[np.float64]:
+def channel_errors(omega: Array, H: Response, H_r: Response) -> Array:
     """Relative error of the response of each channel over the band.
 
     Returns
@@ -197,7 +198,7 @@ def channel_errors(omega: NDArray[np.float64], H: Response, H_r: Response) -> ND
     return np.asarray(np.where(size > 0, miss / np.where(size > 0, size, 1.0), np.nan))
 
 
-def peak_errors(H: Response, H_r: Response) -> NDArray[np.float64]:
+def peak_errors(H: Response, H_r: Response) -> Array:
     """Relative error of the height of the highest peak of each channel.
 
     Returns
@@ -210,7 +211,7 @@ def peak_errors(H: Response, H_r: Response) -> NDArray[np.float64]:
     return np.asarray(np.where(high > 0, abs(high_r - high) / np.where(high > 0, high, 1.0), np.nan))
 
 
-def frac(H: Response, H_r: Response) -> NDArray[np.float64]:
+def frac(H: Response, H_r: Response) -> Array:
     """Frequency response assurance criterion of each channel: 1 for equal shapes, 0 for unlike ones.
 
     Returns
@@ -229,9 +230,7 @@ def _units(channels: Sequence[Channel]) -> NDArray[np.int64]:
     return np.array([sorted(set(keys)).index(key) for key in keys], dtype=np.int64)
 
 
-def _equalised(
-    power: NDArray[np.float64], outputs: NDArray[np.int64], inputs: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _equalised(power: Array, outputs: NDArray[np.int64], inputs: NDArray[np.int64]) -> tuple[Array, Array]:
     """Factors that bring input units, and output units nearly, to the same mean power per channel; zero if silent."""
     g, h = np.nonzero(power)
     # Started from the least squares of the logarithms, which a change of units passes through unaltered; started from
@@ -246,23 +245,11 @@ def _equalised(
     return row, column
 
 
-def _inverse_root(mean: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverse_root(mean: Array) -> Array:
     return np.where(mean > 0, 1 / np.sqrt(np.where(mean > 0, mean, 1.0)), 0.0)
 
 
-# A peak so far below the highest of its channel, 60 dB, is nothing that an eye sees beside it.
-_SEEN = 1e-3
-# A peak stands beside its resonance by zeta^2, more where the slope of others tilts it; further off, it is of a mode
-# that has no partner.
-_NEAR = 0.02
-
-
-def peak_shifts(
-    omega: NDArray[np.float64],
-    H: NDArray[np.complex128],
-    full: NDArray[np.float64],
-    reduced: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def peak_shifts(omega: Array, H: Response, full: Array, reduced: Array) -> Array:
     """Largest normalised relative frequency difference (NRFD) of the modes that make a peak in each channel.
 
     Parameters
