@@ -1,9 +1,4 @@
-"""Frequencies at which two models are compared.
-
-Errors of a reduced model's frequency response (design: summary.json).
-
-How far the resonances that a channel shows are shifted.
-"""
+"""Errors of a reduced model's frequency response, and the frequencies at which two models are compared."""
 
 from __future__ import annotations
 
@@ -31,31 +26,30 @@ __all__ = [
 Response = NDArray[np.complex128]
 Array = NDArray[np.float64]
 
-# A band that starts at zero is looked at over this many decades: below, only rigid motion is left.
+# A band that starts at zero is compared over this many decades: below, only rigid motion remains.
 _DECADES = 3.0
 # Distances from a resonance, in half-power half-widths zeta w, from well inside the peak to well outside.
 _OFFSETS = np.concatenate([[0.0], np.geomspace(0.05, 5000.0, 48)])
 _OUTSIDE = 40.0
-# Flanks of a sharper peak are followed further, to this share of its frequency, where the grid itself takes over.
+# Flanks of a sharper peak are refined further, to this share of its frequency, where the grid itself is fine enough.
 _FLANK = 0.05
 # Width given to the peak of a mode without damping.
 _NO_DAMPING = 1e-4
 # Points of the fixed grid of the decibel error.
 _DECIBEL_POINTS = 1000
-
-# A channel whose elastic response is below this share of its rigid one is round-off left by the subtraction.
+# A channel whose elastic response is below this share of its rigid one is round-off of the subtraction.
 _ROUND_OFF = 1e-10
-# A channel 120 dB below the strongest of its unit is nothing that an eye sees beside it.
+# A channel 120 dB below the strongest of its unit cannot be seen beside it.
 SILENT = 1e-6
-# Rounds of scaling rows and columns in turn. More would raise a coupling that is next to nothing until outputs and
-# inputs agree in every unit.
+# Rounds of scaling rows and columns in turn. More rounds would raise a negligible coupling until outputs and inputs
+# agree in every unit.
 _ROUNDS = 4
 # Share of the points of a Bode plot that lie within the decibel error.
 _PERCENTILE = 99.0
-# A peak so far below the highest of its channel, 60 dB, is nothing that an eye sees beside it.
+# A peak 60 dB below the highest of its channel cannot be seen beside it.
 _SEEN = 1e-3
-# A peak stands beside its resonance by zeta^2, more where the slope of others tilts it; further off, it is of a mode
-# that has no partner.
+# A peak lies off its resonance by zeta^2, more where the slope of other modes tilts it; further off, it belongs to a
+# mode without a partner.
 _NEAR = 0.02
 
 
@@ -104,13 +98,13 @@ def channel_scales(
     """Scales that make channels of unlike units comparable.
 
     Channels of one unit keep their proportions; each unit is scaled to the same root mean square response, so that
-    neither radians against metres nor rates against displacements decide the error. Stating a unit in another (degrees
-    for radians) changes the factors, and no error measured with them.
+    neither radians against metres nor rates against displacements decide the error. Another unit (degrees for radians)
+    changes the factors, but no error measured with them.
 
     Parameters
     ----------
     inputs, outputs : sequence of Channel
-        What each column and row is.
+        Channels of the columns and rows.
     elastic, total : (f, outputs, inputs) complex128
         Response of the full model without and with its rigid-body part.
 
@@ -158,14 +152,14 @@ def frf_error(omega: Array, H: Response, H_r: Response, row: Array, column: Arra
 
 
 def db_error(H: Response, H_r: Response, row: Array, column: Array) -> float:
-    """Decibels by which the reduced response leaves the full one, worst channel.
+    """Difference in decibels of the reduced response from the full one, worst channel.
 
     Parameters
     ----------
     H, H_r : (f, outputs, inputs) complex128
         Responses with their rigid-body part, on `decibel_grid`.
     row, column : float64
-        From `channel_scales`; channels silent beside the strongest of their unit are passed over.
+        From `channel_scales`; channels silent beside the strongest of their unit do not count.
 
     Returns
     -------
@@ -204,8 +198,8 @@ def peak_errors(H: Response, H_r: Response) -> Array:
     Returns
     -------
     (outputs, inputs) float64
-        | max|H_r| - max|H| | / max|H| over the band; NaN for a silent channel. A peak that is shifted counts for
-        nothing here, and for much in `channel_errors`.
+        | max|H_r| - max|H| | / max|H| over the band; NaN for a silent channel. The shift of a peak does not count here;
+        in `channel_errors` it counts much.
     """
     high, high_r = (abs(X).max(axis=0, initial=0.0) for X in (H, H_r))
     return np.asarray(np.where(high > 0, abs(high_r - high) / np.where(high > 0, high, 1.0), np.nan))
@@ -231,10 +225,10 @@ def _units(channels: Sequence[Channel]) -> NDArray[np.int64]:
 
 
 def _equalised(power: Array, outputs: NDArray[np.int64], inputs: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Factors that bring input units, and output units nearly, to the same mean power per channel; zero if silent."""
+    """Factors that bring units of inputs, and nearly those of outputs, to one mean power a channel; zero if silent."""
     g, h = np.nonzero(power)
-    # Started from the least squares of the logarithms, which a change of units passes through unaltered; started from
-    # ones, the few rounds below would keep a memory of the units.
+    # The start is the least squares of the logarithms, which a change of units does not alter; after a start from ones,
+    # the result of the few rounds below would depend on the units.
     parts = np.zeros((g.size, sum(power.shape)))
     parts[np.arange(g.size), g] = parts[np.arange(g.size), power.shape[0] + h] = 1.0
     logarithms, *_ = np.linalg.lstsq(parts, -0.5 * np.log(power[g, h]), rcond=None)
@@ -264,8 +258,8 @@ def peak_shifts(omega: Array, H: Response, full: Array, reduced: Array) -> Array
     Returns
     -------
     (outputs, inputs) float64
-        |reduced - full| / full, the largest of the modes that the channel shows; NaN where it shows none. A mode of the
-        full system without a partner is not counted: the response error and FRAC tell of it.
+        |reduced - full| / full, the largest of the modes with a peak in the channel; NaN where there is none. A mode of
+        the full system without a partner does not count: it is in the response error and FRAC.
 
     Examples
     --------
