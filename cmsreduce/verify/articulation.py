@@ -119,8 +119,8 @@ def free_index(system: System, Phi: Array) -> Array:
     Returns
     -------
     (k, a) float64
-        e_kk = [(I + Phi_h^T Phi_h J~)^-1]_kk after 1, 2, .. k modes, Phi_h their hinge motions. With all modes it is the
-        share of the inertia at the hinge nodes themselves.
+        e_kk = [(I + Phi_h^T Phi_h J~)^-1]_kk after 1, 2, .. k modes, Phi_h their hinge motions. With all modes it is
+        the share of the inertia at the hinge nodes themselves.
 
     Raises
     ------

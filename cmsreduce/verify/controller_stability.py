@@ -94,8 +94,8 @@ def controller_response(A: Array, B: Array, C: Array, D: Array, frequency_hz: Ar
             inner[part] = np.linalg.solve(s[part, None, None] * np.eye(n) - A, B[None])
     except np.linalg.LinAlgError:
         raise MatrixError(
-            "controller: one of the frequencies is a pole of the controller, such as 0 Hz of an integrator; start the grid "
-            "above it"
+            "controller: one of the frequencies is a pole of the controller, such as 0 Hz of an integrator; start the "
+            "grid above it"
         ) from None
     return np.asarray(C @ inner + D, dtype=np.complex128)
 
