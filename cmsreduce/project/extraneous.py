@@ -1,4 +1,4 @@
-"""Modes that projection and reassembly bring along uncalled: how many, which, where they live, what they do."""
+"""Extraneous modes of a reassembled system, which were not chosen: number, place and effect."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ __all__ = ["extraneous_count", "extraneous_modes", "returned"]
 
 Array = NDArray[np.float64]
 
-# A mode is one of the chosen ones, or a combination of repeated ones, when they hold this share of its modal mass;
-# those that came along are orthogonal to them, so that shares lie near one or near zero.
+# A mode is one of the chosen ones, or a combination of repeated ones, when they hold this share of its modal mass.
+# Extraneous modes are orthogonal to the chosen ones, so that shares lie near one or near zero.
 _CHOSEN = 0.5
 
 
 def extraneous_count(ranks: Sequence[int], constrained: int, chosen: int) -> int:
-    """Count the modes that come along: sum of the bodies' shapes, less the constraints, less what was chosen.
+    """Count the extraneous modes: sum of the bodies' shapes, less the constraints, less the chosen modes.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def extraneous_modes(
     energy: Mapping[str, Array],
     motion: Mapping[str, Array],
     peak: Array,
-    likeness: Array,
+    mac: Array,
 ) -> tuple[ExtraneousMode, ...]:
     """Name the modes of a reassembled system that were not chosen.
 
@@ -89,7 +89,7 @@ def extraneous_modes(
         Size of the motion of each interface in each mode.
     peak : (outputs, k) float64
         Largest peak of each mode in each output.
-    likeness : (k,) float64
+    mac : (k,) float64
         Largest share of each mode that one mode of the unreduced system holds.
     """
     total = np.maximum(sum(energy.values(), np.zeros(omega.size)), np.finfo(float).tiny)
@@ -109,7 +109,7 @@ def extraneous_modes(
                 float(omega[k] / (2 * np.pi)),
                 share,
                 np.asarray(peak[:, k] / largest),
-                float(likeness[k]),
+                float(mac[k]),
             )
         )
     return tuple(found)
