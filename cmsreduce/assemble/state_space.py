@@ -1,9 +1,4 @@
-"""Natural frequencies of an assembled system.
-
-The elastic part of an assembled system in modal states, beside which its rigid motions stand in parallel.
-
-State space of an assembled system, as the control package takes it.
-"""
+"""State space of an assembled system: its elastic part in modal states, and a model of the control package."""
 
 from __future__ import annotations
 
@@ -12,15 +7,15 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.assemble.modes import undetermined
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.dense import dense
-from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, elastic_pairs, modes_below, split_massless
+from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, split_massless
 from cmsreduce.model import System
 
-__all__ = ["ElasticStates", "elastic_states", "state_space", "system_modes", "undetermined"]
+__all__ = ["ElasticStates", "elastic_states", "state_space"]
 
 Array = NDArray[np.float64]
 
@@ -32,50 +27,6 @@ _LARGEST = 2000
 _NO_DAMPING = 1e-6
 # A product below this share of the size of its factors, or of the absolute parts of its sum, is round-off.
 _ROUND_OFF = 1e-12
-
-
-def system_modes(system: System, omega: float) -> tuple[Array, Array]:
-    """Elastic modes of a system up to a frequency; its rigid modes are ``system.rigid``.
-
-    Parameters
-    ----------
-    system : System
-        Sparse or dense.
-    omega : float
-        Highest frequency in rad/s.
-
-    Returns
-    -------
-    w : (k,) float64
-        Undamped natural frequencies in rad/s, ascending.
-    Phi : (N, k) float64
-        Modes, orthonormal in M.
-
-    Raises
-    ------
-    MatrixError
-        If a motion has neither mass nor stiffness.
-    """
-    try:
-        if sp.issparse(system.K):
-            return modes_below(system.K, sp.csc_array(system.M), omega, rigid=system.rigid, rounding=system.rounding)
-        lam, X = elastic_pairs(np.asarray(system.K), np.asarray(system.M), system.rigid, system.rounding)
-    except UndeterminedError as error:
-        raise undetermined(system, error) from None
-    keep = lam <= omega**2
-    return np.sqrt(lam[keep]), X[:, keep]
-
-
-def undetermined(system: System, error: UndeterminedError) -> UndeterminedError:
-    """Name the body that moves most in a motion with neither mass nor stiffness."""
-    moved = np.split(abs(np.asarray(system.T @ error.shape)), np.cumsum(list(system.sizes.values()))[:-1])
-    body = max(zip(system.sizes, moved, strict=True), key=lambda part: part[1].max(initial=0.0))[0]
-    return UndeterminedError(
-        f"in configuration '{system.configuration.name}' a motion, above all of body '{body}', has neither mass nor "
-        "stiffness, so that nothing determines it: two points without mass are joined to each other alone. Give one of "
-        "them a mass or a spring, or leave its dof out of the joint",
-        error.shape,
-    )
 
 
 @dataclass(frozen=True, eq=False)
