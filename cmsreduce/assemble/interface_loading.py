@@ -10,7 +10,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.assemble.joints import first_motion, relative_motion
-from cmsreduce.assemble.placement import joint_tree
+from cmsreduce.assemble.placement import bodies_beyond, joint_tree
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.system import wire
 from cmsreduce.errors import ConstraintError, SceneError
@@ -156,8 +156,10 @@ def neighbour_loading(here: Substructure, others: Iterable[Substructure], scene:
         z = K.shape[0] - i
         shapes = np.zeros((there.m, K.shape[0] + free.shape[1]))
         shapes[:, :i], shapes[:, i + z :] = follow, free
-        K = _grown(K, free.shape[1]) + shapes.T @ (dense(there.K) @ shapes)
-        M = _grown(M, free.shape[1]) + shapes.T @ (dense(there.M) @ shapes)
+        K, M = (
+            np.pad(A, (0, free.shape[1])) + shapes.T @ (dense(part) @ shapes)
+            for A, part in ((K, there.K), (M, there.M))
+        )
         for stiffness, inertia, row in _elements(here, there, joints_to[there.name], shapes, scene):
             K, M = K + stiffness * np.outer(row, row), M + inertia * np.outer(row, row)
         names.append(there.name)
@@ -278,19 +280,12 @@ def _with_energy(there: Substructure, motions: Array) -> Array:
 
 def _least_squares(A: Array, B: Array) -> Array:
     """Solve A X = B with rows and columns of A scaled, because the arms of a joint are long in some units."""
-    row = _unit(np.linalg.norm(A, axis=1))[:, None]
-    column = _unit(np.linalg.norm(row * A, axis=0))
+    sizes = np.linalg.norm(A, axis=1)
+    row = 1 / np.where(sizes > 0, sizes, 1.0)[:, None]
+    sizes = np.linalg.norm(row * A, axis=0)
+    column = 1 / np.where(sizes > 0, sizes, 1.0)
     X, *_ = la.lstsq(row * A * column, row * B, cond=_CARRIED)
     return np.asarray(column[:, None] * X)
-
-
-def _unit(lengths: Array) -> Array:
-    """Factors that make lengths one, where they are not zero."""
-    return 1 / np.where(lengths > 0, lengths, 1.0)
-
-
-def _grown(A: Array, more: int) -> Array:
-    return np.pad(A, (0, more))
 
 
 def _outboard(
@@ -305,7 +300,7 @@ def _outboard(
         ends = {joint.first.body: joint.first, joint.second.body: joint.second}
         if outer is None or body.name not in ends or outer == body.name:
             continue
-        group = _beyond(outer, inboard_of)
+        group = bodies_beyond(outer, inboard_of)
         face = body.interfaces[ends[body.name].name]
         pivot = here.rotation @ face.position[0] + here.translation
         mass = sum((_mass_about(bodies[name], placed[name], pivot, here) for name in group), np.zeros((6, 6)))
@@ -327,16 +322,6 @@ def _spin(
         if element.inertia:
             J[3:, 3:] += element.inertia * np.outer(axes[element.dof - 3], axes[element.dof - 3])
     return J
-
-
-def _beyond(outer: str, inboard_of: Mapping[str, Joint]) -> list[str]:
-    """A body and all bodies that it carries, away from the base."""
-    found = [outer]
-    for name, joint in inboard_of.items():
-        inner = joint.first.body if joint.second.body == name else joint.second.body
-        if inner == outer:
-            found += _beyond(name, inboard_of)
-    return found
 
 
 def _mass_about(body: FEModel | RigidBody, place: Placement, pivot: Array, frame: Placement) -> Array:

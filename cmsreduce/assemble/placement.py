@@ -21,6 +21,7 @@ from cmsreduce.model import (
 )
 
 __all__ = [
+    "bodies_beyond",
     "interface_at",
     "joint_arms",
     "joint_axes",
@@ -69,9 +70,6 @@ def place_bodies(
             f"component '{lost[0]}' is joined to nothing: no chain of joints leads from it to '{reached[0]}'. Add a "
             "joint, ground it, let it float (`scene.floating`), or take it out of the pipeline"
         )
-    children: dict[str, list[str]] = {name: [] for name in reached}
-    for outer, joint in inboard_of.items():
-        children[joint.first.body if joint.second.body == outer else joint.second.body].append(outer)
     for outer in reached:
         if outer not in inboard_of:
             continue
@@ -80,7 +78,7 @@ def place_bodies(
             value = configuration.angles.get((joint.name, dof), 0.0)
             if value:
                 pivot, axes = _position(substructures, placed, joint.second), joint_axes(substructures, placed, joint)
-                for name in _outboard(outer, children):
+                for name in bodies_beyond(outer, inboard_of):
                     placed[name] = _moved(placed[name], pivot, axes[dof % 3], value, turn=dof >= 3)
     return placed
 
@@ -110,6 +108,16 @@ def joint_tree(scene: Scene) -> tuple[list[str], dict[str, Joint]]:
                     inboard_of[outer] = joint
         at += 1
     return reached, inboard_of
+
+
+def bodies_beyond(outer: str, inboard_of: Mapping[str, Joint]) -> list[str]:
+    """List a body and all bodies that it carries, away from the base; ``inboard_of`` as from `joint_tree`."""
+    found = [outer]
+    for name, joint in inboard_of.items():
+        inner = joint.first.body if joint.second.body == name else joint.second.body
+        if inner == outer:
+            found += bodies_beyond(name, inboard_of)
+    return found
 
 
 def joint_axes(substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], joint: Joint) -> Array:
@@ -160,13 +168,6 @@ def interface_at(substructures: Mapping[str, Substructure], point: Point) -> Int
 def _position(substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], point: Point) -> Array:
     place = placed[point.body]
     return np.asarray(place.rotation @ interface_at(substructures, point).position[0] + place.translation)
-
-
-def _outboard(name: str, children: Mapping[str, list[str]]) -> list[str]:
-    found = [name]
-    for child in children[name]:
-        found += _outboard(child, children)
-    return found
 
 
 def _moved(place: Placement, pivot: Array, axis: Array, value: float, *, turn: bool) -> Placement:
