@@ -35,7 +35,7 @@ from cmsreduce.verify import (
     frac,
     frequency_grid,
     frf_error,
-    heard,
+    loud_channels,
     pair_complex_modes,
     pair_frequencies,
     peak_errors,
@@ -232,7 +232,7 @@ class Comparison:
         pairs, mac_matrix = self._pairs(configuration, model)
         shape, peak = frac(H, elastic), peak_errors(H, elastic)
         shift = peak_shifts(omega / (2 * np.pi), H, pairs.full_hz, pairs.reduced_hz)
-        loud = heard(H, row, column)
+        loud = loud_channels(H, row, column)
         return ModelErrors(
             frf_error=frf_error(omega, H, elastic, row, column),
             db_error=in_db,

@@ -51,7 +51,7 @@ def test_a_change_concerns_the_stages_that_use_it(package: Path, file: str, conc
 def test_a_file_that_moves_is_another_code(package: Path) -> None:
     code_version.cache_clear()
     before = code_version("reduce", package)
-    (package / "reduce/guyan_moved.py").write_bytes((package / "reduce/methods.py").read_bytes())
+    (package / "reduce/guyan_moved.py").write_bytes((package / "reduce/basis.py").read_bytes())
     code_version.cache_clear()
     assert code_version("reduce", package) != before
     (package / "reduce/guyan_moved.py").unlink()
