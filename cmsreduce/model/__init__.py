@@ -61,6 +61,7 @@ from cmsreduce.model.results import (
     Finding,
     GainCurve,
     GainSum,
+    HealthFinding,
     HighGain,
     JointDrawing,
     ModelErrors,
@@ -86,6 +87,7 @@ from cmsreduce.model.results import (
     SystemChecks,
     SystemModes,
     SystemShapes,
+    health_data,
     short_keys,
 )
 from cmsreduce.model.scene import (
@@ -141,6 +143,7 @@ __all__ = [
     "GainCurve",
     "GainSum",
     "GeometricStiffness",
+    "HealthFinding",
     "HighGain",
     "INERTIA_LOADS",
     "IntegralFrame",
@@ -212,6 +215,7 @@ __all__ = [
     "cross_matrix",
     "dof_index",
     "in_units",
+    "health_data",
     "load_stiffness_in_units",
     "loads_in_words",
     "map_dataset",

@@ -26,6 +26,7 @@ from cmsreduce.model.results.component import (
 )
 from cmsreduce.model.results.drawing import BodyDrawing, JointDrawing, PortDrawing, SceneDrawing, SystemShapes
 from cmsreduce.model.results.errors import ERRORS, DampedPairs, EffectiveMassCurve, GainCurve, ModelErrors, ModeLikeness
+from cmsreduce.model.results.health import HealthFinding, health_data
 from cmsreduce.model.results.reduction_checks import (
     CHECKS,
     ChannelZeros,
@@ -69,6 +70,7 @@ __all__ = [
     "Finding",
     "GainCurve",
     "GainSum",
+    "HealthFinding",
     "HighGain",
     "JointDrawing",
     "MISSING_INERTIA",
@@ -95,5 +97,6 @@ __all__ = [
     "SystemChecks",
     "SystemModes",
     "SystemShapes",
+    "health_data",
     "short_keys",
 ]

@@ -19,6 +19,7 @@ from cmsreduce.model.results.choices import BoundRecord, CutoffRecord, Projectio
 from cmsreduce.model.results.component import AxisCompleteness, CostlyModes, Factorisation, RoundingEffect
 from cmsreduce.model.results.drawing import SceneDrawing
 from cmsreduce.model.results.errors import ERRORS, EffectiveMassCurve, GainCurve, ModelErrors
+from cmsreduce.model.results.health import HealthFinding
 from cmsreduce.model.results.reduction_checks import ControllerMargin, ReductionChecks
 from cmsreduce.model.scene import Configuration
 
@@ -142,8 +143,8 @@ class ComponentResult:
         Modes that set an integrator's step in vain.
     rounding : RoundingEffect, optional
         What single precision does to the body.
-    health : mapping, optional
-        What its matrices and its geometry say of it, as plain values.
+    health : tuple of HealthFinding
+        Quantities measured on its matrices and its geometry before the reduction.
     """
 
     name: str
@@ -160,7 +161,7 @@ class ComponentResult:
     scaling: str = ""
     costly: CostlyModes | None = None
     rounding: RoundingEffect | None = None
-    health: Mapping[str, Any] | None = None
+    health: tuple[HealthFinding, ...] = ()
 
     @property
     def highest_hz(self) -> float:

@@ -20,8 +20,8 @@ from cmsreduce.model import (
 )
 from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
 from cmsreduce.pipeline.results.drawing import scene_drawing
-from cmsreduce.pipeline.results.framing import frame_checks, frame_of
-from cmsreduce.pipeline.results.health import health_data
+from cmsreduce.pipeline.results.health import health_table
+from cmsreduce.pipeline.results.mass_and_frame import frame_checks, frame_of
 from cmsreduce.pipeline.results.mode_views import effective_mass_curves, gain_curves
 from cmsreduce.pipeline.results.step_advice import (
     advice_notes,
@@ -86,7 +86,7 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
             factorised=tuple(each for stage in run.ledger.factorised.get(name, {}).values() for each in stage),
             costly=body_costly_modes(run, name),
             rounding=body_rounding(run.final[name]),
-            health=health_data(flexible.body, flexible.health),
+            health=health_table(flexible.body, flexible.health),
         )
     treated = treated_model(run, {name: part.costly for name, part in components.items() if part.costly is not None})
     systems = tuple(_system_modes(run, configuration, treated) for configuration in run.scene.configurations)
