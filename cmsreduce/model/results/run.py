@@ -285,6 +285,13 @@ class RunResult:
     checks: ReductionChecks | None = None
     margins: tuple[ControllerMargin, ...] = ()
 
+    def __repr__(self) -> str:
+        """Name, verdict, sizes and worst errors."""
+        errors = "".join(f", {name} {value:.3g}" for name, value in self.worst().items())
+        verdict = "PASS" if self.passed else "FAIL"
+        sizes = f"{len(self.components)} components, {len(self.configurations)} configurations"
+        return f"<RunResult {self.name}: {verdict}, {sizes}{errors}>"
+
     def worst(self, model: str | None = None) -> dict[str, float]:
         """Largest errors over all configurations, of those that were measured; empty if nothing was verified."""
         label = self.model if model is None else model

@@ -5,7 +5,7 @@ Rendering belongs in `report`, file formats in `write`.
 """
 
 from cmsreduce.pipeline.results.checking import check_result, write_junit, write_markdown
-from cmsreduce.pipeline.results.exports import export_pictures, export_shapes, export_tables
+from cmsreduce.pipeline.results.exports import export_pictures, export_shapes, export_tables, write_system_states
 from cmsreduce.pipeline.results.health import effective_mass_data, effective_mass_lines, health_table
 from cmsreduce.pipeline.results.limits import read_limits
 from cmsreduce.pipeline.results.mass_and_frame import (
@@ -18,7 +18,6 @@ from cmsreduce.pipeline.results.mass_and_frame import (
     total_data,
     total_lines,
 )
-from cmsreduce.pipeline.results.matlab import write_system_states
 from cmsreduce.pipeline.results.result import component_checks, run_result
 from cmsreduce.pipeline.results.run_difference import run_difference
 from cmsreduce.pipeline.results.step_advice import body_costly_modes, file_rounding

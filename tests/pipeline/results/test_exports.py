@@ -15,8 +15,7 @@ from cmsreduce.cli import main
 from cmsreduce.pipeline import Run, run_result
 from cmsreduce.pipeline.bodies import effective_masses
 from cmsreduce.pipeline.results import export_shapes, export_tables
-from cmsreduce.pipeline.results.drawing import scene_drawing
-from cmsreduce.pipeline.results.mode_views import effective_mass_curves, gain_curves
+from cmsreduce.pipeline.results.views import effective_mass_curves, gain_curves, scene_drawing
 from cmsreduce.write import read_component
 
 
