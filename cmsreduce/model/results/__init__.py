@@ -25,7 +25,15 @@ from cmsreduce.model.results.component import (
     RoundingEffect,
 )
 from cmsreduce.model.results.drawing import BodyDrawing, JointDrawing, PortDrawing, SceneDrawing, SystemShapes
-from cmsreduce.model.results.errors import ERRORS, Check, DampedPairs, Finding, MacMatrix, ModelErrors
+from cmsreduce.model.results.errors import (
+    ERRORS,
+    Check,
+    DampedPairs,
+    Finding,
+    MacMatrix,
+    ModelErrors,
+)
+from cmsreduce.model.results.health import HealthFinding, health_data
 from cmsreduce.model.results.reduction_checks import (
     CHECKS,
     ChannelZeros,
@@ -69,6 +77,7 @@ __all__ = [
     "Finding",
     "GainCurve",
     "GainSum",
+    "HealthFinding",
     "HighGain",
     "JointDrawing",
     "MISSING_INERTIA",
@@ -94,5 +103,6 @@ __all__ = [
     "SystemChecks",
     "SystemModes",
     "SystemShapes",
+    "health_data",
     "short_keys",
 ]

@@ -21,6 +21,7 @@ from cmsreduce.model.results.component import (
 )
 from cmsreduce.model.results.drawing import SceneDrawing
 from cmsreduce.model.results.errors import ERRORS, Check, ModelErrors
+from cmsreduce.model.results.health import HealthFinding
 from cmsreduce.model.results.reduction_checks import ControllerMargin, GainCurve, ReductionChecks
 from cmsreduce.model.scene import Configuration
 
@@ -142,8 +143,8 @@ class ComponentResult:
         Modes that set the step of an integrator without serving the band.
     rounding : RoundingEffect, optional
         Effect of single precision on the body.
-    health : mapping, optional
-        Properties found from its matrices and its geometry, as plain values.
+    health : tuple of HealthFinding
+        Quantities measured on its matrices and its geometry before the reduction.
     """
 
     name: str
@@ -160,7 +161,7 @@ class ComponentResult:
     scaling: str = ""
     costly: CostlyModes | None = None
     rounding: RoundingEffect | None = None
-    health: Mapping[str, Any] | None = None
+    health: tuple[HealthFinding, ...] = ()
 
     @property
     def highest_hz(self) -> float:
@@ -283,6 +284,13 @@ class RunResult:
     gains: tuple[GainCurve, ...] = ()
     checks: ReductionChecks | None = None
     margins: tuple[ControllerMargin, ...] = ()
+
+    def __repr__(self) -> str:
+        """Name, verdict, sizes and worst errors."""
+        errors = "".join(f", {name} {value:.3g}" for name, value in self.worst().items())
+        verdict = "PASS" if self.passed else "FAIL"
+        sizes = f"{len(self.components)} components, {len(self.configurations)} configurations"
+        return f"<RunResult {self.name}: {verdict}, {sizes}{errors}>"
 
     def worst(self, model: str | None = None) -> dict[str, float]:
         """Largest errors over all configurations, as far as measured; empty if nothing was verified."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 __all__ = ["SweepResult", "SweepRow", "SweepStatus", "short_keys"]
 
@@ -89,6 +89,11 @@ class SweepResult:
     rows: tuple[SweepRow, ...]
     seconds: float
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Name, swept keys, and number of points by status."""
+        counts = ", ".join(f"{count} {status}" for status in get_args(SweepStatus) if (count := self.count(status)))
+        return f"<SweepResult {self.name} over {', '.join(self.axes)}: {counts or 'no point'}>"
 
     @property
     def passed(self) -> bool:

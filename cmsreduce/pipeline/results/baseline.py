@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ConfigError, ReadError
 from cmsreduce.model import Check, Finding
 from cmsreduce.pipeline.results.limits import Tolerances
+from cmsreduce.report import place
 from cmsreduce.verify import ModePairing, integral_change, mass_change, pair_modes, scaled_rows
 from cmsreduce.write import ComponentFile, read_component
 
@@ -192,7 +193,7 @@ def _run(old: Mapping[str, Any], new: Mapping[str, Any], tolerances: Tolerances)
         pairs = pair_modes(w, v, np.empty((0, w.size)), np.empty((0, v.size)))
         shift, text = _worst_shift(pairs, w, v)
         if shift >= worst:
-            worst, note = shift, f"{text} at {row['name']}" if text else ""
+            worst, note = shift, f"{text} {place(row['name'])}" if text else ""
     if shared:
         yield Finding("", Check("baseline: frequencies of the system", worst, tolerances.frequency), note)
 

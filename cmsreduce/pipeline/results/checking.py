@@ -11,9 +11,9 @@ import numpy as np
 from cmsreduce.model import Check, Finding
 from cmsreduce.pipeline.results.baseline import StoredResult, compare, open_result
 from cmsreduce.pipeline.results.limits import Limits, limited
-from cmsreduce.pipeline.results.mass_totals import file_totals, total_findings
+from cmsreduce.pipeline.results.mass_and_frame import file_totals, total_findings
 from cmsreduce.pipeline.results.step_advice import file_rounding
-from cmsreduce.report import junit_xml, markdown_summary
+from cmsreduce.report import junit_xml, markdown_summary, place
 from cmsreduce.verify import REALISABLE, inertia_excess, momentum_balance
 from cmsreduce.write import ComponentFile, atomic_path
 
@@ -81,7 +81,7 @@ def _errors(result: StoredResult) -> Iterator[Finding]:
     if facts is None:
         return
     for name, figure in facts["figures"].items():
-        yield Finding("", Check(name, _number(figure["value"]), _number(figure["limit"])), f"at {figure['where']}")
+        yield Finding("", Check(name, _number(figure["value"]), _number(figure["limit"])), place(figure["where"]))
 
 
 def _checks(result: StoredResult, name: str) -> Iterator[Finding]:

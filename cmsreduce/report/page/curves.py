@@ -141,7 +141,7 @@ def _setting(
         "frac": [found and [rounded(found.frac[channel]) for channel in channels] for found in errors],
         "pairs": _pairs(errors[0]) if errors[0] else [],
         "damped": _damped_pairs(errors[0].damped) if errors[0] and errors[0].damped else None,
-        "likeness": _likeness(errors[0], store) if errors[0] else None,
+        "mac": _mac(errors[0], store) if errors[0] else None,
         "hz": store.exact(result.response.frequency_hz, "f4") if channels else None,
         "curves": list(_curves(result, models, channels, store, most)),
     }
@@ -162,23 +162,23 @@ def _curves(
         yield found
 
 
-def _likeness(found: ModelErrors, store: ArrayStore) -> dict[str, Any] | None:
-    alike = found.mac_matrix
-    if alike is None or not alike.mac.size:
+def _mac(found: ModelErrors, store: ArrayStore) -> dict[str, Any] | None:
+    table = found.mac_matrix
+    if table is None or not table.mac.size:
         return None
-    mac = np.clip(np.rint(255 * alike.mac), 0, 255)
-    return {"full": all_rounded(alike.full_hz), "reduced": all_rounded(alike.reduced_hz), "mac": store.exact(mac, "u1")}
+    mac = np.clip(np.rint(255 * table.mac), 0, 255)
+    return {"full": all_rounded(table.full_hz), "reduced": all_rounded(table.reduced_hz), "mac": store.exact(mac, "u1")}
 
 
 def _pairs(found: ModelErrors) -> list[list[float | None]]:
-    """Full and reduced frequency in Hz, shift in per cent and likeness of shapes of every pair."""
+    """Full and reduced frequency in Hz, shift in per cent and MAC of every pair."""
     full, reduced = found.full_hz, found.reduced_hz
     shift = 100 * (reduced - full) / np.where(full > 0, full, np.nan)
     return [all_rounded(pair) for pair in zip(full, reduced, shift, found.mac, strict=True)]
 
 
 def _damped_pairs(found: DampedPairs) -> list[list[float | None]]:
-    """Full and reduced frequency in Hz and damping ratio in per cent, and likeness of shapes, of every complex pair."""
+    """Full and reduced frequency in Hz and damping ratio in per cent, and MAC, of every complex pair."""
     columns = (found.full_hz, found.reduced_hz, 100 * found.full_zeta, 100 * found.reduced_zeta, found.mac)
     return [all_rounded(pair) for pair in zip(*columns, strict=True)]
 

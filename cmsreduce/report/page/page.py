@@ -14,15 +14,16 @@ from typing import Any
 from cmsreduce.model import MISSING_INERTIA, RunResult
 from cmsreduce.report.page.check_data import check_data
 from cmsreduce.report.page.curves import response_data
-from cmsreduce.report.page.health_rows import basis_row, health_rows
 from cmsreduce.report.page.mode_data import mode_data
 from cmsreduce.report.page.packing import ArrayStore, compressed
 from cmsreduce.report.page.scene_data import scene_data
 from cmsreduce.report.page.tables import (
+    basis_row,
     cards,
     channel_rows,
     check_rows,
     configuration_rows,
+    health_rows,
     mode_rows,
     sensitivity_rows,
     timings,
@@ -77,7 +78,7 @@ _SECTIONS = (
     ("cost", "Speed"),
     ("components", "Modes"),
     ("mode-shapes", "Shapes"),
-    ("likeness", "Likeness"),
+    ("mac-of-modes", "MAC"),
     ("gain-sum", "Gains"),
     ("statics", "Static loads"),
     ("zero-shifts", "Zeros"),
@@ -156,7 +157,7 @@ def page_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
     data = response_data(run, store) | mode_data(run, store) | check_data(run, store)
     data["scene"] = scene_data(run, store)
     data["body_places"] = {body["name"]: k for k, body in enumerate(data["scene"]["bodies"])} if data["scene"] else {}
-    data["has_likeness"] = any(setting["likeness"] is not None for setting in data["settings"])
+    data["has_mac"] = any(setting["mac"] is not None for setting in data["settings"])
     data["missing_inertia"] = 100 * MISSING_INERTIA
     return data
 
@@ -168,7 +169,7 @@ def _sections(run: RunResult, data: dict[str, Any]) -> list[tuple[str, str]]:
         "responses": bool(run.configurations),
         "configurations": bool(run.configurations),
         "cost": bool(run.configurations),
-        "likeness": data["has_likeness"],
+        "mac-of-modes": data["has_mac"],
         "gain-sum": bool(run.gains),
         "statics": bool(data["statics"]),
         "zero-shifts": bool(data["zeros"]),

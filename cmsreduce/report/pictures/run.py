@@ -19,7 +19,7 @@ from cmsreduce.report.wording import FIGURES, compared
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-from cmsreduce.report.pictures.modes import effective_mass_picture, gain_picture, likeness_picture, sigma_picture
+from cmsreduce.report.pictures.modes import effective_mass_picture, gain_picture, mac_picture, sigma_picture
 from cmsreduce.report.pictures.scene import scene_picture, shapes_picture
 from cmsreduce.report.wording import worst
 
@@ -133,7 +133,7 @@ def write_pictures(run: RunResult, folder: Path, suffix: str = ".png") -> list[P
                 response_picture(run, to(f"response_{given}_{output}"), at, (o, i))
         found = run.configurations[at].errors.get(run.model)
         if found is not None and found.mac_matrix is not None and found.mac_matrix.mac.size:
-            likeness_picture(found.mac_matrix, names[at], to("likeness"))
+            mac_picture(found.mac_matrix, names[at], to("mac"))
     for name, part in run.components.items():
         if np.isfinite(part.modes.sigma).any():
             sigma_picture(part, to(f"sigma_{name}"))

@@ -24,6 +24,7 @@ from cmsreduce.model import (
     ProjectionRecord,
     RunResult,
     SensitivityRecord,
+    health_data,
 )
 from cmsreduce.write.files import atomic_path
 from cmsreduce.write.summary.checks import basis, channels, controller, figures, pole_pairs, static_lack, system_checks
@@ -144,7 +145,7 @@ def _component(part: ComponentResult, run: RunResult) -> dict[str, Any]:
         "integration": _integration(part.highest_hz, costly=_costly(part.costly)),
         "single_precision": None if part.rounding is None else asdict(part.rounding),
         "basis": basis(part),
-        "health": None if part.health is None else dict(part.health),
+        "health": health_data(part.health) if part.health else None,
         "static_lack": None if run.checks is None else static_lack(run.checks.static.get(part.name)),
         "checks": [
             {"name": check.name, "value": check.value, "limit": check.limit, "passed": check.passed}

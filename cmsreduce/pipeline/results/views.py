@@ -1,18 +1,24 @@
-"""What the scene of a run looks like, and how the modes of its reduced system move it."""
+"""Views of a run for pictures and the page: the drawing of its scene, effective masses, gains of the modes."""
 
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import place_bodies
+from cmsreduce.errors import CmsReduceError
 from cmsreduce.model import (
     DOF_NAMES,
     BodyDrawing,
     Channel,
     Configuration,
+    EffectiveMassCurve,
+    FEModel,
+    GainCurve,
     JointDrawing,
     JointTerm,
+    ModalComponent,
     Point,
     PointTerm,
     PortDrawing,
@@ -20,22 +26,26 @@ from cmsreduce.model import (
     SceneDrawing,
     SystemShapes,
     cross_matrix,
+    rigid_body_shapes,
 )
 from cmsreduce.pipeline.bodies import cells_of, outline
 from cmsreduce.pipeline.run import Run
+from cmsreduce.pipeline.system import channel_gains
+from cmsreduce.verify import effective_mass
 from cmsreduce.write import basic_shapes
 
-__all__ = ["scene_drawing"]
+__all__ = ["effective_mass_curves", "gain_curves", "scene_drawing"]
+
+Array = NDArray[np.float64]
+
+# Motions of the interface below this share of the largest are zero: modes are orthonormal to 1e-8 or better.
+_MOVES = 1e-9
+# Frequencies below this share of the highest are rigid motions that the interfaces do not hold.
+_RIGID = 1e-6
 
 
 def scene_drawing(run: Run) -> SceneDrawing | None:
-    """Draw the scene of a run; None where no body has a geometry.
-
-    Parameters
-    ----------
-    run : Run
-        Its reduced system is assembled, if that is not done yet.
-    """
+    """Drawing of the scene of a run; None where no body has a geometry."""
     bodies: dict[str, BodyDrawing] = {}
     for name in run.reduced_names:
         drawn = _flexible(run, name)
@@ -67,10 +77,10 @@ def _flexible(run: Run, name: str) -> BodyDrawing | None:
         np.arange(modes.omega.size) if projected else np.r_[: e.start, run.selection[name], e.stop : modes.omega.size]
     )
     shapes = basic_shapes(body, body.nodes, modes.Phi, found.node, "translation")
-    # The coordinates of the system are those of the final modes, which may be scaled otherwise.
+    # The coordinates of the system belong to the final modes, which may have another scale.
     kept = np.sort(kept).astype(np.int64)
     shapes[:, :, kept] = basic_shapes(body, body.nodes, run.final[name].Phi, found.node, "translation")
-    # A node whose motion is not known stands still in a picture.
+    # A node of unknown motion does not move in a picture.
     shapes = np.nan_to_num(shapes, nan=0.0)
     return BodyDrawing(name, found.xyz, found.lines, shapes, kept, True, found.meshed, found.left_out)
 
@@ -143,3 +153,89 @@ def _system(run: Run, configuration: Configuration, bodies: dict[str, BodyDrawin
         amplitudes={name: np.asarray(found.shapes[name]) for name in bodies},
         placements={name: placed[name] for name in bodies},
     )
+
+
+def effective_mass_curves(run: Run) -> dict[str, EffectiveMassCurve]:
+    """Running effective mass of every body with a geometry, with all its interfaces held."""
+    found = {}
+    for name in run.reduced_names:
+        body = run.bodies[name].body
+        if body.nodes is None or not body.interfaces:
+            continue
+        whole, kept = (_running(body, modes) for modes in (run.modal(name), run.final[name]))
+        if whole is not None and kept is not None:
+            found[name] = EffectiveMassCurve(", ".join(body.interfaces), *whole, *kept)
+    return found
+
+
+def _held_modes(component: ModalComponent, rows: NDArray[np.int64]) -> tuple[Array, Array] | None:
+    """Modes of a reduced body with some of its rows held at zero.
+
+    Parameters
+    ----------
+    component : ModalComponent
+        m modes.
+    rows : (b,) int64
+        Rows of the body that are held.
+
+    Returns
+    -------
+    hz : (k,) float64
+        Natural frequencies.
+    Q : (m, k) float64
+        Amplitudes, of unit modal mass.
+
+    The result is None where the rows hold nothing of the body, or all of it.
+    """
+    C = component.Phi[rows]
+    # Static shapes have no mass: the pencil is singular in them, and they only help to hold the rows.
+    scale = np.linalg.norm(C, axis=0)
+    C = C / max(float(scale.max(initial=0.0)), 1e-300)
+    _, s, Vt = la.svd(C, full_matrices=True)
+    free = Vt[int(np.sum(s > _MOVES)) :].T
+    if not free.shape[1]:
+        return None
+    K, M = (free.T * values @ free for values in (component.stiffness, component.mass))
+    # Mass may vanish in combinations of static shapes, stiffness does not: solved for 1 / w^2.
+    try:
+        inverse, V = la.eigh(M, K)
+    except la.LinAlgError:
+        return None
+    order = np.argsort(-inverse)
+    inverse, V = inverse[order], V[:, order]
+    carried = inverse > _RIGID**2 * inverse.max(initial=0.0)
+    inverse, V = inverse[carried], V[:, carried]
+    omega = 1 / np.sqrt(inverse)
+    return omega / (2 * np.pi), np.asarray(free @ V * omega)
+
+
+def gain_curves(run: Run) -> tuple[GainCurve, ...]:
+    """Running sums of modal gains in every configuration; empty without channels, and for a large system."""
+    if not run.has_response:
+        return ()
+    all_modes = run.whole.assembled
+    found = []
+    for configuration in run.scene.configurations:
+        kept, every = (channel_gains(model, configuration) for model in (run.model.assembled, all_modes))
+        if kept is None or every is None:
+            return ()
+        found.append(GainCurve(configuration.name, kept, every))
+    return tuple(found)
+
+
+def _running(body: FEModel, component: ModalComponent) -> tuple[Array, Array] | None:
+    if body.nodes is None:
+        return None
+    try:
+        held = np.unique(np.concatenate([body.interface_rows(face) for face in body.interfaces]))
+    except CmsReduceError:
+        return None
+    modes = _held_modes(component, held)
+    if modes is None:
+        return None
+    hz, Q = modes
+    point = np.vstack([face.position for face in body.interfaces.values()]).mean(axis=0)
+    R = rigid_body_shapes(body.dofs, body.nodes, point)
+    MR = np.asarray(body.M @ R)
+    found = effective_mass(hz, (MR.T @ component.Phi) @ Q, R.T @ MR)
+    return found.hz, found.running
