@@ -160,6 +160,11 @@ class ModalComponent:
         return self.body.damping
 
     @property
+    def frequencies_hz(self) -> NDArray[np.float64]:
+        """Natural frequencies in Hz (m,): zero for rigid modes, infinite for static ones."""
+        return np.asarray(self.omega / (2 * np.pi))
+
+    @property
     def elastic_count(self) -> int:
         """Number of elastic modes: those with a frequency, which is not zero."""
         return int(self.omega.size - self.rigid_count - self.static_count)
