@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.basis_store import absolute_parts, combine, combined, row_blocks
-from cmsreduce.linalg.congruence import column_blocks, congruence
+from cmsreduce.linalg.blocks import absolute_parts, column_blocks, combine, combined, congruence, row_blocks
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, refine
 from cmsreduce.model import FEModel, ModalComponent, ModeKind, ReducedComponent
 

@@ -10,7 +10,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import ComplexModes, DampedPencil, complex_modes, elastic_pairs
 from cmsreduce.model import System
 

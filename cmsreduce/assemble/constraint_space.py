@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from cmsreduce.assemble.joints import Constraints
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import ConstraintError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import DEPENDENT, row_basis
 from cmsreduce.model import Matrix
 

@@ -13,7 +13,7 @@ from cmsreduce.assemble.constraint_space import ConstraintSpace, constraint_spac
 from cmsreduce.assemble.joints import ground_rows
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.system import Wiring
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import DEPENDENT, null_space
 from cmsreduce.model import Matrix, Scene, Substructure
 

@@ -13,7 +13,7 @@ from cmsreduce.assemble.joints import first_motion, relative_motion
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.system import wire
 from cmsreduce.errors import ConstraintError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import null_space
 from cmsreduce.model import Configuration, FEModel, InterfaceLoading, Joint, Placement, Point, Scene, Substructure
 

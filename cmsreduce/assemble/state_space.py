@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, elastic_pairs, modes_below, split_massless
 from cmsreduce.model import System
 

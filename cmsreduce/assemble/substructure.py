@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DampingError, SceneError
-from cmsreduce.linalg.basis_store import observed
+from cmsreduce.linalg.blocks import observed
 from cmsreduce.model import (
     SCALAR,
     FEModel,

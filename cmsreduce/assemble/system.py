@@ -19,7 +19,7 @@ from cmsreduce.assemble.joints import check_loops, constrain, relative_motion
 from cmsreduce.assemble.placement import place_bodies
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import MatrixError, SceneError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import null_space
 from cmsreduce.model import Channel, Configuration, Matrix, Placement, PointTerm, Scene, StrutTerm, Substructure, System
 

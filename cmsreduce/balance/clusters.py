@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from cmsreduce.linalg.eigen import repeated_groups
-from cmsreduce.linalg.gramians import Band, controllability, observability
+from cmsreduce.linalg.gramian import Band, controllability, observability
 from cmsreduce.model import ModalChannels
 
 __all__ = ["CORRELATED", "cluster_groups", "correlated_groups", "correlation"]

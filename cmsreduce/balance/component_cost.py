@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.balance.ranking import GramianRanking
 from cmsreduce.linalg.eigen import repeated_groups
-from cmsreduce.linalg.gramians import Band, controllability
+from cmsreduce.linalg.gramian import Band, controllability
 from cmsreduce.model import ModalChannels
 
 __all__ = ["ComponentCost", "component_costs"]

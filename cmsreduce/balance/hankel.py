@@ -12,8 +12,16 @@ from numpy.typing import NDArray
 from cmsreduce.balance.clusters import CORRELATED, correlated_groups
 from cmsreduce.balance.ranking import GramianRanking
 from cmsreduce.linalg.eigen import repeated_groups
-from cmsreduce.linalg.gramians import Band, controllability, observability
-from cmsreduce.linalg.square_root import Balancing, balancing, hankel_norm, hankel_singular_values, semidefinite_root
+from cmsreduce.linalg.gramian import (
+    Balancing,
+    Band,
+    balancing,
+    controllability,
+    hankel_norm,
+    hankel_singular_values,
+    observability,
+    semidefinite_root,
+)
 from cmsreduce.model import ModalChannels
 
 __all__ = ["Hankel", "balanced", "hankel_values"]
@@ -50,7 +58,7 @@ def hankel_values(channels: ModalChannels, band: Band | None = None) -> Array:
 
 
 def balanced(channels: ModalChannels, band: Band | None = None) -> Balancing:
-    """Balanced states of a body's elastic modes, in the states of `cmsreduce.linalg.gramians`.
+    """Balanced states of a body's elastic modes, in the states of `cmsreduce.linalg.gramian.gramians`.
 
     Raises
     ------

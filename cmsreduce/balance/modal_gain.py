@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.balance.ranking import Ranking
 from cmsreduce.linalg.eigen import repeated_groups
-from cmsreduce.linalg.gramians import check_damped
+from cmsreduce.linalg.gramian import check_damped
 from cmsreduce.model import ModalChannels
 
 __all__ = [

@@ -9,7 +9,7 @@ import scipy.linalg as la
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import DampingError, MatrixError
-from cmsreduce.linalg.square_root import balancing, semidefinite_root
+from cmsreduce.linalg.gramian import balancing, semidefinite_root
 
 __all__ = ["PhysicalStates", "choose_coordinates", "physical_states"]
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.balance.weighting import Weighting
-from cmsreduce.linalg.gramians import Band
+from cmsreduce.linalg.gramian import Band
 from cmsreduce.model import ModalChannels, ModalComponent
 
 __all__ = [

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import ConfigError
-from cmsreduce.linalg.gramians import Band
+from cmsreduce.linalg.gramian import Band
 from cmsreduce.model import ModalChannels
 
 __all__ = ["BandPass", "LowPass", "TransferFunction", "Weighting"]

@@ -26,9 +26,9 @@ from cmsreduce.config.keys import (
 )
 from cmsreduce.config.load import load_pipeline, pipeline_from_keys
 from cmsreduce.config.located import Entry, parse
+from cmsreduce.config.problems import closest, not_among
 from cmsreduce.config.scene import build_scene
 from cmsreduce.config.starter import BodyDraft, body_pipeline, starter_pipeline
-from cmsreduce.config.suggestion import closest, not_among
 
 __all__ = [
     "BASIC",

@@ -9,11 +9,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from cmsreduce.config.consistency import findings
 from cmsreduce.config.keys import Pipeline
 from cmsreduce.config.located import Entry, Location, merge, parse, plain
-from cmsreduce.config.problems import config_error, is_mapping_of_values, located, models_at, problems_of
-from cmsreduce.config.suggestion import closest
+from cmsreduce.config.problems import closest, config_error, is_mapping_of_values, located, models_at, problems_of
+from cmsreduce.config.references import broken_references
 from cmsreduce.errors import ConfigError, ReadError
 from cmsreduce.model import DOF_NAMES
 
@@ -79,7 +78,7 @@ def _checked(root: Entry) -> Pipeline:
         pipeline = Pipeline.model_validate(plain(root))
     except ValidationError as error:
         raise config_error(problems_of(root, error.errors(include_url=False))) from None
-    problems = [located(root, finding.keys, finding.message) for finding in findings(pipeline)]
+    problems = [located(root, broken.keys, broken.message) for broken in broken_references(pipeline)]
     if problems:
         raise config_error(problems)
     return pipeline

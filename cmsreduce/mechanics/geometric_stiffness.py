@@ -12,8 +12,8 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import DofMapError, SceneError, SingularInterfaceError
-from cmsreduce.linalg.congruence import congruence
-from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
+from cmsreduce.linalg.blocks import congruence
+from cmsreduce.linalg.sparse import NotPositiveDefiniteError, factorise
 from cmsreduce.mechanics.bars import BarStiffness
 from cmsreduce.mechanics.modal_integrals import MassBlocks, nodal_motion
 from cmsreduce.model import (

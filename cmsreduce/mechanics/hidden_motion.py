@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
+from cmsreduce.linalg.sparse import NotPositiveDefiniteError, factorise
 from cmsreduce.mechanics.bars import end_motion, member_stiffness
 from cmsreduce.model import DofTable, FEModel, Followers, Members, Recovery
 

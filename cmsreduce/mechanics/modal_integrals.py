@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.linalg.congruence import column_blocks
+from cmsreduce.linalg.blocks import column_blocks
 from cmsreduce.mechanics.lumped_mass import lumped_mass, untied_body
 from cmsreduce.model import FEModel, Lumping, ModalIntegrals, mapped_in, rigid_body_shapes
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError, SceneError
 from cmsreduce.linalg.eigen import stiffness_null_space
-from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
+from cmsreduce.linalg.sparse import NotPositiveDefiniteError, factorise
 from cmsreduce.model import DofTable, FEModel, Interface, Recovery
 
 __all__ = ["Determined", "hold_undetermined"]

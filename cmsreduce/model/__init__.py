@@ -104,7 +104,7 @@ from cmsreduce.model.scene import (
 )
 from cmsreduce.model.system import Controller, Matrix, ModalChannels, Substructure, System
 from cmsreduce.model.unit_conversion import in_units, load_stiffness_in_units, recovery_in_units, rigid_in_units
-from cmsreduce.model.units import SI, Units
+from cmsreduce.model.units import SI, UNITS, UnitKind, Units, units_of
 
 __all__ = [
     "AxisCompleteness",
@@ -202,6 +202,8 @@ __all__ = [
     "SystemChecks",
     "SystemModes",
     "SystemShapes",
+    "UNITS",
+    "UnitKind",
     "UnitLoad",
     "Units",
     "UntiedMass",
@@ -222,4 +224,5 @@ __all__ = [
     "rigid_in_units",
     "shapes_beside",
     "short_keys",
+    "units_of",
 ]

@@ -189,7 +189,7 @@ def _body(pipeline: Pipeline, name: str, scene: Scene) -> Inspected:
     totals = body_totals(body)
     lines += [*health_lines(body, health), *total_lines(totals), f"interfaces: {faces or 'none'}"]
     keys = pipeline.reduce_of(name)
-    factor = 1.0 if keys is None or keys.cutoff == "auto" else keys.cutoff
+    factor = 1.0 if keys is None or keys.cutoff_bands == "auto" else keys.cutoff_bands
     modes = effective_masses(body, flexible.rigid, tuple(body.interfaces), factor * scene.band[1])
     if modes is not None:
         lines += effective_mass_lines(modes, faces)

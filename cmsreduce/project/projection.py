@@ -10,8 +10,8 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.basis_store import combined
-from cmsreduce.linalg.graded import weighted_singular_values
+from cmsreduce.linalg.blocks import combined
+from cmsreduce.linalg.gramian import weighted_singular_values
 from cmsreduce.model import Matrix, ModalComponent
 
 __all__ = ["INDEPENDENT", "Projection", "keep_combinations", "project_shapes"]

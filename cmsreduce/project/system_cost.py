@@ -10,9 +10,9 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import elastic_and_massless, repeated_groups
-from cmsreduce.linalg.gramians import check_damped, controllability, state_space
+from cmsreduce.linalg.gramian import check_damped, controllability, state_space
 from cmsreduce.model import ModalChannels, ModalComponent, Substructure, System
 
 __all__ = ["SystemCost", "cost_shares", "costliest", "system_cost"]

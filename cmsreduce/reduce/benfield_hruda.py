@@ -11,8 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.basis_store import new_basis, side_by_side
-from cmsreduce.linalg.congruence import column_blocks, congruence
+from cmsreduce.linalg.blocks import column_blocks, congruence, new_basis, side_by_side
 from cmsreduce.linalg.eigen import HELD, modes_below, orthonormal
 from cmsreduce.model import FEModel, InterfaceLoading, ModeBlock, ModeSet, chosen_columns
 from cmsreduce.reduce.neglected import Basis, LeftOut

@@ -10,12 +10,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SingularInterfaceError
-from cmsreduce.linalg.basis_store import combined, new_basis, observed, side_by_side
-from cmsreduce.linalg.congruence import column_blocks, congruence
+from cmsreduce.linalg.blocks import by_columns, column_blocks, combined, congruence, new_basis, observed, side_by_side
 from cmsreduce.linalg.eigen import HELD, beside_modes, certified_modes, count_below, motions_held
-from cmsreduce.linalg.factorise import BLOCK, NotPositiveDefiniteError, factorise
-from cmsreduce.linalg.flexibility import Solve
-from cmsreduce.linalg.layout import by_columns
+from cmsreduce.linalg.sparse import BLOCK, NotPositiveDefiniteError, Solve, factorise
 from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet
 from cmsreduce.reduce.characteristic import Boundary, InterfaceReduction
 from cmsreduce.reduce.macneal_rubin import free_modes_and_residuals

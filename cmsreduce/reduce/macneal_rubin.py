@@ -8,8 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.basis_store import side_by_side
-from cmsreduce.linalg.congruence import column_blocks
+from cmsreduce.linalg.blocks import column_blocks, side_by_side
 from cmsreduce.linalg.eigen import certified_modes, count_below
 from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet
 from cmsreduce.reduce.neglected import Basis, LeftOut

@@ -10,10 +10,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.basis_store import side_by_side
-from cmsreduce.linalg.congruence import column_blocks
-from cmsreduce.linalg.factor import BLOCK
-from cmsreduce.linalg.flexibility import Solve
+from cmsreduce.linalg.blocks import column_blocks, side_by_side
+from cmsreduce.linalg.sparse import BLOCK, Solve
 from cmsreduce.model import ModeKind, ModeSet, ReducedComponent
 from cmsreduce.reduce.static_shapes import Loads, residual_shapes
 

@@ -13,9 +13,9 @@ import scipy.linalg as la
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.congruence import column_blocks, congruence
+from cmsreduce.linalg.blocks import column_blocks, congruence
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.linalg.solver_settings import current_settings
+from cmsreduce.linalg.machine import current_settings
 from cmsreduce.model import FEModel, ModeBlock, ModeSet, ReducedComponent, rigid_body_shapes
 from cmsreduce.reduce.neglected import Basis, Examined
 

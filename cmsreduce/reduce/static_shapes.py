@@ -10,13 +10,18 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.basis_store import combined, new_basis, row_blocks
-from cmsreduce.linalg.congruence import column_blocks, congruence
-from cmsreduce.linalg.dense import dense
-from cmsreduce.linalg.factorise import BLOCK, factorise
-from cmsreduce.linalg.flexibility import ElasticFlexibility, Solve
-from cmsreduce.linalg.layout import put
-from cmsreduce.linalg.products import Product, symmetric_product
+from cmsreduce.linalg.blocks import (
+    Product,
+    column_blocks,
+    combined,
+    congruence,
+    dense,
+    new_basis,
+    put,
+    row_blocks,
+    symmetric_product,
+)
+from cmsreduce.linalg.sparse import BLOCK, ElasticFlexibility, Solve, factorise
 from cmsreduce.model import FEModel
 
 __all__ = ["Loads", "elastic_solve", "independent_columns", "residual_shapes", "unit_loads"]

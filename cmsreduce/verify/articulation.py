@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ConstraintError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import DOF_NAMES, Channel, JointTerm, Scene, System
 
 __all__ = ["articulation_inertia", "articulation_sensors", "free_index", "hinges_locked", "locked_index"]

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.factorise import factorise
+from cmsreduce.linalg.sparse import factorise
 from cmsreduce.model import FEModel
 
 __all__ = [

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.linalg.factorise import factorise
+from cmsreduce.linalg.sparse import factorise
 from cmsreduce.model import FEModel, Placement, RigidBody, cross_matrix, rigid_body_shapes
 
 __all__ = [

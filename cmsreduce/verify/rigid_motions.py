@@ -10,7 +10,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.factorise import Factor, factorise
+from cmsreduce.linalg.sparse import Factor, factorise
 from cmsreduce.model import FEModel
 
 __all__ = ["RigidMotions", "rigid_motions"]

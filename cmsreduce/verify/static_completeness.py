@@ -10,8 +10,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.eigen import motions_held
-from cmsreduce.linalg.factorise import factorise
-from cmsreduce.linalg.flexibility import ElasticFlexibility
+from cmsreduce.linalg.sparse import ElasticFlexibility, factorise
 from cmsreduce.model import FEModel, GainSum, HighGain, ModalComponent
 
 __all__ = [

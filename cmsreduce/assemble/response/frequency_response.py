@@ -13,7 +13,7 @@ from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.response.receptance import BRAKED, Receptance, add_between, frequencies_last, receptance
 from cmsreduce.assemble.response.residual_flexibility import JoinedRows, residual_flexibility
 from cmsreduce.assemble.system import Wiring, wire
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.response import frequency_blocks
 from cmsreduce.model import Configuration, Scene, Substructure, System
 

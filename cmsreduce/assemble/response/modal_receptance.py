@@ -21,7 +21,7 @@ from cmsreduce.assemble.response.modal_terms import (
 )
 from cmsreduce.assemble.response.receptance import Receptance, add_between, frequencies_last, modal_weights, resonant
 from cmsreduce.assemble.system import Wiring
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import row_basis
 from cmsreduce.linalg.response import ResonanceError, frequency_blocks
 from cmsreduce.model import Substructure

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from cmsreduce.assemble.response.receptance import resonant
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.response import ResonanceError
 from cmsreduce.model import Substructure
 

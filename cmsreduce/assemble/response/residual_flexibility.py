@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.response.receptance import is_diagonal, modal_weights
 from cmsreduce.assemble.system import Wiring
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import null_space, row_basis
 from cmsreduce.linalg.response import frequency_blocks
 from cmsreduce.model import Matrix, Substructure

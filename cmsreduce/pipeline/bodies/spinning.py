@@ -9,7 +9,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.config import SpinKeys
-from cmsreduce.linalg.basis_store import combined
+from cmsreduce.linalg.blocks import combined
 from cmsreduce.linalg.eigen import motions_held, null_space
 from cmsreduce.mechanics import SpinningModes, modal_integrals, modal_stiffening, spinning_modes
 from cmsreduce.model import ModalComponent

@@ -182,7 +182,7 @@ class ModeSets:
                 lambda arrays, facts: modal_from(body, arrays, facts),
                 prepare=lambda: self.reduced(name, other),
             )
-            top = self.keys(name, other).static_above
+            top = self.keys(name, other).static_above_bands
             if top is not None:
                 self._modal[what] = self._modal[what].static_above(2 * np.pi * top * self.scene.band[1])
             key = self.reduce_key(name, other)
@@ -193,12 +193,12 @@ class ModeSets:
     def keys(self, name: str, other: ModeSetKeys | None = None) -> ReduceKeys:
         """Keys of the stage for one body, with those of another mode set over them; ``auto`` is a number by now."""
         keys = self._stated(name, other)
-        if keys.cutoff != "auto":
+        if keys.cutoff_bands != "auto":
             return keys
-        if other is not None and other.cutoff == "auto" and "cutoff" in other.model_fields_set:
+        if other is not None and other.cutoff_bands == "auto" and "cutoff_bands" in other.model_fields_set:
             raise ConfigError("verify.compare: `cutoff: auto` is for the run's own model; state a multiple of the band")
         found = self.cutoffs.get(name)
-        return keys.model_copy(update={"cutoff": START if found is None else found.cutoff})
+        return keys.model_copy(update={"cutoff_bands": START if found is None else found.cutoff})
 
     def multiple(self, name: str) -> float:
         """Cutoff of a body as a multiple of the band; the usual one of a body that is not reduced."""
@@ -219,15 +219,15 @@ class ModeSets:
         if name in self.unneeded:
             return stage_key("reduce", __version__, self.bodies[name].fingerprint, "rigid")
         keys = self.keys(name, other)
-        loaded = keys.interface_cutoff is not None or issubclass(METHODS[keys.method], BenfieldHruda)
+        loaded = keys.interface_cutoff_bands is not None or issubclass(METHODS[keys.method], BenfieldHruda)
         surroundings = self._surroundings_key(other) if loaded else None
-        asked = (keys.method, _multiple(keys) * self.scene.band[1], keys.interface_cutoff, surroundings)
+        asked = (keys.method, _multiple(keys) * self.scene.band[1], keys.interface_cutoff_bands, surroundings)
         return stage_key("reduce", __version__, self.bodies[name].fingerprint, asked)
 
     def modal_key(self, name: str, other: ModeSetKeys | None = None) -> str:
         """Hash of everything that a body's modes depend on, those that are treated statically among them."""
         key = self._orthonormal_key(name, other)
-        top = None if self.pipeline.reduce_of(name) is None else self.keys(name, other).static_above
+        top = None if self.pipeline.reduce_of(name) is None else self.keys(name, other).static_above_bands
         return key if top is None else stage_key("orthogonalise", key, top * self.scene.band[1])
 
     def _orthonormal_key(self, name: str, other: ModeSetKeys | None = None) -> str:
@@ -249,8 +249,8 @@ class ModeSets:
         keys = self.keys(name, other)
         if name in self.unneeded or keys == self.keys(name):
             return name
-        inside = "" if keys.interface_cutoff is None else f".{keys.interface_cutoff:g}"
-        return f"{name}.{keys.method}.{keys.cutoff:g}{inside}"
+        inside = "" if keys.interface_cutoff_bands is None else f".{keys.interface_cutoff_bands:g}"
+        return f"{name}.{keys.method}.{keys.cutoff_bands:g}{inside}"
 
     def _examine(self, name: str, keys: ReduceKeys, other: ModeSetKeys | None, *, enrich: bool = False) -> Examined:
         flexible = self.bodies[name]
@@ -265,7 +265,7 @@ class ModeSets:
         """A body reduced, and the share of the static flexibility that its basis misses under loads of the scene."""
         keys = self.keys(name, other)
         cutoff, found = self._last_tried.get(name, (None, None))
-        if other is not None or found is None or cutoff != keys.cutoff:
+        if other is not None or found is None or cutoff != keys.cutoff_bands:
             found = self._examine(name, keys, other)
         shares = found.worst(self._tested(name, keys)[0])
         return found.component, {load: share for load, share in shares.items() if share > _WORTH_SAYING}
@@ -276,7 +276,7 @@ class ModeSets:
     def _is_auto(self, name: str) -> bool:
         keys = self._stated(name)
         # Guyan has no normal modes to look for.
-        return keys.cutoff == "auto" and keys.method != "guyan" and name not in self.unneeded
+        return keys.cutoff_bands == "auto" and keys.method != "guyan" and name not in self.unneeded
 
     @property
     def _reduced_names(self) -> list[str]:
@@ -286,7 +286,7 @@ class ModeSets:
         """What the modes left out of each body cost at some cutoffs, as multiples of the band."""
         for name, cutoff in cutoffs.items():
             if self._last_tried.get(name, (None, None))[0] != cutoff:
-                keys = self._stated(name).model_copy(update={"cutoff": cutoff})
+                keys = self._stated(name).model_copy(update={"cutoff_bands": cutoff})
                 work = partial(self._examine, name, keys, None, enrich=True)
                 self._last_tried[name] = (cutoff, self.ledger.timed("reduce", name, work))
         richer = {
@@ -305,9 +305,9 @@ class ModeSets:
         """Interface cutoff in Hz of every body whose interfaces of several nodes are reduced."""
         asked = {name: self._stated(name, other) for name in self._reduced_names}
         return {
-            name: keys.interface_cutoff * self.scene.band[1]
+            name: keys.interface_cutoff_bands * self.scene.band[1]
             for name, keys in asked.items()
-            if keys.interface_cutoff is not None and issubclass(METHODS[keys.method], CraigBampton)
+            if keys.interface_cutoff_bands is not None and issubclass(METHODS[keys.method], CraigBampton)
         }
 
     def _warn(self, name: str, keys: ReduceKeys, facts: Mapping[str, Any]) -> None:
@@ -323,4 +323,4 @@ class ModeSets:
 
 def _multiple(keys: ReduceKeys) -> float:
     """Cutoff of keys in which ``auto`` has been replaced."""
-    return START if keys.cutoff == "auto" else float(keys.cutoff)
+    return START if keys.cutoff_bands == "auto" else float(keys.cutoff_bands)

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.basis_store import combined
-from cmsreduce.linalg.graded import weighted_singular_values
+from cmsreduce.linalg.blocks import combined
+from cmsreduce.linalg.gramian import weighted_singular_values
 from cmsreduce.mechanics import energies
 from cmsreduce.model import ModalComponent, ModeBlock, ModeKind, ModeSet
 from cmsreduce.orthogonalise import orthogonalise

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import ExtraneousMode, Matrix, SampledModes, Scene
 from cmsreduce.pipeline.project.system_projection import ModesOfSystem, SystemModes, all_modes
 from cmsreduce.pipeline.system import ReducedModel, cross_orthogonality, mass_products

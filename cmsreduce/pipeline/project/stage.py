@@ -124,7 +124,7 @@ class ProjectStage:
     ) -> None:
         self.keys, self.scene, self.bodies, self.kept = keys, scene, bodies, kept
         self.source, self.measures = source, measures
-        omega = 2 * np.pi * scene.band[1] * (keys.modes.cutoff or POOL)
+        omega = 2 * np.pi * scene.band[1] * (keys.modes.cutoff_bands or POOL)
         gain = feedback_gain(keys.feedback, scene) if keys.feedback or keys.damped else None
         self._modes = ModesOfSystem(source, omega, gain)
         self._choice = SystemModeChoice(keys, self._modes, measures.limit)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble import check_closed_loop, closed_loop_modes, system_modes
 from cmsreduce.errors import ConfigError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.mechanics import energies
 from cmsreduce.model import Configuration, Scene, System
 from cmsreduce.pipeline.system import ReducedModel

@@ -9,7 +9,7 @@ import numpy as np
 
 from cmsreduce.assemble import elastic_states, state_space
 from cmsreduce.balance import choose_coordinates, physical_states
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import DOF_NAMES, System
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.system import AssembledModel

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import modal_substructure, system_modes
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import ComponentResult, CostlyModes, ModalComponent, RoundingEffect, System, SystemModes
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.system import AssembledModel

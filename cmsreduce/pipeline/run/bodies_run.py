@@ -8,7 +8,7 @@ from pathlib import Path
 
 from cmsreduce.assemble import modal_substructure, physical_substructure, rigid_substructure
 from cmsreduce.config import Pipeline, VerifyKeys, build_scene
-from cmsreduce.linalg.solver_settings import SolverSettings
+from cmsreduce.linalg.machine import SolverSettings
 from cmsreduce.model import Controller, ModalComponent, ReducedComponent, RigidBody, Scene, Substructure
 from cmsreduce.pipeline.bodies import FlexibleBody, Reference, read_flexible, read_rigid, reference
 from cmsreduce.pipeline.choose import ModeSets

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError, StageError
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
 from cmsreduce.model import Factorisation, mapped_in
 from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER, StageStore
 

@@ -28,10 +28,8 @@ from cmsreduce.assemble import (
     wire,
     with_joint_bodies,
 )
-from cmsreduce.linalg.congruence import column_blocks
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import column_blocks, dense, symmetric_product
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless
-from cmsreduce.linalg.products import symmetric_product
 from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System
 from cmsreduce.verify import decibel_grid
 

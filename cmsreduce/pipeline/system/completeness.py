@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import assemble, channel_rows, system_modes
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import MISSING_INERTIA, AxisCompleteness, Channel, Configuration, System
 from cmsreduce.pipeline.system.assembled import AssembledModel
 from cmsreduce.verify import articulation_sensors, free_index, hinges_locked, locked_index

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.config import load_pipeline
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import AxisCompleteness
 from cmsreduce.pipeline import Run, Silent, execute
 from cmsreduce.pipeline.system import completeness_note
