@@ -1,40 +1,56 @@
 """Reduce finite-element bodies to checked components for multibody simulation.
 
 There are two ways to use it from Python. The first runs a pipeline file, the same file that the command
-`cmsreduce run` takes, and gives its results as objects::
+`cmsreduce run` takes, and gives its results as objects.
 
-    import cmsreduce as cms
+>>> import cmsreduce as cms
+>>> run = cms.run("pipelines/hub_beams.yaml", set={"reduce.cutoff": 20})
+>>> run.passed                                   # every limit and every check is met
+True
+>>> run.components["right"]
+Component('right', craig-bampton: 2 rigid, 10 elastic from 1.408 to 168.8 Hz, 0 static modes, 82 dofs)
+>>> run.components["right"].frequencies_hz[2:5].round(3).tolist()
+[1.408, 3.88, 7.607]
+>>> run.components["right"].shapes("hinge").shape   # translation and rotation along basic axes, by mode
+(6, 12)
+>>> list(run.errors.columns)                     # a table with one row a configuration
+['frf_error', 'db_error', 'frequency_error', 'damping_error', 'n_full', 'n_reduced']
+>>> system = run.system("as built")              # or a name such as "spin=45 cone=30", angles in degrees
+>>> system.response([0.5, 1.0]).shape            # at frequencies in Hz: (frequencies, outputs, inputs)
+(2, 3, 3)
+>>> states = system.state_space()                # control.StateSpace
 
-    run = cms.run("pipelines/galileo.yaml", set={"balance.keep": {"modes": 20}})
-    run.passed                                  # whether every limit and every check is met
-    run.errors                                  # pandas.DataFrame, one row a configuration
-    run.components["rotor"].frequencies_hz      # of the modes kept
-    run.components["rotor"].shapes("spin_bearing")
-    run.system("spin=45 cone=30").response([0.5, 1.0, 2.0])
-    run.system("spin=45 cone=30").state_space() # control.StateSpace
+The second calls the stages one by one, without a pipeline file.
 
-The second calls the stages one by one, without a file::
-
-    body = cms.read_body("rotor", stiffness=("rotor.op4", "KAA"), mass=("rotor.op4", "MAA"), geometry="rotor.bdf",
-                         interfaces={"bearing": 1001}, damping=0.005)
-    rotor = cms.orthogonalise(cms.CraigBampton(cutoff_hz=20).reduce(body))
-    rotor = cms.balance(rotor, "gregory", keep=20)
-    system = cms.assemble({"rotor": rotor, "hub": {"rigid": {...}, "interfaces": {...}}}, joints={...},
-                          actuators={...}, sensors={...})
-    cms.write_component(rotor, "rotor.h5")
+>>> sample = "sample_models/hub_beams/right"
+>>> body = cms.read_body("right", stiffness=(f"{sample}.op4", "KFF"), mass=(f"{sample}.op4", "MFF"),
+...                      geometry=f"{sample}.bdf", interfaces={"hinge": 101}, damping=0.005)
+>>> beam = cms.orthogonalise(cms.CraigBampton(cutoff_hz=64).reduce(body, body.interface_rows("hinge")))
+>>> beam = cms.balance(beam, "gregory", keep=4)  # the modes kept and their coefficients: beam.table
+>>> hub = {"rigid": {"mass": 5, "inertia": [2, 2, 3, 0, 0, 0]},
+...        "interfaces": {"right": {"position": [0.6, 0, 0], "dofs": ["y", "rz"]}}}
+>>> system = cms.assemble({"hub": hub, "right": beam},
+...                       joints={"hinge": {"connect": ["hub.right", "right.hinge"], "free": ["rz"]}},
+...                       actuators={"wheel": {"at": "hub.cg", "torque": [0, 0, 1]}},
+...                       sensors={"gyro": {"at": "hub.cg", "measure": "rz"}})
+>>> system
+AssembledSystem('as built' of 1: 11 coordinates, 7 rigid motions, 1 x 1 outputs x inputs)
+>>> file = cms.write_component(beam, "build/right.h5")
 
 Mode sets are `CraigBampton`, `MacNealRubin`, `BenfieldHruda`, `AugmentedBody` and `Guyan`. Mappings such as ``joints``
 have the keys of a pipeline file; `cmsreduce schema` lists these.
 
-Units: frequencies are in Hz where the name ends in ``_hz``, damping ratios are fractions of critical damping, angles of
-configurations are in degrees. Masses, lengths and forces are in the units of the scene, m-kg-s unless stated; shapes are
-normalised to unit modal mass, and a response is an output (a displacement, an angle in rad, or its rate) per unit input
-(a force or a torque). Every error that an engineer can mend is a `CmsReduceError`.
+Units: frequencies are in Hz where the name ends in ``_hz``, damping ratios are fractions of critical damping. Names of
+configurations have angles in degrees. Masses, lengths and forces are in the units of the scene, m-kg-s unless stated.
+Shapes are normalised to unit modal mass. A response is an output (a displacement, an angle in rad, or the rate of
+either) per unit input (a force or a torque). An error that an engineer can mend is a `CmsReduceError`.
 """
 
 import sys
 from types import ModuleType
-from typing import TYPE_CHECKING
+
+# Type checkers know this name; importing typing would take longer than all the rest.
+TYPE_CHECKING = False
 
 if TYPE_CHECKING:
     from cmsreduce.errors import CmsReduceError

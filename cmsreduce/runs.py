@@ -106,11 +106,11 @@ class FinishedRun:
     def __repr__(self) -> str:
         name, count = self.work.pipeline.name, len(self.configurations)
         if self._result is None:
-            return f"FinishedRun('{name}' in {self.folder}: {count} configurations, stopped early)"
+            return f"FinishedRun('{name}', stopped early, configurations: {count}, in {self.folder})"
         kept = sum(part.kept_modes for part in self._result.components.values())
         worst = "".join(f", {key} {value:.3g}" for key, value in self._result.worst().items() if key == "frf_error")
         verdict = "PASS" if self.passed else "FAIL"
-        return f"FinishedRun('{name}' in {self.folder}: {verdict}, {kept} modes, {count} configurations{worst})"
+        return f"FinishedRun('{name}', {verdict}{worst}, modes kept: {kept}, configurations: {count}, in {self.folder})"
 
 
 def run(
@@ -129,7 +129,8 @@ def run(
     pipeline : path
         YAML file.
     set : mapping of key to value, optional
-        Keys that win over those of the file: {"balance.keep": {"modes": 20}, "reduce.cutoff": 3}. None leaves a key out.
+        Keys that win over those of the file: {"balance.keep": {"modes": 20}, "reduce.cutoff": 3}. None leaves
+        a key out.
     out : path, optional
         Folder of the results instead of the one that the file names.
     until : str, optional

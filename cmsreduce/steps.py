@@ -178,9 +178,9 @@ class AssembledSystem:
         return state_space(self.matrices)
 
     def __repr__(self) -> str:
-        counts = f"{self.matrices.N} coordinates, {self.matrices.rigid.shape[1]} rigid motions"
-        channels = f"{len(self.inputs)} inputs, {len(self.outputs)} outputs"
-        return f"AssembledSystem('{self.configuration.name}': {counts}, {channels}; {len(self.configurations)} configurations)"
+        size = f"{self.matrices.N} coordinates, {self.matrices.rigid.shape[1]} rigid motions"
+        channels = f"{len(self.outputs)} x {len(self.inputs)} outputs x inputs"
+        return f"AssembledSystem('{self.configuration.name}' of {len(self.configurations)}: {size}, {channels})"
 
 
 def read_body(
@@ -338,8 +338,8 @@ def assemble(
     Parameters
     ----------
     bodies : mapping of name to ModalComponent or mapping
-        Reduced bodies under their own names; a rigid body by its keys ``rigid`` and ``interfaces``. The first one is the
-        body that articulation does not move.
+        Reduced bodies under their own names; a rigid body by its keys ``rigid`` and ``interfaces``. Articulation does
+        not move the first one.
     joints, articulation, actuators, sensors : mapping, optional
         As under ``scene:`` of a pipeline file. Values are in m-kg-s, or in the units of the reduced bodies; angles need
         their unit, as in ``"45 deg"``.
