@@ -6,6 +6,7 @@ Shapes from system modes belong in `pipeline.project`.
 
 from cmsreduce.pipeline.choose.balancing import Balancing
 from cmsreduce.pipeline.choose.mode_sets import ModeSets
-from cmsreduce.pipeline.choose.selection import Choice
+from cmsreduce.pipeline.choose.ranked import ranked, ranking_channels
+from cmsreduce.pipeline.choose.selection import Choice, select, truncate
 
-__all__ = ["Balancing", "Choice", "ModeSets"]
+__all__ = ["Balancing", "Choice", "ModeSets", "ranked", "ranking_channels", "select", "truncate"]
