@@ -1,7 +1,4 @@
-"""The rigid motion of some rows of a body that fits their displacements best.
-
-Floating frames: which rigid motion the deforming modes of a body are rid of (theory section 8).
-"""
+"""Floating frames: the rigid motion that is taken off the deforming modes of a body (theory section 8)."""
 
 from __future__ import annotations
 
@@ -11,6 +8,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import FloatingFrameError, SceneError
 from cmsreduce.mechanics.lumped_mass import lumped_mass
+from cmsreduce.mechanics.modal_integrals import mass_and_first_moment
 from cmsreduce.model import (
     DOF_NAMES,
     FEModel,
@@ -29,43 +27,6 @@ __all__ = [
     "floating_frame",
 ]
 
-# Rigid motions that some rows show less than this share of, relative to the largest, they cannot tell.
-_SHOWN = 1e-8
-
-
-def best_fit(body: FEModel, rows: NDArray[np.int64], position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rigid motion of an interface about its first node that fits its dofs best.
-
-    Parameters
-    ----------
-    body : FEModel
-        With geometry.
-    rows : (i,) int64
-        Rows of the interface.
-    position : (p, 3) float64
-        Its nodes.
-
-    Returns
-    -------
-    (6, i) float64
-        From displacements of the rows to translations and rotations along the basic axes, in the least-squares sense;
-        motions that the rows do not show are zero.
-
-    Raises
-    ------
-    SceneError
-        If the body has no geometry.
-    """
-    if body.nodes is None:
-        raise SceneError(f"component '{body.name}' has no geometry, so the rigid motion of an interface is not known")
-    # Rotations count by what they move at the edge of the interface, so that units do not matter.
-    edge = float(np.linalg.norm(position - position[0], axis=1).max()) or 1.0
-    row = np.where(np.isin(body.dofs.component[rows], (4, 5, 6)), edge, 1.0)
-    column = np.array([1.0, 1.0, 1.0, edge, edge, edge])
-    R = rigid_body_shapes(body.dofs, body.nodes, position[0])[rows]
-    return np.asarray(la.pinv(row[:, None] * R / column, rtol=_SHOWN) * row / column[:, None])
-
-
 Array = NDArray[np.float64]
 
 REMOVED = 1e-9
@@ -82,6 +43,8 @@ _DETERMINED = 1e-7
 _SAID = 1e-12
 # A shorter chord, relative to the body, has no direction.
 _CHORD = 1e-6
+# A rigid motion that some rows show less than this, relative to the largest, cannot be found from them.
+_SHOWN = 1e-8
 
 
 def floating_frame(
@@ -130,7 +93,8 @@ def floating_frame(
         C, dofs = _chord(body, first, second, axes, condition.roll)
     else:
         M, R = lumped_mass(body, lumping), rigid_body_shapes(body.dofs, body.nodes)
-        origin, axes, dofs = _centre(R.T @ (M @ R)), np.eye(3), np.zeros((0, 2), dtype=np.int64)
+        mass, first_moment = mass_and_first_moment(body, R.T @ (M @ R))
+        origin, axes, dofs = first_moment / mass, np.eye(3), np.zeros((0, 2), dtype=np.int64)
         # About the centre of mass, where momentum and angular momentum are far from each other.
         C = (M @ rigid_body_shapes(body.dofs, body.nodes, origin)).T
     _check_determined(body, C, origin, condition)
@@ -201,17 +165,44 @@ def _dofs(face: Interface) -> NDArray[np.int64]:
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
+def best_fit(body: FEModel, rows: NDArray[np.int64], position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rigid motion of an interface about its first node that fits its dofs best.
+
+    Parameters
+    ----------
+    body : FEModel
+        With geometry.
+    rows : (i,) int64
+        Rows of the interface.
+    position : (p, 3) float64
+        Its nodes.
+
+    Returns
+    -------
+    (6, i) float64
+        From displacements of the rows to translations and rotations along the basic axes, in the least-squares sense;
+        motions that the rows do not show are zero.
+
+    Raises
+    ------
+    SceneError
+        If the body has no geometry.
+    """
+    if body.nodes is None:
+        raise SceneError(f"component '{body.name}' has no geometry, so the rigid motion of an interface is not known")
+    # Rotations count by what they move at the edge of the interface, so that units do not matter.
+    edge = float(np.linalg.norm(position - position[0], axis=1).max()) or 1.0
+    row = np.where(np.isin(body.dofs.component[rows], (4, 5, 6)), edge, 1.0)
+    column = np.array([1.0, 1.0, 1.0, edge, edge, edge])
+    R = rigid_body_shapes(body.dofs, body.nodes, position[0])[rows]
+    return np.asarray(la.pinv(row[:, None] * R / column, rtol=_SHOWN) * row / column[:, None])
+
+
 def _clamped(body: FEModel, face: Interface) -> Array:
     rows = body.interface_rows(face.name)
     C = np.zeros((_SIX, body.n))
     C[:, rows] = best_fit(body, rows, face.position)
     return C
-
-
-def _centre(rigid: Array) -> Array:
-    """Centre of mass of a rigid mass matrix about the origin."""
-    twice = np.array([rigid[5, 1] - rigid[4, 2], rigid[3, 2] - rigid[5, 0], rigid[4, 0] - rigid[3, 1]])
-    return np.asarray(twice / (2 * max(rigid.diagonal()[:3].max(), np.finfo(float).tiny)))
 
 
 def _chord(
