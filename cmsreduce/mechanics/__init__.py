@@ -1,4 +1,4 @@
-"""Statics and kinematics of a body that every stage may use.
+"""Statics and kinematics of a body, for every stage.
 
 Rigid motions, ties, bars, floating frames, modal integrals, geometric stiffness and integrator steps belong here.
 Matrix algorithms without a mechanical meaning belong in `linalg`; checks with a verdict belong in `verify`.

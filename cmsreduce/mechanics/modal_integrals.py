@@ -47,12 +47,12 @@ def modal_integrals(
     lumping: Lumping = "consistent",
     modes: NDArray[np.int64] | None = None,
 ) -> ModalIntegrals:
-    """Integrate over a body and its shapes.
+    """Integrals over a body and its shapes.
 
     Parameters
     ----------
     body : FEModel
-        n dofs, with geometry; its mass matrix is the measure.
+        n dofs, with geometry.
     shapes : (n, k) float64
         Rows along the displacement frames of the nodes.
     origin : (3,) array_like
@@ -60,9 +60,9 @@ def modal_integrals(
     axes : (3, 3) array_like, optional
         Axes of the frame as rows, in basic; the basic axes if absent.
     lumping : Lumping
-        Mass to integrate over.
+        Mass matrix of the integrals.
     modes : (k,) int64, optional
-        What the shapes are columns of, for the record; counted from 0 if absent.
+        Columns of the component that the shapes are, for the record; 0 to k - 1 if absent.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def modal_integrals(
 
     Notes
     -----
-    All that is linear in the shapes follows from R^T M R and R^T M phi, R the rigid-body shapes. The component pairs
+    All integrals that are linear in the shapes follow from R^T M R and R^T M phi, R the rigid-body shapes. The others
     need the mass of one direction with the motion of another. Write u, t for translations and rotations of nodes p, q,
     and M_pq, C_pq, J_pq for the 3 x 3 blocks of the mass matrix between translations, from rotations to translations,
     and between rotations. Then, with s_pq the axial vector of C_pq^T, E = tr(J) 1 / 2 - J^T and [t] the matrix of the
@@ -81,14 +81,13 @@ def modal_integrals(
                             + [t_p] E_pq [t'_q]^T,
         int r phi^T dm    = sum r_p (M_pq u_q + C_pq t_q)^T + s_pq u_p^T + E_pq [t_q]^T.
 
-    Where nodes have translations alone and M_pq is the same in every direction, as for solids, this is exact: the
-    interpolation of r is that of the displacements. It is exact, too, for rigid lumps of mass with any offset and
-    inertia at their nodes, which is how rotational inertia is included, and for the bending of straight beams with
-    cubic shapes, in which a rotation moves what is beside the node. What stretches and bends at once is integrated over
-    the mean of the two interpolations, and a polar inertia without the inertia of bending that a section has with it
-    (Bernoulli beams) is taken as it stands, as a body's that is no body. For any matrix the trace of int phi phi'^T is
-    phi^T M phi', and what is skew in int r phi^T is R^T M phi. Nodes that are tied are integrated where they are, as
-    before they were tied. A direction in which a node is held has no mass.
+    This is exact if nodes have translations only and M_pq is the same in every direction, as for solids: r is
+    interpolated as the displacements are. It is also exact for rigid lumps of mass with any offset and inertia at their
+    nodes, and for the bending of straight beams with cubic shapes, in which a rotation moves points beside the node.
+    For members that stretch and bend at once, the mean of both interpolations is used. A polar inertia without the
+    bending inertia of the same section (Bernoulli beams) is used as given, although no body has such an inertia. For
+    any matrix the trace of int phi phi'^T is phi^T M phi', and the skew part of int r phi^T is R^T M phi. Tied nodes
+    are integrated at their own places, as before the tie. A direction in which a node is held has no mass.
     """
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so there is nothing to integrate over")
@@ -139,7 +138,7 @@ def modal_integrals(
 
 
 def rigid_mass(body: FEModel, about: ArrayLike = (0.0, 0.0, 0.0), lumping: Lumping = "consistent") -> Array:
-    """Mass matrix R^T M R (6, 6) of a body moved as one piece, about a point, along the basic axes.
+    """Rigid mass matrix R^T M R (6, 6) of a body about a point, along the basic axes.
 
     Raises
     ------
@@ -158,14 +157,14 @@ def mass_and_first_moment(body: FEModel, rigid: Array) -> tuple[float, Array]:
     mass = float(along.max(initial=0.0))
     if mass <= 0:
         raise DofMapError(f"body '{body.name}' has no mass that moves along an axis, so it has no centre of mass")
-    # A coordinate shows in the two motions across it; a body held in some directions lacks one or both.
+    # A coordinate of the centre follows from the two motions across it; a body held in some directions lacks one.
     across = np.where(along.sum() - along > 0, along.sum() - along, 1.0)
     twice = np.array([rigid[5, 1] - rigid[4, 2], rigid[3, 2] - rigid[5, 0], rigid[4, 0] - rigid[3, 1]])
     return mass, mass * twice / across
 
 
 def nodal_motion(body: FEModel, axes: Array) -> sp.csr_array:
-    """From rows to translations x y z, then rotations x y z, of all nodes along the axes (6 N, n)."""
+    """Matrix from rows to translations x y z, then rotations x y z, of all nodes along the axes (6 N, n)."""
     assert body.nodes is not None
     moving = np.flatnonzero(body.dofs.component > 0)
     ids, node = np.unique(body.dofs.node[moving], return_inverse=True)
@@ -190,7 +189,7 @@ class MassBlocks:
         part = [slice(three + i * count, three + (i + 1) * count) for i in range(3)]
         J = [[nodal[part[i], part[j]] for j in range(3)] for i in range(3)]
         half = (J[0][0] + J[1][1] + J[2][2]) * 0.5
-        # E of the axes k and l, between nodes.
+        # E of the axes k and m, between nodes.
         self.spread = [[half - J[k][k] if k == m else -J[m][k] for m in range(3)] for k in range(3)]
 
     def part(self, a: int, b: int) -> sp.csr_array:
@@ -202,7 +201,7 @@ class MassBlocks:
 
     def with_shapes(self, u: Array, t: Array, v: Array | None = None, s: Array | None = None) -> Array:
         """Integrals of phi_i phi'_j dm (3, 3, k, k') of translations and rotations u, t (3, N, k); of v, s if given."""
-        # Half of what translations give goes in each order of the two modes; of what couples, all.
+        # Each order of the two modes gets half of the work of translations, and all of the work of the coupling.
         if v is None or s is None:
             v, s, one = u, t, self._half(u, u, t)
             found = one + one.transpose(1, 0, 3, 2)
@@ -215,12 +214,12 @@ class MassBlocks:
         return np.asarray(found)
 
     def _half(self, u: Array, v: Array, s: Array) -> Array:
-        """Work of translations u on half the momentum of translations v and all of that of rotations s."""
+        """Work of translations u on half the momentum of translations v and the whole momentum of rotations s."""
         half = np.tensordot(u, self._product(self.translation, v) / 2 + self._product(self.coupling, s), (1, 1))
         return np.asarray(half.transpose(0, 2, 1, 3))
 
     def with_position(self, r: Array, u: Array, t: Array, turning: Array) -> Array:
-        """Integrals of r_i phi_j dm (3, 3, k), nodes at r (N, 3); skew in it is ``turning``, int r x phi dm (3, k)."""
+        """Integrals of r_i phi_j dm (3, 3, k), nodes at r (N, 3); the skew part is ``turning``, int r x phi dm."""
         force = self._product(self.translation, u) + self._product(self.coupling, t)
         found = np.einsum("pi,jpk->ijk", r, force)
         for i in range(3):
