@@ -63,7 +63,7 @@ INTEGRATORS: Mapping[str, Callable[[float], complex]] = {
     "generalised_alpha": _generalised_alpha,
 }
 """Factor of one step on exp(i w t), as a function of w h. Modified Euler (velocity first, then the displacement with
-the new velocity) has the displacements of central differences. Generalised alpha is that of Chung and Hulbert (1993)."""
+the new velocity) has the displacements of central differences. Generalised alpha: Chung and Hulbert (1993)."""
 
 STABLE: Mapping[str, float] = {
     "central_difference": 2.0,

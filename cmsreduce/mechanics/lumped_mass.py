@@ -28,10 +28,10 @@ def untied_body(body: FEModel) -> tuple[FEModel, sp.csr_array]:
 
     Returns
     -------
-    whole : FEModel
+    untied : FEModel
         With g dofs, the mass of every node in rows of its own, and no stiffness; the body itself without ties.
     T : (g, n) sparse array
-        Motion of these dofs under unit motion of each row of the body: ``body.M`` is T^T ``whole.M`` T.
+        Motion of these dofs under unit motion of each row of the body: ``body.M`` is T^T ``untied.M`` T.
     """
     if body.untied_mass is None:
         return body, sp.eye_array(body.n, format="csr")
@@ -39,7 +39,7 @@ def untied_body(body: FEModel) -> tuple[FEModel, sp.csr_array]:
     rows = every.dofs.rows(dofs.node, dofs.component)
     # Dofs without a row are held.
     moving = sp.diags_array((rows >= 0).astype(np.float64))
-    whole = replace(
+    untied = replace(
         body,
         K=sp.csc_array((len(dofs), len(dofs))),
         M=body.untied_mass.M,
@@ -51,7 +51,7 @@ def untied_body(body: FEModel) -> tuple[FEModel, sp.csr_array]:
         tied=None,
         untied_mass=None,
     )
-    return whole, sp.csr_array(moving @ every.T[np.maximum(rows, 0)])
+    return untied, sp.csr_array(moving @ every.T[np.maximum(rows, 0)])
 
 
 def lumped_mass(body: FEModel, lumping: Lumping) -> sp.csc_array:
@@ -89,8 +89,8 @@ def lumped_mass(body: FEModel, lumping: Lumping) -> sp.csc_array:
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so its mass cannot be lumped at its nodes")
     if body.untied_mass is not None:
-        whole, T = untied_body(body)
-        return sp.csc_array(T.T @ lumped_mass(whole, lumping) @ T)
+        untied, T = untied_body(body)
+        return sp.csc_array(T.T @ lumped_mass(untied, lumping) @ T)
     M, component = body.M, body.dofs.component
     translations, rotations = np.flatnonzero((component >= 1) & (component <= 3)), np.flatnonzero(component > 3)
     if lumping == "row-sum":

@@ -92,9 +92,9 @@ def modal_integrals(
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so there is nothing to integrate over")
     if body.untied_mass is not None:
-        whole, T = untied_body(body)
+        untied, T = untied_body(body)
         modes = np.arange(shapes.shape[1]) if modes is None else modes
-        return modal_integrals(whole, T @ shapes, origin=origin, axes=axes, lumping=lumping, modes=modes)
+        return modal_integrals(untied, T @ shapes, origin=origin, axes=axes, lumping=lumping, modes=modes)
     origin = np.asarray(origin, dtype=np.float64)
     axes = np.eye(3) if axes is None else np.asarray(axes, dtype=np.float64)
     M = lumped_mass(body, lumping)

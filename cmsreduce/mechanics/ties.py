@@ -164,8 +164,8 @@ def _check_determined(
     where: str, body: FEModel, face: Interface, R: NDArray[np.float64], centre: NDArray[np.float64], length: float
 ) -> None:
     """Refuse nodes that leave a rigid motion of the point undetermined which the body has."""
-    whole = _shapes(body, np.flatnonzero(body.dofs.component > 0), centre) / np.repeat([1.0, length], 3)
-    _, size, motions = la.svd(whole, full_matrices=False)
+    of_body = _shapes(body, np.flatnonzero(body.dofs.component > 0), centre) / np.repeat([1.0, length], 3)
+    _, size, motions = la.svd(of_body, full_matrices=False)
     motions = motions[size > _IN_LINE * size.max()]
     if la.svdvals(R @ motions.T).min() > _IN_LINE and R.shape[0] >= len(motions):
         return
@@ -218,7 +218,7 @@ def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str
     place[stay] = np.arange(stay.size)
     every, dofs = body.recovery, body.dofs[stay].joined(DofTable(np.repeat(point.id, 6), _SIX))
     follow = np.concatenate([gone, np.arange(body.n, len(every.dofs))])
-    whole = {label: place[rows] for label, rows in body.sets.items() if (place[rows] >= 0).all()}
+    sets = {label: place[rows] for label, rows in body.sets.items() if (place[rows] >= 0).all()}
     return replace(
         body,
         K=_congruent(body.K, T),
@@ -235,7 +235,7 @@ def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str
             **body.interfaces,
             name: Interface(name, point.id, (tuple(map(int, _SIX)),), point.xyz, point.frame[0], point.frame),
         },
-        sets=whole,
+        sets=sets,
         tied=Recovery(every.dofs[follow], dofs, every.T[follow] @ T),
         untied_mass=body.untied_mass or UntiedMass(body.dofs, body.M),
     )
