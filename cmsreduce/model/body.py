@@ -88,13 +88,13 @@ class Interface:
     name : str
         Name of the interface, unique in its body.
     node : (p,) int64
-        Node ids in order; joints pair them one by one.
+        Node ids; joints pair the nodes of two interfaces in this order.
     components : tuple of (tuple of int)
-        Components 1..6 of each node, along its displacement frame, that belong to the interface.
+        Components 1..6 of each node that belong to the interface, along its displacement frame.
     position : (p, 3) float64
         Coordinates of the nodes in the body's basic frame, in the body's unit of length.
     frame : (3, 3) float64
-        Axes of the interface as rows, in basic components: a joint on it has these axes.
+        Axes of the interface, and of a joint on it, as rows in basic components.
     node_axes : (p, 3, 3) float64, optional
         Displacement frames of the nodes as rows, in basic components; ``frame`` for every node if absent.
     """
@@ -107,7 +107,7 @@ class Interface:
     node_axes: NDArray[np.float64] | None = None
 
     def node_frame(self, k: int) -> NDArray[np.float64]:
-        """Displacement axes of node k, which its components refer to (3, 3)."""
+        """Displacement axes of node k (3, 3), along which its components are."""
         return self.frame if self.node_axes is None else np.asarray(self.node_axes[k])
 
 
@@ -118,11 +118,11 @@ class Source:
     Parameters
     ----------
     path : str
-        As the user named it.
+        Path as given by the user.
     sha256 : str
         Hash of its bytes.
     holds : str
-        What was taken from it, such as ``stiffness KAA``.
+        Content that was used, such as ``stiffness KAA``.
     """
 
     path: str
@@ -141,15 +141,15 @@ class FEModel:
     K, M : (n, n) sparse array
         Stiffness and mass, symmetric, in ``units``; rows as in ``dofs``.
     dofs : DofTable
-        What each row is.
+        Node and component of each row.
     nodes : Nodes, optional
         Coordinates and displacement frames; absent for bodies of scalar dofs only.
     interfaces : mapping of name to Interface
-        Where joints attach.
+        Interfaces, at which joints attach.
     damping : Damping
         Damping law.
     D : (n, n) sparse array, optional
-        Viscous damping matrix of the user; excludes a damping law.
+        Viscous damping matrix, instead of a damping law.
     units : Units
         Unit system of matrices and coordinates.
     rounding : float
@@ -157,16 +157,16 @@ class FEModel:
     sets : mapping of str to (k,) int64
         Rows of named dof sets of the source, such as ``b`` and ``q``.
     constrained : DofTable
-        Dofs held at zero, by single-point constraints of the source or because nothing determines their motion; they
-        have no rows.
+        Dofs held at zero by single-point constraints of the source, or because their motion is undetermined; they have
+        no rows.
     tied : Recovery, optional
-        Dofs that follow others, as those of a node tied to an interface point; they have no rows either.
+        Dofs that follow the rows, such as those of nodes tied to an interface point; they have no rows.
     untied_mass : UntiedMass, optional
         Mass over the dofs that the body was read with, if some of them are tied: M = T^T M_untied T.
     grounded : bool
-        Whether the user says that the body is held to the ground, so that K resists rigid motion.
+        True if the user states that the body is held to the ground, so that K resists rigid motion.
     sources : tuple of Source
-        Files the body came from.
+        Files that the body was read from.
 
     Raises
     ------
@@ -257,7 +257,7 @@ class FEModel:
 
     @cached_property
     def recovery(self) -> Recovery:
-        """Every dof whose motion the rows give: the rows themselves, then the dofs tied to them."""
+        """Every dof with a known motion: the rows themselves, then the dofs tied to them."""
         rows = sp.eye_array(self.n, format="csr")
         if self.tied is None:
             return Recovery(self.dofs, self.dofs, rows)
@@ -289,7 +289,7 @@ class RigidBody:
         Inertia tensor about the centre of mass, basic axes: diagonal Ixx Iyy Izz, off-diagonal the negative
         products of inertia, as the tensor has them.
     interfaces : mapping of name to Interface
-        Where joints attach; node ids are -1.
+        Interfaces, at which joints attach; node ids are -1.
     units : Units
         Unit system.
 
@@ -313,7 +313,7 @@ class RigidBody:
         if not self.mass > 0:
             raise MatrixError(f"rigid body '{self.name}': mass {self.mass:g} is not positive")
         principal = np.linalg.eigvalsh(J)
-        # Round-off of six printed digits may put a rod's axis a hair below zero.
+        # Round-off of six printed digits may make the inertia about a rod's axis slightly negative.
         slack = 1e-6 * abs(principal).max()
         if principal[0] < -slack or principal[0] + principal[1] < principal[2] - slack:
             raise MatrixError(

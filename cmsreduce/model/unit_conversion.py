@@ -87,9 +87,9 @@ def rigid_in_units(body: RigidBody, units: Units) -> RigidBody:
     )
 
 
-def _untied(whole: UntiedMass, length: float, mass: float) -> UntiedMass:
-    inverse = _diagonal(whole.dofs, 1 / length)
-    return UntiedMass(whole.dofs, sp.csc_array(mass * length**2 * (inverse @ whole.M @ inverse)))
+def _untied(old: UntiedMass, length: float, mass: float) -> UntiedMass:
+    inverse = _diagonal(old.dofs, 1 / length)
+    return UntiedMass(old.dofs, sp.csc_array(mass * length**2 * (inverse @ old.M @ inverse)))
 
 
 def _diagonal(dofs: DofTable, length: float) -> sp.dia_array:

@@ -13,7 +13,7 @@ from cmsreduce.errors import UnitsError
 __all__ = ["SI", "UNITS", "UnitKind", "Units", "units_of"]
 
 UnitKind = Literal["frequency", "angle", "length", "time", "mass", "force", "torque"]
-"""What a unit measures."""
+"""Quantity that a unit measures."""
 
 _POUND, _INCH, _FOOT = 0.45359237, 0.0254, 0.3048  # kg and m, by definition
 _POUND_FORCE = 4.4482216152605  # N, by definition
