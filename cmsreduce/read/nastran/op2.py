@@ -88,7 +88,7 @@ def _order(content: mmap.mmap) -> str:
 
 
 def _check_records(path: Path) -> None:
-    """Check that the same length stands before and after every record."""
+    """Check that every record has the same length before and after it."""
     if path.stat().st_size < _SMALLEST:
         raise ReadError(f"{path}: the OP2 file is truncated: it has no more than {path.stat().st_size} bytes")
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:

@@ -29,16 +29,11 @@ _AT_ONCE = 8_000_000
 def first_record(head: bytes) -> set[int]:
     """Possible lengths of the first Fortran record of a file, in either byte order.
 
-    The same length stands before and after a record. A file that is cut inside the record still has the first one.
+    The same length is written before and after a record. A file that is cut inside the record still has the first.
     """
-    found = set()
-    for order in "<>":
-        length = struct.unpack_from(order + "i", head)[0] if len(head) >= 4 else -1
-        if length >= 0:
-            closing = head[4 + length : 8 + length]
-            if closing == head[: len(closing)]:
-                found.add(length)
-    return found
+    lengths = [struct.unpack_from(order + "i", head)[0] for order in "<>"] if len(head) >= 4 else []
+    closing = {length: head[4 + length : 8 + length] for length in lengths if length >= 0}
+    return {length for length, end in closing.items() if end == head[: len(end)]}
 
 
 def _op4_matrices(path: Path) -> list[StoredMatrix]:

@@ -91,7 +91,7 @@ def is_printed_header(line: str) -> bool:
 
 
 class BinaryRecords:
-    """Records of a binary file, read one after another; the same length stands before and after each.
+    """Records of a binary file, read one after another; each has its length before and after it.
 
     Parameters
     ----------
