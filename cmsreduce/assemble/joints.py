@@ -53,15 +53,27 @@ def relative_motion(stack: PointStack, placed: Mapping[str, Placement], joint: J
     -------
     (size,) float64
     """
-    # Motion of the first interface carried along the rigid arm to where the second one is.
+    axes, arm = joint_axes(stack.substructures, placed, joint), joint_arms(stack.substructures, placed, joint)[0]
+    return _relative_row(stack, placed, joint, axes, dof, arm, stack.label(joint.first), stack.label(joint.second))
+
+
+def _relative_row(
+    stack: PointStack,
+    placed: Mapping[str, Placement],
+    joint: Joint,
+    axes: Array,
+    dof: int,
+    arm: Array,
+    near: str,
+    far: str,
+) -> Array:
+    """Row of `relative_motion` for one node of each interface, by their labels and the rigid arm between them."""
+    # Motion of the first interface is carried along the arm to the second.
     carry = np.eye(6)
-    carry[:3, 3:] = -cross_matrix(joint_arms(stack.substructures, placed, joint)[0])
-    direction = joint_direction(joint_axes(stack.substructures, placed, joint), dof)
-    row = np.zeros(stack.size)
-    row[stack.columns(joint.second.body, stack.label(joint.second))] += in_body(direction, placed[joint.second.body])
-    row[stack.columns(joint.first.body, stack.label(joint.first))] -= (
-        in_body(direction, placed[joint.first.body]) @ carry
-    )
+    carry[:3, 3:] = -cross_matrix(arm)
+    direction, row = joint_direction(axes, dof), np.zeros(stack.size)
+    row[stack.columns(joint.second.body, far)] += in_body(direction, placed[joint.second.body])
+    row[stack.columns(joint.first.body, near)] -= in_body(direction, placed[joint.first.body]) @ carry
     return row
 
 
@@ -145,21 +157,16 @@ def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], 
     UnitsError
         If they would coincide in another unit of length.
     """
-    rows: list[Array] = []
-    owner: list[str] = []
+    named: list[tuple[Array, str]] = []
     gap = 0.0
     for joint in scene.joints:
         axes = joint_axes(stack.substructures, placed, joint)
         gap = max(gap, _coincidence(stack.substructures, placed, joint, axes, as_built))
-        for row, name in _joint_rows(stack, placed, joint, axes):
-            rows.append(row)
-            owner.append(name)
+        named += _joint_rows(stack, placed, joint, axes)
     for point in scene.ground:
-        for row, name in ground_rows(stack, point):
-            rows.append(row)
-            owner.append(name)
-    A = np.array(rows) if rows else np.zeros((0, stack.size))
-    return Constraints(A, tuple(owner), gap)
+        named += ground_rows(stack, point)
+    A = np.array([row for row, _ in named]) if named else np.zeros((0, stack.size))
+    return Constraints(A, tuple(name for _, name in named), gap)
 
 
 def check_loops(substructures: Mapping[str, Substructure], scene: Scene, placed: Mapping[str, Placement]) -> None:
@@ -229,9 +236,6 @@ def _joint_rows(
     for k, (near, far) in enumerate(zip(*labels, strict=True)):
         here = available(first, k, axes @ a.rotation)
         there = available(second, k, axes @ b.rotation)
-        # Motion of the first interface carried along the rigid arm to where the second one is.
-        carry = np.eye(6)
-        carry[:3, 3:] = -cross_matrix(arms[k])
         differ = [DOF_NAMES[dof] for dof in locked if here[dof] != there[dof]]
         if differ:
             raise SceneError(
@@ -244,10 +248,7 @@ def _joint_rows(
                 continue
             if dof < 3:
                 _check_carried(first, k, np.cross(arms[k], axes[dof] @ a.rotation), joint, size)
-            row = np.zeros(stack.size)
-            direction = joint_direction(axes, dof)
-            row[stack.columns(joint.second.body, far)] += in_body(direction, b)
-            row[stack.columns(joint.first.body, near)] -= in_body(direction, a) @ carry
+            row = _relative_row(stack, placed, joint, axes, dof, arms[k], near, far)
             where = f" node {first.node[k]}" if first.node.size > 1 else ""
             found.append((row, f"{joint.name}{where} {DOF_NAMES[dof]}"))
     if locked and not found:

@@ -24,10 +24,10 @@ __all__ = ["check_closed_loop", "closed_loop_modes", "damped_modes", "system_mod
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# The state matrix has (2 N)^2 entries, of which all eigenvalues are computed.
+# The state matrix has (2 N)^2 entries, and all of its eigenvalues are computed.
 _LARGEST = 1500
-# A root of this size, relative to the highest frequency, is rigid motion that no feedback holds: twice zero, it is
-# known to the root of rounding only.
+# A root of this size, relative to the highest frequency, is rigid motion that no feedback holds: as a double root of
+# zero it is known to the root of rounding only.
 _AT_REST = 1e-6
 # Newton's step on a root is trusted up to this share of it; a larger one belongs to a multiple root, which has none.
 _TRUSTED = 1e-3
@@ -80,7 +80,7 @@ def undetermined(system: System, error: UndeterminedError) -> UndeterminedError:
 
 
 def damped_modes(system: System, omega: float, undamped: tuple[Real, Real]) -> ComplexModes | None:
-    """Complex modes of a system up to a frequency; its damping is taken as it is, not its diagonal in the modes.
+    """Complex modes of a system up to a frequency, with its full damping and not the diagonal in the modes.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def damped_modes(system: System, omega: float, undamped: tuple[Real, Real]) -> C
     omega : float
         Highest frequency |s| in rad/s.
     undamped : ((k,), (N, k)) float64
-        The system's modes without damping to a little above ``omega``, as `system_modes` gives them.
+        Modes of the system without damping to a little above ``omega``, from `system_modes`.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def damped_modes(system: System, omega: float, undamped: tuple[Real, Real]) -> C
     Raises
     ------
     MatrixError
-        As `complex_modes` does.
+        As in `complex_modes`.
     """
     if system.D is None and system.loss is None:
         return None
@@ -117,12 +117,12 @@ def closed_loop_modes(
     system : System
         Reduced; every coordinate has mass.
     gain : (inputs, outputs) float64
-        Feedback gain; zeros for the damped modes of the system as it is.
+        Feedback gain; zeros for the damped modes of the system without feedback.
     omega : float
-        Roots up to this size in rad/s are given, motion at rest left out.
+        Roots up to this size in rad/s are returned, without those of rigid motion at rest.
     undamped : ((e,), (N, e)) float64, optional
         All elastic modes of the system without damping or feedback, frequencies in rad/s and shapes orthonormal in M,
-        where they are known already.
+        if known.
 
     Returns
     -------
@@ -139,7 +139,7 @@ def closed_loop_modes(
     Notes
     -----
     The equations are solved in the undamped modes, in which the stiffness is diagonal, so that soft motions keep their
-    digits beside stiff ones; each root is then improved by itself.
+    digits beside stiff ones; each root is then refined separately.
     """
     check_closed_loop(system)
     n = system.N
@@ -149,14 +149,14 @@ def closed_loop_modes(
     L = np.hstack([system.rigid, undamped[1]])
     if L.shape[1] < n:
         raise MatrixError(
-            "modes under feedback need a mass for every coordinate; static modes have none: take a mode set without "
+            "modes under feedback need a mass for every coordinate, but static modes have none: use a mode set without "
             "them, or no feedback"
         )
     w = np.concatenate([np.zeros(system.rigid.shape[1]), undamped[0]])
     B = L.T @ system.B
     stiff = np.diag(w**2) + B @ gain @ (system.C1 @ L)
     damped = B @ gain @ (system.C2 @ L) + (0.0 if system.D is None else L.T @ dense(system.D) @ L)
-    # Rates are counted in units of the highest frequency, so that both halves of the state are alike.
+    # Rates are in units of the highest frequency, so that both halves of the state have one size.
     A = np.block([[np.zeros((n, n)), omega * np.eye(n)], [-stiff / omega, -damped]])
     s, Z = la.eig(A)
     chosen = np.flatnonzero((abs(s) <= omega) & (abs(s) > _AT_REST * omega) & (s.imag >= 0))
@@ -167,24 +167,24 @@ def closed_loop_modes(
 
 
 def check_closed_loop(system: System) -> None:
-    """Refuse a system of which closed-loop modes are not computed, before anything else is.
+    """Refuse a system whose closed-loop modes cannot be computed, before other work starts.
 
     Raises
     ------
     MatrixError
-        If it is too large for a dense state matrix, or has a complex stiffness.
+        If the system is too large for a dense state matrix, or has a complex stiffness.
     """
     if system.N > _LARGEST:
         raise MatrixError(
-            f"modes under feedback are those of a reduced system; this one has {system.N} coordinates, more than "
-            f"{_LARGEST}: take `of: reduced`, or fewer modes of the bodies"
+            f"modes under feedback need a reduced system; this one has {system.N} coordinates, more than {_LARGEST}: "
+            "use `of: reduced`, or fewer modes of the bodies"
         )
     if system.loss is not None:
         raise MatrixError("structural damping is a complex stiffness and has no modes in time; use modal damping")
 
 
 def _improved(s: complex, x: Complex, w: Real, stiff: Real, damped: Real) -> tuple[complex, Complex]:
-    """A root and its shape after Newton's steps on (s^2 + s damped + stiff) x = 0, x of fixed length."""
+    """Refine a root and its shape by Newton's steps on (s^2 + s damped + stiff) x = 0, x of fixed length."""
     unit = 1 / np.maximum(w, abs(s))
     both = np.outer(unit, unit)
     first, y = s, x / unit

@@ -1,4 +1,4 @@
-"""What the scene asks of one body: where forces act on it, and what is measured of it."""
+"""Ports of one body in the scene: where forces act on it, and which motions are measured."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 _NODE_DOFS = 6
 
 _ALL_OF_A_KIND = ("actuators", "sensors", "dampers")
-# Discrete dampers act on few dofs; a static shape for each is affordable up to here.
+# Discrete dampers act on few dofs; more static shapes than this would cost too much.
 _MOST_DAMPED = 300
 
 
@@ -30,15 +30,15 @@ class Ports:
     Parameters
     ----------
     interface : (i,) int64
-        Rows of the i-set: every interface of the body and every dof an actuator acts on (Spanos-Tsuha's rule).
+        Rows of the i-set: every interface of the body and every dof on which an actuator acts (Spanos-Tsuha's rule).
     loads : (n, l) float64
         Loads whose static shapes the basis must hold, one column each: struts inside the body, and forces on nodes
         that follow others.
     displacements, rates : (p, n), (q, n) sparse array
         Rows of the sensors on the body.
     residuals : (n, k) float64
-        Further loads whose static shapes the basis must hold, which are no inputs: unit loads along what sensors
-        measure, or at dofs the user names.
+        Further loads whose static shapes the basis must hold, which are no inputs: unit loads along the motions that
+        sensors measure, or at dofs that the user names.
     """
 
     interface: NDArray[np.int64]
@@ -49,18 +49,18 @@ class Ports:
 
     @property
     def static_loads(self) -> Array:
-        """Every load whose static shape the basis must hold, unit forces on the i-set apart (n, l + k)."""
+        """Loads whose static shapes the basis must hold, without the unit forces on the i-set (n, l + k)."""
         return np.hstack([self.loads, self.residuals])
 
     def as_loads(self) -> Ports:
-        """Ports with unit forces on the i-set as loads: for a body that nothing holds, reduced to its free modes."""
+        """Replace the i-set by unit forces as loads: for a body that nothing holds, reduced to its free modes."""
         units = np.zeros((self.loads.shape[0], self.interface.size))
         units[self.interface, np.arange(self.interface.size)] = 1.0
         return replace(self, interface=self.interface[:0], loads=np.hstack([units, self.loads]))
 
 
 def body_points(scene: Scene, body: FEModel) -> list[str]:
-    """Names of the points of one body that the scene or its interfaces refer to."""
+    """Names of the points of one body that are in its interfaces or in the scene."""
     named = [point.name for point in scene.points() if point.body == body.name]
     return list(dict.fromkeys([*body.interfaces, *named]))
 
@@ -86,7 +86,7 @@ def body_ports(body: FEModel, scene: Scene, residuals: Collection[str] = ()) -> 
     """
     at_joints = [row for name in body.interfaces for row in body.interface_rows(name)]
     inside, at_points = _channels(body, scene.actuators)
-    # What acts on a node that follows many others is one load, not as many interface dofs.
+    # A force on a node that follows many others is one load, not many interface dofs.
     spread = [np.count_nonzero(row) > _NODE_DOFS for row in at_points]
     by_load = [row for row, wide in zip(at_points, spread, strict=True) if wide or "actuators" in residuals]
     held = [row for row, wide in zip(at_points, spread, strict=True) if not wide and "actuators" not in residuals]
@@ -108,7 +108,7 @@ def body_ports(body: FEModel, scene: Scene, residuals: Collection[str] = ()) -> 
 
 
 def _channels(body: FEModel, channels: Iterable[Channel]) -> tuple[list[Array], list[Array]]:
-    """Rows of struts inside the body, and of motions of its points, that some channels act on or measure."""
+    """Rows of struts inside the body, and of motions of its points, on which channels act or which they measure."""
     inside: list[Array] = []
     at_points: list[Array] = []
     for channel in channels:
@@ -119,7 +119,7 @@ def _channels(body: FEModel, channels: Iterable[Channel]) -> tuple[list[Array], 
                 if term.a.body == term.b.body == body.name:
                     inside.append(_strut(body, term))
                 else:
-                    # The line to another body turns with the joints: any direction at this end counts.
+                    # The line to another body turns with the joints: every direction at this end counts.
                     ends = [point for point in (term.a, term.b) if point.body == body.name]
                     at_points += [_row(body, point, axis) for point in ends for axis in np.eye(6)[:3]]
     return inside, at_points
@@ -175,7 +175,7 @@ def _row(body: FEModel, point: Point, direction: Array) -> Array:
     at = -1 if body.nodes is None else int(body.nodes.index(node)[0])
     frame = np.eye(3) if body.nodes is None or at < 0 else body.nodes.frame[at]
     along = np.concatenate([frame @ direction[:3], frame @ direction[3:]])
-    # What a direction cosine of a printed frame leaves of zero is no input.
+    # Rounding of the direction cosines of a printed frame is no input.
     along[abs(along) < 1e-7 * np.linalg.norm(direction)] = 0.0
     known = body.recovery
     dofs = known.dofs.rows(node, np.arange(1, 7))
