@@ -289,7 +289,7 @@ class RunResult:
         """Name, verdict, sizes and worst errors."""
         errors = "".join(f", {name} {value:.3g}" for name, value in self.worst().items())
         verdict = "PASS" if self.passed else "FAIL"
-        sizes = f"{len(self.components)} components, {len(self.configurations)} configurations"
+        sizes = f"components {len(self.components)}, configurations {len(self.configurations)}"
         return f"<RunResult {self.name}: {verdict}, {sizes}{errors}>"
 
     def worst(self, model: str | None = None) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""What the plots of the reduction checks are drawn from: static loads, zeros, steps in time, the controller."""
+"""Data of the plots of reduction checks: static loads, zeros, step responses, the controller."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ __all__ = ["check_data", "high_gains"]
 _BUDGET, _FEWEST = 3e6, 120
 # Part of |s| from which a root has left an axis: rounding moves a double root by the square root of its own.
 _OFF_AXIS = 1e-6
-# What has no place on a logarithmic axis stands here.
+# Smallest value on a logarithmic axis.
 _LEAST = 1e-16
-# Places of a zero in the plane of s.
+# Place of a zero in the plane of s.
 _IMAGINARY, _REAL, _COMPLEX = 0, 1, 2
 
 
 def check_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
-    """What was found of a reduction beside the errors of its responses.
+    """Data of the checks of a reduction.
 
     Parameters
     ----------
@@ -37,8 +37,8 @@ def check_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``statics``: body, load and lacking energy in per cent; ``zeros``, ``steps``, ``margins``: configuration by
-        configuration, channels in the order of ``channels``, outputs outermost.
+        ``statics``: body, load and energy error in per cent; ``zeros``, ``steps``, ``margins``: by configuration, with
+        channels in the order of ``channels``, outputs outermost.
     """
     systems = () if run.checks is None else run.checks.systems
     stepped = [(each.configuration, each.step) for each in systems if each.step is not None]
@@ -87,7 +87,7 @@ def _statics(run: RunResult) -> list[list[Any]]:
 
 
 def _zeros(found: tuple[ChannelZeros, ...], outputs: int, inputs: int, store: ArrayStore) -> dict[str, Any]:
-    """Zeros of all channels in one row, and how many are of each."""
+    """Zeros of all channels in one row, with the number of each channel."""
     by_channel = {pair.output * inputs + pair.input: pair for pair in found}
     rows: dict[str, list[NDArray[np.float64]]] = {"full": [], "reduced": [], "miss": []}
     places: dict[str, list[NDArray[np.int64]]] = {"full_place": [], "reduced_place": [], "judged": []}
@@ -115,9 +115,9 @@ def _zeros(found: tuple[ChannelZeros, ...], outputs: int, inputs: int, store: Ar
 def _drawn_pair(
     pair: ChannelZeros | None,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.int64], NDArray[np.float64]]:
-    """Zeros of both systems; of each of the full one 1 if it is judged, and its distance from its partner.
+    """Zeros of both systems; for each of the full one 1 if it is judged, and the distance from its partner.
 
-    One that is not judged has no partner: its distance is that from the nearest.
+    A zero that is not judged has no partner; its distance is that from the nearest zero.
     """
     if pair is None:
         return np.empty(0, complex), np.empty(0, complex), np.empty(0, np.int64), np.empty(0)
@@ -129,7 +129,7 @@ def _drawn_pair(
 
 
 def _drawn(zeros: NDArray[np.complex128]) -> NDArray[np.bool_]:
-    """One of each pair that is mirrored in an axis, and none at the origin."""
+    """Mask of one zero of each pair mirrored in an axis, without those at the origin."""
     size = abs(zeros)
     return np.asarray((size > 0) & (zeros.real >= -_OFF_AXIS * size))
 
@@ -186,7 +186,7 @@ def _worst_zeros(found: tuple[ChannelZeros, ...], run: RunResult) -> NDArray[np.
 
 
 def _first(values: Sequence[ArrayLike]) -> tuple[int, int]:
-    """Configuration and place in it where a figure is largest: what is shown first."""
+    """Configuration and channel with the largest value, which the page shows first."""
     rows = [np.nan_to_num(np.asarray(each, dtype=np.float64)) for each in values]
     worst = max(range(len(rows)), key=lambda c: float(rows[c].max(initial=0.0)), default=0)
     return worst, int(rows[worst].argmax()) if rows and rows[worst].size else 0

@@ -1,4 +1,4 @@
-"""What the plots of modes are drawn from: influence, effective mass, gains, completeness, projection."""
+"""Data of the plots of modes: influence, effective mass, gains, completeness, projection, timings."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ __all__ = ["mode_data"]
 
 # Singular values below this share of the largest are rounding.
 _ROUNDING = 1e-17
-# What modes carry of each motion, as shown.
+# Gains up to this size are zero.
 _LEAST_GAIN = 1e-300
 
 
 def mode_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
-    """Modes of the bodies, and what they carry.
+    """Modes of the bodies with their masses and gains, and times of the stages.
 
     Parameters
     ----------

@@ -1,7 +1,4 @@
-"""What a page that opens offline is made of: its scripts, its data, and the plotting library.
-
-The report: one HTML page that opens offline.
-"""
+"""The report: one HTML page that opens offline, with its scripts, its data and the plotting library."""
 
 from __future__ import annotations
 
@@ -43,13 +40,13 @@ _QUICK = 4
 
 
 def packed_plotly() -> str:
-    """The plotting library, compressed: the page unpacks it when it opens."""
+    """The compressed plotting library; the page unpacks it when it opens."""
     return start_packing().result()
 
 
 @cache
 def start_packing() -> Future[str]:
-    """Compress the plotting library beside other work: it takes longer than the rest of a page."""
+    """Compress the plotting library in a thread: it takes longer than the rest of a page."""
 
     def work() -> str:
         return compressed(files("plotly").joinpath("package_data", "plotly.min.js").read_bytes(), _QUICK)
@@ -58,13 +55,13 @@ def start_packing() -> Future[str]:
 
 
 def embedded(data: Any) -> str:
-    """JSON that cannot end the script element it stands in, whatever the names in it."""
+    """JSON for a script element: no name in it can end the element."""
     text = json.dumps(data, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def part(name: str) -> str:
-    """Text of a script, a style or a template that comes with the package."""
+    """Text of a script, a style or a template of the package."""
     return files("cmsreduce.report.page").joinpath(name).read_text(encoding="utf-8")
 
 
@@ -95,7 +92,7 @@ _SECTIONS = (
 
 
 def render_report(run: RunResult) -> str:
-    """Render what a run found as one self-contained HTML page.
+    """Render the result of a run as one self-contained HTML page.
 
     Parameters
     ----------
@@ -104,7 +101,7 @@ def render_report(run: RunResult) -> str:
     Returns
     -------
     str
-        HTML; the plotting library, styles and data are in it, and nothing is fetched when it opens.
+        HTML with the plotting library, styles and data inside; opening it needs no network.
     """
     from jinja2 import Environment, FunctionLoader, StrictUndefined
     from markupsafe import Markup
@@ -153,7 +150,7 @@ def render_report(run: RunResult) -> str:
 
 
 def page_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
-    """What the page's plots are drawn from, as JSON values; their arrays go to the store."""
+    """Data of the plots as JSON values; their arrays go to the store."""
     data = response_data(run, store) | mode_data(run, store) | check_data(run, store)
     data["scene"] = scene_data(run, store)
     data["body_places"] = {body["name"]: k for k, body in enumerate(data["scene"]["bodies"])} if data["scene"] else {}
