@@ -5,7 +5,8 @@ Shapes from system modes belong in `pipeline.project`.
 """
 
 from cmsreduce.pipeline.choose.balancing import Balancing
+from cmsreduce.pipeline.choose.cutoff import CutoffChoice, CutoffSearch, asked_error, cutoff_key
 from cmsreduce.pipeline.choose.mode_sets import ModeSets
 from cmsreduce.pipeline.choose.selection import Choice
 
-__all__ = ["Balancing", "Choice", "ModeSets"]
+__all__ = ["Balancing", "Choice", "CutoffChoice", "CutoffSearch", "ModeSets", "asked_error", "cutoff_key"]
