@@ -57,15 +57,14 @@ def run_pipeline(call: PipelineCall, only: str | None, until: str | None) -> boo
         ) as work,
     ):
         result = execute(work, call.path, call.overrides, until)
-    written = list(dict.fromkeys(work.ledger.written))
+    written = list(dict.fromkeys(work.stages.written))
     if result is None:
         if "balance" in (only, until):
             from cmsreduce.report import RANKINGS_WIDTH, print_rankings
 
-            balancing = work.balancing
-            scaling = {name: balancing.scaling(name) for name in work.ranked}
+            scaling = {name: work.balancing.scaling(name) for name in work.ranked}
             for console in output.consoles(RANKINGS_WIDTH, whole=True):
-                print_rankings(work.ranked, work.selection, console, balancing.sensitivity, scaling)
+                print_rankings(work.ranked, work.selection, console, work.sensitivity, scaling)
         output.made(written)
         output.result({"written": written, "seconds": output.seconds})
         return True

@@ -257,8 +257,8 @@ def test_a_finished_projection_is_reused_and_finds_the_same(study, tmp_path):
     execute(first, path, report=False)
     again = run()
     execute(again, path, report=False)
-    assert "project system" in first.ledger.progress.done and "project system" in again.ledger.progress.reused_
-    assert "project system" not in again.ledger.progress.done
+    assert "project system" in first.stages.progress.done and "project system" in again.stages.progress.reused_
+    assert "project system" not in again.stages.progress.done
     for name, component in first.final.items():
         other = again.final[name]
         np.testing.assert_array_equal(other.Phi, component.Phi)
@@ -273,11 +273,11 @@ def test_a_finished_projection_is_reused_and_finds_the_same(study, tmp_path):
         np.testing.assert_array_equal(a.weight, b.weight)
     alone = run(only="project")
     execute(alone, path)
-    assert "project system" in alone.ledger.progress.done and "verify system" not in alone.ledger.progress.done
+    assert "project system" in alone.stages.progress.done and "verify system" not in alone.stages.progress.done
     other = run("project={modes: auto, frf_error: 0.2}")
     execute(other, path, report=False)
-    assert {"project system", "verify system"} <= set(other.ledger.progress.done)
-    assert "balance system" in other.ledger.progress.reused_
+    assert {"project system", "verify system"} <= set(other.stages.progress.done)
+    assert "balance system" in other.stages.progress.reused_
 
 
 def test_a_limit_that_projection_goes_for_is_part_of_its_key(study, tmp_path):
@@ -290,7 +290,7 @@ def test_a_limit_that_projection_goes_for_is_part_of_its_key(study, tmp_path):
 
     few, many = run(0.3), run(0.02)
     assert sum(few.projected.record.rank.values()) < sum(many.projected.record.rank.values())
-    assert "project system" in many.ledger.progress.done
+    assert "project system" in many.stages.progress.done
 
 
 def test_the_stage_has_a_verb(study, tmp_path):

@@ -127,5 +127,5 @@ def test_the_unreduced_body_is_represented_under_the_same_settings(files: Path, 
     path.write_text(BAR.format(output=tmp_path / "out", solver="backend: pardiso"))
     run = Run(load_pipeline(path), tmp_path / "out", Silent())
     assert run.references["bar"].label == "modes to 2 x cutoff"
-    done = run.ledger.factorised["bar, unreduced"]["verify"]
+    done = run.stages.factorised["bar"]["reference"]
     assert done and {each.backend for each in done} == {"pardiso"}

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,23 +13,18 @@ from cmsreduce.linalg.blocks import combined
 from cmsreduce.linalg.gramian import weighted_singular_values
 from cmsreduce.mechanics import energies
 from cmsreduce.model import (
-    ExtraneousMode,
-    FEModel,
     ModalComponent,
     ModeBlock,
     ModeKind,
     ModeSet,
-    ModeShare,
     ProjectionRecord,
-    SampledModes,
 )
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import FlexibleBody
-from cmsreduce.pipeline.store import modal_from, modal_to
 from cmsreduce.project import Projection, keep_combinations, project_shapes
 from cmsreduce.reduce import project
 
-__all__ = ["Projected", "attachment_amplitudes", "projected_body", "projected_from", "projected_to"]
+__all__ = ["Projected", "attachment_amplitudes", "projected_body"]
 
 Real = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]
@@ -195,62 +190,3 @@ class Projected:
     components: dict[str, ModalComponent]
     record: ProjectionRecord
     notes: tuple[str, ...]
-
-
-def projected_to(projected: Projected) -> tuple[Arrays, dict[str, Any]]:
-    """Arrays and facts of the projected bodies, for the store; bodies are stored before they are ranked."""
-    arrays: Arrays = {}
-    bodies = {}
-    for name, component in projected.components.items():
-        own, bodies[name] = modal_to(component)
-        arrays |= {f"{name}.{key}": values for key, values in own.items()}
-    record = projected.record
-    arrays |= {f"{name}.singular": values for name, values in record.singular.items()}
-    for k, sample in enumerate(record.sampled):
-        arrays |= {f"{k}.hz": sample.hz, f"{k}.error": sample.error}
-    for k, mode in enumerate(record.extraneous):
-        arrays[f"{k}.weight"] = mode.weight
-    facts = {
-        "bodies": bodies,
-        "notes": list(projected.notes),
-        "sampled": [[sample.configuration, sample.extraneous, sample.predicted] for sample in record.sampled],
-        "rank": dict(record.rank),
-        "extraneous": [[mode.configuration, mode.hz, asdict(mode.share), mode.mac] for mode in record.extraneous],
-        "suppressed": dict(record.suppressed),
-        "between": dict(record.between),
-        "limit": record.limit,
-        "tolerance": record.tolerance,
-        "outputs": list(record.outputs),
-    }
-    return arrays, facts
-
-
-def projected_from(
-    bodies: Mapping[str, FEModel], arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]
-) -> Projected:
-    """Projected bodies from their arrays and facts."""
-    components = {}
-    for name, own in facts["bodies"].items():
-        start = len(name) + 1
-        part = {key[start:]: np.asarray(values) for key, values in arrays.items() if key.startswith(f"{name}.")}
-        components[name] = modal_from(bodies[name], part, own)
-    sampled = tuple(
-        SampledModes(name, arrays[f"{k}.hz"], arrays[f"{k}.error"], extraneous, predicted)
-        for k, (name, extraneous, predicted) in enumerate(facts["sampled"])
-    )
-    extraneous = tuple(
-        ExtraneousMode(name, hz, ModeShare(**share), arrays[f"{k}.weight"], likeness)
-        for k, (name, hz, share, likeness) in enumerate(facts["extraneous"])
-    )
-    record = ProjectionRecord(
-        sampled,
-        {name: arrays[f"{name}.singular"] for name in facts["rank"]},
-        facts["rank"],
-        extraneous,
-        facts["suppressed"],
-        facts["between"],
-        facts["limit"],
-        facts["tolerance"],
-        tuple(facts["outputs"]),
-    )
-    return Projected(components, record, tuple(facts["notes"]))

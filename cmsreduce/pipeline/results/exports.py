@@ -100,7 +100,7 @@ def write_system_states(run: Run) -> Path:
             conditions.append(described["balanced"]["condition"])
         configurations.append(described)
     if conditions:
-        run.ledger.note(
+        run.stages.note(
             f"system.mat: balanced model of {states} states in physical coordinates; cond(P_r) is "
             f"{max(conditions):.1e} at the worst configuration, the factor by which its matrices amplify rounding"
         )

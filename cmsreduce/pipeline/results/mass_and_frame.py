@@ -158,7 +158,7 @@ def outboard_of(run: Run, name: str) -> tuple[OutboardMass, ...]:
     try:
         return outboard_masses(run.bodies[name].body, {**bodies, **run.rigid_bodies}, run.scene)
     except SceneError as error:
-        run.ledger.note(f"{name}: the mass outboard of it is not in its file: {error}")
+        run.stages.note(f"{name}: the mass outboard of it is not in its file: {error}")
         return ()
 
 

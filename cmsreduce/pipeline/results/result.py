@@ -37,6 +37,8 @@ __all__ = ["component_checks", "run_result"]
 # Mass of a massless shape, in roundings of the file.
 _MASSLESS = 10.0
 _LEFT_OUT = "left out"
+# The stage that makes the model a body is compared with; its work is no part of the body's reduction.
+_REFERENCE = "reference"
 
 
 def component_checks(run: Run, name: str) -> tuple[Check, ...]:
@@ -64,25 +66,26 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
         Whether to add the drawing, the effective masses and the gains, which only pictures and the page show.
     """
     verified = run.verified if run.pipeline.verify is not None else None
-    seconds = run.ledger.seconds
-    cutoffs = run.mode_sets.cutoffs
+    seconds = run.stages.seconds
+    cutoffs = run.cutoffs
     components = {}
     for name in run.reduced_names:
         flexible = run.bodies[name]
         modes, kept = _modes_shown(run, name)
+        factorised = run.stages.factorised.get(name, {})
         components[name] = ComponentResult(
             name=name,
             full_dofs=flexible.body.n,
             modes=modes,
             kept=kept,
-            seconds=dict(seconds.get(name, {})),
-            peak_mib=run.ledger.peak_mib.get(name, 0.0),
+            seconds={stage: s for stage, s in seconds.get(name, {}).items() if stage != _REFERENCE},
+            peak_mib=run.stages.peak_mib.get(name, 0.0),
             checks=component_checks(run, name),
             sources=flexible.body.sources,
             bound=run.choice.bounds.get(name),
             scaling=run.balancing.scaling(name),
-            cutoff=CutoffRecord(c.cutoff, c.error, c.limit, c.tried) if (c := cutoffs.get(name)) else None,
-            factorised=tuple(each for stage in run.ledger.factorised.get(name, {}).values() for each in stage),
+            cutoff=CutoffRecord(c.cutoff_bands, c.error, c.limit, c.tried) if (c := cutoffs.get(name)) else None,
+            factorised=tuple(each for stage, done in factorised.items() if stage != _REFERENCE for each in done),
             costly=body_costly_modes(run, name),
             rounding=body_rounding(run.final[name]),
             health=health_table(flexible.body, flexible.health),
@@ -107,10 +110,10 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
         reference=verified.reference if verified else {},
         settings=run.pipeline.model_dump(mode="json", exclude_none=True),
         systems=systems,
-        notes=(*run.ledger.notes, *advice_notes(components, systems, run.scene.band[1])),
+        notes=(*run.stages.notes, *advice_notes(components, systems, run.scene.band[1])),
         projection=None if run.projected is None else run.projected.record,
         search=run.choice.search,
-        sensitivity=run.balancing.sensitivity,
+        sensitivity=run.sensitivity,
         completeness=run.completeness if verified is not None else (),
         drawing=scene_drawing(run) if views else None,
         effective_mass=effective_mass_curves(run) if views else {},
@@ -130,7 +133,7 @@ def _modes_shown(run: Run, name: str) -> tuple[ModalComponent, NDArray[np.int64]
     why = [_LEFT_OUT] * ranked.omega.size
     for column, reason in zip(kept, run.kept[name].why, strict=True):
         why[column] = reason
-    if (sensitivity := run.balancing.sensitivity) is not None:
+    if (sensitivity := run.sensitivity) is not None:
         for number, cases in sensitivity.edge(name).items():
             turned = "kept" if why[number - 1] == _LEFT_OUT else "left out"
             why[number - 1] += f"; on the edge: {turned} {', '.join(map(_with, cases))}"

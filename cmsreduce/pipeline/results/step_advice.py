@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import modal_substructure, system_modes
+from cmsreduce.assemble import system_modes
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import ComponentResult, CostlyModes, ModalComponent, RoundingEffect, System, SystemModes
 from cmsreduce.pipeline.run import Run
@@ -88,7 +88,7 @@ def treated_model(run: Run, costly: Mapping[str, CostlyModes]) -> AssembledModel
     band = run.scene.band[1]
     for name, found in named.items():
         component = run.final[name].static_above(2 * np.pi * band * static_above(found, band))
-        substructures[name] = modal_substructure(component, run.bodies[name].points(run.scene))
+        substructures[name] = run.bodies[name].substructure(run.scene, component)
     return AssembledModel(substructures, run.scene)
 
 

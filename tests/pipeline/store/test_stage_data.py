@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 
 from cmsreduce.model import ReductionChecks
-from cmsreduce.pipeline.run.verified import checks_from, checks_to
+from cmsreduce.pipeline.store import decode, encode
 
 
 def test_of_two_bodies_that_lack_the_same_the_first_is_named_again() -> None:
     lack = {"interface 'hinge'": 0.25}
     made = ReductionChecks({"right": lack, "left": lack})
-    arrays, facts = checks_to(made)
+    arrays, facts = encode(made)
     # As the store writes facts.
-    back = checks_from(arrays, json.loads(json.dumps(facts, sort_keys=True)))
+    back = decode(arrays, json.loads(json.dumps(facts, sort_keys=True)), {})
     assert back.static == made.static
     assert made.figures((), ()) == back.figures((), ()) == {"static_lack": (0.25, "right, interface 'hinge'")}
