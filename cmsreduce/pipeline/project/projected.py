@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import ExtraneousMode, FEModel, ModalComponent, ModeShare, ProjectionRecord, SampledModes
+from cmsreduce.model import ExtraneousMode, FEModel, ModalComponent, ProjectionRecord, SampledModes
 from cmsreduce.pipeline.store import modal_from, modal_to
 
 __all__ = ["Projected", "projected_from", "projected_to"]
@@ -54,7 +54,10 @@ def projected_to(projected: Projected) -> tuple[Arrays, dict[str, Any]]:
         "notes": list(projected.notes),
         "sampled": [[sample.configuration, sample.extraneous, sample.predicted] for sample in record.sampled],
         "rank": dict(record.rank),
-        "extraneous": [[mode.configuration, mode.hz, asdict(mode.share), mode.mac] for mode in record.extraneous],
+        "extraneous": [
+            [mode.configuration, mode.hz, mode.body, mode.energy, mode.interface, mode.mac]
+            for mode in record.extraneous
+        ],
         "suppressed": dict(record.suppressed),
         "between": dict(record.between),
         "limit": record.limit,
@@ -78,8 +81,8 @@ def projected_from(
         for k, (name, extraneous, predicted) in enumerate(facts["sampled"])
     )
     extraneous = tuple(
-        ExtraneousMode(name, hz, ModeShare(**share), arrays[f"{k}.weight"], mac)
-        for k, (name, hz, share, mac) in enumerate(facts["extraneous"])
+        ExtraneousMode(name, hz, body, energy, interface, arrays[f"{k}.weight"], mac)
+        for k, (name, hz, body, energy, interface, mac) in enumerate(facts["extraneous"])
     )
     record = ProjectionRecord(
         sampled,
