@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cmsreduce.linalg.machine import BACKENDS
-from cmsreduce.linalg.sparse.factorise import installed_backends
+from cmsreduce.linalg.sparse.factorisation import installed_backends
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "data"
 

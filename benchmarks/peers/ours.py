@@ -16,7 +16,7 @@ from cmsreduce.linalg.eigen import beside_modes, certified_modes, count_below
 from cmsreduce.linalg.machine import SolverSettings, current_settings, solver_settings
 from cmsreduce.linalg.machine.settings import KnownOrders
 from cmsreduce.linalg.sparse import factorise
-from cmsreduce.linalg.sparse.factorise import installed_backends
+from cmsreduce.linalg.sparse.factorisation import installed_backends
 from cmsreduce.multifrontal import CholeskyFactor
 
 TOLERANCE = 1e-8

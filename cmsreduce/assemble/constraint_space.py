@@ -23,13 +23,10 @@ from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import DEPENDENT, row_basis
 from cmsreduce.model import Matrix
 
-__all__ = [
-    "ConstraintSpace",
-    "connected_rows",
-    "constraint_space",
-    "settle_redundant",
-    "surplus_rows",
-]
+__all__ = ["ConstraintSpace", "connected_rows", "constraint_space", "settle_redundant", "surplus_rows"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 # The null space is held sparse when at least this share of the coordinates is in no constraint.
 _MOSTLY_FREE = 0.5
@@ -37,6 +34,11 @@ _MOSTLY_FREE = 0.5
 _NO_WEIGHT = 1e-14
 # Rows of the tiles that a large matrix is transposed by: two fit a cache of the second level.
 _TILE = 128
+
+# Rows are dependent when what one adds to the others is below this share of it.
+_DEPENDENT = 1e-7
+# Motions named in a message.
+_NAMED = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +60,7 @@ class ConstraintSpace:
     """
 
     V: Matrix
-    kept: NDArray[np.int64]
+    kept: Indices
 
     @cached_property
     def T(self) -> Matrix:
@@ -138,7 +140,7 @@ def constraint_space(A: sp.csr_array) -> ConstraintSpace:
     return ConstraintSpace(V_all if np.count_nonzero(~touched) >= _MOSTLY_FREE * n else V_all.toarray(), kept)
 
 
-def connected_rows(A: NDArray[np.float64] | sp.csr_array) -> list[NDArray[np.int64]]:
+def connected_rows(A: Array | sp.csr_array) -> list[Indices]:
     """Group rows that share columns, directly or through others; rows without entries are in no group."""
     weights = sp.csr_array(A)
     c, n = weights.shape
@@ -153,7 +155,7 @@ def connected_rows(A: NDArray[np.float64] | sp.csr_array) -> list[NDArray[np.int
     return [np.asarray(group, dtype=np.int64) for group in np.split(order, starts)]
 
 
-def _add_transpose(A: NDArray[np.float64]) -> None:
+def _add_transpose(A: Array) -> None:
     """Add its transpose to a square matrix in place, by tiles that stay in the cache."""
     starts = range(0, A.shape[0], _TILE)
     for a in starts:
@@ -163,7 +165,7 @@ def _add_transpose(A: NDArray[np.float64]) -> None:
             A[here], A[there] = both, both.T
 
 
-def _reflector(A: NDArray[np.float64]) -> NDArray[np.float64]:
+def _reflector(A: Array) -> Array:
     """V (n, r) with 1 - V V^T orthogonal and its first r columns in the row space of A, of rank r."""
     Q, _ = la.qr((row_basis(A) @ A).T, mode="economic")
     r = Q.shape[1]
@@ -172,12 +174,6 @@ def _reflector(A: NDArray[np.float64]) -> NDArray[np.float64]:
     X = Q.copy()
     X[:r] += U @ Wt
     return np.asarray(X @ (Wt.T / np.sqrt(1 + S)))
-
-
-# Rows are dependent when what one adds to the others is below this share of it.
-_DEPENDENT = 1e-7
-# Motions named in a message.
-_NAMED = 8
 
 
 def settle_redundant(
@@ -225,7 +221,7 @@ def settle_redundant(
     return replace(constraints, A=constraints.A[left], owner=tuple(constraints.owner[k] for k in left)), (note,)
 
 
-def surplus_rows(stack: PointStack, constraints: Constraints) -> NDArray[np.int64]:
+def surplus_rows(stack: PointStack, constraints: Constraints) -> Indices:
     """Rows that depend on earlier ones: they leave the joint forces undetermined.
 
     Every point of a flexible body may move on its own; the points of a rigid body move together.
@@ -254,7 +250,7 @@ def surplus_rows(stack: PointStack, constraints: Constraints) -> NDArray[np.int6
     return np.sort(np.concatenate([np.empty(0, dtype=np.int64), *found, np.flatnonzero(~A.any(axis=1))]))
 
 
-def _dependent(A: NDArray[np.float64]) -> NDArray[np.int64]:
+def _dependent(A: Array) -> Indices:
     """Rows that depend on earlier ones of the same group."""
     A = A[:, A.any(axis=0)]
     A = A / np.linalg.norm(A, axis=1, keepdims=True)

@@ -14,6 +14,8 @@ from cmsreduce.model import SCALAR, Channel, FEModel, Point, PointTerm, Scene, S
 
 __all__ = ["Ports", "body_points", "body_ports"]
 
+Array = NDArray[np.float64]
+
 _NODE_DOFS = 6
 
 _ALL_OF_A_KIND = ("actuators", "sensors", "dampers")
@@ -40,13 +42,13 @@ class Ports:
     """
 
     interface: NDArray[np.int64]
-    loads: NDArray[np.float64]
+    loads: Array
     displacements: sp.csr_array
     rates: sp.csr_array
-    residuals: NDArray[np.float64]
+    residuals: Array
 
     @property
-    def static_loads(self) -> NDArray[np.float64]:
+    def static_loads(self) -> Array:
         """Every load whose static shape the basis must hold, unit forces on the i-set apart (n, l + k)."""
         return np.hstack([self.loads, self.residuals])
 
@@ -105,12 +107,10 @@ def body_ports(body: FEModel, scene: Scene, residuals: Collection[str] = ()) -> 
     )
 
 
-def _channels(
-    body: FEModel, channels: Iterable[Channel]
-) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+def _channels(body: FEModel, channels: Iterable[Channel]) -> tuple[list[Array], list[Array]]:
     """Rows of struts inside the body, and of motions of its points, that some channels act on or measure."""
-    inside: list[NDArray[np.float64]] = []
-    at_points: list[NDArray[np.float64]] = []
+    inside: list[Array] = []
+    at_points: list[Array] = []
     for channel in channels:
         for term in channel.terms:
             if isinstance(term, PointTerm) and term.at.body == body.name:
@@ -125,7 +125,7 @@ def _channels(
     return inside, at_points
 
 
-def _named(body: FEModel, text: str) -> list[NDArray[np.float64]]:
+def _named(body: FEModel, text: str) -> list[Array]:
     """Unit rows of ``NODE.DOF``, or of every dof that ``NODE`` has."""
     node, _, dof = text.partition(".")
     point = Point(body.name, node)
@@ -136,7 +136,7 @@ def _named(body: FEModel, text: str) -> list[NDArray[np.float64]]:
     return rows
 
 
-def _damper_forces(body: FEModel) -> list[NDArray[np.float64]]:
+def _damper_forces(body: FEModel) -> list[Array]:
     """Forces that the body's damping matrix exerts: its columns, where dampers are few."""
     if body.D is None:
         return []
@@ -149,11 +149,11 @@ def _damper_forces(body: FEModel) -> list[NDArray[np.float64]]:
     return list(body.D[:, damped].toarray().T)
 
 
-def _columns(rows: list[NDArray[np.float64]], n: int) -> NDArray[np.float64]:
+def _columns(rows: list[Array], n: int) -> Array:
     return np.column_stack(rows) if rows else np.zeros((n, 0))
 
 
-def _stacked(rows: list[NDArray[np.float64]], n: int) -> sp.csr_array:
+def _stacked(rows: list[Array], n: int) -> sp.csr_array:
     return sp.csr_array(sp.vstack([sp.csr_array(row[None]) for row in rows])) if rows else sp.csr_array((0, n))
 
 
@@ -169,7 +169,7 @@ def _node(body: FEModel, point: Point) -> int:
     return int(point.name)
 
 
-def _row(body: FEModel, point: Point, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+def _row(body: FEModel, point: Point, direction: Array) -> Array:
     """Motion of a point along a direction in basic, as a row over the body's dofs."""
     node = _node(body, point)
     at = -1 if body.nodes is None else int(body.nodes.index(node)[0])
@@ -185,7 +185,7 @@ def _row(body: FEModel, point: Point, direction: NDArray[np.float64]) -> NDArray
     return np.asarray(known.T[dofs[dofs >= 0]].T @ along[dofs >= 0])
 
 
-def _strut(body: FEModel, term: StrutTerm) -> NDArray[np.float64]:
+def _strut(body: FEModel, term: StrutTerm) -> Array:
     if body.nodes is None:
         raise SceneError(f"'{term.a}' to '{term.b}': a strut needs the coordinates of its ends; give `geometry:`")
     ends = [body.nodes.xyz[int(body.nodes.index(_node(body, point))[0])] for point in (term.a, term.b)]

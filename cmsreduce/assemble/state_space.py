@@ -1,9 +1,4 @@
-"""Natural frequencies of an assembled system.
-
-The elastic part of an assembled system in modal states, beside which its rigid motions stand in parallel.
-
-State space of an assembled system, as the control package takes it.
-"""
+"""State space of an assembled system: its elastic part in modal states, and a model of the control package."""
 
 from __future__ import annotations
 
@@ -12,69 +7,26 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.assemble.modes import undetermined
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import dense
-from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, elastic_pairs, modes_below, split_massless
+from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, split_massless
 from cmsreduce.model import System
 
-__all__ = [
-    "ElasticStates",
-    "elastic_states",
-    "state_space",
-    "system_modes",
-    "undetermined",
-]
+__all__ = ["ElasticStates", "elastic_states", "state_space"]
 
-
-def system_modes(system: System, omega: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Elastic modes of a system up to a frequency; its rigid modes are ``system.rigid``.
-
-    Parameters
-    ----------
-    system : System
-        Sparse or dense.
-    omega : float
-        Highest frequency in rad/s.
-
-    Returns
-    -------
-    w : (k,) float64
-        Undamped natural frequencies in rad/s, ascending.
-    Phi : (N, k) float64
-        Modes, orthonormal in M.
-
-    Raises
-    ------
-    MatrixError
-        If a motion has neither mass nor stiffness.
-    """
-    try:
-        if sp.issparse(system.K):
-            return modes_below(system.K, sp.csc_array(system.M), omega, rigid=system.rigid, rounding=system.rounding)
-        lam, X = elastic_pairs(np.asarray(system.K), np.asarray(system.M), system.rigid, system.rounding)
-    except UndeterminedError as error:
-        raise undetermined(system, error) from None
-    keep = lam <= omega**2
-    return np.sqrt(lam[keep]), X[:, keep]
-
-
-def undetermined(system: System, error: UndeterminedError) -> UndeterminedError:
-    """Name the body that moves most in a motion with neither mass nor stiffness."""
-    moved = np.split(abs(np.asarray(system.T @ error.shape)), np.cumsum(list(system.sizes.values()))[:-1])
-    body = max(zip(system.sizes, moved, strict=True), key=lambda part: part[1].max(initial=0.0))[0]
-    return UndeterminedError(
-        f"in configuration '{system.configuration.name}' a motion, above all of body '{body}', has neither mass nor "
-        "stiffness, so that nothing determines it: two points without mass are joined to each other alone. Give one of "
-        "them a mass or a spring, or leave its dof out of the joint",
-        error.shape,
-    )
-
+Array = NDArray[np.float64]
 
 # Damping couples rigid motions to elastic ones when it resists them by more than this share of its largest entry.
 _BRAKES = 1e-9
+# A has (2 N)^2 entries: 128 MiB at this size.
+_LARGEST = 2000
+# Damping of a massless shape is none if it holds the shape back by less than this share at the highest frequency.
+_NO_DAMPING = 1e-6
+# A product below this share of the size of its factors, or of the absolute parts of its sum, is round-off.
+_ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,17 +49,17 @@ class ElasticStates:
         Modes in the system's coordinates, orthonormal in M.
     """
 
-    A: NDArray[np.float64]
-    B: NDArray[np.float64]
-    C: NDArray[np.float64]
-    D: NDArray[np.float64]
-    rigid_B: NDArray[np.float64]
-    rigid_C1: NDArray[np.float64]
-    rigid_C2: NDArray[np.float64]
-    omega: NDArray[np.float64]
-    Phi: NDArray[np.float64]
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    rigid_B: Array
+    rigid_C1: Array
+    rigid_C2: Array
+    omega: Array
+    Phi: Array
 
-    def states_of(self, rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def states_of(self, rows: Array) -> tuple[Array, Array]:
         """Elastic displacements and rates, from z (p, 2e) each, of motions over the system's coordinates (p, N)."""
         shapes = rows @ self.Phi
         none = np.zeros_like(shapes)
@@ -151,14 +103,6 @@ def elastic_states(system: System) -> ElasticStates:
         w,
         Phi,
     )
-
-
-# A has (2 N)^2 entries: 128 MiB at this size.
-_LARGEST = 2000
-# Damping of a massless shape is none if it holds the shape back by less than this share at the highest frequency.
-_NO_DAMPING = 1e-6
-# A product below this share of the size of its factors, or of the absolute parts of its sum, is round-off.
-_ROUND_OFF = 1e-12
 
 
 def state_space(system: System) -> Any:
@@ -212,7 +156,7 @@ def state_space(system: System) -> Any:
     return control.ss(A, B, C, feedthrough, inputs=inputs, outputs=outputs)
 
 
-def _refuse_rates(system: System, N: NDArray[np.float64], top: float) -> None:
+def _refuse_rates(system: System, N: Array, top: float) -> None:
     """Refuse what makes the rate of a massless shape appear: it is the derivative of a load, which is no state."""
     if system.D is not None and (np.einsum("ij,ij->j", N, system.D @ N) * top > _NO_DAMPING).any():
         raise MatrixError(
@@ -229,7 +173,7 @@ def _refuse_rates(system: System, N: NDArray[np.float64], top: float) -> None:
         )
 
 
-def _product(A: NDArray[np.float64], B: NDArray[np.float64]) -> NDArray[np.float64]:
+def _product(A: Array, B: Array) -> Array:
     """A B without its round-off."""
     AB = A @ B
     size = np.outer(np.linalg.norm(A, axis=1), np.linalg.norm(B, axis=0))

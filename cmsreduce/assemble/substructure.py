@@ -30,11 +30,13 @@ __all__ = [
     "rigid_substructure",
 ]
 
+Array = NDArray[np.float64]
+
 # Taking rigid motion out of a damping matrix fills it: up to this size it is small enough to be held dense.
 _DENSE_LIMIT = 600
 
 
-def physical_substructure(body: FEModel, points: Iterable[str], rigid: NDArray[np.float64]) -> Substructure:
+def physical_substructure(body: FEModel, points: Iterable[str], rigid: Array) -> Substructure:
     """Build the unreduced body in its own dofs, sparse.
 
     Parameters
@@ -153,7 +155,7 @@ def rigid_substructure(body: RigidBody) -> Substructure:
     )
 
 
-def _without_rigid_drag(body: FEModel, alpha: float, beta: float, rigid: NDArray[np.float64]) -> Matrix:
+def _without_rigid_drag(body: FEModel, alpha: float, beta: float, rigid: Array) -> Matrix:
     # alpha M would brake rigid motion, which no material damping does.
     if body.n > _DENSE_LIMIT:
         raise DampingError(
@@ -166,16 +168,11 @@ def _without_rigid_drag(body: FEModel, alpha: float, beta: float, rigid: NDArray
 
 def _motions(
     body: FEModel, shapes: Matrix | sp.csr_array, points: Iterable[str]
-) -> tuple[
-    Mapping[str, Matrix],
-    Mapping[str, NDArray[np.bool_]],
-    Mapping[str, NDArray[np.float64]],
-    Mapping[str, NDArray[np.float64]],
-]:
-    turns: dict[str, NDArray[np.float64]] = {}
+) -> tuple[Mapping[str, Matrix], Mapping[str, NDArray[np.bool_]], Mapping[str, Array], Mapping[str, Array]]:
+    turns: dict[str, Array] = {}
     has: dict[str, NDArray[np.bool_]] = {}
-    axes: dict[str, NDArray[np.float64]] = {}
-    position: dict[str, NDArray[np.float64]] = {}
+    axes: dict[str, Array] = {}
+    position: dict[str, Array] = {}
     known, every = body.recovery, [np.empty(0, dtype=np.int64)]
     for node in _nodes_of(body, points):
         label = str(node)
@@ -221,7 +218,7 @@ def _nodes_of(body: FEModel, points: Iterable[str]) -> list[int]:
     return list(nodes)
 
 
-def _geometry(body: FEModel, node: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _geometry(body: FEModel, node: int) -> tuple[Array, Array]:
     at = -1 if body.nodes is None else int(body.nodes.index(node)[0])
     if body.nodes is None or at < 0:
         return np.eye(3), np.zeros(3)

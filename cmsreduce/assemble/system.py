@@ -23,20 +23,23 @@ from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import null_space
 from cmsreduce.model import Channel, Configuration, Matrix, Placement, PointTerm, Scene, StrutTerm, Substructure, System
 
-__all__ = [
-    "Wiring",
-    "assemble",
-    "channel_rows",
-    "wire",
-]
+__all__ = ["Wiring", "assemble", "channel_rows", "wire"]
+
+Array = NDArray[np.float64]
 
 # A direction a point cannot move along may carry this share of a channel's weight before it is refused.
 _STRAY = 1e-6
 
+# Nodes without rotations that are joined over a gap hold rigid motion by that gap over their distance from the centre
+# of mass, which is this share of the system's size or more.
+_OVER_GAP = 100.0
+# A free motion with less than this share of the largest modal mass carries none: inertia and mass differ by units.
+_NO_MASS = 1e-20
+
 
 def channel_rows(
     stack: PointStack, scene: Scene, placed: Mapping[str, Placement], channels: Sequence[Channel]
-) -> NDArray[np.float64]:
+) -> Array:
     """Motion that each channel measures, or on whose transpose it acts.
 
     Parameters
@@ -73,7 +76,7 @@ def channel_rows(
     return rows
 
 
-def _add(stack: PointStack, row: NDArray[np.float64], channel: Channel, term: PointTerm) -> None:
+def _add(stack: PointStack, row: Array, channel: Channel, term: PointTerm) -> None:
     label = stack.label(term.at)
     sub = stack.substructures[term.at.body]
     axes, has = sub.axes[label], sub.has[label]
@@ -88,11 +91,7 @@ def _add(stack: PointStack, row: NDArray[np.float64], channel: Channel, term: Po
 
 
 def _add_strut(
-    stack: PointStack,
-    row: NDArray[np.float64],
-    placed: Mapping[str, Placement],
-    channel: Channel,
-    term: StrutTerm,
+    stack: PointStack, row: Array, placed: Mapping[str, Placement], channel: Channel, term: StrutTerm
 ) -> None:
     places = []
     for point in (term.a, term.b):
@@ -106,14 +105,6 @@ def _add_strut(
         place = placed[point.body]
         direction = np.concatenate([sign * (line / length) @ place.rotation, np.zeros(3)])
         _add(stack, row, channel, PointTerm(point, direction))
-
-
-# Nodes without rotations that are joined over a gap hold rigid motion by that gap over their distance from the centre
-# of mass, which is this share of the system's size or more.
-_OVER_GAP = 100.0
-
-# A free motion with less than this share of the largest modal mass carries none: inertia and mass differ by units.
-_NO_MASS = 1e-20
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,10 +128,10 @@ class Wiring:
         What was done that the user may not expect.
     """
 
-    A: NDArray[np.float64]
-    B: NDArray[np.float64]
-    C1: NDArray[np.float64]
-    C2: NDArray[np.float64]
+    A: Array
+    B: Array
+    C1: Array
+    C2: Array
     placed: Mapping[str, Placement]
     gap: float
     notes: tuple[str, ...] = ()
@@ -273,7 +264,7 @@ def _or_zero(block: Matrix | None, m: int) -> Matrix:
     return sp.csc_array((m, m)) if block is None else block
 
 
-def _rigid_motions(A: sp.csr_array, substructures: Mapping[str, Substructure], gap: float) -> NDArray[np.float64]:
+def _rigid_motions(A: sp.csr_array, substructures: Mapping[str, Substructure], gap: float) -> Array:
     """Rigid motions of the bodies that the joints allow: no body is strained by them (sum m_i, R)."""
     rigid = la.block_diag(*[sub.rigid for sub in substructures.values()])
     N, _ = null_space(dense(A @ rigid), _OVER_GAP * gap)

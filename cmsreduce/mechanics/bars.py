@@ -212,11 +212,7 @@ def _end_motion(body: FEModel, bars: Bars, offset: Array, hidden: Recovery | Non
 def _together(rows: Recovery, hidden: Recovery) -> Recovery:
     """Both recoveries; a dof that is in the first keeps its motion there."""
     new = rows.dofs.rows(hidden.dofs.node, hidden.dofs.component) < 0
-    dofs = DofTable(
-        np.concatenate([rows.dofs.node, hidden.dofs.node[new]]),
-        np.concatenate([rows.dofs.component, hidden.dofs.component[new]]),
-    )
-    return Recovery(dofs, sp.csr_array(sp.vstack([rows.T, hidden.T[new]])))
+    return Recovery(rows.dofs.joined(hidden.dofs[new]), rows.leads, sp.csr_array(sp.vstack([rows.T, hidden.T[new]])))
 
 
 def _unit_stiffness(t: Array, L: Array, bars: Bars) -> Array:

@@ -37,23 +37,23 @@ def untied_body(body: FEModel) -> tuple[FEModel, sp.csr_array]:
     T : (g, n) sparse array
         Their motion under unit motion of each row of the body: ``body.M`` is T^T ``whole.M`` T.
     """
-    if body.untied is None:
+    if body.untied_mass is None:
         return body, sp.eye_array(body.n, format="csr")
-    dofs, every = body.untied.dofs, body.recovery
+    dofs, every = body.untied_mass.dofs, body.recovery
     rows = every.dofs.rows(dofs.node, dofs.component)
     # What nothing moves is held and has no row.
     moving = sp.diags_array((rows >= 0).astype(np.float64))
     whole = replace(
         body,
         K=sp.csc_array((len(dofs), len(dofs))),
-        M=body.untied.M,
+        M=body.untied_mass.M,
         D=None,
         dofs=dofs,
         damping=Damping(),
         interfaces={},
         sets={},
         tied=None,
-        untied=None,
+        untied_mass=None,
     )
     return whole, sp.csr_array(moving @ every.T[np.maximum(rows, 0)])
 
@@ -92,7 +92,7 @@ def lumped_mass(body: FEModel, lumping: Lumping) -> sp.csc_array:
         return body.M
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so its mass cannot be gathered at its nodes")
-    if body.untied is not None:
+    if body.untied_mass is not None:
         whole, T = untied_body(body)
         return sp.csc_array(T.T @ lumped_mass(whole, lumping) @ T)
     M, component = body.M, body.dofs.component

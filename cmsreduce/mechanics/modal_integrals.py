@@ -78,7 +78,7 @@ def modal_integrals(
     """
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so there is nothing to integrate over")
-    if body.untied is not None:
+    if body.untied_mass is not None:
         whole, T = untied_body(body)
         modes = np.arange(shapes.shape[1]) if modes is None else modes
         return modal_integrals(whole, T @ shapes, origin=origin, axes=axes, lumping=lumping, modes=modes)

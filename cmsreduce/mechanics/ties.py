@@ -18,7 +18,7 @@ __all__ = ["Tie", "tie_nodes"]
 # Nodes whose spread across a line is below this share of their spread along it are in line: coordinates are printed
 # with eight digits, and their differences have lost two.
 _IN_LINE = 1e-6
-_SIX = np.arange(1, 7)
+_SIX = np.arange(1, 7, dtype=np.int8)
 _TRANSLATIONS = (1, 2, 3)
 _NAMED = 8
 
@@ -157,7 +157,7 @@ def _translations(where: str, body: FEModel, face: Interface) -> NDArray[np.int6
 
 def _shapes(body: FEModel, rows: NDArray[np.int64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
     assert body.nodes is not None
-    return rigid_body_shapes(DofTable(body.dofs.node[rows], body.dofs.component[rows]), body.nodes, centre)
+    return rigid_body_shapes(body.dofs[rows], body.nodes, centre)
 
 
 def _check_determined(
@@ -215,7 +215,7 @@ def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str
     stay = np.setdiff1d(np.arange(body.n), gone)
     place = np.full(body.n, -1)
     place[stay] = np.arange(stay.size)
-    old, every = body.dofs, body.recovery
+    every, dofs = body.recovery, body.dofs[stay].joined(DofTable(np.repeat(point.id, 6), _SIX))
     follow = np.concatenate([gone, np.arange(body.n, len(every.dofs))])
     whole = {label: place[rows] for label, rows in body.sets.items() if (place[rows] >= 0).all()}
     return replace(
@@ -223,7 +223,7 @@ def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str
         K=_congruent(body.K, T),
         M=_congruent(body.M, T),
         D=None if body.D is None else _congruent(body.D, T),
-        dofs=DofTable(np.append(old.node[stay], np.repeat(point.id, 6)), np.append(old.component[stay], _SIX)),
+        dofs=dofs,
         nodes=replace(
             body.nodes,
             id=np.append(body.nodes.id, point.id),
@@ -235,8 +235,8 @@ def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str
             name: Interface(name, point.id, (tuple(map(int, _SIX)),), point.xyz, point.frame[0], point.frame),
         },
         sets=whole,
-        tied=Recovery(DofTable(every.dofs.node[follow], every.dofs.component[follow]), every.T[follow] @ T),
-        untied=body.untied or UntiedMass(body.dofs, body.M),
+        tied=Recovery(every.dofs[follow], dofs, every.T[follow] @ T),
+        untied_mass=body.untied_mass or UntiedMass(body.dofs, body.M),
     )
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError, SceneError
 from cmsreduce.linalg.eigen import stiffness_null_space
 from cmsreduce.linalg.sparse import NotPositiveDefiniteError, factorise
-from cmsreduce.model import DofTable, FEModel, Interface, Recovery
+from cmsreduce.model import FEModel, Interface
 
 __all__ = ["Determined", "hold_undetermined"]
 
@@ -201,21 +201,17 @@ def _restricted(
     """The body without the rows held."""
     place = np.full(body.n, -1)
     place[stay] = np.arange(stay.size)
-    old = body.dofs
-    node, component = old.node[held], old.component[held]
-    if body.constrained is not None:
-        node = np.concatenate([body.constrained.node, node])
-        component = np.concatenate([body.constrained.component, component])
+    at_rest = body.dofs[held]
     return replace(
         body,
         K=body.K[stay][:, stay],
         M=body.M[stay][:, stay],
         D=None if body.D is None else body.D[stay][:, stay],
-        dofs=DofTable(old.node[stay], old.component[stay]),
+        dofs=body.dofs[stay],
         interfaces=faces,
         sets={name: place[rows][place[rows] >= 0] for name, rows in body.sets.items()},
-        constrained=DofTable(node, component),
-        tied=body.tied and Recovery(body.tied.dofs, body.tied.T[:, stay]),
+        constrained=at_rest if body.constrained is None else body.constrained.joined(at_rest),
+        tied=body.tied and replace(body.tied, leads=body.dofs[stay], T=body.tied.T[:, stay]),
     )
 
 

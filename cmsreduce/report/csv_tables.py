@@ -132,7 +132,7 @@ def _gains(run: RunResult) -> Iterable[tuple[Cell, ...]]:
     for curve in run.gains:
         for o, output in enumerate(run.outputs):
             for i, name in enumerate(run.inputs):
-                for hz, value in zip(curve.hz, curve.running[:, o, i], strict=True):
+                for hz, value in zip(curve.kept.hz, curve.kept.running[:, o, i], strict=True):
                     yield curve.configuration, name, output, float(hz), float(value)
 
 

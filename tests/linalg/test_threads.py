@@ -15,9 +15,9 @@ import sys
 from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
-from cmsreduce.linalg import mkl_memory
-from cmsreduce.linalg.factorise import factorise
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from cmsreduce.linalg.machine import mkl_memory
+from cmsreduce.linalg.sparse.factorisation import factorise
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
 
 A = sp.csc_array(sp.diags_array([-1.0, 3.0, -1.0], offsets=[-1, 0, 1], shape=(6000, 6000)))
 with solver_settings(SolverSettings("multifrontal", memory=1e9, scratch=Path(sys.argv[1]), replace_allocators=True)):

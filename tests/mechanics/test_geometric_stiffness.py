@@ -240,5 +240,5 @@ def test_loads_that_nothing_holds_are_refused() -> None:
         bars_stiffness(body, chain(4, section=BAR), held=NONE)
     with pytest.raises(SceneError, match="no such motion"):
         unit_forces(body, [UnitLoad("force", "x", "99")], np.zeros(3))
-    with pytest.raises(SceneError, match="no unit load"):
+    with pytest.raises(SceneError, match="not a unit load"):
         UnitLoad.parse("centrifugal x")

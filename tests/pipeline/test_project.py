@@ -269,7 +269,7 @@ def test_a_finished_projection_is_reused_and_finds_the_same(study, tmp_path):
     for a, b in zip(one.sampled, two.sampled, strict=True):
         np.testing.assert_array_equal(a.error, b.error)
     for a, b in zip(one.extraneous, two.extraneous, strict=True):
-        assert (a.configuration, a.hz, a.share, a.likeness) == (b.configuration, b.hz, b.share, b.likeness)
+        assert (a.configuration, a.hz, a.share, a.mac) == (b.configuration, b.hz, b.share, b.mac)
         np.testing.assert_array_equal(a.weight, b.weight)
     alone = run(only="project")
     execute(alone, path)

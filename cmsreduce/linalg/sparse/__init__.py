@@ -4,7 +4,7 @@ Orderings, factors, pivots and inertia counts belong here.
 Algorithms that use a factor, such as searches for modes, belong in `eigen` or `response`.
 """
 
-from cmsreduce.linalg.sparse.factorise import (
+from cmsreduce.linalg.sparse.factorisation import (
     BLOCK,
     Factor,
     InsufficientMemoryError,

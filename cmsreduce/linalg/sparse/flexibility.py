@@ -9,7 +9,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.sparse.factorise import factorise
+from cmsreduce.linalg.sparse.factorisation import factorise
 
 __all__ = ["ElasticFlexibility", "Solve"]
 

@@ -76,7 +76,7 @@ def reference(body: FEModel, scene: Scene, ports: Ports, rigid: NDArray[np.float
         everything = _all_modes(body, rigid)
         return Reference(modal_substructure(everything, points), everything, "all modes")
     method = MacNealRubin(_BEYOND_CUTOFF * cutoff_hz)
-    modes = orthogonalise(method.reduce_enriched(body, ports.interface, ports.static_loads, rigid))
+    modes = orthogonalise(method.reduce(body, ports.interface, ports.static_loads, rigid, enriched=True))
     return Reference(modal_substructure(modes, points), modes, f"modes to {_BEYOND_CUTOFF:g} x cutoff")
 
 

@@ -54,7 +54,7 @@ def projected_to(projected: Projected) -> tuple[Arrays, dict[str, Any]]:
         "notes": list(projected.notes),
         "sampled": [[sample.configuration, sample.extraneous, sample.predicted] for sample in record.sampled],
         "rank": dict(record.rank),
-        "extraneous": [[mode.configuration, mode.hz, asdict(mode.share), mode.likeness] for mode in record.extraneous],
+        "extraneous": [[mode.configuration, mode.hz, asdict(mode.share), mode.mac] for mode in record.extraneous],
         "suppressed": dict(record.suppressed),
         "between": dict(record.between),
         "limit": record.limit,
@@ -78,8 +78,8 @@ def projected_from(
         for k, (name, extraneous, predicted) in enumerate(facts["sampled"])
     )
     extraneous = tuple(
-        ExtraneousMode(name, hz, ModeShare(**share), arrays[f"{k}.weight"], likeness)
-        for k, (name, hz, share, likeness) in enumerate(facts["extraneous"])
+        ExtraneousMode(name, hz, ModeShare(**share), arrays[f"{k}.weight"], mac)
+        for k, (name, hz, share, mac) in enumerate(facts["extraneous"])
     )
     record = ProjectionRecord(
         sampled,

@@ -7,7 +7,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import CmsReduceError
-from cmsreduce.model import EffectiveMassCurve, FEModel, GainCurve, GainSum, ModalComponent, rigid_body_shapes
+from cmsreduce.model import EffectiveMassCurve, FEModel, GainCurve, ModalComponent, rigid_body_shapes
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.system import channel_gains
 from cmsreduce.verify import effective_mass
@@ -83,15 +83,11 @@ def gain_curves(run: Run) -> tuple[GainCurve, ...]:
     whole = run.whole.assembled
     found = []
     for configuration in run.scene.configurations:
-        pair = [channel_gains(model, configuration) for model in (run.model.assembled, whole)]
-        if pair[0] is None or pair[1] is None:
+        kept, every = (channel_gains(model, configuration) for model in (run.model.assembled, whole))
+        if kept is None or every is None:
             return ()
-        found.append(GainCurve(configuration.name, *_curve(pair[0]), *_curve(pair[1])))
+        found.append(GainCurve(configuration.name, kept, every))
     return tuple(found)
-
-
-def _curve(gains: GainSum) -> tuple[Array, Array, Array]:
-    return gains.hz, gains.running, gains.total
 
 
 def _running(body: FEModel, component: ModalComponent) -> tuple[Array, Array] | None:

@@ -40,8 +40,8 @@ def run_lines(run: Run) -> Iterator[str]:
     checks: ReductionChecks = run.checks
     for name, loads in checks.static.items():
         yield f"{name}: strain energy that static loads lack, balanced at the interface"
-        for each in loads:
-            yield f"  {each.load}: {each.lack:.2e}"
+        for load, lack in loads.items():
+            yield f"  {load}: {lack:.2e}"
     for system in checks.systems:
         yield from _gains(run, system)
         yield from _zeros(run, system)

@@ -18,11 +18,10 @@ from cmsreduce.model import (
     ConfigurationResult,
     DampedPairs,
     GainSum,
+    MacMatrix,
     ModelErrors,
-    ModeLikeness,
     ReductionChecks,
     Response,
-    StaticLack,
     StepErrors,
     SystemChecks,
 )
@@ -63,13 +62,13 @@ def checks_to(checks: ReductionChecks) -> tuple[dict[str, NDArray[Any]], dict[st
                 arrays[f"checks.{c}.zeros.{name}.sizes"] = np.array([part.size for part in parts], np.int64)
         systems.append(system.configuration)
     # Bodies in their order, which the keys of a stored mapping lose: of two equal figures the first is named.
-    static = [[name, [[each.load, each.lack] for each in loads]] for name, loads in checks.static.items()]
+    static = [[name, [[load, lack] for load, lack in loads.items()]] for name, loads in checks.static.items()]
     return arrays, {"systems": systems, "static": static, "left_out": list(checks.left_out)}
 
 
 def checks_from(arrays: Arrays, facts: Mapping[str, Any]) -> ReductionChecks:
     """Checks from their arrays and facts."""
-    static = {name: tuple(StaticLack(*each) for each in loads) for name, loads in facts["static"]}
+    static = {name: dict(loads) for name, loads in facts["static"]}
     systems = tuple(
         SystemChecks(
             name,
@@ -158,8 +157,8 @@ def verified_to(verified: Verified) -> tuple[dict[str, NDArray[Any]], dict[str, 
             arrays |= {f"{c}.{m}.{name}": getattr(errors, name) for name in _SERIES}
             if errors.damped is not None:
                 arrays |= {f"{c}.{m}.damped.{name}": getattr(errors.damped, name) for name in _DAMPED}
-            if errors.likeness is not None:
-                arrays |= {f"{c}.{m}.likeness.{name}": getattr(errors.likeness, name) for name in _LIKENESS}
+            if errors.mac_matrix is not None:
+                arrays |= {f"{c}.{m}.likeness.{name}": getattr(errors.mac_matrix, name) for name in _LIKENESS}
             row["errors"].append({name: getattr(errors, name) for name in (*_FIGURES, *_COST)})
         facts["configurations"].append(row)
     kept, described = checks_to(verified.checks)
@@ -181,7 +180,7 @@ def verified_from(
             errors[label] = ModelErrors(
                 **{**figures, **series},
                 damped=DampedPairs(**damped) if damped else None,
-                likeness=ModeLikeness(**alike) if alike else None,
+                mac_matrix=MacMatrix(**alike) if alike else None,
             )
             curves[label] = arrays[f"{c}.{m}.response"]
         response = Response(arrays[f"{c}.frequency_hz"], arrays[f"{c}.full"], curves)

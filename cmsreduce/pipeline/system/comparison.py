@@ -16,10 +16,10 @@ from cmsreduce.model import (
     ConfigurationResult,
     DampedPairs,
     FEModel,
+    MacMatrix,
     Matrix,
     ModalComponent,
     ModelErrors,
-    ModeLikeness,
     Response,
     Scene,
     Speed,
@@ -35,7 +35,7 @@ from cmsreduce.verify import (
     frac,
     frequency_grid,
     frf_error,
-    heard,
+    loud_channels,
     pair_complex_modes,
     pair_frequencies,
     peak_errors,
@@ -229,10 +229,10 @@ class Comparison:
         """Errors of a model by its response on the grid of the target, beside those in decibels."""
         configuration, omega, H, row, column = aim.configuration, aim.omega, aim.elastic, aim.row, aim.column
         elastic = H_r - model.assembled.rigid_response(configuration, omega)
-        pairs, likeness = self._pairs(configuration, model)
+        pairs, mac_matrix = self._pairs(configuration, model)
         shape, peak = frac(H, elastic), peak_errors(H, elastic)
         shift = peak_shifts(omega / (2 * np.pi), H, pairs.full_hz, pairs.reduced_hz)
-        loud = heard(H, row, column)
+        loud = loud_channels(H, row, column)
         return ModelErrors(
             frf_error=frf_error(omega, H, elastic, row, column),
             db_error=in_db,
@@ -248,7 +248,7 @@ class Comparison:
             channel_peak=peak,
             channel_shift=shift,
             nrfd=float(np.nanmax(shift[loud], initial=0.0)),
-            likeness=likeness,
+            mac_matrix=mac_matrix,
             coordinates=model.assembled.system(configuration).N,
             seconds=seconds,
         )
@@ -262,12 +262,12 @@ class Comparison:
             flexibility = self._decibel_flexibility
         return model.responses(configurations, [self._decibel] * len(configurations), flexibility)
 
-    def _pairs(self, configuration: Configuration, model: ReducedModel) -> tuple[FrequencyPairs, ModeLikeness]:
+    def _pairs(self, configuration: Configuration, model: ReducedModel) -> tuple[FrequencyPairs, MacMatrix]:
         full, reduced = self.full.resonances(configuration), model.assembled.resonances(configuration)
         cross = self._cross_orthogonality(full.shapes, reduced.shapes, model)
         # Both sets are orthonormal in mass.
-        likeness = ModeLikeness(full.omega / (2 * np.pi), reduced.omega / (2 * np.pi), cross**2)
-        return pair_frequencies(full.omega, reduced.omega, cross, self.scene.band[1]), likeness
+        mac_matrix = MacMatrix(full.omega / (2 * np.pi), reduced.omega / (2 * np.pi), cross**2)
+        return pair_frequencies(full.omega, reduced.omega, cross, self.scene.band[1]), mac_matrix
 
     def _damped_pairs(self, configuration: Configuration, model: ReducedModel) -> DampedPairs | None:
         full, reduced = self.full.damped_modes(configuration), model.assembled.damped_modes(configuration)

@@ -18,7 +18,6 @@ from cmsreduce.model import (
     ModalComponent,
     ReductionChecks,
     Scene,
-    StaticLack,
     StepErrors,
     SystemChecks,
 )
@@ -107,14 +106,14 @@ def reduction_checks(
         The reduced one.
     """
     wanted = {check for check in CHECKS if check in required or (usual and check in _USUAL)}
-    static: dict[str, tuple[StaticLack, ...]] = {}
+    static: dict[str, Mapping[str, float]] = {}
     left_out: dict[str, None] = {}
     for name, modes in reduced.items() if "static" in wanted else ():
         n = bodies[name].body.n
         if n > _QUICK_BODY and "static" not in required:
             left_out[f"static completeness of {name}: it costs a factorisation of {n} dofs"] = None
             continue
-        static[name] = tuple(static_lack(bodies[name], modes, scene))
+        static[name] = static_lack(bodies[name], modes, scene)
     systems = []
     channels = wanted - {"static"}
     for configuration in scene.configurations if channels and full is not None else ():
@@ -147,8 +146,8 @@ def _of_system(
     return SystemChecks(configuration.name, *gains, zeros, step), why
 
 
-def static_lack(flexible: FlexibleBody, modes: ModalComponent, scene: Scene) -> list[StaticLack]:
-    """How complete a reduced body is under unit loads at its interfaces and actuators, one line for each of these."""
+def static_lack(flexible: FlexibleBody, modes: ModalComponent, scene: Scene) -> dict[str, float]:
+    """Largest share of strain energy that a reduced body lacks under unit loads, by interface and actuator."""
     names, loads = probing_loads(flexible, scene, joints=True)
     acting = np.array([not load.startswith("sensor") for load in names], dtype=bool)
     acting &= abs(loads).max(axis=0, initial=0.0) > 0
@@ -156,7 +155,7 @@ def static_lack(flexible: FlexibleBody, modes: ModalComponent, scene: Scene) -> 
     worst: dict[str, float] = {}
     for load, value in zip(np.array(names)[acting], lack, strict=True):
         worst[str(load)] = max(worst.get(str(load), 0.0), float(value))
-    return [StaticLack(load, value) for load, value in worst.items()]
+    return worst
 
 
 def all_modes(model: AssembledModel, configuration: Configuration) -> AllModes:

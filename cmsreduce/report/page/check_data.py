@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.model import ChannelZeros, ControllerMargin, GainCurve, GainSum, RunResult, StepErrors
+from cmsreduce.model import ChannelZeros, ControllerMargin, GainCurve, RunResult, StepErrors
 from cmsreduce.report.page.curves import all_rounded, rounded
 from cmsreduce.report.page.packing import ArrayStore, thinned_points
 
@@ -72,11 +72,8 @@ def high_gains(curve: GainCurve, band_hz: float, store: ArrayStore) -> dict[str,
     store : ArrayStore
         Takes position of the mode, channel, and share of the gains.
     """
-    # The first summand is its own sum.
-    gain = np.diff(curve.whole_running, axis=0, prepend=np.zeros((1, *curve.whole_total.shape)))
-    whole = GainSum(curve.whole_hz, gain, curve.whole_total - gain.sum(axis=0))
-    found = list(whole.high_gain_modes(band_hz))
-    inputs = curve.whole_total.shape[1]
+    found = list(curve.all_modes.high_gain_modes(band_hz))
+    inputs = curve.all_modes.static.shape[1]
     return {
         "mode": store.exact([each.mode for each in found], "u4"),
         "channel": store.exact([each.output * inputs + each.input for each in found], "u4"),
@@ -86,7 +83,7 @@ def high_gains(curve: GainCurve, band_hz: float, store: ArrayStore) -> dict[str,
 
 def _statics(run: RunResult) -> list[list[Any]]:
     static = {} if run.checks is None else run.checks.static
-    return [[body, each.load, rounded(100 * each.lack)] for body, loads in static.items() for each in loads]
+    return [[body, load, rounded(100 * lack)] for body, loads in static.items() for load, lack in loads.items()]
 
 
 def _zeros(found: tuple[ChannelZeros, ...], outputs: int, inputs: int, store: ArrayStore) -> dict[str, Any]:

@@ -163,7 +163,7 @@ def _curves(
 
 
 def _likeness(found: ModelErrors, store: ArrayStore) -> dict[str, Any] | None:
-    alike = found.likeness
+    alike = found.mac_matrix
     if alike is None or not alike.mac.size:
         return None
     mac = np.clip(np.rint(255 * alike.mac), 0, 255)

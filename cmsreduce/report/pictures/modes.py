@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cmsreduce.model import ComponentResult, EffectiveMassCurve, GainCurve, ModeLikeness, RunResult
+from cmsreduce.model import ComponentResult, EffectiveMassCurve, GainCurve, MacMatrix, RunResult
 from cmsreduce.report.palette import FULL, INK, LIMIT, model_style
 from cmsreduce.report.pictures.figure import drawn, literal, plain_axes
 
@@ -66,7 +66,7 @@ def effective_mass_picture(name: str, curve: EffectiveMassCurve, path: Path) -> 
         plain_axes(axes, x="log")
 
 
-def likeness_picture(likeness: ModeLikeness, where: str, path: Path) -> None:
+def likeness_picture(likeness: MacMatrix, where: str, path: Path) -> None:
     """Draw the modal assurance criterion between all modes of the full and of the reduced system."""
     with drawn(path, (7.0, 5.6)) as figure:
         axes = figure.subplots()
@@ -93,17 +93,9 @@ def gain_picture(run: RunResult, curve: GainCurve, path: Path) -> None:
         for axes in panels.ravel()[len(pairs) :]:
             axes.set_visible(False)
         for axes, (o, i) in zip(panels.ravel(), pairs, strict=False):
-            axes.step(
-                curve.whole_hz,
-                curve.whole_running[:, o, i],
-                where="post",
-                color=FULL.colour,
-                linewidth=2,
-                label="all modes",
-            )
-            axes.step(
-                curve.hz, curve.running[:, o, i], where="post", color=own.colour, linestyle="--", label="modes kept"
-            )
+            every, kept = (gains.running[:, o, i] for gains in (curve.all_modes, curve.kept))
+            axes.step(curve.all_modes.hz, every, where="post", color=FULL.colour, linewidth=2, label="all modes")
+            axes.step(curve.kept.hz, kept, where="post", color=own.colour, linestyle="--", label="modes kept")
             axes.axvline(run.band[1], color=LIMIT, linewidth=0.8, linestyle=":")
             axes.set_xscale("log")
             axes.set_title(literal(f"{run.inputs[i]} → {run.outputs[o]}"), loc="left", fontsize=9)

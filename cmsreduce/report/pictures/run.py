@@ -132,8 +132,8 @@ def write_pictures(run: RunResult, folder: Path, suffix: str = ".png") -> list[P
             for i, given in enumerate(run.inputs):
                 response_picture(run, to(f"response_{given}_{output}"), at, (o, i))
         found = run.configurations[at].errors.get(run.model)
-        if found is not None and found.likeness is not None and found.likeness.mac.size:
-            likeness_picture(found.likeness, names[at], to("likeness"))
+        if found is not None and found.mac_matrix is not None and found.mac_matrix.mac.size:
+            likeness_picture(found.mac_matrix, names[at], to("likeness"))
     for name, part in run.components.items():
         if np.isfinite(part.modes.sigma).any():
             sigma_picture(part, to(f"sigma_{name}"))

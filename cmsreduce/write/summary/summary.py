@@ -132,7 +132,14 @@ def _component(part: ComponentResult, run: RunResult) -> dict[str, Any]:
         "certificate": _certificate(modes.certificate),
         "solver": _solver(part.factorised),
         "bound": None if part.bound is None else {**asdict(part.bound), "tightness": part.bound.tightness},
-        "cutoff": None if part.cutoff is None else asdict(part.cutoff),
+        "cutoff": None
+        if (found := part.cutoff) is None
+        else {
+            "multiple": found.cutoff_bands,
+            "estimate": found.estimate,
+            "allowed": found.allowed,
+            "tried": found.tried,
+        },
         "scaling": part.scaling,
         "integration": _integration(part.highest_hz, costly=_costly(part.costly)),
         "single_precision": None if part.rounding is None else asdict(part.rounding),
@@ -195,7 +202,7 @@ def _projection(record: ProjectionRecord) -> dict[str, Any]:
                 "energy": dict(mode.share.energy),
                 "interface": mode.share.interface,
                 "weight": mode.weight.tolist(),
-                "likeness": mode.likeness,
+                "likeness": mode.mac,
             }
             for mode in record.extraneous
         ],

@@ -19,7 +19,7 @@ import sys
 import numpy as np
 from contextlib import nullcontext
 from pathlib import Path
-from cmsreduce.linalg.kept_pages import kept_bytes, kept_pages
+from cmsreduce.linalg.machine.allocators import kept_bytes, kept_pages
 
 SIZE = 2**25
 keep = kept_pages(200_000, 1e12) if sys.argv[1] == "kept" else nullcontext()

@@ -25,11 +25,12 @@ SCRIPT = """
     import ctypes, gc, json, sys
     from pathlib import Path
     import numpy as np
-    from cmsreduce.linalg import mkl_memory, pardiso
+    from cmsreduce.linalg.machine import mkl_memory
+    from cmsreduce.linalg.sparse import pardiso
     from cmsreduce.linalg.eigen import certified_modes, count_below
-    from cmsreduce.linalg.factorise import factorise
-    from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
-    from tests.linalg.test_mkl_memory import OMEGA, body
+    from cmsreduce.linalg.sparse.factorisation import factorise
+    from cmsreduce.linalg.machine import SolverSettings, solver_settings
+    from tests.linalg.machine.test_mkl_memory import OMEGA, body
 
     precision, memory, folder, earlier = sys.argv[1], float(sys.argv[2]), Path(sys.argv[3]), sys.argv[4] == "earlier"
     ctypes.CDLL(None).mallopt(-3, 2**23)
@@ -116,21 +117,21 @@ def test_unless_it_is_allowed_it_is_refused(tmp_path):
 UNTOUCHED = """
     import ctypes, sys
     from pathlib import Path
-    from cmsreduce.linalg import kept_pages, mkl_memory
-    from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+    from cmsreduce.linalg.machine import allocators, mkl_memory
+    from cmsreduce.linalg.machine import SolverSettings, solver_settings
     from cmsreduce.reduce import CraigBampton
     from tests.solids import block
 
     touched = []
-    kept_pages._LEAST_ROWS, mkl_memory._BYTES_A_ROW = 1000, 1e12
+    allocators._LEAST_ROWS, mkl_memory._BYTES_A_ROW = 1000, 1e12
     class Watched:
         def __init__(self, library):
             self.__dict__["library"] = library
         def __getattr__(self, name):
             touched.append(name)
             return getattr(self.library, name)
-    library, system = kept_pages._library, mkl_memory._system
-    kept_pages._library = lambda: Watched(library())
+    library, system = allocators._library, mkl_memory._system
+    allocators._library = lambda: Watched(library())
     mkl_memory._system = lambda: Watched(system())
 
     body = block("bar", (1.0, 0.2, 0.2), (20, 4, 4))

@@ -334,8 +334,8 @@ def test_a_solver_that_is_not_there_is_named(monkeypatch):
 
 
 def test_what_a_solver_lacks_is_said(monkeypatch):
-    monkeypatch.setattr("cmsreduce.linalg.sparse.factorise.lacks", lambda: "METIS (pip install pymetis)")
-    monkeypatch.setattr("cmsreduce.linalg.sparse.factorise.installed", lambda backend: backend == "superlu")
+    monkeypatch.setattr("cmsreduce.linalg.sparse.factorisation.lacks", lambda: "METIS (pip install pymetis)")
+    monkeypatch.setattr("cmsreduce.linalg.sparse.factorisation.installed", lambda backend: backend == "superlu")
     with (
         solver_settings(SolverSettings("multifrontal")),
         pytest.raises(MatrixError, match=r"not installed here: it lacks METIS \(pip install pymetis\); installed: "),

@@ -8,7 +8,7 @@ import pytest
 from cmsreduce.linalg.eigen import beside_modes, certified_modes, count_below
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
 from cmsreduce.linalg.sparse import InsufficientMemoryError, NotPositiveDefiniteError, factorise
-from cmsreduce.linalg.sparse import factorise as module
+from cmsreduce.linalg.sparse import factorisation as module
 from cmsreduce.linalg.sparse.multifrontal import Multifrontal
 from tests.solids import block
 

@@ -62,8 +62,8 @@ def test_several_factors_are_kept_side_by_side_and_let_go():
 _HOLDS_A_FACTOR = """
 import sys, time
 import numpy as np, scipy.sparse as sp
-from cmsreduce.linalg.factorise import factorise
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from cmsreduce.linalg.sparse.factorisation import factorise
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
 with solver_settings(SolverSettings("mumps", ranks=2)):
     factor = factorise(sp.csc_array(sp.diags_array(np.arange(1.0, 99.0))))
 print(factor._group.folder, factor._group._process.pid, flush=True)

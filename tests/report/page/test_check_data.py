@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmsreduce.model import ChannelZeros, GainCurve, ReductionChecks, StaticLack, SystemChecks
+from cmsreduce.model import ChannelZeros, GainCurve, GainSum, ReductionChecks, SystemChecks
 from cmsreduce.report.page.check_data import check_data, high_gains
 from cmsreduce.report.page.health_rows import basis_row, health_rows
 from cmsreduce.report.page.packing import ArrayStore
@@ -39,16 +39,15 @@ def test_zeros_are_drawn_once_and_placed_in_the_plane(make_run) -> None:
 def test_high_gains_are_those_of_the_curve() -> None:
     # Gains 4 and 1 in the band, 2 and 0.5 above it, one static: 2 of 8 is a quarter, 0.5 a sixteenth.
     gain = np.array([4.0, -1.0, 2.0, 0.5])[:, None, None]
-    running = np.cumsum(gain, axis=0)
-    hz = np.array([1.0, 5.0, 20.0, 30.0])
+    gains = GainSum(np.array([1.0, 5.0, 20.0, 30.0]), gain, np.full((1, 1), 0.5))
     store = ArrayStore()
-    found = high_gains(GainCurve("", hz, running, running[-1], hz, running, running[-1] + 0.5), 10.0, store)
+    found = high_gains(GainCurve("", gains, gains), 10.0, store)
     assert unpacked(store.packed(), found["mode"]).tolist() == [2]
     assert unpacked(store.packed(), found["share"]) == pytest.approx([0.25])
 
 
 def test_static_lack_is_in_per_cent_with_its_limit(make_run) -> None:
-    checks = ReductionChecks({"rotor": (StaticLack("interface 'tip'", 2e-3),)})
+    checks = ReductionChecks({"rotor": {"interface 'tip'": 2e-3}})
     data = check_data(replace(make_run(), checks=checks, limits={"static_lack": 0.01}), ArrayStore())
     assert (data["statics"], data["static_limit"]) == ([["rotor", "interface 'tip'", 0.2]], 1.0)
 

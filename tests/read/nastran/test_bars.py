@@ -55,7 +55,7 @@ def test_a_bar_is_read(tmp_path: Path, cards: str, expected: tuple) -> None:
 
 REFUSED = {
     "no bars": ("", "no CBAR"),
-    "a plate": ("CQUAD4,1,1,1,2,3,3\nCONROD,11,1,3,9,1.-4\n" + STEEL, "line 5: CQUAD4.*bars alone"),
+    "a plate": ("CQUAD4,1,1,1,2,3,3\nCONROD,11,1,3,9,1.-4\n" + STEEL, "line 5: CQUAD4.*bars only"),
     "offsets along the bar": (
         "CBAR,11,4,1,2,0.,1.,0.,GOO\n+,,,0.,0.,.1\n" + BAR + STEEL,
         "line 5: CBAR 11.*offset",
@@ -74,9 +74,9 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("cards, said", REFUSED.values(), ids=REFUSED.keys())
-def test_what_is_not_computed_is_refused_by_its_line(tmp_path: Path, cards: str, said: str) -> None:
-    with pytest.raises(ReadError, match=said):
+@pytest.mark.parametrize("cards, message", REFUSED.values(), ids=REFUSED.keys())
+def test_an_unsupported_card_is_refused_by_its_line(tmp_path: Path, cards: str, message: str) -> None:
+    with pytest.raises(ReadError, match=message):
         read_bars(deck(tmp_path, cards))
 
 

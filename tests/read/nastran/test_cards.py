@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.nastran.card_reader import read_cards
-from cmsreduce.read.nastran.cards import real_number
+from cmsreduce.read.nastran.cards import read_cards
+from cmsreduce.read.printed_numbers import real_number
 
 GRID = {
     "small": "GRID    7       2       1.5     -2.5-1  3.+1    4       126",
@@ -121,7 +121,7 @@ def test_missing_include_is_refused_in_bulk_data_only(tmp_path: Path) -> None:
         ("INCLUDE 'deck.bdf'", r"includes itself: .*deck.bdf -> .*deck.bdf"),
         ("INCLUDE 'a", "line 1: INCLUDE has no closing quote"),
         ("+,1,2", "line 1: a continuation line with no card before it"),
-        (f"{'GRID    1':72}+A1\n+B2     0.", r"asks for '\+A1'"),
+        (f"{'GRID    1':72}+A1\n+B2     0.", r"names '\+A1'"),
         ("GRID,1\n=,*1,=,=,*0.5", "repeats fields of the GRID above"),
         ("GRID,1,2,3,4,5,6,7,8,9,10", "more than 8 data fields"),
         ("GRID*,1,2,3.,4.,5.", "more than 4 data fields"),

@@ -1,29 +1,85 @@
-"""Complex modes of an assembled system.
-
-Modes of an assembled system under feedback from its sensors to its actuators.
-"""
+"""Modes of an assembled system: undamped, damped, and under feedback from its sensors to its actuators."""
 
 from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import dense
-from cmsreduce.linalg.eigen import ComplexModes, DampedPencil, complex_modes, elastic_pairs
+from cmsreduce.linalg.eigen import (
+    ComplexModes,
+    DampedPencil,
+    UndeterminedError,
+    complex_modes,
+    elastic_pairs,
+    modes_below,
+)
 from cmsreduce.model import System
 
-__all__ = [
-    "check_closed_loop",
-    "closed_loop_modes",
-    "damped_modes",
-]
+__all__ = ["check_closed_loop", "closed_loop_modes", "damped_modes", "system_modes", "undetermined"]
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# The state matrix has (2 N)^2 entries, of which all eigenvalues are computed.
+_LARGEST = 1500
+# A root of this size, relative to the highest frequency, is rigid motion that no feedback holds: twice zero, it is
+# known to the root of rounding only.
+_AT_REST = 1e-6
+# Newton's step on a root is trusted up to this share of it; a larger one belongs to a multiple root, which has none.
+_TRUSTED = 1e-3
+# Each step squares the error, of 1e-6 at most to begin with.
+_STEPS = 2
 
 
-def damped_modes(
-    system: System, omega: float, undamped: tuple[NDArray[np.float64], NDArray[np.float64]]
-) -> ComplexModes | None:
+def system_modes(system: System, omega: float) -> tuple[Real, Real]:
+    """Elastic modes of a system up to a frequency; its rigid modes are ``system.rigid``.
+
+    Parameters
+    ----------
+    system : System
+        Sparse or dense.
+    omega : float
+        Highest frequency in rad/s.
+
+    Returns
+    -------
+    w : (k,) float64
+        Undamped natural frequencies in rad/s, ascending.
+    Phi : (N, k) float64
+        Modes, orthonormal in M.
+
+    Raises
+    ------
+    MatrixError
+        If a motion has neither mass nor stiffness.
+    """
+    try:
+        if sp.issparse(system.K):
+            return modes_below(system.K, sp.csc_array(system.M), omega, rigid=system.rigid, rounding=system.rounding)
+        lam, X = elastic_pairs(np.asarray(system.K), np.asarray(system.M), system.rigid, system.rounding)
+    except UndeterminedError as error:
+        raise undetermined(system, error) from None
+    keep = lam <= omega**2
+    return np.sqrt(lam[keep]), X[:, keep]
+
+
+def undetermined(system: System, error: UndeterminedError) -> UndeterminedError:
+    """Name the body that moves most in a motion with neither mass nor stiffness."""
+    moved = np.split(abs(np.asarray(system.T @ error.shape)), np.cumsum(list(system.sizes.values()))[:-1])
+    body = max(zip(system.sizes, moved, strict=True), key=lambda part: part[1].max(initial=0.0))[0]
+    return UndeterminedError(
+        f"in configuration '{system.configuration.name}' a motion, above all of body '{body}', has neither mass nor "
+        "stiffness, so that nothing determines it: two points without mass are joined to each other alone. Give one of "
+        "them a mass or a spring, or leave its dof out of the joint",
+        error.shape,
+    )
+
+
+def damped_modes(system: System, omega: float, undamped: tuple[Real, Real]) -> ComplexModes | None:
     """Complex modes of a system up to a frequency; its damping is taken as it is, not its diagonal in the modes.
 
     Parameters
@@ -49,20 +105,6 @@ def damped_modes(
         return None
     pencil = DampedPencil(system.K, system.M, system.D, system.loss)
     return complex_modes(pencil, omega, system.rigid, undamped, system.rounding)
-
-
-# The state matrix has (2 N)^2 entries, of which all eigenvalues are computed.
-_LARGEST = 1500
-# A root of this size, relative to the highest frequency, is rigid motion that no feedback holds: twice zero, it is
-# known to the root of rounding only.
-_AT_REST = 1e-6
-# Newton's step on a root is trusted up to this share of it; a larger one belongs to a multiple root, which has none.
-_TRUSTED = 1e-3
-# Each step squares the error, of 1e-6 at most to begin with.
-_STEPS = 2
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def closed_loop_modes(

@@ -96,7 +96,7 @@ def test_looking_changes_nothing_of_the_reduction(method):
     np.testing.assert_array_equal(found.component.modes.Phi, plain.modes.Phi)
     np.testing.assert_array_equal(found.component.K, plain.K)
     assert found.enriched.modes.m > plain.modes.m
-    alone = reduction(method, 200.0).reduce_enriched(body, i_set(body))
+    alone = reduction(method, 200.0).reduce(body, i_set(body), enriched=True)
     np.testing.assert_array_equal(alone.modes.Phi, found.enriched.modes.Phi)
     np.testing.assert_array_equal(alone.K, found.enriched.K)
     np.testing.assert_allclose(found.enriched.modes.Phi[:, : plain.modes.m], plain.modes.Phi)
