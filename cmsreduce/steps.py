@@ -101,12 +101,6 @@ class Component(ModalComponent):
         parts = [basic_shapes(body, body.nodes, self.Phi, at, motion)[0] for motion in ("translation", "rotation")]
         return np.concatenate(parts)
 
-    def __repr__(self) -> str:
-        elastic = self.frequencies_hz[self.elastic]
-        span = f" from {elastic[0]:.4g} to {elastic[-1]:.4g} Hz" if elastic.size else ""
-        counts = f"{self.rigid_count} rigid, {elastic.size} elastic{span}, {self.static_count} static modes"
-        return f"Component('{self.name}', {self.method}: {counts}, {self.body.n} dofs)"
-
 
 class AssembledSystem:
     """Joined bodies in one configuration.
@@ -179,8 +173,8 @@ class AssembledSystem:
 
     def __repr__(self) -> str:
         size = f"{self.matrices.N} coordinates, {self.matrices.rigid.shape[1]} rigid motions"
-        channels = f"{len(self.outputs)} x {len(self.inputs)} outputs x inputs"
-        return f"AssembledSystem('{self.configuration.name}' of {len(self.configurations)}: {size}, {channels})"
+        channels = f"{len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        return f"<AssembledSystem {self.configuration.name}: {size}, {channels}>"
 
 
 def read_body(
