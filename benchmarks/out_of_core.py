@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.meshes import free_bar  # noqa: E402
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings  # noqa: E402
+from cmsreduce.linalg.machine import SolverSettings, solver_settings  # noqa: E402
 from cmsreduce.model import mapped_in  # noqa: E402
 from cmsreduce.orthogonalise import orthogonalise  # noqa: E402
 from cmsreduce.pipeline.store import decode, encode  # noqa: E402

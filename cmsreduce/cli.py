@@ -111,7 +111,7 @@ def inspect(files: tuple[Path, ...], output: Output) -> None:
     found = []
     for path in files:
         each = inspected(path)
-        print_inspected(each.lines, output)
+        print_inspected(each.rows, output)
         found.append(each.data)
     output.result(found)
 

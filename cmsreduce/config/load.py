@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
-from cmsreduce.config.consistency import findings
 from cmsreduce.config.keys import Pipeline
 from cmsreduce.config.located import Entry, Location, merge, parse, plain
-from cmsreduce.config.problems import config_error, is_mapping_of_values, located, models_at, problems_of
-from cmsreduce.config.suggestion import closest
+from cmsreduce.config.problems import closest, config_error, is_mapping_of_values, located, models_at, problems_of
+from cmsreduce.config.references import broken_references
 from cmsreduce.errors import ConfigError, ReadError
 from cmsreduce.model import DOF_NAMES
 
-__all__ = ["load_pipeline"]
+__all__ = ["load_pipeline", "pipeline_from_keys"]
 
 
 def load_pipeline(path: Path, overrides: Sequence[str] = ()) -> Pipeline:
@@ -49,11 +50,35 @@ def load_pipeline(path: Path, overrides: Sequence[str] = ()) -> Pipeline:
     if included and isinstance(root.value, dict):
         files = [Entry(str(file), root.where) for file in included]
         root = Entry({**root.value, "include": Entry(files, root.where)}, root.where)
+    return _checked(root)
+
+
+def pipeline_from_keys(keys: Mapping[str, Any], source: str) -> Pipeline:
+    """Check a pipeline that is given as a mapping instead of a file.
+
+    Parameters
+    ----------
+    keys : mapping
+        As a pipeline file has them; arrays stand for lists.
+    source : str
+        Name in messages, in the place of file and line.
+
+    Raises
+    ------
+    ConfigError
+        As `load_pipeline` does.
+    """
+    text = json.dumps(keys, default=lambda value: value.tolist() if hasattr(value, "tolist") else str(value))
+    return _checked(parse(text, source, Path(), in_override=True))
+
+
+def _checked(root: Entry) -> Pipeline:
+    """Pipeline of a tree of keys, or one message for all that is wrong in it."""
     try:
         pipeline = Pipeline.model_validate(plain(root))
     except ValidationError as error:
         raise config_error(problems_of(root, error.errors(include_url=False))) from None
-    problems = [located(root, finding.keys, finding.message) for finding in findings(pipeline)]
+    problems = [located(root, broken.keys, broken.message) for broken in broken_references(pipeline)]
     if problems:
         raise config_error(problems)
     return pipeline

@@ -1,12 +1,10 @@
-"""Walks the grammar along the keys of a pipeline file: which keys are known where.
-
-Words for what is wrong in a pipeline file: where, which key, what was found, what is expected.
-"""
+"""Messages on what is wrong in a pipeline file: where, which key, what was found, what is expected."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -17,20 +15,56 @@ from pydantic_core import ErrorDetails
 
 from cmsreduce.config.keys import Keys, Pipeline
 from cmsreduce.config.located import Entry, Location, find
-from cmsreduce.config.suggestion import closest
 from cmsreduce.errors import ConfigError
 
 __all__ = [
     "Problem",
+    "closest",
     "config_error",
     "field_at",
     "is_mapping_of_values",
     "known_keys",
     "located",
     "models_at",
+    "not_among",
     "places_of",
     "problems_of",
 ]
+
+# Half of the letters in place: lower and unrelated words are offered.
+_LIKENESS = 0.6
+# Letters from which a word may be the beginning of the one that is meant.
+_STEM = 3
+
+
+def closest(word: str, known: Iterable[str]) -> str | None:
+    """Known word most like another, whatever the case of its letters; None if there is none.
+
+    Examples
+    --------
+    >>> closest("Balanse", ["balance", "reduce"])
+    'balance'
+    """
+    by_lower = {name.lower(): name for name in known}
+    begun = [name for lower, name in by_lower.items() if len(word) >= _STEM and lower.startswith(word.lower())]
+    if len(begun) == 1:
+        return begun[0]
+    found = get_close_matches(word.lower(), by_lower, n=1, cutoff=_LIKENESS)
+    return by_lower[found[0]] if found else None
+
+
+def not_among(what: str, word: str, known: Iterable[str]) -> str:
+    """Say that there is no such thing, what was probably meant, and what there is.
+
+    Examples
+    --------
+    >>> not_among("joint", "spn", ["spin", "cone"])
+    "there is no joint 'spn', did you mean 'spin'? There are: spin, cone"
+    """
+    names = list(known)
+    meant = closest(word, names)
+    guess = f", did you mean '{meant}'?" if meant else "."
+    return f"there is no {what} '{word}'{guess} There are: {', '.join(names) or 'none'}"
 
 
 def _plain_kinds(kind: Any) -> list[Any]:

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 from itertools import product
 
-from cmsreduce.config.consistency import findings
 from cmsreduce.config.keys import Pipeline, Quantity, parse_point
+from cmsreduce.config.references import broken_references
 from cmsreduce.config.scene_channels import actuator_channel, free_dof_named, sensor_channels, setting
 from cmsreduce.errors import SceneError
 from cmsreduce.model import Configuration, Joint, Scene, dof_index
@@ -35,7 +35,7 @@ def build_scene(pipeline: Pipeline) -> Scene:
     SceneError
         If a part of the pipeline refers to another that is not there.
     """
-    wrong = [f"{'.'.join(map(str, finding.keys))}: {finding.message}" for finding in findings(pipeline)]
+    wrong = [f"{'.'.join(map(str, broken.keys))}: {broken.message}" for broken in broken_references(pipeline)]
     if wrong:
         raise SceneError("\n".join(wrong))
     keys, units = pipeline.scene, pipeline.units

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.config.keys import ActuatorKeys, Pipeline, Quantity, SceneKeys, SensorKeys, parse_point, parse_row
-from cmsreduce.config.suggestion import not_among
+from cmsreduce.config.problems import not_among
 from cmsreduce.errors import SceneError
 from cmsreduce.model import DOF_NAMES, Channel, JointTerm, PointTerm, StrutTerm, Units, dof_index
 

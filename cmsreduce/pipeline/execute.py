@@ -11,8 +11,8 @@ import numpy as np
 
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ReadError, StageError
-from cmsreduce.linalg.blas_threads import blas_threads
 from cmsreduce.model import Configuration, RunResult
+from cmsreduce.multifrontal import blas_threads
 from cmsreduce.pipeline.results import (
     body_costly_modes,
     component_checks,

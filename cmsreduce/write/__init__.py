@@ -5,8 +5,7 @@ The choice of what to write belongs in `pipeline`.
 """
 
 from cmsreduce.write.component import ComponentFile, basic_shapes, read_component, write_component
-from cmsreduce.write.datasets import hdf5_file, put_texts
-from cmsreduce.write.files import atomic_path
+from cmsreduce.write.files import atomic_path, hdf5_file, put_texts
 from cmsreduce.write.summary import summary, write_summary, write_sweep_csv, write_sweep_table
 from cmsreduce.write.system import write_system
 from cmsreduce.write.targets import TARGETS, StateSpace, Target, component_states, convert, write_matlab, write_vtu

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.eigen import elastic_pairs
 from cmsreduce.model import DOF_NAMES, Joint, Matrix, System, Units
-from cmsreduce.write.datasets import hdf5_file, put, put_texts, put_units
+from cmsreduce.write.files import hdf5_file, put, put_texts, put_units
 
 __all__ = ["write_system"]
 

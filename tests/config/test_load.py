@@ -60,7 +60,7 @@ def test_extseout_stands_for_three_files_and_explicit_keys_win(edited):
 
 def test_the_file_wins_over_its_include_key_by_key(galileo):
     pipeline = load_pipeline(galileo)
-    assert (pipeline.reduce.method, pipeline.reduce.cutoff) == ("craig-bampton", 3.0)
+    assert (pipeline.reduce.method, pipeline.reduce.cutoff_bands) == ("craig-bampton", 3.0)
     assert pipeline.verify.frf.points == 300
     limits = pipeline.verify.limits.model_dump(exclude_none=True)
     assert limits == {"frf_error": 0.05, "db_error": 1.0, "frequency_error": 1e-3}
@@ -77,7 +77,7 @@ def test_of_several_includes_the_later_wins_and_nested_ones_come_first(tmp_path)
     for name, text in files.items():
         (tmp_path / name).write_text(text)
     pipeline = load_pipeline(tmp_path / "p.yaml")
-    assert (pipeline.reduce.method, pipeline.reduce.cutoff) == ("guyan", 3.0)
+    assert (pipeline.reduce.method, pipeline.reduce.cutoff_bands) == ("guyan", 3.0)
     assert pipeline.scene.band == (0.0, 7.0)
     assert pipeline.write.formats == ("hdf5",)
     assert [file.name for file in pipeline.include] == ["a.yaml", "base.yaml", "b.yaml"]
@@ -102,8 +102,8 @@ def test_another_alternative_replaces_that_of_the_include(tmp_path):
 @pytest.mark.parametrize(
     ("overrides", "read", "expected"),
     [
-        (["reduce.cutoff=5"], lambda p: p.reduce.cutoff, 5.0),
-        (["reduce.cutoff=5", "reduce.cutoff=6"], lambda p: p.reduce.cutoff, 6.0),
+        (["reduce.cutoff=5"], lambda p: p.reduce.cutoff_bands, 5.0),
+        (["reduce.cutoff=5", "reduce.cutoff=6"], lambda p: p.reduce.cutoff_bands, 6.0),
         (["balance.keep={modes: {rotor: 19, stator: 15}}"], lambda p: p.balance.keep.modes_of("stator"), 15),
         (["balance.keep.modes=12"], lambda p: p.keep_of("rotor").modes_of("rotor"), 12),
         (["balance.keep=all"], lambda p: p.balance.keep.rule, "all"),
@@ -136,7 +136,7 @@ def test_overrides_win(galileo, overrides, read, expected):
 
 def test_per_component_keys_are_laid_over_the_stage(galileo):
     pipeline = load_pipeline(galileo, ["components.stator.balance={keep: {modes: 4}}"])
-    assert (pipeline.reduce_of("rotor").method, pipeline.reduce_of("rotor").cutoff) == ("guyan", 3.0)
+    assert (pipeline.reduce_of("rotor").method, pipeline.reduce_of("rotor").cutoff_bands) == ("guyan", 3.0)
     assert pipeline.reduce_of("stator").method == "craig-bampton"
     assert (pipeline.balance_of("stator").rank, pipeline.keep_of("stator").modes_of("stator")) == ("gregory", 4)
     assert pipeline.keep_of("rotor").rule == "frf_error"

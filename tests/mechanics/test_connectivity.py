@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.mechanics import check_connected
-from cmsreduce.mechanics.connectivity import parts
+from cmsreduce.mechanics.undetermined import parts
 from tests.frames import frame
 
 FIVE = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [5, 0, 0], [6, 0, 0]]

@@ -9,10 +9,9 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.mechanics import lumped_mass, modal_integrals
+from cmsreduce.mechanics import Tie, lumped_mass, modal_integrals, tie_nodes
 from cmsreduce.mechanics.lumped_mass import total_mass
 from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Units, cross_matrix, in_units, rigid_body_shapes
-from cmsreduce.read import Tie, tie_nodes
 from tests.frames import BAR, Section, frame, line, rotation
 from tests.solids import RHO, block, face
 

@@ -12,8 +12,8 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import MatrixError, SceneError
 from cmsreduce.linalg.eigen import elastic_pairs, rigid_body_modes
+from cmsreduce.mechanics import hold_undetermined
 from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Recovery, rigid_body_shapes
-from cmsreduce.read import hold_undetermined
 from tests.frames import BAR, Section, beam_matrices, frame, line, rotation
 
 CHAIN = 34
@@ -166,16 +166,17 @@ def test_a_rotation_about_a_skew_axis_is_one_motion():
 def test_what_depends_on_rows_follows():
     """Damping, sets, tied dofs and constraints of the source, through a row that is taken out."""
     body = straight(interfaces={})
+    dofs = DofTable(np.append(body.dofs.node, 99), np.append(body.dofs.component, 2))
     extra = FEModel(
         "boom",
         sp.csc_array(sp.block_diag([body.K, sp.csc_array((1, 1))])),
         sp.csc_array(sp.block_diag([body.M, sp.csc_array((1, 1))])),
-        DofTable(np.append(body.dofs.node, 99), np.append(body.dofs.component, 2)),
+        dofs,
         Nodes.in_basic([*range(1, 7), 99], np.vstack([body.nodes.xyz, [[0, 0, 9]]])),
         D=sp.csc_array(sp.block_diag([0.1 * body.K, sp.csc_array((1, 1))])),
         sets={"b": np.array([0, 36, 35])},
         constrained=DofTable([99], [1]),
-        tied=Recovery(DofTable([77, 77], [1, 2]), sp.csr_array(([2.0, 3.0], ([0, 1], [36, 35])), shape=(2, 37))),
+        tied=Recovery(DofTable([77, 77], [1, 2]), dofs, sp.csr_array(([2.0, 3.0], ([0, 1], [36, 35])), shape=(2, 37))),
     )
     found = hold_undetermined(extra).body
     assert found.n == 35

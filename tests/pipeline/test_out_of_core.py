@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from cmsreduce.linalg.solver_settings import SolverSettings
+from cmsreduce.linalg.machine import SolverSettings
 from cmsreduce.model import mapped_in
 from cmsreduce.pipeline import Run, execute
 from tests.pipeline.study import Log, write_study

@@ -15,7 +15,7 @@ from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.model import Configuration, Joint, Point, Scene
 from cmsreduce.pipeline import execute
-from cmsreduce.pipeline.project.stage import halfway
+from cmsreduce.pipeline.project.stage import midpoint_configurations
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import Silent
 from tests.pipeline.study import Log, write_study
@@ -130,7 +130,7 @@ def test_one_configuration_is_not_enough_and_auto_adds_the_worst(summary):
     assert code == 0, output
     assert found["worst"]["frf_error"] <= 0.02
     assert max(found["projection"]["between"].values()) <= 0.02
-    assert [note for note in found["notes"] if "holds at all of them" in note]
+    assert [note for note in found["notes"] if "is met in all of them" in note]
     kept = sum(part["kept_modes"] for part in found["components"].values())
     code, _, everything = summary("project={modes: {cutoff: 4}}")
     assert code == 0 and kept < sum(part["kept_modes"] for part in everything["components"].values())
@@ -175,7 +175,7 @@ def test_a_large_tolerance_compresses_and_says_so(summary):
     code, output, found = summary("project={modes: {cutoff: 2}, tolerance: 0.05, between: false}", "verify.limits={}")
     assert code == 0 and "compressed to" in output
     worst = max(each["worst_return"] for each in found["projection"]["sampled"])
-    assert f"return to {worst:.2g} at worst" in " ".join(output.split())
+    assert f"after assembly {worst:.2g}" in " ".join(output.split())
     for name, rank in found["projection"]["rank"].items():
         assert rank == np.count_nonzero(np.array(exact["projection"]["singular_values"][name]) > 0.05)
     assert max(each["worst_return"] for each in found["projection"]["sampled"]) > RETURNED
@@ -238,10 +238,10 @@ def test_auto_needs_a_response(summary):
     ],
     ids=["three", "a slide", "one of two", "one", "none"],
 )
-def test_halfway(angles, expected):
+def test_midpoint_configurations(angles, expected):
     settings = tuple(Configuration(str(k), each) for k, each in enumerate(angles))
     joints = tuple(Joint(name, Point("body", "one"), Point("body", "two"), frozenset({0, 5})) for name in "ab")
-    found = halfway(Scene(("body",), (0.0, 1.0), joints=joints, configurations=settings))
+    found = midpoint_configurations(Scene(("body",), (0.0, 1.0), joints=joints, configurations=settings))
     assert sorted(setting.name for setting in found) == sorted(expected)
 
 
@@ -269,7 +269,7 @@ def test_a_finished_projection_is_reused_and_finds_the_same(study, tmp_path):
     for a, b in zip(one.sampled, two.sampled, strict=True):
         np.testing.assert_array_equal(a.error, b.error)
     for a, b in zip(one.extraneous, two.extraneous, strict=True):
-        assert (a.configuration, a.hz, a.share, a.likeness) == (b.configuration, b.hz, b.share, b.likeness)
+        assert (a.configuration, a.hz, a.share, a.mac) == (b.configuration, b.hz, b.share, b.mac)
         np.testing.assert_array_equal(a.weight, b.weight)
     alone = run(only="project")
     execute(alone, path)

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from pyyeti.nastran import op4
 
 from cmsreduce.cli import main
-from cmsreduce.config.keys.stages import _DIALECTS
+from cmsreduce.config.keys.write import _DIALECTS
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.write import TARGETS, convert, read_component
 from tests.pipeline.study import PIPELINE

@@ -4,23 +4,19 @@ Key names, units, defaults and the checks of single values belong here.
 References between parts of the file are checked in `config.consistency`.
 """
 
-from cmsreduce.config.keys.articulation import Articulation
-from cmsreduce.config.keys.balance import KeepKeys, RankingKeys
-from cmsreduce.config.keys.channel_sizes import Size, channel_kind
-from cmsreduce.config.keys.channels import ActuatorKeys, SensorKeys, parse_row
+from cmsreduce.config.keys.balance import KeepKeys, RankingKeys, ScalingKeys
+from cmsreduce.config.keys.channels import ActuatorKeys, SensorKeys, Size, channel_kind, parse_row
 from cmsreduce.config.keys.component import FLEXIBLE_ONLY, Component
 from cmsreduce.config.keys.files import MatrixFile
-from cmsreduce.config.keys.frame import BASIC, CENTRE
 from cmsreduce.config.keys.interface import InterfaceKeys
+from cmsreduce.config.keys.joints import Articulation
 from cmsreduce.config.keys.mapping import Count, Keys, check_name, parse_point
-from cmsreduce.config.keys.pipeline import Pipeline, json_schema
-from cmsreduce.config.keys.project import ProjectKeys
+from cmsreduce.config.keys.pipeline import Memory, Pipeline, json_schema
 from cmsreduce.config.keys.quantities import Quantity
-from cmsreduce.config.keys.ranking_options import ScalingKeys
 from cmsreduce.config.keys.scene import SceneKeys
-from cmsreduce.config.keys.solver import Memory
-from cmsreduce.config.keys.stages import ModeSetKeys, ReduceKeys, VerifyKeys
+from cmsreduce.config.keys.stages import ModeSetKeys, ProjectKeys, ReduceKeys, VerifyKeys
 from cmsreduce.config.keys.stiffening import GeometricStiffnessKeys, SpinKeys
+from cmsreduce.config.keys.write import BASIC, CENTRE
 
 __all__ = [
     "ActuatorKeys",

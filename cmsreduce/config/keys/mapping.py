@@ -67,7 +67,9 @@ class Keys(BaseModel):
     """
 
     # Validators are built once, for the whole pipeline, rather than for each mapping in it as well.
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, populate_by_name=True, defer_build=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, serialize_by_alias=True, defer_build=True
+    )
 
     alternatives: ClassVar[tuple[str, ...]] = ()
     short_key: ClassVar[str] = ""
@@ -85,6 +87,11 @@ class Keys(BaseModel):
         if cls.short_key and isinstance(value, (str, int, float, Path)) and not isinstance(value, bool):
             return {cls.short_key: value}
         return value
+
+    def given(self, names: Sequence[str]) -> list[str]:
+        """Those of some keys that have a value, by their names in the file."""
+        values = {field.alias or name: getattr(self, name) for name, field in type(self).model_fields.items()}
+        return [name for name in names if values[name] is not None]
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -119,7 +126,7 @@ def exactly_one(keys: Keys, names: Sequence[str], what: str) -> str:
     ValueError
         If none is, or several are.
     """
-    given = [name for name in names if getattr(keys, name) is not None]
+    given = keys.given(names)
     if len(given) != 1:
         found = f"found {' and '.join(given)}" if given else "found none of them"
         raise ValueError(f"{what} takes one of {', '.join(names)}: {found}")

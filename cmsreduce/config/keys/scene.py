@@ -6,10 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from cmsreduce.config.keys.articulation import Articulation
 from cmsreduce.config.keys.channels import ActuatorKeys, SensorKeys
 from cmsreduce.config.keys.files import ControllerFile
-from cmsreduce.config.keys.joint import JointKeys
+from cmsreduce.config.keys.joints import Articulation, JointKeys
 from cmsreduce.config.keys.mapping import Keys, Name, OneOrMore, PointName, UnitSystem, reported
 from cmsreduce.config.keys.quantities import Quantity, measure, parse_quantity
 from cmsreduce.config.keys.stiffening import SpinKeys

@@ -1,16 +1,14 @@
-"""Keys of the stages: reduce, balance, verify, write."""
+"""Keys of the stages reduce, project and verify."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Strict, Tag, model_validator
 
 from cmsreduce.config.keys.balance import RankingKeys
-from cmsreduce.config.keys.frame import BodyWriteKeys
-from cmsreduce.config.keys.mapping import Flag, Keys, Plain, Positive
-from cmsreduce.config.keys.solver import NO_PARTS
+from cmsreduce.config.keys.mapping import Count, Flag, Keys, Number, OneOrMore, Plain, Positive, exactly_one
 from cmsreduce.model import DOF_NAMES
 
 __all__ = [
@@ -18,30 +16,20 @@ __all__ = [
     "FrfKeys",
     "LimitKeys",
     "ModeSetKeys",
+    "ProjectKeys",
     "ReduceKeys",
+    "SystemModeKeys",
     "VerifyKeys",
-    "WriteKeys",
 ]
 
 Method = Literal["craig-bampton", "macneal-rubin", "benfield-hruda", "augmented", "guyan"]
-Format = Literal[
-    "hdf5",
-    "matlab",
-    "abcd",
-    "nastran",
-    "42",
-    "sid",
-    "mbdyn",
-    "mbsim",
-    "exudyn",
-    "discos",
-    "dads",
-    "treetops",
-    "treetops-h5",
-]
+NO_PARTS = {
+    "parts": "Bodies are not reduced in parts any more. Take the key out: a factor that does not fit in memory is "
+    "made in single precision, or on disk; `solver.memory` says how much it may take"
+}
+"""The key `parts` of earlier versions, with what to write instead."""
 
 _CONSTRAINT_MODES = ("craig-bampton", "guyan")
-_DIALECTS = {"sid": ("by-axis", "by-mode"), "mbdyn": ("invariants", "lumped")}
 
 
 def _check_residual(value: object) -> str:
@@ -54,11 +42,6 @@ def _check_residual(value: object) -> str:
         f"{value!r} is no residual: write sensors, actuators, dampers, or a node and a dof of it, e.g. 1200.z (dofs: "
         f"{', '.join(DOF_NAMES)})"
     )
-
-
-def _as_text(value: object) -> object:
-    # YAML takes the name of NASA's code for a number.
-    return str(value) if type(value) is int else value
 
 
 def _check_cutoff(value: object) -> object:
@@ -89,14 +72,16 @@ class ModeSetKeys(Keys):
         "the mass of all that is outboard; guyan: constraint modes only.",
         examples=["craig-bampton"],
     )
-    cutoff: Cutoff = Field(
+    cutoff_bands: Cutoff = Field(
         default=2.0,
+        alias="cutoff",
         description="Normal modes are kept up to this multiple of the upper end of scene.band. `auto`: from 1.5 times "
         "the band, raised for each body until the modes left out cost less than the error asked for.",
         examples=[2.0, "auto"],
     )
-    interface_cutoff: Positive | None = Field(
+    interface_cutoff_bands: Positive | None = Field(
         default=None,
+        alias="interface_cutoff",
         description="Interfaces of several nodes get characteristic constraint modes up to this multiple of the upper "
         "end of scene.band, instead of a constraint mode for each of their dofs. For craig-bampton and guyan.",
         examples=[5.0],
@@ -104,12 +89,12 @@ class ModeSetKeys(Keys):
 
     @model_validator(mode="after")
     def _has_constraint_modes(self) -> ModeSetKeys:
-        if self.interface_cutoff is not None and self.method not in _CONSTRAINT_MODES:
+        if self.interface_cutoff_bands is not None and self.method not in _CONSTRAINT_MODES:
             raise ValueError(
                 f"{self.method} has no constraint modes, so interface_cutoff does not apply to it: take it out, or "
                 f"use {' or '.join(_CONSTRAINT_MODES)}"
             )
-        if self.cutoff == "auto" and self.method == "guyan":
+        if self.cutoff_bands == "auto" and self.method == "guyan":
             raise ValueError("guyan keeps no normal modes, so no cutoff can be found for it: take `cutoff: auto` out")
         return self
 
@@ -127,8 +112,9 @@ class ReduceKeys(ModeSetKeys):
         examples=[["sensors"]],
     )
 
-    static_above: Positive | None = Field(
+    static_above_bands: Positive | None = Field(
         default=None,
+        alias="static_above",
         description="Modes above this multiple of the upper end of scene.band are treated statically: they keep their "
         "stiffness and lose their mass, so that they ask for no small steps of an integrator.",
         examples=[8.0],
@@ -257,50 +243,117 @@ class VerifyKeys(Keys):
         return tuple(dict.fromkeys([*(self.checks or ()), *limited]))
 
 
-WrittenFormat = Annotated[Format, BeforeValidator(_as_text)]
+class SystemModeKeys(Keys):
+    """Which modes of the whole system are projected on the bodies: one of the keys, or ``auto``."""
 
+    alternatives: ClassVar[tuple[str, ...]] = ("cutoff", "list", "count")
+    short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"const": "auto"},)
 
-class WriteKeys(BodyWriteKeys):
-    """Which files the reduced bodies are written to, and in which frame."""
-
-    formats: tuple[WrittenFormat, ...] = Field(
-        default=("hdf5",),
-        min_length=1,
-        description="Formats of the files. hdf5: component files and the system; matlab, abcd: their state space, as "
-        ".mat and as text; the others are those of codes (docs/targets.md).",
-        examples=[["hdf5", "matlab"]],
-    )
-    dialects: dict[Plain, Plain] = Field(
-        default={},
-        description="How a format is written that comes in several ways. sid: by-axis or by-mode, the columns of Gr; "
-        "mbdyn: invariants or lumped.",
-        examples=[{"sid": "by-mode"}],
-    )
-    balanced_states: Annotated[int, Strict(), Field(ge=2, multiple_of=2)] | None = Field(
+    cutoff_bands: Positive | None = Field(
         default=None,
-        description="Also write, with the system's state space, its elastic part balanced and cut down to so many "
-        "states, which are displacements and rates of points. For matlab.",
-        examples=[12],
+        alias="cutoff",
+        description="All elastic modes up to this multiple of the upper end of scene.band, at each configuration.",
+        examples=[1.5],
     )
-    all_nodes: Flag = Field(
+    list: Annotated[tuple[Annotated[Count, Field(ge=1)], ...], OneOrMore()] | None = Field(
+        default=None,
+        description="Elastic modes by number, in order of frequency, the first is 1; the same at each configuration.",
+        examples=[[1, 2, 5]],
+    )
+    count: Count | None = Field(
+        default=None,
+        ge=1,
+        description="So many elastic modes, the first by `rank` between actuators and sensors, at each configuration.",
+        examples=[20],
+    )
+
+    @classmethod
+    def written_out(cls, value: object) -> object:
+        """``auto`` is no rule: the error decides."""
+        if value == "auto":
+            return {}
+        if isinstance(value, (str, int, float, list)):
+            raise ValueError(f"`auto` or a mapping is expected, e.g. {{cutoff: 1.5}} or {{count: 20}}: found {value!r}")
+        return value
+
+    @model_validator(mode="after")
+    def _one_rule(self) -> SystemModeKeys:
+        if self.model_fields_set:
+            exactly_one(self, self.alternatives, "project.modes")
+        return self
+
+    @property
+    def rule(self) -> str:
+        """Name of the rule in force: ``auto``, ``cutoff``, ``list`` or ``count``."""
+        given = self.given(self.alternatives)
+        return given[0] if given else "auto"
+
+
+Sampled = Annotated[
+    Annotated[Literal["all", "auto"], Tag("word")] | Annotated[tuple[Plain, ...], Tag("names")],
+    Discriminator(lambda value: "word" if isinstance(value, str) else "names"),
+    BeforeValidator(lambda value: [value] if isinstance(value, str) and value not in ("all", "auto") else value),
+]
+"""``all``, ``auto``, or names of configurations."""
+
+
+class ProjectKeys(Keys):
+    """Project modes of the whole system on the bodies, so that these make them again when they are joined."""
+
+    modes: SystemModeKeys = Field(
+        default=SystemModeKeys(),
+        description="Which modes of the system: auto takes as few as frf_error allows.",
+        examples=["auto"],
+    )
+    rank: Literal["hankel", "gregory"] = Field(
+        default="hankel",
+        description="What orders the system's modes for count and auto: exact Hankel values of what leaving them out "
+        "costs, or Gregory's coefficient, their value where modes lie far apart.",
+        examples=["hankel"],
+    )
+    configurations: Sampled = Field(
+        default="all",
+        description="Where the system's modes are taken: at all configurations of the scene, at those named, or auto: "
+        "at the first, then at the one with the largest error, until frf_error holds at all of them.",
+        examples=["all"],
+    )
+    of: Literal["reduced", "full"] = Field(
+        default="reduced",
+        description="What the system is made of: the bodies as the stages before leave them, or unreduced.",
+        examples=["reduced"],
+    )
+    frf_error: Positive | None = Field(
+        default=None,
+        description="Error that auto goes for; by default that of balance.keep, of verify.limits, or 0.01.",
+        examples=[0.01],
+    )
+    tolerance: Positive = Field(
+        default=1e-8,
+        lt=1,
+        description="What a body holds of a system mode of unit modal mass up to this amplitude is no shape of its "
+        "own. A larger one compresses: the modes then no longer return exactly, and the error is shown.",
+        examples=[1e-8],
+    )
+    feedback: dict[Plain, dict[Plain, Number]] = Field(
+        default={},
+        description="Gains from sensors to actuators, effort = -gain x measurement, in the scene's units: the modes "
+        "are then those of the closed loop, with all damping, and their real and imaginary parts are projected.",
+        examples=[{"motor": {"gyro.rz": 12.0}}],
+    )
+    damped: Flag = Field(
         default=False,
-        description="Write shapes at every node, not only where interfaces, actuators and sensors are.",
+        description="Take the complex modes of the system with all its damping, without feedback, too; their real and "
+        "imaginary parts are projected.",
         examples=[True],
     )
-
-    @model_validator(mode="after")
-    def _knows_dialects(self) -> WriteKeys:
-        for name, dialect in self.dialects.items():
-            if name not in _DIALECTS:
-                raise ValueError(f"'{name}' has no dialects (those that have: {', '.join(_DIALECTS)})")
-            if dialect not in _DIALECTS[name]:
-                raise ValueError(f"'{dialect}' is no dialect of {name} (its dialects: {', '.join(_DIALECTS[name])})")
-            if name not in self.formats:
-                raise ValueError(f"{name} is not written, so its dialect says nothing: add it to the formats")
-        return self
-
-    @model_validator(mode="after")
-    def _has_states(self) -> WriteKeys:
-        if self.balanced_states is not None and "matlab" not in self.formats:
-            raise ValueError("balanced_states are written to system.mat: add matlab to the formats")
-        return self
+    suppress: Flag = Field(
+        default=False,
+        description="Add static shapes of the interfaces, which move the modes that come along uncalled out of the "
+        "band where they can.",
+        examples=[True],
+    )
+    between: Flag = Field(
+        default=True,
+        description="Measure the error halfway between neighbouring angles, too, where no modes were taken.",
+        examples=[True],
+    )

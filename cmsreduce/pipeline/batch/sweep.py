@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from cmsreduce import __version__
 from cmsreduce.errors import CmsReduceError, ConfigError
-from cmsreduce.linalg.factorise import InsufficientMemoryError
+from cmsreduce.linalg.sparse import InsufficientMemoryError
 from cmsreduce.model import RunResult, SweepResult, SweepRow
 from cmsreduce.pipeline.batch.dask_workers import chosen_workers
 from cmsreduce.pipeline.batch.sweep_points import SweepAxis, SweepPoint, sweep_points

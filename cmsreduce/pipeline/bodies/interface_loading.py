@@ -65,7 +65,7 @@ def body_reduction(
     kind = METHODS[keys.method]
     inside: InterfaceReduction | None = None
     loading: InterfaceLoading | None = None
-    if keys.interface_cutoff is not None and issubclass(kind, CraigBampton):
+    if keys.interface_cutoff_bands is not None and issubclass(kind, CraigBampton):
         inside = shared_interfaces(name, bodies, interface_cutoffs, scene)
     if issubclass(kind, BenfieldHruda):
         if kind.stiffness_loading:

@@ -69,7 +69,7 @@ def reference(body: FEModel, ports: Ports, rigid: NDArray[np.float64], cutoff_hz
     if by_modes and body.n <= ALL_MODES_LIMIT:
         return Reference(_all_modes(body, rigid), "all modes")
     method = MacNealRubin(_BEYOND_CUTOFF * cutoff_hz)
-    modes = orthogonalise(method.reduce_enriched(body, ports.interface, ports.static_loads, rigid))
+    modes = orthogonalise(method.reduce(body, ports.interface, ports.static_loads, rigid, enriched=True))
     return Reference(modes, f"modes to {_BEYOND_CUTOFF:g} x cutoff")
 
 

@@ -76,7 +76,7 @@ class ModeSets:
     def searched(self) -> list[str]:
         """Bodies whose cutoff is to be found; Guyan has no normal modes."""
         stated = {name: self.stated(name) for name in self.names if name not in self.unneeded}
-        return [name for name, keys in stated.items() if keys.cutoff == "auto" and keys.method != "guyan"]
+        return [name for name, keys in stated.items() if keys.cutoff_bands == "auto" and keys.method != "guyan"]
 
     def stated(self, name: str, other: ModeSetKeys | None = None) -> ReduceKeys:
         """Keys of a body as the pipeline states them.
@@ -96,21 +96,21 @@ class ModeSets:
     def keys(self, name: str, other: ModeSetKeys | None = None) -> ReduceKeys:
         """Keys of a body with the cutoff that was found in place of ``auto``."""
         keys = self.stated(name, other)
-        if keys.cutoff != "auto":
+        if keys.cutoff_bands != "auto":
             return keys
-        if other is not None and other.cutoff == "auto" and "cutoff" in other.model_fields_set:
+        if other is not None and other.cutoff_bands == "auto" and "cutoff_bands" in other.model_fields_set:
             raise ConfigError("verify.compare: `cutoff: auto` is for the run's own model; state a multiple of the band")
         cutoff_bands = self._cutoffs()[name].cutoff_bands if name in self.searched else START
-        return keys.model_copy(update={"cutoff": cutoff_bands})
+        return keys.model_copy(update={"cutoff_bands": cutoff_bands})
 
     def cutoff_hz(self, name: str, other: ModeSetKeys | None = None) -> float:
         """Highest frequency of the normal modes of a body; the usual one of a body that is not reduced."""
         keys = ReduceKeys() if self.pipeline.reduce_of(name) is None else self.keys(name, other)
-        return float(keys.cutoff) * self.scene.band[1]
+        return float(keys.cutoff_bands) * self.scene.band[1]
 
     def static_above_hz(self, name: str, other: ModeSetKeys | None = None) -> float | None:
         """Frequency above which the modes of a body lose their mass; None if they all keep it."""
-        bands = None if self.pipeline.reduce_of(name) is None else self.keys(name, other).static_above
+        bands = None if self.pipeline.reduce_of(name) is None else self.keys(name, other).static_above_bands
         return None if bands is None else bands * self.scene.band[1]
 
     def label(self, name: str, other: ModeSetKeys | None = None) -> str:
@@ -118,8 +118,8 @@ class ModeSets:
         keys = self.keys(name, other)
         if name in self.unneeded or keys == self.keys(name):
             return name
-        inside = "" if keys.interface_cutoff is None else f".{keys.interface_cutoff:g}"
-        return f"{name}.{keys.method}.{keys.cutoff:g}{inside}"
+        inside = "" if keys.interface_cutoff_bands is None else f".{keys.interface_cutoff_bands:g}"
+        return f"{name}.{keys.method}.{keys.cutoff_bands:g}{inside}"
 
     def reduce_key(self, name: str, other: ModeSetKeys | None = None) -> str:
         """Hash of everything that the reduction of a body depends on."""
@@ -129,9 +129,9 @@ class ModeSets:
         if name in self.unneeded:
             return stage_key("reduce", __version__, fingerprint, "rigid")
         keys = self.keys(name, other)
-        loaded = keys.interface_cutoff is not None or issubclass(METHODS[keys.method], BenfieldHruda)
+        loaded = keys.interface_cutoff_bands is not None or issubclass(METHODS[keys.method], BenfieldHruda)
         loading = self._loading_key(other) if loaded else None
-        asked = (keys.method, self.cutoff_hz(name, other), keys.interface_cutoff, loading)
+        asked = (keys.method, self.cutoff_hz(name, other), keys.interface_cutoff_bands, loading)
         return stage_key("reduce", __version__, fingerprint, asked)
 
     def modal_key(self, name: str, other: ModeSetKeys | None = None) -> str:
@@ -193,9 +193,9 @@ class ModeSets:
         """Interface cutoff of every body whose interfaces of several nodes are reduced."""
         asked = {name: self.stated(name, other) for name in self.names}
         return {
-            name: keys.interface_cutoff * self.scene.band[1]
+            name: keys.interface_cutoff_bands * self.scene.band[1]
             for name, keys in asked.items()
-            if keys.interface_cutoff is not None and issubclass(METHODS[keys.method], CraigBampton)
+            if keys.interface_cutoff_bands is not None and issubclass(METHODS[keys.method], CraigBampton)
         }
 
     def _loading_key(self, other: ModeSetKeys | None) -> list[Any]:

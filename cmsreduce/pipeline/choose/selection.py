@@ -22,7 +22,7 @@ from cmsreduce.balance import (
 )
 from cmsreduce.config import RankingKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.linalg.basis_store import observed
+from cmsreduce.linalg.blocks import observed
 from cmsreduce.model import BoundRecord, ModalChannels, ModalComponent, SearchRecord
 from cmsreduce.pipeline.system import SystemErrors
 

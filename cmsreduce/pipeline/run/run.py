@@ -13,7 +13,7 @@ from cmsreduce.assemble import rigid_substructure
 from cmsreduce.balance import Selection, keep_all
 from cmsreduce.config import ModeSetKeys, Pipeline, VerifyKeys, build_scene
 from cmsreduce.errors import ConfigError, ConstraintError
-from cmsreduce.linalg.solver_settings import SolverSettings
+from cmsreduce.linalg.machine import SolverSettings
 from cmsreduce.model import (
     AxisCompleteness,
     Configuration,

@@ -14,7 +14,7 @@ from typing import Any, Concatenate, Literal, NamedTuple, ParamSpec, Protocol, T
 import numpy as np
 
 from cmsreduce.errors import MatrixError, StageError
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
 from cmsreduce.model import Factorisation, mapped_in
 from cmsreduce.pipeline.store.stage_data import Arrays, Given, decode, encode
 from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER, StageStore

@@ -6,9 +6,15 @@ Files of other programs belong in `write.targets`.
 
 from cmsreduce.write.component.component import write_component
 from cmsreduce.write.component.component_file import ComponentFile, read_component
-from cmsreduce.write.component.flexible_body import FlexibleBody, flexible_body, require_mass
+from cmsreduce.write.component.flexible_body import (
+    FlexibleBody,
+    FrameStiffening,
+    flexible_body,
+    frame_stiffening,
+    require_mass,
+)
+from cmsreduce.write.component.integrals import stored_integrals
 from cmsreduce.write.component.shapes import basic_shapes
-from cmsreduce.write.component.stored import FrameStiffening, frame_stiffening, stored_integrals
 
 __all__ = [
     "ComponentFile",

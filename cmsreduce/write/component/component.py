@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.basis_store import combined, observed
+from cmsreduce.linalg.blocks import combined, observed
 from cmsreduce.mechanics import ACCURACIES, advised_steps, numerical_damping
 from cmsreduce.model import (
     Check,
@@ -26,14 +26,12 @@ from cmsreduce.model import (
     ModalComponent,
     OutboardMass,
 )
+from cmsreduce.write.component.component_file import FORMAT, FORMAT_VERSION
 from cmsreduce.write.component.integrals import put_augmented, put_frame, put_integrals, put_stiffening, support
 from cmsreduce.write.component.shapes import basic_shapes, lumps_of_nodes
-from cmsreduce.write.datasets import hdf5_file, put, put_texts, put_units
+from cmsreduce.write.files import hdf5_file, put, put_texts, put_units
 
-__all__ = ["FORMAT", "FORMAT_VERSION", "write_component"]
-
-FORMAT = "cmsreduce-component"
-FORMAT_VERSION = 2
+__all__ = ["write_component"]
 
 Row = NDArray[np.float64]
 

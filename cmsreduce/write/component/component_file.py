@@ -16,13 +16,17 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Check
-from cmsreduce.write.component.component import FORMAT, FORMAT_VERSION
 
 __all__ = [
+    "FORMAT",
+    "FORMAT_VERSION",
     "ComponentFile",
     "fault",
     "read_component",
 ]
+
+FORMAT = "cmsreduce-component"
+FORMAT_VERSION = 2
 
 _SHAPES: Mapping[str, tuple[str | int, ...]] = {
     "modes/omega": ("m",),

@@ -6,11 +6,12 @@ Geometric stiffness in the component file.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.errors import WriteError
 from cmsreduce.mechanics import modal_integrals, modal_stiffening, rigid_mass
 from cmsreduce.model import (
     FloatingFrame,
@@ -18,20 +19,30 @@ from cmsreduce.model import (
     IntegralFrame,
     Lumping,
     ModalComponent,
+    ModalIntegrals,
+    ModalStiffening,
     OutboardMass,
+    UnitLoad,
     rigid_body_shapes,
 )
-from cmsreduce.write.datasets import put, put_texts
+from cmsreduce.write.component.component_file import ComponentFile
+from cmsreduce.write.files import put, put_texts
 
 __all__ = [
     "put_augmented",
     "put_frame",
     "put_integrals",
     "put_stiffening",
+    "stored_integrals",
+    "stored_stiffening",
     "support",
 ]
 
 _LUMPED: tuple[tuple[Lumping, str], ...] = (("row-sum", "rigid_mass_row_sum"), ("diagonal", "rigid_mass_diagonal"))
+
+
+_ARRAYS = ("origin", "axes", "first_moment", "inertia", "phi", "r_cross_phi", "r_phi", "phi_phi", "modes")
+_GROUP = "geometric_stiffness"
 
 
 def put_integrals(group: Any, component: ModalComponent, about: IntegralFrame) -> None:
@@ -133,3 +144,36 @@ def put_stiffening(group: Any, stiffening: GeometricStiffness, Phi: NDArray[np.f
     put_texts(group, "source", stiffening.sources, about="where each comes from")
     put(group, "origin", reduced.origin, "length", "that accelerations are of and rotations turn about, in basic")
     put(group, "K", reduced.K, "", "Phi^T K_l Phi per unit of load l: the stiffness is K + sum of load times K_l")
+
+
+def stored_integrals(component: ComponentFile) -> ModalIntegrals:
+    """Modal integrals of a component file.
+
+    Raises
+    ------
+    WriteError
+        If it has none, or was written before there were any of second order.
+    """
+    arrays = component.arrays
+    missing = [name for name in ("mass", *_ARRAYS) if f"integrals/{name}" not in arrays]
+    if missing:
+        raise WriteError(
+            f"component '{component.name}': its file has no modal integrals (integrals/{missing[0]} is missing); a "
+            "body without geometry has none, and a file of an earlier version is written again with `cmsreduce run`"
+        )
+    return ModalIntegrals(
+        mass=float(arrays["integrals/mass"]),
+        lumping=cast(Lumping, str(component.attributes["integrals"].get("lumping", "consistent"))),
+        **{name: np.asarray(arrays[f"integrals/{name}"]) for name in _ARRAYS},
+    )
+
+
+def stored_stiffening(component: ComponentFile) -> ModalStiffening | None:
+    """Geometric stiffness of a component file; None where it has none."""
+    if f"{_GROUP}/K" not in component.arrays:
+        return None
+    return ModalStiffening(
+        tuple(UnitLoad.parse(text) for text in component.texts[f"{_GROUP}/load"]),
+        component.arrays[f"{_GROUP}/K"],
+        component.arrays[f"{_GROUP}/origin"],
+    )

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.model import SweepResult, SweepRow
-from cmsreduce.write.datasets import hdf5_file, put, put_texts
-from cmsreduce.write.files import atomic_path
+from cmsreduce.write.files import atomic_path, hdf5_file, put, put_texts
 
 __all__ = ["write_sweep_csv", "write_sweep_table"]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cmsreduce.model import ModalIntegrals
 from cmsreduce.write.component import ComponentFile, flexible_body, require_mass
-from cmsreduce.write.datasets import hdf5_file
+from cmsreduce.write.files import hdf5_file
 
 __all__ = ["write_mbsim"]
 

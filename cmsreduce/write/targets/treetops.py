@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import WriteError
 from cmsreduce.model import SQUARES, ModalIntegrals
 from cmsreduce.write.component import ComponentFile, FlexibleBody, FrameStiffening, flexible_body, frame_stiffening
-from cmsreduce.write.datasets import hdf5_file, put, put_texts
-from cmsreduce.write.files import put_lines, table
+from cmsreduce.write.files import hdf5_file, put, put_lines, put_texts, table
 
 __all__ = ["write_treetops", "write_treetops_h5"]
 

@@ -86,6 +86,6 @@ def test_presets(tmp_path, preset, cutoff, points, frf_error):
         f"name: p\ninclude: {CONFIGS / preset}.yaml\ncomponents: {{a: {{extseout: a}}}}\nscene: {{band: 10}}\n"
     )
     pipeline = load_pipeline(tmp_path / "p.yaml")
-    assert (pipeline.reduce.method, pipeline.reduce.cutoff) == ("craig-bampton", cutoff)
+    assert (pipeline.reduce.method, pipeline.reduce.cutoff_bands) == ("craig-bampton", cutoff)
     assert (pipeline.verify.frf.points, pipeline.verify.limits.frf_error) == (points, frf_error)
     assert pipeline.write.formats == ("hdf5",)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 
-from cmsreduce.model import ReductionChecks, StaticLack
+from cmsreduce.model import ReductionChecks
 from cmsreduce.pipeline.store import decode, encode
 
 
 def test_of_two_bodies_that_lack_the_same_the_first_is_named_again() -> None:
-    lack = (StaticLack("interface 'hinge'", 0.25),)
+    lack = {"interface 'hinge'": 0.25}
     made = ReductionChecks({"right": lack, "left": lack})
     arrays, facts = encode(made)
     # As the store writes facts.

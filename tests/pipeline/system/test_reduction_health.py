@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from cmsreduce.assemble import elastic_states
 from cmsreduce.cli import main
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import Configuration, ReductionChecks
 from cmsreduce.pipeline import Run
 from cmsreduce.pipeline.store import decode, encode

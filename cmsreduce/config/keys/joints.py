@@ -1,0 +1,262 @@
+"""Keys of joints and of the articulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, cast
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    GetJsonSchemaHandler,
+    PlainSerializer,
+    SerializerFunctionWrapHandler,
+    Strict,
+    WithJsonSchema,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
+from pydantic_core import CoreSchema
+
+from cmsreduce.config.keys.channels import DofName, Pair
+from cmsreduce.config.keys.mapping import DofNames, Keys, Plain, Written, WrittenItems, WrittenVector, reported
+from cmsreduce.config.keys.quantities import Compound, ElementFigure, Quantity, parse_compound
+from cmsreduce.errors import UnitsError
+from cmsreduce.model import DOF_NAMES, SI, JointElement, Units
+
+__all__ = ["Articulation", "JointKeys", "NamedSettings", "Settings"]
+
+ELEMENT_FIGURES: tuple[ElementFigure, ...] = ("stiffness", "damping", "inertia")
+"""Keys of what acts on a joint's free motions."""
+_FIRST_ROTATION = 3
+
+
+def _all_or_some(value: object) -> object:
+    return "123456" if isinstance(value, str) and value.strip().lower() == "all" else value
+
+
+FreeDofs = Annotated[DofNames, BeforeValidator(_all_or_some)]
+"""Names of motions, or ``all``."""
+_Figure = Annotated[
+    Compound,
+    BeforeValidator(reported(parse_compound)),
+    PlainSerializer(lambda figure: str(figure) if figure.unit else figure.value),
+    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
+]
+Figures = dict[DofName, _Figure]
+"""A figure for each of some motions."""
+
+
+class JointKeys(Keys):
+    """A connection of two interfaces; its axes are those of the first."""
+
+    connect: Pair = Field(
+        description="The two interfaces, COMPONENT.INTERFACE.", examples=[["stator.spin_bearing", "rotor.spin_bearing"]]
+    )
+    free: FreeDofs = Field(
+        default=(),
+        description="Motions that are free, along the axes of the first interface, or `all`; the others are locked. By "
+        "default, and with none, all are: a weld.",
+        examples=["[rz]"],
+    )
+    offset: WrittenVector | None = Field(
+        default=None,
+        description="Rigid arm from the first interface to the second in the first body's basic frame, in the scene's "
+        "unit of length or with units, where the two do not coincide.",
+        examples=[[0, 0, "120 mm"]],
+    )
+    stiffness: Figures = Field(
+        default={},
+        description="Springs on free motions, against the motion of the second interface relative to the first; in the "
+        "scene's units and radians, or with units.",
+        examples=[{"rz": "120 N*m/rad"}],
+    )
+    damping: Figures = Field(
+        default={},
+        description="Dampers on free motions, as the springs.",
+        examples=[{"rz": "0.4 N*m*s/rad"}],
+    )
+    inertia: Figures = Field(
+        default={},
+        description="Moments of inertia about free axes that belong to the joint, such as a motor's rotor; they turn "
+        "with the first interface and are in no body's mass.",
+        examples=[{"rz": "1e-3 kg*m^2"}],
+    )
+
+    @field_validator("offset")
+    @classmethod
+    def _lengths(cls, offset: tuple[Quantity, ...] | None) -> tuple[Quantity, ...] | None:
+        for item in offset or ():
+            if item.unit and item.dimension != "length":
+                raise ValueError(f"{item} is no length, e.g. 3 mm")
+        return offset
+
+    @model_validator(mode="after")
+    def _on_free_motions(self) -> JointKeys:
+        for what in ELEMENT_FIGURES:
+            for dof, figure in self.figures(what).items():
+                if dof not in self.free:
+                    free = ", ".join(self.free) or "none"
+                    raise ValueError(f"{what}: {dof} is locked, free are: {free}; free it, or take it out here")
+                if figure.value < 0:
+                    raise ValueError(f"{what}: {figure} is negative")
+                if what == "inertia" and DOF_NAMES.index(dof) < _FIRST_ROTATION:
+                    raise ValueError(
+                        f"inertia: {dof} slides, and what slides has mass in every direction: give it to a body"
+                    )
+                try:
+                    figure.figure_in(SI, what, DOF_NAMES.index(dof) >= _FIRST_ROTATION)
+                except UnitsError as error:
+                    raise ValueError(f"{what}: {error}") from None
+        return self
+
+    def figures(self, what: ElementFigure) -> dict[str, Compound]:
+        """Stiffness, damping or inertia by motion."""
+        return cast(dict[str, Compound], getattr(self, what))
+
+    def elements(self, units: Units) -> tuple[JointElement, ...]:
+        """Springs, dampers and inertias in the scene's units, one for each motion that has any."""
+        return tuple(
+            JointElement(
+                dof,
+                **{
+                    what: self.figures(what)[name].figure_in(units, what, dof >= _FIRST_ROTATION)
+                    for what in ELEMENT_FIGURES
+                    if name in self.figures(what)
+                },
+            )
+            for dof, name in enumerate(DOF_NAMES)
+            if any(name in self.figures(what) for what in ELEMENT_FIGURES)
+        )
+
+
+def _share_unit(items: tuple[Quantity, ...]) -> tuple[Quantity, ...]:
+    """Give the one unit that is written to the items without one."""
+    units = {item.unit for item in items if item.unit}
+    bare = [item for item in items if not item.unit and item.value != 0]
+    if bare and len(units) > 1:
+        raise ValueError(f"{bare[0].value:g} has no unit and the others have several: write its unit")
+    unit = units.pop() if len(units) == 1 else ""
+    return tuple(item if item.unit else Quantity(item.value, unit) for item in items)
+
+
+class Settings(Keys):
+    """Settings of one joint: a list, one value, or a range."""
+
+    short_schema: ClassVar[tuple[dict[str, Any], ...]] = (
+        {"type": "array", "items": {"type": ["number", "string"]}, "minItems": 1},
+        {"type": ["number", "string"]},
+    )
+
+    values: Annotated[WrittenItems, Field(min_length=1), AfterValidator(_share_unit)] | None = Field(
+        default=None,
+        description="Settings; a unit on one of them holds for all without one.",
+        examples=[[0, 45, "90 deg"]],
+    )
+    from_: Written | None = Field(default=None, alias="from", description="First setting.", examples=["0 deg"])
+    to: Written | None = Field(default=None, description="Last setting.", examples=["90 deg"])
+    steps: Annotated[int, Strict(), Field(ge=2)] | None = Field(
+        default=None, description="Number of settings, both ends among them.", examples=[4]
+    )
+
+    @classmethod
+    def written_out(cls, value: object) -> object:
+        """A list, or a lone setting."""
+        if isinstance(value, (list, tuple)):
+            return {"values": value}
+        if isinstance(value, (int, float, str, Quantity)) and not isinstance(value, bool):
+            return {"values": [value]}
+        return value
+
+    @model_validator(mode="after")
+    def _list_or_range(self) -> Settings:
+        ends = (self.from_, self.to, self.steps)
+        if (self.values is None) == all(end is None for end in ends):
+            raise ValueError("a list of settings or a range is expected, e.g. {from: 0, to: 90 deg, steps: 4}")
+        if self.values is None and any(end is None for end in ends):
+            raise ValueError("a range needs from, to and steps, e.g. {from: 0, to: 90 deg, steps: 4}")
+        self.quantities()
+        return self
+
+    @model_serializer
+    def _plainly(self) -> list[str | float]:
+        return [str(item) if item.unit else item.value for item in self.quantities()]
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Every setting in order, each with its unit where one is written."""
+        if self.values is not None:
+            return self.values
+        if self.from_ is None or self.to is None or self.steps is None:
+            return ()
+        first, last = _share_unit((self.from_, self.to))
+        if first.unit != last.unit:
+            raise ValueError(f"from {first} to {last}: both ends need the same unit")
+        step = (last.value - first.value) / (self.steps - 1)
+        inner = tuple(Quantity(first.value + k * step, first.unit) for k in range(self.steps - 1))
+        return (*inner, last)
+
+
+class NamedSettings(Keys):
+    """One configuration: a name, and beside it the setting of each joint, as JOINT or JOINT.DOF."""
+
+    name: Plain | None = Field(default=None, description="Label; by default the settings.", examples=["stowed"])
+    joints: dict[str, Written] = Field(description="Setting of each joint.")
+
+    @classmethod
+    def written_out(cls, value: object) -> object:
+        """Every key but the name is a joint."""
+        if not isinstance(value, Mapping):
+            return value
+        joints = {key: item for key, item in value.items() if key != "name"}
+        return {"name": value.get("name"), "joints": joints}
+
+    @model_serializer
+    def _plainly(self) -> dict[str, str | float]:
+        named: dict[str, str | float] = {} if self.name is None else {"name": self.name}
+        return named | {joint: str(item) if item.unit else item.value for joint, item in self.joints.items()}
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Schema of what is written: the joints stand beside the name."""
+        keys = handler.resolve_ref_schema(handler(core_schema))["properties"]
+        return {
+            "type": "object",
+            "description": cls.__doc__ or "",
+            "properties": {"name": keys["name"]},
+            "additionalProperties": keys["joints"]["additionalProperties"],
+        }
+
+
+class Articulation(Keys):
+    """Settings of the joints: a mapping means all combinations, a list names configurations one by one."""
+
+    product: dict[str, Settings] | None = None
+    named: Annotated[tuple[NamedSettings, ...], Field(min_length=1)] | None = None
+
+    @classmethod
+    def written_out(cls, value: object) -> object:
+        """Tell a mapping of joints from a list of configurations."""
+        if isinstance(value, (list, tuple)):
+            return {"named": value}
+        if isinstance(value, Mapping):
+            return {"product": value}
+        if isinstance(value, Articulation):
+            return value
+        raise ValueError(
+            "a mapping JOINT: [settings] or a list of configurations is expected, e.g. {spin: [0, 45, 90 deg]}, "
+            f"found {value!r}"
+        )
+
+    @model_serializer(mode="wrap")
+    def _plainly(self, handler: SerializerFunctionWrapHandler) -> object:
+        keys = handler(self)
+        return keys["named"] if self.named is not None else keys["product"]
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Schema of what is written: a mapping or a list."""
+        keys = handler.resolve_ref_schema(handler(core_schema))["properties"]
+        forms = [form for key in ("product", "named") for form in keys[key]["anyOf"] if form != {"type": "null"}]
+        return {"description": cls.__doc__ or "", "anyOf": forms}

@@ -1,0 +1,208 @@
+"""Keys of the write stage: files, and the frame of a body in them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Discriminator, Field, Strict, Tag, model_validator
+
+from cmsreduce.config.keys.mapping import Flag, Keys, Name, Number, Plain
+from cmsreduce.model import DOF_NAMES, FrameCondition, FrameKind, Lumping
+
+__all__ = ["BASIC", "BodyWriteKeys", "CENTRE", "FloatingFrameKeys", "IntegralKeys", "WriteKeys"]
+
+BASIC, CENTRE = "basic", "centre-of-mass"
+"""Words for a place that no interface has to be named for."""
+
+_INTERFACES: dict[str, tuple[str, ...]] = {"clamped": ("at",), "mean-axis": (), "chord": ("at", "to")}
+"""Keys of interfaces that each kind of frame takes."""
+
+
+def _check_about(value: object) -> object:
+    if isinstance(value, (list, tuple)) and len(value) != 3:
+        raise ValueError(f"a point of 3 numbers is expected, e.g. [0, 0, 1.5], found {len(value)}")
+    if not isinstance(value, (str, list, tuple)):
+        raise ValueError(f"basic, centre-of-mass, an interface or a point [x, y, z] is expected, found {value!r}")
+    return value
+
+
+def _check_roll(value: object) -> object:
+    if isinstance(value, str):
+        point, _, dof = value.rpartition(".")
+        if point and dof in DOF_NAMES:
+            return value
+    raise ValueError(
+        f"{value!r} is no roll: write INTERFACE.DOF or NODE.DOF, e.g. 1200.z (dofs: {', '.join(DOF_NAMES)})"
+    )
+
+
+About = Annotated[
+    Annotated[Plain, Tag("name")] | Annotated[tuple[Number, Number, Number], Tag("point")],
+    Discriminator(lambda value: "name" if isinstance(value, str) else "point"),
+    BeforeValidator(_check_about),
+]
+"""``basic``, ``centre-of-mass``, an interface, or a point."""
+
+
+class FloatingFrameKeys(Keys):
+    """Which rigid motion of a body its deforming modes are rid of, because a floating-frame code brings it."""
+
+    kind: FrameKind = Field(
+        description="clamped: the modes do not move or turn the interface `at`; mean-axis: they have no momentum "
+        "(Buckens); chord: the interface `at` stays where it is and `to` on the line between them.",
+        examples=["clamped"],
+    )
+    at: Name | None = Field(
+        default=None,
+        description="Interface that the frame is clamped at, or where the chord starts.",
+        examples=["hinge"],
+    )
+    to: Name | None = Field(default=None, description="Interface where the chord ends.", examples=["tip"])
+    roll: Annotated[str, BeforeValidator(_check_roll)] | None = Field(
+        default=None,
+        description="INTERFACE.DOF or NODE.DOF, along the basic axes, that holds a chord against turning about itself; "
+        "by default the rotation of `at` about the chord.",
+        examples=["1200.z"],
+    )
+
+    @model_validator(mode="after")
+    def _of_its_kind(self) -> FloatingFrameKeys:
+        needed = _INTERFACES[self.kind]
+        for key in ("at", "to"):
+            given = getattr(self, key) is not None
+            if given and key not in needed:
+                raise ValueError(f"a {self.kind} frame takes no `{key}`: take it out")
+            if not given and key in needed:
+                raise ValueError(f"a {self.kind} frame needs `{key}: INTERFACE`")
+        if self.roll is not None and self.kind != "chord":
+            raise ValueError(f"a {self.kind} frame has no roll to hold: take `roll` out, or use chord")
+        if self.kind == "chord" and self.at == self.to:
+            raise ValueError(f"a chord leads from one interface to another, and both are '{self.at}'")
+        return self
+
+    @property
+    def interfaces(self) -> dict[str, str]:
+        """Interfaces that it names, by key."""
+        return {key: face for key, face in (("at", self.at), ("to", self.to)) if face is not None}
+
+    def condition(self) -> FrameCondition:
+        """The condition that it states."""
+        return FrameCondition(self.kind, self.at or "", self.to or "", self.roll or "")
+
+
+class IntegralKeys(Keys):
+    """About which point, along which axes and over which mass the modal integrals are taken."""
+
+    about: About | None = Field(
+        default=None,
+        description="basic: the origin of the body's basic frame; centre-of-mass; an interface (its first node); or a "
+        "point [x, y, z] in the body's basic frame and unit of length. By default where the floating frame stands, "
+        "without one basic.",
+        examples=["centre-of-mass"],
+    )
+    axes: Name | None = Field(
+        default=None,
+        description="basic, or an interface whose axes to take. By default basic, with a chord its own: x along it.",
+        examples=["hinge"],
+    )
+    mass: Lumping = Field(
+        default="consistent",
+        description="consistent: the mass matrix as it is; row-sum: lumped by sums of rows; diagonal: lumped by its "
+        "diagonal, scaled to the body's mass.",
+        examples=["diagonal"],
+    )
+
+    @property
+    def interfaces(self) -> dict[str, str]:
+        """Interfaces that it names, by key."""
+        about = self.about if isinstance(self.about, str) and self.about not in (BASIC, CENTRE) else None
+        axes = None if self.axes == BASIC else self.axes
+        return {key: face for key, face in (("about", about), ("axes", axes)) if face is not None}
+
+
+class BodyWriteKeys(Keys):
+    """In which frame a body is written."""
+
+    frame: FloatingFrameKeys | None = Field(
+        default=None,
+        description="Floating frame; without it the modes are those of the free body, which have no momentum.",
+        examples=[{"kind": "clamped", "at": "hinge"}],
+    )
+    integrals: IntegralKeys = Field(
+        default=IntegralKeys(),
+        description="Frame and mass of the modal integrals.",
+        examples=[{"about": "centre-of-mass", "mass": "consistent"}],
+    )
+
+
+Format = Literal[
+    "hdf5",
+    "matlab",
+    "abcd",
+    "nastran",
+    "42",
+    "sid",
+    "mbdyn",
+    "mbsim",
+    "exudyn",
+    "discos",
+    "dads",
+    "treetops",
+    "treetops-h5",
+]
+
+_DIALECTS = {"sid": ("by-axis", "by-mode"), "mbdyn": ("invariants", "lumped")}
+
+
+def _as_text(value: object) -> object:
+    # YAML takes the name of NASA's code for a number.
+    return str(value) if type(value) is int else value
+
+
+WrittenFormat = Annotated[Format, BeforeValidator(_as_text)]
+
+
+class WriteKeys(BodyWriteKeys):
+    """Which files the reduced bodies are written to, and in which frame."""
+
+    formats: tuple[WrittenFormat, ...] = Field(
+        default=("hdf5",),
+        min_length=1,
+        description="Formats of the files. hdf5: component files and the system; matlab, abcd: their state space, as "
+        ".mat and as text; the others are those of codes (docs/targets.md).",
+        examples=[["hdf5", "matlab"]],
+    )
+    dialects: dict[Plain, Plain] = Field(
+        default={},
+        description="How a format is written that comes in several ways. sid: by-axis or by-mode, the columns of Gr; "
+        "mbdyn: invariants or lumped.",
+        examples=[{"sid": "by-mode"}],
+    )
+    balanced_states: Annotated[int, Strict(), Field(ge=2, multiple_of=2)] | None = Field(
+        default=None,
+        description="Also write, with the system's state space, its elastic part balanced and cut down to so many "
+        "states, which are displacements and rates of points. For matlab.",
+        examples=[12],
+    )
+    all_nodes: Flag = Field(
+        default=False,
+        description="Write shapes at every node, not only where interfaces, actuators and sensors are.",
+        examples=[True],
+    )
+
+    @model_validator(mode="after")
+    def _knows_dialects(self) -> WriteKeys:
+        for name, dialect in self.dialects.items():
+            if name not in _DIALECTS:
+                raise ValueError(f"'{name}' has no dialects (those that have: {', '.join(_DIALECTS)})")
+            if dialect not in _DIALECTS[name]:
+                raise ValueError(f"'{dialect}' is no dialect of {name} (its dialects: {', '.join(_DIALECTS[name])})")
+            if name not in self.formats:
+                raise ValueError(f"{name} is not written, so its dialect says nothing: add it to the formats")
+        return self
+
+    @model_validator(mode="after")
+    def _has_states(self) -> WriteKeys:
+        if self.balanced_states is not None and "matlab" not in self.formats:
+            raise ValueError("balanced_states are written to system.mat: add matlab to the formats")
+        return self

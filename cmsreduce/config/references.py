@@ -1,0 +1,289 @@
+"""What no key can show by itself: references from one part of a pipeline to another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from cmsreduce.config.keys import (
+    FLEXIBLE_ONLY,
+    ActuatorKeys,
+    Articulation,
+    KeepKeys,
+    Pipeline,
+    Quantity,
+    RankingKeys,
+    ScalingKeys,
+    SensorKeys,
+    channel_kind,
+    parse_point,
+    parse_row,
+)
+from cmsreduce.config.problems import not_among
+from cmsreduce.config.scene_channels import free_dof, free_dof_named, setting, sized_names
+from cmsreduce.errors import SceneError, UnitsError
+from cmsreduce.model import Point, UnitLoad
+
+__all__ = ["BrokenReference", "broken_references"]
+
+
+class BrokenReference(NamedTuple):
+    """A reference that leads nowhere.
+
+    Parameters
+    ----------
+    keys : tuple of str or int
+        Where it is written.
+    message : str
+        What is wrong with it.
+    """
+
+    keys: tuple[str | int, ...]
+    message: str
+
+
+def broken_references(pipeline: Pipeline) -> Iterator[BrokenReference]:
+    """Every reference of a pipeline that leads nowhere, in the order of the grammar."""
+    yield from _components(pipeline)
+    yield from _joints(pipeline)
+    scene = pipeline.scene
+    if scene.articulation is not None:
+        yield from _articulation(pipeline, scene.articulation)
+    channels: tuple[tuple[str, dict[str, ActuatorKeys] | dict[str, SensorKeys]], ...] = (
+        ("actuators", scene.actuators),
+        ("sensors", scene.sensors),
+    )
+    for kind, group in channels:
+        for name, channel in group.items():
+            yield from _channel(pipeline, ("scene", kind, name), channel)
+    if scene.controller is not None and not (scene.sensors and scene.actuators):
+        yield BrokenReference(
+            ("scene", "controller"), "a controller needs sensors and actuators: add them, or take it out"
+        )
+    for k, text in enumerate(scene.ground):
+        yield from _interface(pipeline, ("scene", "ground", k), text)
+    for k, name in enumerate(scene.floating):
+        if name not in pipeline.components:
+            yield BrokenReference(("scene", "floating", k), not_among("component", name, pipeline.components))
+    if scene.base is not None and scene.base not in pipeline.components:
+        yield BrokenReference(("scene", "base"), not_among("component", scene.base, pipeline.components))
+    yield from _stiffening(pipeline)
+    yield from _residuals(pipeline)
+    yield from _frames(pipeline)
+    for at, ranking in _rankings(pipeline):
+        if at[0] != "components":
+            yield from _keep(pipeline, (*at, "keep"), ranking.keep)
+        yield from _sizes(pipeline, (*at, "scaling"), ranking.scaling)
+
+
+def _stiffening(pipeline: Pipeline) -> Iterator[BrokenReference]:
+    """Interfaces that geometric stiffness names, and bodies that the scene spins."""
+    for name, component in pipeline.components.items():
+        keys, at = component.geometric_stiffness, ("components", name, "geometric_stiffness")
+        if keys is None:
+            continue
+        points: list[tuple[tuple[str, ...], str]] = [(("bars",), load.at) for load in keys.computed()]
+        points += [(("matrices", label, "load"), UnitLoad.parse(item.load).at) for label, item in keys.matrices.items()]
+        points += [(("held",), face) for face in keys.held]
+        for key, point in dict.fromkeys(points):
+            if point and not (point.isdigit() and key != ("held",)) and point not in component.interfaces:
+                yield BrokenReference((*at, *key), not_among("interface", point, component.interfaces))
+        if keys.bars and component.geometry is None:
+            yield BrokenReference((*at, "bars"), "the bars are those of the deck: give the component its `geometry:`")
+    flexible = [name for name, component in pipeline.components.items() if component.rigid is None]
+    for name in pipeline.scene.spin:
+        if name not in flexible:
+            yield BrokenReference(("scene", "spin", name), not_among("flexible component", name, flexible))
+
+
+def _residuals(pipeline: Pipeline) -> Iterator[BrokenReference]:
+    if pipeline.reduce is None:
+        return
+    for text in pipeline.reduce.own_points:
+        yield BrokenReference(
+            ("reduce", "residuals"),
+            f"'{text}' is a node of one body: write it under components.NAME.reduce.residuals; here sensors and "
+            "actuators can stand",
+        )
+
+
+def _components(pipeline: Pipeline) -> Iterator[BrokenReference]:
+    for name, component in pipeline.components.items():
+        for key in FLEXIBLE_ONLY if component.rigid is not None else ():
+            if getattr(component, key) not in (None, False):
+                yield BrokenReference(
+                    ("components", name, key), f"a rigid body has no {key}: take out this key, or 'rigid'"
+                )
+        for face, keys in component.interfaces.items():
+            at = ("components", name, "interfaces", face)
+            if component.rigid is not None and (keys.position is None or keys.tie is not None):
+                yield BrokenReference(
+                    at, "an interface of a rigid body is given by its position, e.g. {position: [0, 0, 0]}"
+                )
+            if component.rigid is None and keys.position is not None and keys.tie is None:
+                yield BrokenReference(
+                    at, "an interface of a flexible body is given by node, nodes or set, e.g. {node: 1001}"
+                )
+        if component.balance is not None:
+            at = ("components", name, "balance", "keep")
+            if component.balance.keep.frf_error is not None:
+                yield BrokenReference(at, "frf_error is an error of the whole system: ask for it under 'balance.keep'")
+            if isinstance(component.balance.keep.modes, dict):
+                yield BrokenReference(at, "here is one body only: write a number, e.g. {modes: 20}")
+
+
+def _frames(pipeline: Pipeline) -> Iterator[BrokenReference]:
+    """Interfaces that frames and integrals are about."""
+    for name, component in pipeline.components.items():
+        if component.rigid is not None or pipeline.reduce_of(name) is None:
+            continue
+        keys, own = pipeline.write_of(name), component.write
+        named = [(("integrals", key), face) for key, face in keys.integrals.interfaces.items()]
+        named += [(("frame", key), face) for key, face in (keys.frame.interfaces if keys.frame else {}).items()]
+        for (group, key), face in named:
+            if face in component.interfaces:
+                continue
+            message = f"component '{name}': {not_among('interface', face, component.interfaces)}"
+            if own is not None and group in own.model_fields_set:
+                yield BrokenReference(("components", name, "write", group, key), message)
+            else:
+                message += f"; give this body keys of its own, components.{name}.write"
+                yield BrokenReference(("write", group, key), message)
+
+
+def _joints(pipeline: Pipeline) -> Iterator[BrokenReference]:
+    for name, joint in pipeline.scene.joints.items():
+        for k, text in enumerate(joint.connect):
+            yield from _interface(pipeline, ("scene", "joints", name, "connect", k), text)
+
+
+def _interface(pipeline: Pipeline, keys: tuple[str | int, ...], text: str) -> Iterator[BrokenReference]:
+    """Check a reference that must be to an interface."""
+    point = parse_point(text)
+    if point.body not in pipeline.components:
+        yield BrokenReference(keys, not_among("component", point.body, pipeline.components))
+        return
+    component = pipeline.components[point.body]
+    if point.name in component.interfaces:
+        return
+    message = f"component '{point.body}': {not_among('interface', point.name, component.interfaces)}"
+    if point.name.isdigit() and component.rigid is None:
+        message += f"; declare the node under 'components.{point.body}.interfaces', e.g. NAME: {{node: {point.name}}}"
+    yield BrokenReference(keys, message)
+
+
+def _point(pipeline: Pipeline, keys: tuple[str | int, ...], point: Point) -> Iterator[BrokenReference]:
+    """Check a reference to an interface, a node, or the centre of mass."""
+    component = pipeline.components.get(point.body)
+    if component is None:
+        yield BrokenReference(keys, not_among("component", point.body, pipeline.components))
+    elif point.name == "cg":
+        if component.rigid is None:
+            yield BrokenReference(keys, f"'{point}': a flexible body's centre of mass is no point of it; name a node")
+    elif point.name.isdigit():
+        if component.rigid is not None:
+            places = ", ".join(["cg", *component.interfaces])
+            yield BrokenReference(keys, f"'{point}': a rigid body has no nodes; points of '{point.body}' are {places}")
+    elif point.name not in component.interfaces:
+        message = f"component '{point.body}': {not_among('interface', point.name, component.interfaces)}"
+        yield BrokenReference(keys, f"{message}; a node is named by its number")
+
+
+def _articulation(pipeline: Pipeline, articulation: Articulation) -> Iterator[BrokenReference]:
+    at = ("scene", "articulation")
+    for joint, settings in (articulation.product or {}).items():
+        quantities = settings.quantities()
+        yield from _settings(pipeline, (*at, joint), joint, quantities)
+        repeated = [item for k, item in enumerate(quantities) if item in quantities[:k]]
+        if repeated:
+            yield BrokenReference((*at, joint), f"{repeated[0]} is listed twice")
+    for joint, others in _same_motion(pipeline, list(articulation.product or {})):
+        yield BrokenReference((*at, joint), f"the same motion is set by '{others}'")
+    names: list[str | None] = []
+    for k, named in enumerate(articulation.named or ()):
+        for joint, quantity in named.joints.items():
+            yield from _settings(pipeline, (*at, k, joint), joint, (quantity,))
+        for joint, others in _same_motion(pipeline, list(named.joints)):
+            yield BrokenReference((*at, k, joint), f"the same motion is set by '{others}'")
+        if named.name is not None and named.name in names:
+            yield BrokenReference((*at, k, "name"), f"two configurations are named '{named.name}'")
+        names.append(named.name)
+
+
+def _same_motion(pipeline: Pipeline, joints: list[str]) -> Iterator[tuple[str, str]]:
+    """Pairs of keys that name one motion, once as JOINT and once as JOINT.DOF."""
+    seen: dict[tuple[str, int], str] = {}
+    for key in joints:
+        try:
+            motion = free_dof_named(pipeline.scene, key)
+        except SceneError:
+            continue
+        if motion in seen:
+            yield key, seen[motion]
+        seen[motion] = key
+
+
+def _settings(
+    pipeline: Pipeline, keys: tuple[str | int, ...], joint: str, quantities: tuple[Quantity, ...]
+) -> Iterator[BrokenReference]:
+    try:
+        _, dof = free_dof_named(pipeline.scene, joint)
+        # The largest first: a zero fits everything and shows nothing.
+        for quantity in sorted(quantities, key=lambda item: -abs(item.value)):
+            setting(dof, quantity, pipeline.units)
+    except (SceneError, UnitsError) as error:
+        yield BrokenReference(keys, str(error))
+
+
+def _channel(
+    pipeline: Pipeline, keys: tuple[str | int, ...], channel: ActuatorKeys | SensorKeys
+) -> Iterator[BrokenReference]:
+    if channel.at is not None:
+        yield from _point(pipeline, (*keys, "at"), parse_point(channel.at))
+    for k, text in enumerate(channel.between or ()):
+        yield from _point(pipeline, (*keys, "between", k), parse_point(text))
+    for row in channel.rows or {}:
+        yield from _point(pipeline, (*keys, "rows", row), parse_row(row)[0])
+    if channel.joint is not None:
+        try:
+            free_dof(pipeline.scene, channel.joint, channel.dof)
+        except SceneError as error:
+            known = channel.joint in pipeline.scene.joints and channel.dof is not None
+            yield BrokenReference((*keys, "dof" if known else "joint"), str(error))
+
+
+def _keep(pipeline: Pipeline, keys: tuple[str | int, ...], keep: KeepKeys) -> Iterator[BrokenReference]:
+    flexible = [name for name, component in pipeline.components.items() if component.rigid is None]
+    for name in keep.modes if isinstance(keep.modes, dict) else ():
+        if name not in flexible:
+            yield BrokenReference((*keys, "modes", name), not_among("flexible component", name, flexible))
+
+
+def _rankings(pipeline: Pipeline) -> Iterator[tuple[tuple[str, ...], RankingKeys]]:
+    """Every ranking of a pipeline, and where it is written."""
+    if pipeline.balance is not None:
+        yield ("balance",), pipeline.balance
+    for name, component in pipeline.components.items():
+        if component.balance is not None:
+            yield ("components", name, "balance"), component.balance
+    for label, ranking in (pipeline.verify.compare if pipeline.verify is not None else {}).items():
+        yield ("verify", "compare", label), ranking
+
+
+def _sizes(pipeline: Pipeline, keys: tuple[str | int, ...], scaling: ScalingKeys) -> Iterator[BrokenReference]:
+    try:
+        inputs, outputs = sized_names(pipeline)
+    except SceneError:
+        # A channel is wrong, and said to be.
+        return
+    for kind, sizes, channels in (("inputs", scaling.inputs, inputs), ("outputs", scaling.outputs, outputs)):
+        what = "actuator" if kind == "inputs" else "sensor"
+        for name, size in sizes.items():
+            if name not in channels:
+                yield BrokenReference((*keys, kind, name), not_among(what, name, channels))
+                continue
+            try:
+                for channel in channels[name]:
+                    size.worth(channel_kind(channel, effort=kind == "inputs"), pipeline.units)
+            except UnitsError as error:
+                yield BrokenReference((*keys, kind, name), str(error))
