@@ -1,6 +1,6 @@
-"""Numbers with a unit, as people write them: ``10 Hz``, ``45 deg``, ``3 mm``.
+"""Numbers with a unit, as people write them.
 
-Quantities of joints with compound units: ``120 N*m/rad``, ``0.4 N*m*s/rad``, ``1e-3 kg*m^2``.
+`Quantity` has one unit (``10 Hz``, ``45 deg``, ``3 mm``), `Compound` a product of units (``120 N*m/rad``).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _KIND: dict[Dimension, str] = {
     "time": "a time",
 }
 
-# Worth of each unit in Hz, rad, m or s.
+# Value of each unit in Hz, rad, m or s.
 _UNITS: dict[str, tuple[Dimension, float]] = {
     "Hz": ("frequency", 1.0),
     "mHz": ("frequency", 1e-3),
@@ -71,6 +71,49 @@ _UNITS: dict[str, tuple[Dimension, float]] = {
 
 _FORM = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.+-][^\s]*)?\s*")
 
+ElementFigure = Literal["stiffness", "damping", "inertia"]
+"""Properties of a joint along each of its motions."""
+
+Powers = tuple[int, int, int]
+"""Exponents of length, mass and time; an angle has none."""
+
+_FORCE: Powers = (1, 1, -2)
+_POUND_FORCE = 4.4482216152605  # N, by definition
+_POUND = 0.45359237  # kg, by definition
+# Value of each unit in m, kg, s and rad.
+_COMPOUND_UNITS: dict[str, tuple[Powers, float]] = {
+    "N": (_FORCE, 1.0),
+    "mN": (_FORCE, 1e-3),
+    "kN": (_FORCE, 1e3),
+    "MN": (_FORCE, 1e6),
+    "lbf": (_FORCE, _POUND_FORCE),
+    "m": ((1, 0, 0), 1.0),
+    "cm": ((1, 0, 0), 1e-2),
+    "mm": ((1, 0, 0), 1e-3),
+    "in": ((1, 0, 0), 0.0254),
+    "ft": ((1, 0, 0), 0.3048),
+    "kg": ((0, 1, 0), 1.0),
+    "g": ((0, 1, 0), 1e-3),
+    "t": ((0, 1, 0), 1e3),
+    "lb": ((0, 1, 0), _POUND),
+    "slug": ((0, 1, 0), _POUND_FORCE / 0.3048),
+    "slinch": ((0, 1, 0), _POUND_FORCE / 0.0254),
+    "s": ((0, 0, 1), 1.0),
+    "ms": ((0, 0, 1), 1e-3),
+    "rad": ((0, 0, 0), 1.0),
+    "mrad": ((0, 0, 0), 1e-3),
+    "deg": ((0, 0, 0), math.pi / 180),
+}
+_DIMENSION: dict[tuple[ElementFigure, bool], tuple[Powers, str]] = {
+    ("stiffness", True): ((2, 1, -2), "120 N*m/rad"),
+    ("stiffness", False): ((0, 1, -2), "5 N/mm"),
+    ("damping", True): ((2, 1, -1), "0.4 N*m*s/rad"),
+    ("damping", False): ((0, 1, -1), "3 N*s/m"),
+    ("inertia", True): ((2, 1, 0), "1e-3 kg*m^2"),
+}
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
+_FACTOR = re.compile(r"\s*([*·/]?)\s*([A-Za-z]+)\s*(?:(?:\^|\*\*)?\s*([23])|([²³]))?\s*")
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -92,7 +135,7 @@ class Quantity:
 
     @property
     def dimension(self) -> Dimension | None:
-        """What the unit measures; None without a unit."""
+        """Dimension of the unit; None without a unit."""
         return _UNITS[self.unit][0] if self.unit else None
 
     def to_si(self, dimension: Dimension) -> float:
@@ -130,7 +173,7 @@ class Quantity:
 
 
 def _usual(dimension: Dimension) -> str:
-    """Units to offer for a number without one."""
+    """Usual units of a dimension, for a number without a unit."""
     return {"angle": "deg or rad", "frequency": "Hz", "length": "mm", "time": "s"}[dimension]
 
 
@@ -140,12 +183,12 @@ def parse_quantity(value: object) -> Quantity:
     Parameters
     ----------
     value : int, float, str or Quantity
-        What was written.
+        As written in the file.
 
     Raises
     ------
     UnitsError
-        If it is no number, or the unit is unknown.
+        If it is not a number, or the unit is unknown.
 
     Examples
     --------
@@ -168,7 +211,7 @@ def parse_quantity(value: object) -> Quantity:
 
 
 def _unit_named(text: str, written: str) -> str:
-    """Find the unit; the case of its letters counts only where two units differ by nothing else."""
+    """Find a unit; upper and lower case matter only where two units differ in nothing else."""
     if not text or text in _UNITS:
         return text
     alike = [unit for unit in _UNITS if unit.lower() == text.lower()]
@@ -186,16 +229,16 @@ def measure(value: object, dimension: Dimension, bare: float | None = None) -> f
     Parameters
     ----------
     value : int, float, str or Quantity
-        What was written.
+        As written in the file.
     dimension : {"frequency", "angle", "length", "time"}
-        What is wanted.
+        Expected dimension.
     bare : float, optional
-        Worth of a number without a unit; by default only a zero may go without.
+        Factor for a number without a unit; by default only a zero may have no unit.
 
     Raises
     ------
     UnitsError
-        If it is no number, has no unit where one is needed, or is of another dimension.
+        If it is not a number, has no unit where one is needed, or is of another dimension.
 
     Examples
     --------
@@ -208,50 +251,6 @@ def measure(value: object, dimension: Dimension, bare: float | None = None) -> f
     return quantity.to_si(dimension)
 
 
-ElementFigure = Literal["stiffness", "damping", "inertia"]
-"""What a joint's element has one of for each motion."""
-
-Powers = tuple[int, int, int]
-"""Exponents of length, mass and time; an angle has none."""
-
-_FORCE: Powers = (1, 1, -2)
-_POUND_FORCE = 4.4482216152605  # N, by definition
-_POUND = 0.45359237  # kg, by definition
-# Worth of each unit in m, kg, s and rad.
-_COMPOUND_UNITS: dict[str, tuple[Powers, float]] = {
-    "N": (_FORCE, 1.0),
-    "mN": (_FORCE, 1e-3),
-    "kN": (_FORCE, 1e3),
-    "MN": (_FORCE, 1e6),
-    "lbf": (_FORCE, _POUND_FORCE),
-    "m": ((1, 0, 0), 1.0),
-    "cm": ((1, 0, 0), 1e-2),
-    "mm": ((1, 0, 0), 1e-3),
-    "in": ((1, 0, 0), 0.0254),
-    "ft": ((1, 0, 0), 0.3048),
-    "kg": ((0, 1, 0), 1.0),
-    "g": ((0, 1, 0), 1e-3),
-    "t": ((0, 1, 0), 1e3),
-    "lb": ((0, 1, 0), _POUND),
-    "slug": ((0, 1, 0), _POUND_FORCE / 0.3048),
-    "slinch": ((0, 1, 0), _POUND_FORCE / 0.0254),
-    "s": ((0, 0, 1), 1.0),
-    "ms": ((0, 0, 1), 1e-3),
-    "rad": ((0, 0, 0), 1.0),
-    "mrad": ((0, 0, 0), 1e-3),
-    "deg": ((0, 0, 0), math.pi / 180),
-}
-_DIMENSION: dict[tuple[ElementFigure, bool], tuple[Powers, str]] = {
-    ("stiffness", True): ((2, 1, -2), "120 N*m/rad"),
-    ("stiffness", False): ((0, 1, -2), "5 N/mm"),
-    ("damping", True): ((2, 1, -1), "0.4 N*m*s/rad"),
-    ("damping", False): ((0, 1, -1), "3 N*s/m"),
-    ("inertia", True): ((2, 1, 0), "1e-3 kg*m^2"),
-}
-_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
-_FACTOR = re.compile(r"\s*([*·/]?)\s*([A-Za-z]+)\s*(?:(?:\^|\*\*)?\s*([23])|([²³]))?\s*")
-
-
 @dataclass(frozen=True)
 class Compound:
     """A number and the product of units after it, as written.
@@ -261,7 +260,7 @@ class Compound:
     value : float
         The number.
     unit : str
-        Units, empty where none were written.
+        Units as written, empty where none were written.
     """
 
     value: float
@@ -271,16 +270,16 @@ class Compound:
         return f"{self.value!r} {self.unit}".rstrip()
 
     def figure_in(self, units: Units, figure: ElementFigure, rotation: bool) -> float:
-        """Worth in a unit system; a number without a unit is in that system already, and radians.
+        """Value in a unit system; a number without a unit is in that system and in radians already.
 
         Parameters
         ----------
         units : Units
-            Of the scene.
+            Units of the scene.
         figure : {"stiffness", "damping", "inertia"}
-            What is measured.
+            Property of the joint.
         rotation : bool
-            Whether it acts about an axis, or along it.
+            True about an axis, False along it.
 
         Raises
         ------
@@ -304,12 +303,12 @@ def parse_compound(value: object) -> Compound:
     Parameters
     ----------
     value : int, float, str or Compound
-        What was written; factors are joined by ``*``, ``·``, ``/`` or a blank, and a ``/`` divides by the next alone.
+        As written; ``*``, ``·``, ``/`` or a blank joins factors. A ``/`` divides by the next factor only.
 
     Raises
     ------
     UnitsError
-        If it is no number, or a unit is unknown.
+        If it is not a number, or a unit is unknown.
 
     Examples
     --------
@@ -330,7 +329,7 @@ def parse_compound(value: object) -> Compound:
 
 
 def _product(text: str) -> tuple[Powers, float]:
-    """Powers of a product of units, and its worth in SI."""
+    """Powers of a product of units, and its value in SI."""
     exponents, factor, at = [0, 0, 0], 1.0, 0
     while at < len(text):
         form = _FACTOR.match(text, at)
