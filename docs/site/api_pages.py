@@ -8,10 +8,11 @@ from types import ModuleType
 __all__ = ["ROOMS", "api_page"]
 
 ROOMS = (
+    *("runs", "steps"),
     *("read", "reduce", "orthogonalise", "balance", "project", "assemble", "verify", "write", "report"),
     *("pipeline", "config", "model", "errors"),
 )
-"""The rooms in the order of the data flow, then those that join them, then the data."""
+"""The front door, the rooms in the order of the data flow, then those that join them, then the data."""
 
 
 def api_page(room: str) -> str:
