@@ -111,11 +111,8 @@ def test_a_factor_that_does_not_fit_is_refused(run):
 
 
 def test_a_solver_that_is_not_installed_is_refused(run, monkeypatch):
-    from cmsreduce.linalg.sparse import factorisation as backends
-    from cmsreduce.linalg.sparse import factorise
-
-    for module in (factorise, backends):
-        monkeypatch.setattr(module, "installed", lambda backend: backend == "superlu")
+    backends = import_module("cmsreduce.linalg.sparse.factorisation")
+    monkeypatch.setattr(backends, "installed", lambda backend: backend == "superlu")
     code, output, _ = run("backend: cholmod")
     assert code == 2 and "'cholmod' is not installed here; installed: superlu" in output
 

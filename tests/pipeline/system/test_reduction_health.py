@@ -23,7 +23,7 @@ from tests.golden.test_hinge import joined
 
 
 def lack_of(run: Run, name: str) -> dict[str, float]:
-    return {each.load: each.lack for each in static_lack(run.bodies[name], run.final[name], run.scene)}
+    return static_lack(run.bodies[name], run.final[name], run.scene)
 
 
 def test_interfaces_are_complete_until_modes_are_dropped(opened: Callable[..., Run]) -> None:
