@@ -284,6 +284,6 @@ def _sizes(pipeline: Pipeline, keys: tuple[str | int, ...], scaling: ScalingKeys
                 continue
             try:
                 for channel in channels[name]:
-                    size.worth(channel_kind(channel, effort=kind == "inputs"), pipeline.units)
+                    size.value_in(pipeline.units, channel_kind(channel, effort=kind == "inputs"))
             except UnitsError as error:
                 yield BrokenReference((*keys, kind, name), str(error))
