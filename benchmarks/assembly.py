@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
 from cmsreduce.assemble import assemble  # noqa: E402
-from cmsreduce.linalg.dense import dense  # noqa: E402
+from cmsreduce.linalg.blocks import dense  # noqa: E402
 from cmsreduce.model import (  # noqa: E402
     Channel,
     Configuration,

@@ -18,8 +18,8 @@ import scipy.sparse as sp
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from cmsreduce.linalg.ordering import nested_dissection  # noqa: E402
-from cmsreduce.linalg.symbolic import factor_cost  # noqa: E402
+from cmsreduce.linalg.sparse.factor_size import factor_cost  # noqa: E402
+from cmsreduce.multifrontal import nested_dissection  # noqa: E402
 
 Cells = tuple[int, int, int]
 

@@ -18,9 +18,8 @@ import numpy as np
 import scipy.linalg as la
 
 from cmsreduce.balance import hankel_values
-from cmsreduce.linalg.gramians import controllability, observability, state_space
-from cmsreduce.linalg.singular_values import singular_values
-from cmsreduce.linalg.square_root import semidefinite_root
+from cmsreduce.linalg.gramian import controllability, observability, semidefinite_root, state_space
+from cmsreduce.linalg.gramian.singular_values import singular_values
 from cmsreduce.model import ModalChannels
 
 # Lyapunov equations of more modes than this take longer than all else here.

@@ -35,6 +35,7 @@ from cmsreduce.assemble import (  # noqa: E402
 )
 from cmsreduce.config import load_pipeline  # noqa: E402
 from cmsreduce.linalg.eigen import rigid_body_modes  # noqa: E402
+from cmsreduce.mechanics import Tie, tie_nodes  # noqa: E402
 from cmsreduce.model import (  # noqa: E402
     Channel,
     Configuration,
@@ -52,7 +53,6 @@ from cmsreduce.model import (  # noqa: E402
 )
 from cmsreduce.orthogonalise import orthogonalise  # noqa: E402
 from cmsreduce.pipeline import Run, Silent  # noqa: E402
-from cmsreduce.read import Tie, tie_nodes  # noqa: E402
 from cmsreduce.reduce import MacNealRubin, reduction  # noqa: E402
 from cmsreduce.verify import db_error, decibel_grid, frequency_grid, frf_error  # noqa: E402
 from tests.frames import frame  # noqa: E402

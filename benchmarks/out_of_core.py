@@ -22,10 +22,10 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.meshes import free_bar  # noqa: E402
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings  # noqa: E402
+from cmsreduce.linalg.machine import SolverSettings, solver_settings  # noqa: E402
 from cmsreduce.model import mapped_in  # noqa: E402
 from cmsreduce.orthogonalise import orthogonalise  # noqa: E402
-from cmsreduce.pipeline.store import modal_from, modal_to  # noqa: E402
+from cmsreduce.pipeline.store import decode, encode  # noqa: E402
 from cmsreduce.pipeline.store.stage_store import StageStore  # noqa: E402
 from cmsreduce.reduce import Guyan  # noqa: E402
 
@@ -79,11 +79,11 @@ def measured(columns: int, *, disk: bool) -> dict[str, float]:
             modal = orthogonalise(component)
             del component
             assert (mapped_in(modal.Phi) is not None) == disk
-            store.save("orthogonalise", "bar", "key", *modal_to(modal))
+            store.save("orthogonalise", "bar", "key", *encode(modal))
             del modal
             found = store.load("orthogonalise", "bar", "key")
             assert found is not None
-            omega = modal_from(body, *found).omega
+            omega = decode(*found, {"FEModel": {"bar": body}}).omega
         seconds = time.perf_counter() - started
     return {
         "dofs": body.n,

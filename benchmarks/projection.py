@@ -16,7 +16,7 @@ sys.path.insert(0, str(ROOT))
 
 from cmsreduce.config import load_pipeline  # noqa: E402
 from cmsreduce.errors import CmsReduceError  # noqa: E402
-from cmsreduce.pipeline.project.stage import halfway  # noqa: E402
+from cmsreduce.pipeline.project.stage import midpoint_configurations  # noqa: E402
 from cmsreduce.pipeline.run import Run  # noqa: E402
 from cmsreduce.pipeline.store import Silent  # noqa: E402
 
@@ -67,7 +67,7 @@ def measured(scene: str, overrides: list[str], folder: Path) -> str:
     kept = sum(component.elastic_count for component in final.values())
     at, between = (
         max((comparison.error_at(setting, run.model) for setting in settings), default=float("nan"))
-        for settings in (run.scene.configurations, halfway(run.scene))
+        for settings in (run.scene.configurations, midpoint_configurations(run.scene))
     )
     return f"{kept} | {at:.2%} | {between:.2%} | {seconds:.1f}"
 

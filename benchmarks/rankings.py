@@ -26,7 +26,7 @@ from cmsreduce.balance import (
     hankel_values,
     mode_spacing,
 )
-from cmsreduce.linalg.gramians import state_space
+from cmsreduce.linalg.gramian import state_space
 from cmsreduce.model import ModalChannels
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -49,7 +49,7 @@ def line(settings: tuple[str, ...]) -> list[str]:
         computed = [run.modal(name).elastic_count for name in names]
         kept = [run.kept[name].elastic_count for name in names]
         static = sum(run.reduced(name).modes.kind.count("constraint") for name in names)
-        factors = sum(len(each) for name in names for each in run.ledger.factorised[name].values())
+        factors = sum(len(each) for name in names for each in run.stages.factorised[name].values())
         written = sum(path.stat().st_size for path in Path(folder).glob("*.h5")) / 1024
     return [
         " + ".join(f"{count}" for count in computed),

@@ -1,20 +1,53 @@
 """Figures of the source tree: files, lines, folders, imports, dataclasses, and frames down to the first factorisation.
 
 ``python benchmarks/structure.py [PACKAGE_FOLDER]`` counts any Python package, so that peers can stand beside cmsreduce.
-``--frames`` also runs two small reductions, one from the command line's entry point and one from Python, and counts the
-frames of the package on the stack when the first sparse matrix is factorised.
+``--frames`` also runs two small reductions, one from the command line's entry point and one from Python, each in an
+interpreter of its own, and counts the frames on the stack when the first sparse matrix is factorised: from the module
+that is run to the constructor of the factor, click's included.
 """
 
 from __future__ import annotations
 
 import ast
+import subprocess
 import sys
+import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-DECK = ROOT / "sample_models" / "galileo" / "stator"
+
+# Prints the functions on the stack, outermost first, when the first factor is made, and ends.
+HOOK = """
+import sys
+from cmsreduce.linalg.sparse import pardiso, superlu
+
+def watched(kind):
+    def constructor(self, *arguments, **options):
+        frame, names = sys._getframe(1), [kind.__name__]
+        while frame is not None:
+            names.append(f"{frame.f_globals.get('__name__')}.{frame.f_code.co_name}")
+            frame = frame.f_back
+        print("\\n".join(reversed(names)))
+        sys.stdout.flush()
+        raise SystemExit
+    kind.__init__ = constructor
+
+watched(pardiso.Pardiso)
+watched(superlu.SuperLU)
+"""
+COMMAND = """
+from cmsreduce.cli import main
+main(["run", "pipelines/hub_beams.yaml", "--out", OUT, "--quiet"])
+"""
+PYTHON = """
+import cmsreduce as cms
+sample = "sample_models/hub_beams/right"
+body = cms.read_body("right", stiffness=(f"{sample}.op4", "KFF"), mass=(f"{sample}.op4", "MFF"),
+                     geometry=f"{sample}.bdf", interfaces={"hinge": 101})
+cms.CraigBampton(cutoff_hz=20).reduce(body)
+"""
 
 
 def sources(package: Path) -> list[Path]:
@@ -100,12 +133,26 @@ def figures(package: Path) -> dict[str, str]:
     }
 
 
+def frames(program: str) -> list[str]:
+    """Functions on the stack of a program when it makes its first factor, outermost first."""
+    with tempfile.TemporaryDirectory() as folder:
+        text = f"{HOOK}\nOUT = {folder!r}\n{program}"
+        done = subprocess.run([sys.executable, "-c", text], cwd=ROOT, capture_output=True, text=True, check=True)
+    return done.stdout.split()
+
+
 def main() -> None:
     """Print the table."""
     given = [each for each in sys.argv[1:] if not each.startswith("--")]
     package = Path(given[0]) if given else ROOT / "cmsreduce"
     for name, value in figures(package).items():
         print(f"{name:<38} {value}")
+    if "--frames" in sys.argv:
+        for name, program in (("command line", COMMAND), ("Python", PYTHON)):
+            found = frames(program)
+            print(f"\n{name + ': frames to the first factor':<38} {len(found)}")
+            for number, function in enumerate(found, 1):
+                print(f"{number:>4} {function}")
 
 
 if __name__ == "__main__":

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from cmsreduce.cli_options import Cli, check_options, output_options, pipeline_options, worker_options
-from cmsreduce.cli_verbs import PipelineCall, check_path, draft_pipeline, report_run, run_pipeline, sweep_pipeline
+from cmsreduce.cli_options import (
+    Commands,
+    check_options,
+    output_options,
+    pipeline_options,
+    run_options,
+    worker_options,
+)
+from cmsreduce.errors import WriteError
 
 if TYPE_CHECKING:
     from cmsreduce.report import Output
@@ -21,14 +29,14 @@ _STAGE_VERBS = {
     "reduce": "Reduce each body to its mode set.",
     "orthogonalise": "Bring each reduced body to orthonormal modes.",
     "balance": "Rank the modes and choose those that are kept.",
-    "project": "Project modes of the system on the bodies that are to make them again.",
+    "project": "Project modes of the system on the bodies, and assemble these again.",
     "assemble": "Assemble the reduced system in every configuration; write system.h5.",
     "verify": "Compare the reduced system with the full one in every configuration.",
     "write": "Write the component files of finished stages.",
 }
 
 
-@click.group(cls=Cli, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(package_name="cmsreduce", prog_name="cmsreduce")
 def main() -> None:
     """Reduce finite-element bodies to checked components for multibody simulation.
@@ -38,23 +46,19 @@ def main() -> None:
     """
 
 
-@main.command()
-@pipeline_options
-@worker_options
-@click.option("--only", metavar="STAGE", help="Run one stage on what earlier runs finished.")
-@click.option("--until", metavar="STAGE", help="Stop after this stage.")
-def run(
+def _run(
     pipeline: Path,
     overrides: tuple[str, ...],
     out: Path | None,
     output: Output,
-    only: str,
-    until: str,
-    jobs: int,
-    cluster: str | None,
+    only: str | None = None,
+    until: str | None = None,
+    jobs: int = 1,
+    cluster: str | None = None,
 ) -> None:
     """Run a pipeline: every stage it names, reusing finished ones."""
-    from cmsreduce.pipeline.run import STAGES
+    from cmsreduce.pipeline import STAGES, execute
+    from cmsreduce.pipeline.batch import opened_run
 
     for stage in (only, until):
         if stage is not None and stage not in STAGES:
@@ -63,22 +67,37 @@ def run(
         raise click.UsageError("--only and --until exclude each other")
     if only and (jobs > 1 or cluster):
         raise click.UsageError("--only runs one stage by itself; leave --jobs and --cluster out")
-    met = run_pipeline(PipelineCall(pipeline, overrides, out, output, jobs, cluster), only, until)
-    sys.exit(OK if met else LIMIT_BROKEN)
+    with (
+        output.watch() as progress,
+        opened_run(pipeline, overrides, out, progress, only=only, jobs=jobs, cluster=cluster) as run,
+    ):
+        result = execute(run, pipeline, overrides, until)
+    written = list(dict.fromkeys(run.stages.written))
+    if result is None:
+        if "balance" in (only, until):
+            from cmsreduce.report import RANKINGS_WIDTH, print_rankings
+
+            scaling = {name: run.balancing.scaling(name) for name in run.ranked}
+            for console in output.consoles(RANKINGS_WIDTH, whole=True):
+                print_rankings(run.ranked, run.selection, console, run.sensitivity, scaling)
+        output.made(written)
+        output.result({"written": written, "seconds": output.seconds})
+        return
+    from cmsreduce.report import print_summary
+    from cmsreduce.write import summary
+
+    for console in output.consoles():
+        print_summary(result, run.folder, console, written=written, elapsed=output.seconds)
+    if output.as_json:
+        files = [path for path in sorted(run.folder.iterdir()) if path.is_file()]
+        output.result({**summary(result), "folder": run.folder, "files": files, "seconds": output.seconds})
+    sys.exit(OK if result.passed else LIMIT_BROKEN)
 
 
-def _stage_verb(stage: str, text: str) -> None:
-    needs = f"Stages before it must be finished: `cmsreduce run --until {stage}` does all."
-
-    @main.command(name=stage, help=f"{text}\n\n{needs}")
-    @pipeline_options
-    def command(pipeline: Path, overrides: tuple[str, ...], out: Path | None, output: Output) -> None:
-        met = run_pipeline(PipelineCall(pipeline, overrides, out, output), stage, None)
-        sys.exit(OK if met else LIMIT_BROKEN)
-
-
+main.command(name="run")(run_options(_run))
 for _stage, _text in _STAGE_VERBS.items():
-    _stage_verb(_stage, _text)
+    _needs = f"Stages before it must be finished: `cmsreduce run --until {_stage}` does all."
+    main.command(name=_stage, help=f"{_text}\n\n{_needs}")(pipeline_options(partial(_run, only=_stage)))
 
 
 @main.command()
@@ -92,7 +111,7 @@ def inspect(files: tuple[Path, ...], output: Output) -> None:
     found = []
     for path in files:
         each = inspected(path)
-        print_inspected(each.lines, output)
+        print_inspected(each.rows, output)
         found.append(each.data)
     output.result(found)
 
@@ -110,8 +129,22 @@ def check(
     output: Output,
 ) -> None:
     """Check a run directory or a component file against limits and a baseline, for CI; exit code 0 or 1."""
-    met = check_path(path, (file, maxima, tolerances), baseline, (junit, markdown), output)
-    sys.exit(OK if met else LIMIT_BROKEN)
+    from cmsreduce.pipeline.results import check_result, read_limits, write_junit, write_markdown
+    from cmsreduce.report import finding_data, print_findings
+
+    findings = check_result(path, read_limits(file, maxima, tolerances), baseline)
+    print_findings(findings, output)
+    for written, write in ((junit, write_junit), (markdown, write_markdown)):
+        if written is not None:
+            write(written, findings, path)
+            output.line(f"wrote {written}")
+    failed = sum(not found.passed for found in findings)
+    judged = sum(found.judged for found in findings)
+    verdict = f"{failed} of {judged} checks failed" if failed else f"all {judged} checks passed"
+    worst = next((f"; response error {f.check.value:.3g} {f.note}" for f in findings if f.name == "frf_error"), "")
+    output.line(f"{verdict}{worst}; {output.seconds:.1f} s")
+    output.result({"checked": path, "passed": not failed, "failed": failed, "judged": judged, **finding_data(findings)})
+    sys.exit(LIMIT_BROKEN if failed else OK)
 
 
 @main.command()
@@ -138,7 +171,19 @@ def convert(source: Path, destination: Path, target: str | None, dialect: str | 
 @output_options
 def report(run_dir: Path, png: bool, svg: bool, vtu: bool, tables: bool, output: Output) -> None:
     """Write the HTML report of a finished run again, and what else is asked for."""
-    report_run(run_dir, (".png",) * png + (".svg",) * svg, vtu, tables, output)
+    from cmsreduce.pipeline import reopen, run_result, write_report
+    from cmsreduce.pipeline.results import export_pictures, export_shapes, export_tables
+    from cmsreduce.report import worst_error
+
+    run = reopen(run_dir)
+    result = run_result(run, views=True)
+    files = [write_report(result, run_dir)]
+    for suffix in (".png",) * png + (".svg",) * svg:
+        files += export_pictures(result, run_dir, suffix)
+    files += export_shapes(run, result, run_dir) if vtu else []
+    files += export_tables(result, run_dir) if tables else []
+    output.made(files, where=run_dir, about=worst_error(result))
+    output.result({"run": run_dir, "passed": result.passed, "written": files, "seconds": output.seconds})
 
 
 @main.command()
@@ -161,8 +206,17 @@ def sweep(
     Lists and mappings stand in brackets: --over 'balance.keep={modes: 10},{frf_error: 0.01}'. Exit codes: 0 all points
     met their limits, 1 a limit was broken or a point failed, 2 the sweep itself is wrong.
     """
-    met = sweep_pipeline(PipelineCall(pipeline, overrides, out, output, jobs, cluster), swept)
-    sys.exit(OK if met else LIMIT_BROKEN)
+    from cmsreduce.pipeline.batch import sweep as swept_pipeline
+    from cmsreduce.pipeline.batch import sweep_axes, write_sweep
+    from cmsreduce.report import SWEEP_WIDTH, print_sweep, sweep_data
+
+    with output.watch() as progress:
+        result, folder = swept_pipeline(pipeline, sweep_axes(swept), overrides, out, jobs, progress, cluster)
+    files = write_sweep(result, folder)
+    for console in output.consoles(SWEEP_WIDTH):
+        print_sweep(result, files, console)
+    output.result(sweep_data(result, files))
+    sys.exit(OK if result.passed else LIMIT_BROKEN)
 
 
 @main.command()
@@ -231,7 +285,23 @@ def new(name: str, files: tuple[Path, ...]) -> None:
 
     With FILEs, the matrices of one body and the deck or mesh they came from, it is filled in and can be run.
     """
-    draft_pipeline(name, files)
+    from cmsreduce.config import body_pipeline, starter_pipeline
+
+    path = Path(f"{name}.yaml")
+    if path.exists():
+        raise WriteError(f"{path} exists; choose another name or remove it")
+    if not files:
+        path.write_text(starter_pipeline(name), encoding="utf-8")
+        click.echo(f"{path} written; fill in your files, then: cmsreduce run {path}")
+        click.echo(f"or have it filled in for one body: cmsreduce new {name}2 MATRICES.op4 DECK.bdf")
+        return
+    from cmsreduce.pipeline.bodies import first_look
+
+    draft = first_look(name, files)
+    path.write_text(body_pipeline(name, draft), encoding="utf-8")
+    if draft.remark:
+        click.echo(f"warning: the files do not fit together yet: {draft.remark}", err=True)
+    click.echo(f"{path} written; look at the lines marked CHECK, then: cmsreduce run {path}")
 
 
 if __name__ == "__main__":

@@ -1,103 +1,150 @@
-"""Options that commands share, and how bad input ends a command."""
+"""Options that commands share, and the message and exit code of a command that ends with an error."""
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import click
 
 from cmsreduce.errors import CmsReduceError
 
-__all__ = ["BAD_INPUT", "INTERRUPTED", "Cli", "check_options", "output_options", "pipeline_options", "worker_options"]
+__all__ = [
+    "BAD_INPUT",
+    "INTERRUPTED",
+    "Commands",
+    "check_options",
+    "output_options",
+    "pipeline_options",
+    "run_options",
+    "worker_options",
+]
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
 
-class Cli(click.Group):
-    """Commands in the order they are written down; one clear message for bad input."""
+class _Context(click.Context):
+    """Context of all commands: an error that the user can mend ends them with one clear message.
+
+    The message comes from here, and not from a wrapper, so that no frame stands between a command and its caller.
+    """
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        # The context of the single command has ended before, with its log, which records the error.
+        super().__exit__(kind, error, traceback)
+        code = BAD_INPUT
+        if isinstance(error, CmsReduceError):
+            message = f"error: {error}"
+        elif isinstance(error, OSError):
+            where = f" ({error.filename})" if error.filename else ""
+            message = f"error: {error.strerror or error}{where}"
+        elif isinstance(error, MemoryError):
+            message = "error: not enough memory; lower reduce.cutoff, or reduce the bodies one by one"
+        elif isinstance(error, KeyboardInterrupt):
+            message, code = "interrupted; finished stages are kept and reused by the next run", INTERRUPTED
+        else:
+            return
+        click.echo(message, err=True)
+        raise click.exceptions.Exit(code)
+
+
+class _Command(click.Command):
+    """Command that is given an `Output` for the options of `output_options`, if it has them."""
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        """Read the options, and open the log."""
+        context = super().make_context(info_name, args, parent, **extra)
+        if "as_json" in context.params:
+            from cmsreduce.report import opened_output
+
+            options = {name: context.params.pop(name) for name in ("quiet", "as_json", "log_file")}
+            context.params["output"] = context.with_resource(opened_output(**options))
+        return context
+
+
+class Commands(click.Group):
+    """Commands in the order they are written down."""
+
+    context_class = _Context
+    command_class = _Command
+    group_class = type
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of the commands, in order."""
         return list(self.commands)
 
-    def invoke(self, ctx: click.Context) -> Any:
-        """Run a command."""
-        try:
-            return super().invoke(ctx)
-        except CmsReduceError as error:
-            click.echo(f"error: {error}", err=True)
-            ctx.exit(BAD_INPUT)
-        except OSError as error:
-            where = f" ({error.filename})" if error.filename else ""
-            click.echo(f"error: {error.strerror or error}{where}", err=True)
-            ctx.exit(BAD_INPUT)
-        except MemoryError:
-            click.echo("error: not enough memory; lower reduce.cutoff, or reduce the bodies one by one", err=True)
-            ctx.exit(BAD_INPUT)
-        except KeyboardInterrupt:
-            click.echo("interrupted; finished stages are kept and reused by the next run", err=True)
-            ctx.exit(INTERRUPTED)
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
-def pipeline_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Which pipeline, changed in what, and where its run goes."""
-    for option in (
-        click.argument("pipeline", type=click.Path(path_type=Path)),
-        click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the pipeline."),
-        click.option("--out", type=click.Path(path_type=Path), help="Run directory, instead of `output:`."),
-        output_options,
-    ):
-        command = option(command)
-    return command
+def _options(*options: Decorator) -> Decorator:
+    """One decorator for several options, in the order of the help text."""
+
+    def decorated(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorated
 
 
-def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """How a command says what it found: it is given an `Output` for the options."""
+_PATH: Any = click.Path(path_type=Path)
 
-    @functools.wraps(command)
-    def told(*args: Any, quiet: bool, as_json: bool, log_file: Path | None, **options: Any) -> Any:
-        from cmsreduce.report import opened_output
+output_options = _options(
+    click.option("--quiet", is_flag=True, help="Print errors only."),
+    click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else there."),
+    click.option("--log-file", type=_PATH, help="Write everything that is printed here, too."),
+)
+"""Where a command prints what it found: the command takes an `Output` named ``output``."""
 
-        with opened_output(quiet=quiet, as_json=as_json, log_file=log_file) as output:
-            return command(*args, output=output, **options)
+pipeline_options = _options(
+    output_options,
+    click.option("--out", type=_PATH, help="Run directory, instead of `output:`."),
+    click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the pipeline."),
+    click.argument("pipeline", type=_PATH),
+)
+"""Pipeline, overrides and run directory."""
 
-    result: Callable[..., Any] = told
-    for option in (
-        click.option("--log-file", type=click.Path(path_type=Path), help="Write everything that is said here, too."),
-        click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else there."),
-        click.option("--quiet", is_flag=True, help="Print errors only."),
-    ):
-        result = option(result)
-    return result
+worker_options = _options(
+    click.option("--cluster", metavar="ADDRESS|FILE", help="Processes of a Dask scheduler, or of a cluster file."),
+    click.option(
+        "--jobs",
+        type=click.IntRange(min=1),
+        default=1,
+        show_default=True,
+        help="Processes that share the work.",
+    ),
+)
+"""Processes that share the work."""
 
+run_options = _options(
+    pipeline_options,
+    worker_options,
+    click.option("--only", metavar="STAGE", help="Run one stage on what earlier runs finished."),
+    click.option("--until", metavar="STAGE", help="Stop after this stage."),
+)
+"""All options of a run."""
 
-def worker_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Which processes share the work."""
-    shared = "Processes that share the work."
-    for option in (
-        click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help=shared),
-        click.option("--cluster", metavar="ADDRESS|FILE", help="Processes of a Dask scheduler, or of a cluster file."),
-    ):
-        command = option(command)
-    return command
-
-
-def check_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """What a result is held against, and where the verdict goes."""
-    changes = "Largest change from the baseline: frequency, shape, mass, integrals, modes or errors."
-    path = click.Path(path_type=Path)
-    for option in (
-        output_options,
-        click.option("--markdown", type=path, help="Write the checks as a Markdown summary."),
-        click.option("--junit", type=path, help="Write the checks as JUnit XML."),
-        click.option("--tolerance", "tolerances", multiple=True, metavar="KEY=VALUE", help=changes),
-        click.option("--baseline", type=path, help="Run directory or component file to compare with."),
-        click.option("--max", "maxima", multiple=True, metavar="KEY=VALUE", help="Largest value: frf_error=0.05."),
-        click.option("--limits", "file", type=path, help="YAML file of limits (docs/ci.md)."),
-        click.argument("path", type=path),
-    ):
-        command = option(command)
-    return command
+check_options = _options(
+    click.argument("path", type=_PATH),
+    click.option("--limits", "file", type=_PATH, help="YAML file of limits (docs/ci.md)."),
+    click.option("--max", "maxima", multiple=True, metavar="KEY=VALUE", help="Largest value: frf_error=0.05."),
+    click.option("--baseline", type=_PATH, help="Run directory or component file to compare with."),
+    click.option(
+        "--tolerance",
+        "tolerances",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help="Largest change from the baseline: frequency, shape, mass, integrals, modes or errors.",
+    ),
+    click.option("--junit", type=_PATH, help="Write the checks as JUnit XML."),
+    click.option("--markdown", type=_PATH, help="Write the checks as a Markdown summary."),
+    output_options,
+)
+"""Limits, baseline and files of a check."""

@@ -1,4 +1,4 @@
-"""The one exception family: what is wrong, where, by how much, and what to do about it."""
+"""All exceptions of the package. A message gives the fault, the place, the size and the remedy."""
 
 __all__ = [
     "CmsReduceError",
@@ -18,15 +18,15 @@ __all__ = [
 
 
 class CmsReduceError(Exception):
-    """Base of every error an engineer can mend; the command line prints it and exits with 2."""
+    """Base of every error that the user can correct; the command line prints it and exits with 2."""
 
 
 class ConfigError(CmsReduceError):
-    """A pipeline file that does not follow the grammar: file, line, key, remedy."""
+    """A pipeline file that does not follow the grammar."""
 
 
 class ReadError(CmsReduceError):
-    """A file that is missing, truncated, of an unknown format, or without what was asked of it."""
+    """A file that is missing, truncated, of an unknown format, or without the data needed."""
 
 
 class MatrixError(CmsReduceError):
@@ -34,11 +34,11 @@ class MatrixError(CmsReduceError):
 
 
 class DofMapError(CmsReduceError):
-    """Rows of a matrix that do not belong to the dofs they are said to belong to."""
+    """Rows of a matrix that do not belong to their dofs."""
 
 
 class UnitsError(CmsReduceError):
-    """Units that are unknown, of the wrong dimension, or do not fit together."""
+    """Units that are unknown, of the wrong dimension, or inconsistent."""
 
 
 class SceneError(CmsReduceError):
@@ -50,7 +50,7 @@ class ConstraintError(CmsReduceError):
 
 
 class SingularInterfaceError(CmsReduceError):
-    """An interface that does not hold the body where the mode set needs it held."""
+    """An interface that leaves a rigid motion of the body free where the mode set needs it held."""
 
 
 class FloatingFrameError(CmsReduceError):
@@ -58,12 +58,12 @@ class FloatingFrameError(CmsReduceError):
 
 
 class DampingError(CmsReduceError):
-    """Damping that is absent or not positive where the mathematics needs it."""
+    """Damping that is missing or not positive where the method needs it."""
 
 
 class StageError(CmsReduceError):
-    """A stage asked for before the stages it builds on have been run."""
+    """A stage that was started before the stages that it needs."""
 
 
 class WriteError(CmsReduceError):
-    """A result that cannot be written where it belongs."""
+    """A result that cannot be written to its place."""

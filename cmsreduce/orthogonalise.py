@@ -6,33 +6,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.basis_store import absolute_parts, combine, combined, row_blocks
-from cmsreduce.linalg.congruence import column_blocks, congruence
+from cmsreduce.linalg.blocks import absolute_parts, column_blocks, combine, combined, congruence, row_blocks
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, refine
 from cmsreduce.model import FEModel, ModalComponent, ModeKind, ReducedComponent
 
 __all__ = ["ORTHOGONAL", "STATIC", "orthogonalise", "orthogonality_errors"]
 
+Array = NDArray[np.float64]
+
 ORTHOGONAL = 1e-10
 """Modes are orthonormal to this share of their norms in M and in K."""
 
 STATIC = "static: carries no mass"
-"""Why a static mode is kept."""
+"""Reason why a static mode is kept."""
 
 _DOUBLE = 2.0**-53
-# Roundings of the parts of an energy that its sum over many dofs leaves.
+# Rounding errors in an energy that is a sum over many dofs, in roundings of its parts.
 _ROUNDINGS = 4.0
 # A static mode's strain energy below this many roundings of its terms over all dofs is cancellation between shapes of
-# the basis that repeat each other: sums over many dofs leave more roundings than the small pencil does.
+# the basis that repeat each other: sums over many dofs have larger rounding errors than the small pencil.
 _REPEATS = 100.0
-# What is left, of shapes that cancel, as a displacement: the root of what is left of an energy.
+# Shapes that cancel leave this share as a displacement: the root of the share in an energy.
 _NO_MOTION = 1e-7
 
 
 def orthogonalise(component: ReducedComponent) -> ModalComponent:
     """Solve the reduced pencil, so that M becomes the identity and K the squared frequencies.
 
-    Shapes that carry no mass have no frequency; they are kept as static modes, which follow their load at once.
+    Shapes that carry no mass have no frequency; they are kept as static modes, which follow their load without delay.
 
     Parameters
     ----------
@@ -90,17 +91,17 @@ def orthogonality_errors(component: ModalComponent) -> tuple[float, float]:
     Returns
     -------
     mass : float
-        Of Phi^T M Phi, relative to the modes' norms in M, which are 1. A static mode, which has no kinetic energy, is
-        measured against the absolute parts of it, with the largest entry of M on dofs that have no mass.
+        Error of Phi^T M Phi, relative to the modes' norms in M, which are 1. A static mode, which has no kinetic
+        energy, is measured against the absolute parts of it, with the largest entry of M on dofs without mass.
     stiffness : float
-        Of Phi^T K Phi, relative to the modes' norms in K, which are w, and 1 for a static mode. Rigid modes, whose w is
-        zero, are measured against the highest frequency: what K leaves of them is the matrix's own.
+        Error of Phi^T K Phi, relative to the modes' norms in K, which are w, and 1 for a static mode. Rigid modes,
+        whose w is zero, are measured against the highest frequency: their strain energy is the rounding of the matrix.
 
     Notes
     -----
-    Energy is a sum of parts abs(phi)^T abs(K) abs(phi) that cancel, and what the rounding of the matrices leaves of the
-    parts is no property of the modes. Where that is more than `ORTHOGONAL` of the energy, as in soft modes between
-    stiff parts, it takes the energy's place in the norm, so that a value beyond `ORTHOGONAL` is more than rounding.
+    Energy is a sum of parts abs(phi)^T abs(K) abs(phi) that cancel, and the rounding of the parts is no property of the
+    modes. Where this is more than `ORTHOGONAL` of the energy, as in soft modes between stiff parts, it replaces the
+    energy in the norm, so that a value beyond `ORTHOGONAL` is more than rounding.
     """
     Phi, body, static = component.Phi, component.body, slice(component.elastic.stop, None)
     hidden = _ROUNDINGS * max(body.rounding, _DOUBLE) / ORTHOGONAL
@@ -116,7 +117,7 @@ def orthogonality_errors(component: ModalComponent) -> tuple[float, float]:
     )
     mass = abs(congruence(body.M, Phi) - np.diag(component.mass))
     stiffness = abs(congruence(body.K, Phi) - np.diag(component.stiffness))
-    # The mass of a mode that is treated statically was left out, not lost.
+    # The mass of a mode that is treated statically was left out on purpose: it is no error.
     judged = np.delete(np.arange(g.size), component.neglected)
     mass, g = mass[np.ix_(judged, judged)], g[judged]
     return _largest(mass, np.sqrt(np.outer(g, g))), _largest(stiffness, np.sqrt(np.outer(w, w)))
@@ -140,8 +141,8 @@ def _rank_and_condition(component: ReducedComponent) -> tuple[int, float]:
     return rank, float(np.sqrt(values[-1] / values[0])) if values[0] > least else np.inf
 
 
-def _polish(body: FEModel, Phi: NDArray[np.float64], r: int, s: int, lam: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Make modes orthonormal once more over all dofs, in place; their squared frequencies.
+def _polish(body: FEModel, Phi: Array, r: int, s: int, lam: Array) -> Array:
+    """Make modes orthonormal once more over all dofs, in place, and return their squared frequencies.
 
     A basis of shapes that are nearly alike, such as constraint modes of neighbouring nodes, loses digits when its
     columns are combined; over the modes themselves the pencil is nearly diagonal, and one step restores them.
@@ -161,8 +162,8 @@ def _polish(body: FEModel, Phi: NDArray[np.float64], r: int, s: int, lam: NDArra
     return lam[order]
 
 
-def _refuse_repeats(component: ReducedComponent, N: NDArray[np.float64]) -> None:
-    """Refuse massless shapes that are none: combinations of the basis that add up to nothing."""
+def _refuse_repeats(component: ReducedComponent, N: Array) -> None:
+    """Refuse massless shapes that are combinations of the basis with a sum of zero."""
     energy = np.einsum("ij,ij->j", N, component.K @ N)
     K, Phi, parts = component.body.K, component.modes.Phi, np.empty(N.shape[1])
     for part in column_blocks(N.shape[1]):
@@ -175,8 +176,8 @@ def _refuse_repeats(component: ReducedComponent, N: NDArray[np.float64]) -> None
         raise MatrixError(_undetermined(component, N[:, int(np.argmax(nothing))]))
 
 
-def _undetermined(component: ReducedComponent, shape: NDArray[np.float64]) -> str:
-    """What is wrong with a basis that holds a shape with neither mass nor stiffness."""
+def _undetermined(component: ReducedComponent, shape: Array) -> str:
+    """Message about a basis that holds a shape with neither mass nor stiffness."""
     modes, dofs = component.modes, component.body.dofs
     size = np.array([abs(column).max(initial=0.0) for column in modes.Phi.T]) * abs(shape)
     moved = abs(modes.Phi @ shape)
@@ -193,9 +194,7 @@ def _undetermined(component: ReducedComponent, shape: NDArray[np.float64]) -> st
     )
 
 
-def _origin(
-    component: ReducedComponent, X: NDArray[np.float64], N: NDArray[np.float64]
-) -> tuple[tuple[ModeKind, ...], NDArray[np.float64]]:
+def _origin(component: ReducedComponent, X: Array, N: Array) -> tuple[tuple[ModeKind, ...], Array]:
     """Kind and source frequency of the basis shapes with most of each mode's energy: kinetic, or strain if static."""
     modes, r, s = component.modes, component.rigid.shape[1], N.shape[1]
     share = np.hstack([abs(X * (component.M @ X)), abs(N * (component.K @ N))])
@@ -206,6 +205,6 @@ def _origin(
     return tuple(kind), source
 
 
-def _largest(error: NDArray[np.float64], scale: NDArray[np.float64]) -> float:
+def _largest(error: Array, scale: Array) -> float:
     """Largest relative error; zero where there is nothing to be relative to."""
     return float(np.divide(error, scale, out=np.zeros_like(error), where=scale > 0).max(initial=0.0))

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from cmsreduce.linalg.backends import installed_backends
-from cmsreduce.linalg.solver_settings import BACKENDS
+from cmsreduce.linalg.machine import BACKENDS
+from cmsreduce.linalg.sparse.factorisation import installed_backends
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "data"
 

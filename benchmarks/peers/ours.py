@@ -12,12 +12,12 @@ import numpy as np
 import scipy.sparse as sp
 from problem import Problem, Report
 
-from cmsreduce.linalg.backends import installed_backends
 from cmsreduce.linalg.eigen import beside_modes, certified_modes, count_below
-from cmsreduce.linalg.factorise import factorise
-from cmsreduce.linalg.multifrontal import Multifrontal
-from cmsreduce.linalg.ordering import KnownOrders
-from cmsreduce.linalg.solver_settings import SolverSettings, current_settings, solver_settings
+from cmsreduce.linalg.machine import SolverSettings, current_settings, solver_settings
+from cmsreduce.linalg.machine.settings import KnownOrders
+from cmsreduce.linalg.sparse import factorise
+from cmsreduce.linalg.sparse.factorisation import installed_backends
+from cmsreduce.multifrontal import CholeskyFactor
 
 TOLERANCE = 1e-8
 """What the peers are asked for; cmsreduce's own default is finer."""
@@ -70,15 +70,15 @@ def reduce(problem: Problem, report: Report) -> None:
 @contextmanager
 def timed_numeric(report: Report) -> Iterator[None]:
     """Time the numeric phase by itself, where the factor is one of fronts."""
-    plain = Multifrontal._factorise
+    plain = CholeskyFactor._factorise
 
-    def timed(factor: Multifrontal, *given: object) -> None:
+    def timed(factor: CholeskyFactor, *given: object) -> None:
         with report.timed("numeric"):
             plain(factor, *given)
 
-    Multifrontal._factorise = timed
+    CholeskyFactor._factorise = timed
     yield
-    Multifrontal._factorise = plain
+    CholeskyFactor._factorise = plain
 
 
 def loaded() -> None:

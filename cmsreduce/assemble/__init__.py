@@ -4,11 +4,18 @@ Everything that needs more than one body and no reduction belongs here.
 Errors between two systems belong in `verify`, projection on system modes in `project`.
 """
 
-from cmsreduce.assemble.closed_loop import check_closed_loop, closed_loop_modes, damped_modes
 from cmsreduce.assemble.held_bodies import HeldBodies, held_bodies
+from cmsreduce.assemble.interface_loading import (
+    grounded_rows,
+    joined_to,
+    joint_rows,
+    neighbour_loading,
+    outboard_loading,
+    outboard_masses,
+)
 from cmsreduce.assemble.joint_elements import with_joint_bodies
-from cmsreduce.assemble.neighbours import grounded_rows, joined_to, joint_rows, neighbour_loading
-from cmsreduce.assemble.placement import outboard_loading, outboard_masses, place_bodies
+from cmsreduce.assemble.modes import check_closed_loop, closed_loop_modes, damped_modes, system_modes, undetermined
+from cmsreduce.assemble.placement import place_bodies
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.ports import Ports, body_points, body_ports
 from cmsreduce.assemble.response import (
@@ -23,7 +30,7 @@ from cmsreduce.assemble.response import (
     rigid_response,
     tabulated,
 )
-from cmsreduce.assemble.state_space import ElasticStates, elastic_states, state_space, system_modes, undetermined
+from cmsreduce.assemble.state_space import ElasticStates, elastic_states, state_space
 from cmsreduce.assemble.substructure import (
     interface_substructure,
     modal_substructure,

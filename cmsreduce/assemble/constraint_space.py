@@ -1,7 +1,4 @@
-"""Coordinates that constraints leave free: an orthonormal null space, one group of joined coordinates at a time.
-
-Motions that joints lock twice: found, and refused or dropped.
-"""
+"""Null space of the constraints, and redundant constraints: motions that joints lock twice."""
 
 from __future__ import annotations
 
@@ -19,24 +16,25 @@ from numpy.typing import NDArray
 from cmsreduce.assemble.joints import Constraints
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import ConstraintError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import DEPENDENT, row_basis
 from cmsreduce.model import Matrix
 
-__all__ = [
-    "ConstraintSpace",
-    "connected_rows",
-    "constraint_space",
-    "settle_redundant",
-    "surplus_rows",
-]
+__all__ = ["ConstraintSpace", "connected_rows", "constraint_space", "settle_redundant", "redundant_rows"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 # The null space is held sparse when at least this share of the coordinates is in no constraint.
 _MOSTLY_FREE = 0.5
-# A constraint row's weight on a coordinate below this share of the largest is round-off of a direction cosine.
+# A weight of a constraint row below this share of the largest is round-off of a direction cosine.
 _NO_WEIGHT = 1e-14
-# Rows of the tiles that a large matrix is transposed by: two fit a cache of the second level.
+# Rows of the tiles in which a large matrix is transposed: two tiles fit a cache of the second level.
 _TILE = 128
+# A row is dependent when less than this share of it lies outside the span of the others.
+_DEPENDENT = 1e-7
+# Motions named in a message.
+_NAMED = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +44,10 @@ class ConstraintSpace:
     Parameters
     ----------
     V : (n, rank) Matrix
-        Each group of joined coordinates has columns of its own; 1 - V V^T is orthogonal and symmetric, and takes as
-        many coordinates as there are constraints to the row space of these.
+        Each group of joined coordinates has columns of its own; 1 - V V^T is orthogonal and symmetric, and maps as many
+        coordinates as there are constraints to the row space of these.
     kept : (n - rank,) int64
-        The other coordinates, which it takes to the null space.
+        The other coordinates, which are mapped to the null space.
 
     Notes
     -----
@@ -58,7 +56,7 @@ class ConstraintSpace:
     """
 
     V: Matrix
-    kept: NDArray[np.int64]
+    kept: Indices
 
     @cached_property
     def T(self) -> Matrix:
@@ -83,7 +81,7 @@ class ConstraintSpace:
             small = sp.csc_array(T.T @ A @ T)
             return sp.csc_array((small + small.T) * 0.5)
         V = np.asarray(self.V)
-        # One side by T itself: stiff coordinates then meet soft ones in products as small as T makes them.
+        # One side is multiplied by T itself: products of stiff and soft coordinates are then as small as T makes them.
         AT = sp.csr_array(A) @ np.asarray(self.T)
         found = V[self.kept] @ -(V.T @ AT)
         found += AT[self.kept]
@@ -112,7 +110,7 @@ def constraint_space(A: sp.csr_array) -> ConstraintSpace:
     weights = weights[norms > DEPENDENT * norms.max(initial=0.0)]
     uses = np.diff(sp.csc_array(weights).indptr)
     touched = uses > 0
-    # Dofs that are held one by one, as by the ground, are many: 1 - V V^T turns the sign of each.
+    # Many dofs are held one by one, as by the ground: 1 - V V^T changes the sign of each.
     alone = np.diff(weights.indptr) == 1
     alone[alone] = uses[weights[alone].indices] == 1
     held = np.asarray(weights[alone].indices, dtype=np.int64)
@@ -138,7 +136,7 @@ def constraint_space(A: sp.csr_array) -> ConstraintSpace:
     return ConstraintSpace(V_all if np.count_nonzero(~touched) >= _MOSTLY_FREE * n else V_all.toarray(), kept)
 
 
-def connected_rows(A: NDArray[np.float64] | sp.csr_array) -> list[NDArray[np.int64]]:
+def connected_rows(A: Array | sp.csr_array) -> list[Indices]:
     """Group rows that share columns, directly or through others; rows without entries are in no group."""
     weights = sp.csr_array(A)
     c, n = weights.shape
@@ -153,7 +151,7 @@ def connected_rows(A: NDArray[np.float64] | sp.csr_array) -> list[NDArray[np.int
     return [np.asarray(group, dtype=np.int64) for group in np.split(order, starts)]
 
 
-def _add_transpose(A: NDArray[np.float64]) -> None:
+def _add_transpose(A: Array) -> None:
     """Add its transpose to a square matrix in place, by tiles that stay in the cache."""
     starts = range(0, A.shape[0], _TILE)
     for a in starts:
@@ -163,21 +161,15 @@ def _add_transpose(A: NDArray[np.float64]) -> None:
             A[here], A[there] = both, both.T
 
 
-def _reflector(A: NDArray[np.float64]) -> NDArray[np.float64]:
+def _reflector(A: Array) -> Array:
     """V (n, r) with 1 - V V^T orthogonal and its first r columns in the row space of A, of rank r."""
     Q, _ = la.qr((row_basis(A) @ A).T, mode="economic")
     r = Q.shape[1]
-    # With the polar factor of the first rows as target, 1 + S is all that is inverted.
+    # With the polar factor of the first rows as target, only 1 + S is inverted.
     U, S, Wt = la.svd(Q[:r])
     X = Q.copy()
     X[:r] += U @ Wt
     return np.asarray(X @ (Wt.T / np.sqrt(1 + S)))
-
-
-# Rows are dependent when what one adds to the others is below this share of it.
-_DEPENDENT = 1e-7
-# Motions named in a message.
-_NAMED = 8
 
 
 def settle_redundant(
@@ -192,32 +184,32 @@ def settle_redundant(
     constraints : Constraints
         Rows of joints and ground.
     policy : {"refuse", "drop"}
-        What to do with surplus rows.
+        Treatment of redundant rows.
 
     Returns
     -------
     constraints : Constraints
-        Without surplus rows.
+        Without redundant rows.
     notes : tuple of str
-        What was dropped.
+        Rows that were dropped.
 
     Raises
     ------
     ConstraintError
-        Naming the joints and motions that are locked already.
+        With the joints and motions that are locked already.
     """
-    surplus = surplus_rows(stack, constraints)
-    if not surplus.size:
+    redundant = redundant_rows(stack, constraints)
+    if not redundant.size:
         return constraints, ()
-    named = [constraints.owner[k] for k in surplus]
-    count = f"{surplus.size} of {len(constraints.owner)} locked motions are locked already by the joints before them"
+    named = [constraints.owner[k] for k in redundant]
+    count = f"{redundant.size} of {len(constraints.owner)} locked motions are locked already by the joints before them"
     if policy == "refuse":
         raise ConstraintError(
             f"the joints over-constrain the bodies: {count}: {', '.join(named[:_NAMED])}"
             f"{' ...' if len(named) > _NAMED else ''}. Free these motions (`free: [...]`), remove the joint that "
             "closes the loop, or leave them out with `scene.redundant: drop`"
         )
-    left = np.setdiff1d(np.arange(len(constraints.owner)), surplus)
+    left = np.setdiff1d(np.arange(len(constraints.owner)), redundant)
     note = (
         f"redundant joints: {count} and are left out: {', '.join(named)}. The motion is the same without them; which "
         "of the joints carries their load is undetermined"
@@ -225,10 +217,10 @@ def settle_redundant(
     return replace(constraints, A=constraints.A[left], owner=tuple(constraints.owner[k] for k in left)), (note,)
 
 
-def surplus_rows(stack: PointStack, constraints: Constraints) -> NDArray[np.int64]:
-    """Rows that depend on earlier ones: they leave the joint forces undetermined.
+def redundant_rows(stack: PointStack, constraints: Constraints) -> Indices:
+    """Find rows that depend on earlier ones and leave the joint forces undetermined.
 
-    Every point of a flexible body may move on its own; the points of a rigid body move together.
+    The points of a flexible body move independently, those of a rigid body together.
 
     Parameters
     ----------
@@ -245,31 +237,31 @@ def surplus_rows(stack: PointStack, constraints: Constraints) -> NDArray[np.int6
     parts = [constraints.A[:, :0]]
     for name, sub in stack.substructures.items():
         A = constraints.A[:, stack.body_columns(name)]
-        # A flexible body of which only the rigid modes are kept has as many coordinates, but its joints are no error.
+        # A flexible body with only its rigid modes kept has as many coordinates, but its joints are no error.
         rigid = sub.omega is None and sub.rigid.shape[1] == sub.m
         parts.append(A @ dense(stack.motions(name)) if rigid else A)
-    # Rotations are measured against the arms that turn them into displacements.
+    # Rotations are scaled by the arms that turn them into displacements.
     A = np.hstack(parts)
     found = [rows[_dependent(A[rows])] for rows in connected_rows(A)]
     return np.sort(np.concatenate([np.empty(0, dtype=np.int64), *found, np.flatnonzero(~A.any(axis=1))]))
 
 
-def _dependent(A: NDArray[np.float64]) -> NDArray[np.int64]:
+def _dependent(A: Array) -> Indices:
     """Rows that depend on earlier ones of the same group."""
     A = A[:, A.any(axis=0)]
     A = A / np.linalg.norm(A, axis=1, keepdims=True)
-    # No row is nearer to the span of the others than the smallest singular value.
+    # The smallest singular value bounds the distance of every row to the span of the others.
     if A.shape[0] <= A.shape[1] and la.svdvals(A)[-1] > _DEPENDENT:
         return np.empty(0, dtype=np.int64)
     basis = np.empty((0, A.shape[1]))
-    surplus = []
+    redundant = []
     for k, row in enumerate(A):
         left = row
         for _ in range(2):
             left = left - (basis @ left) @ basis
         rest = np.linalg.norm(left)
         if rest <= _DEPENDENT:
-            surplus.append(k)
+            redundant.append(k)
         else:
             basis = np.vstack([basis, left / rest])
-    return np.array(surplus, dtype=np.int64)
+    return np.array(redundant, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Bodies held where the ground holds them: no joint forces are left to be solved for there."""
+"""Bodies held by the ground in their own coordinates, so that the ground needs no joint forces."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cmsreduce.assemble.constraint_space import ConstraintSpace, constraint_spac
 from cmsreduce.assemble.joints import ground_rows
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.system import Wiring
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import DEPENDENT, null_space
 from cmsreduce.model import Matrix, Scene, Substructure
 
@@ -22,12 +22,12 @@ __all__ = ["HeldBodies", "held_bodies"]
 
 @dataclass(frozen=True, eq=False)
 class HeldBodies:
-    """Bodies of which some have lost the motions that the ground locks.
+    """Bodies, some of which are without the motions that the ground locks.
 
     Parameters
     ----------
     stack : PointStack
-        Their points, in the places that they have without the ground.
+        Their points, in the same order as without the ground.
     names : frozenset of str
         Bodies that are held.
     """
@@ -41,7 +41,7 @@ class HeldBodies:
         return self.stack.substructures
 
     def wiring(self, wiring: Wiring) -> Wiring:
-        """What is left to join: of a body that is held no other constraints lie within it than those of the ground."""
+        """Remove the constraints of the ground, the only ones that lie within a held body."""
         entries = wiring.A != 0
         every, within = entries.sum(axis=1), np.zeros(wiring.A.shape[0], dtype=bool)
         for name in self.names:
@@ -51,20 +51,20 @@ class HeldBodies:
 
 
 def held_bodies(stack: PointStack, scene: Scene, *, in_modes: bool = True) -> HeldBodies:
-    """Take the motions that the ground locks out of the coordinates of the bodies.
+    """Remove the motions that the ground locks from the coordinates of the bodies.
 
-    Where joints that lock a motion twice are dropped, no body is held: what joints along with the ground lock twice to
-    the digits of a deck would be left as rows of these digits.
+    If redundant constraints are dropped, no body is held: a motion that a joint and the ground lock twice, to the
+    digits of a deck, would leave a row of these digits.
 
     Parameters
     ----------
     stack : PointStack
         Points of all bodies.
     scene : Scene
-        Whose ground.
+        The scene with its ground.
     in_modes : bool
-        Whether a body in modes may be held, too, which leaves it in no modes: it is a sum over these only while it is
-        free. Where more of its motions are locked than left, to solve for the rest takes less than the sum does.
+        Bodies in modes may be held, too. The receptance of such a body is then no longer a sum over modes; where more
+        of its motions are locked than free, solving for the others takes less time than the sum.
     """
     locked: dict[str, list[NDArray[np.float64]]] = {}
     for point in scene.ground if scene.redundant == "refuse" else ():
@@ -84,7 +84,7 @@ def _pays(sub: Substructure, locked: int, in_modes: bool) -> bool:
 
 
 def _held(sub: Substructure, motions: Matrix, locked: NDArray[np.float64]) -> Substructure:
-    """One body without the motions of which these rows (c, p) over its points are locked."""
+    """Remove from one body the motions that are locked by rows (c, p) over its points."""
     A = sp.csr_array(locked @ motions)
     space = constraint_space(A)
     T = space.T
@@ -106,7 +106,7 @@ def _held(sub: Substructure, motions: Matrix, locked: NDArray[np.float64]) -> Su
 
 
 def _free(before: Matrix, after: Matrix) -> Matrix:
-    """Motions of a point without the rounding of those that are locked."""
+    """Motions of a point, exactly zero where they are locked."""
     size, left = (np.linalg.norm(dense(rows), axis=1) for rows in (before, after))
     moves = np.where(left > DEPENDENT * size, 1.0, 0.0)
     return sp.csc_array(sp.diags_array(moves) @ after) if sp.issparse(after) else moves[:, None] * after

@@ -1,4 +1,4 @@
-"""Springs, dampers and inertias of joints: small bodies of the joint's own, moved by the bodies that it connects."""
+"""Springs, dampers and inertias of joints: small bodies of the joints, moved by the bodies that they connect."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _ACROSS, _FIRST = "across", "first"
 
 
 def with_joint_bodies(substructures: Mapping[str, Substructure], scene: Scene) -> dict[str, Substructure]:
-    """Bodies of a scene and, after them, those that its joints own.
+    """Bodies of a scene, followed by those of its joints.
 
     Parameters
     ----------
     substructures : mapping of name to Substructure
         Bodies of the scene; those of its joints may be among them already.
     scene : Scene
-        Whose joints.
+        Its joints.
 
     Returns
     -------
@@ -44,8 +44,8 @@ def joint_body(joint: Joint) -> Substructure:
     Notes
     -----
     One coordinate for each spring or damper, the relative motion that strains it, and one for each inertia, the
-    rotation of the first interface that carries it. `element_rows` ties them to the bodies. What holds for bodies then
-    holds for joints: they enter M, K, D, receptances and energies once, in every form of the bodies they connect.
+    rotation of the first interface that carries it. `element_rows` ties the coordinates to the bodies. Thus joints are
+    treated like bodies: they enter M, K, D, receptances and energies once, in every form of the connected bodies.
     """
     coordinates = [
         *((_ACROSS, e.dof, e.stiffness, e.damping, 0.0) for e in joint.elements if _acts_across(e)),
@@ -78,11 +78,11 @@ def element_rows(
     Parameters
     ----------
     stack : PointStack
-        Points of all bodies, the joints' own among them (`with_joint_bodies`).
+        Points of all bodies, including those of the joints (`with_joint_bodies`).
     scene : Scene
         Joints.
     placed : mapping of body to Placement
-        Where the bodies stand.
+        Positions of the bodies.
 
     Returns
     -------
@@ -94,7 +94,7 @@ def element_rows(
     Raises
     ------
     SceneError
-        If an interface cannot move as an element asks, or the stack lacks the joints' bodies.
+        If an interface has no dof for an element, or the stack lacks the bodies of the joints.
     """
     rows, owner = [], []
     for joint in scene.joints:

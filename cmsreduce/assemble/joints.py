@@ -1,7 +1,4 @@
-"""Motion in a joint: of its second interface against its first, and which of it the interfaces have.
-
-Joints and ground as constraint rows on the motions of points.
-"""
+"""Joints and ground as constraint rows on the motions of points, and relative motion in a joint."""
 
 from __future__ import annotations
 
@@ -29,21 +26,26 @@ __all__ = [
     "relative_motion",
 ]
 
+Array = NDArray[np.float64]
+
 # Direction cosines below this are zero: frames are known to eight digits.
 _ALIGNED = 1e-6
+# Interfaces of one joint coincide to this share of the size of the system: decks print eight digits or fewer.
+_COINCIDENT = 1e-5
+_UNIT_RATIOS = {1000.0: "m and mm", 100.0: "m and cm", 39.3700787: "m and in", 25.4: "mm and in", 3.2808399: "m and ft"}
 
 
-def relative_motion(stack: PointStack, placed: Mapping[str, Placement], joint: Joint, dof: int) -> NDArray[np.float64]:
-    """Row over the stacked motions: the second interface against the first, along a joint axis.
+def relative_motion(stack: PointStack, placed: Mapping[str, Placement], joint: Joint, dof: int) -> Array:
+    """Row over the stacked motions: motion of the second interface relative to the first, along a joint axis.
 
     Parameters
     ----------
     stack : PointStack
         Points of all bodies.
     placed : mapping of body to Placement
-        Where the bodies stand.
+        Positions of the bodies.
     joint : Joint
-        Of one node a side; of more, the first.
+        With one node on each side; of several, the first counts.
     dof : int
         0..5 along the joint's axes.
 
@@ -51,40 +53,52 @@ def relative_motion(stack: PointStack, placed: Mapping[str, Placement], joint: J
     -------
     (size,) float64
     """
-    # Motion of the first interface carried along the rigid arm to where the second one is.
+    axes, arm = joint_axes(stack.substructures, placed, joint), joint_arms(stack.substructures, placed, joint)[0]
+    return _relative_row(stack, placed, joint, axes, dof, arm, stack.label(joint.first), stack.label(joint.second))
+
+
+def _relative_row(
+    stack: PointStack,
+    placed: Mapping[str, Placement],
+    joint: Joint,
+    axes: Array,
+    dof: int,
+    arm: Array,
+    near: str,
+    far: str,
+) -> Array:
+    """Row of `relative_motion` for one node of each interface, by their labels and the rigid arm between them."""
+    # Motion of the first interface is carried along the arm to the second.
     carry = np.eye(6)
-    carry[:3, 3:] = -cross_matrix(joint_arms(stack.substructures, placed, joint)[0])
-    direction = joint_direction(joint_axes(stack.substructures, placed, joint), dof)
-    row = np.zeros(stack.size)
-    row[stack.columns(joint.second.body, stack.label(joint.second))] += in_body(direction, placed[joint.second.body])
-    row[stack.columns(joint.first.body, stack.label(joint.first))] -= (
-        in_body(direction, placed[joint.first.body]) @ carry
-    )
+    carry[:3, 3:] = -cross_matrix(arm)
+    direction, row = joint_direction(axes, dof), np.zeros(stack.size)
+    row[stack.columns(joint.second.body, far)] += in_body(direction, placed[joint.second.body])
+    row[stack.columns(joint.first.body, near)] -= in_body(direction, placed[joint.first.body]) @ carry
     return row
 
 
-def first_motion(stack: PointStack, placed: Mapping[str, Placement], joint: Joint, dof: int) -> NDArray[np.float64]:
-    """Row over the stacked motions: the first interface along a joint axis (size,)."""
+def first_motion(stack: PointStack, placed: Mapping[str, Placement], joint: Joint, dof: int) -> Array:
+    """Row over the stacked motions: motion of the first interface along a joint axis (size,)."""
     direction = joint_direction(joint_axes(stack.substructures, placed, joint), dof)
     row = np.zeros(stack.size)
     row[stack.columns(joint.first.body, stack.label(joint.first))] = in_body(direction, placed[joint.first.body])
     return row
 
 
-def joint_direction(axes: NDArray[np.float64], dof: int) -> NDArray[np.float64]:
-    """Unit motion along one of the axes, which are rows, as weights of x y z rx ry rz (6,)."""
+def joint_direction(axes: Array, dof: int) -> Array:
+    """Weights of x y z rx ry rz (6,) that make a unit motion along one of the axes, which are rows."""
     direction = np.zeros(6)
     direction[dof // 3 * 3 : dof // 3 * 3 + 3] = axes[dof % 3]
     return direction
 
 
-def in_body(direction: NDArray[np.float64], place: Placement) -> NDArray[np.float64]:
-    """Weights of six motions along the axes of the scene, along those of a body (6,)."""
+def in_body(direction: Array, place: Placement) -> Array:
+    """Turn weights of six motions (6,) from the axes of the scene to those of a body."""
     return np.concatenate([direction[:3] @ place.rotation, direction[3:] @ place.rotation])
 
 
-def available(face: Interface, k: int, axes: NDArray[np.float64]) -> list[bool]:
-    """Which motions along ``axes`` (rows, in the body's basic frame) a node of the interface has."""
+def available(face: Interface, k: int, axes: Array) -> list[bool]:
+    """Tell for each motion along ``axes`` (rows, in the body's basic frame) if a node of the interface has it."""
     frame = face.node_frame(k)
     components = {max(c, 1) for c in face.components[k]}
     answer = []
@@ -95,30 +109,25 @@ def available(face: Interface, k: int, axes: NDArray[np.float64]) -> list[bool]:
 
 
 def digits(face: Interface, k: int) -> str:
-    """Dofs of a node of an interface, as they are written."""
+    """Dofs of a node of an interface in digits, as in a deck."""
     return "".join(str(c) for c in face.components[k])
-
-
-# Interfaces of one joint coincide to this share of the size of the system: decks print eight digits or fewer.
-_COINCIDENT = 1e-5
-_UNIT_RATIOS = {1000.0: "m and mm", 100.0: "m and cm", 39.3700787: "m and in", 25.4: "mm and in", 3.2808399: "m and ft"}
 
 
 @dataclass(frozen=True, eq=False)
 class Constraints:
-    """Rows A with A (stacked motions) = 0, and the joint each row belongs to.
+    """Rows A with A (stacked motions) = 0, and the joint of each row.
 
     Parameters
     ----------
     A : (c, size) float64
         Rows over a `PointStack`.
     owner : tuple of str
-        Joint or ground, and the motion locked, of each row.
+        Joint or ground, and the locked motion, of each row.
     gap : float
-        Largest distance between nodes that are joined, relative to the size of the system.
+        Largest distance between joined nodes, relative to the size of the system.
     """
 
-    A: NDArray[np.float64]
+    A: Array
     owner: tuple[str, ...]
     gap: float
 
@@ -133,9 +142,9 @@ def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], 
     scene : Scene
         Joints and ground.
     placed : mapping of body to Placement
-        Where the bodies stand.
+        Positions of the bodies.
     as_built : bool
-        Whether no joint is turned, so that interfaces must coincide in every direction.
+        No joint is turned, so that interfaces must coincide in every direction.
 
     Returns
     -------
@@ -148,71 +157,66 @@ def constrain(stack: PointStack, scene: Scene, placed: Mapping[str, Placement], 
     UnitsError
         If they would coincide in another unit of length.
     """
-    rows: list[NDArray[np.float64]] = []
-    owner: list[str] = []
+    named: list[tuple[Array, str]] = []
     gap = 0.0
     for joint in scene.joints:
         axes = joint_axes(stack.substructures, placed, joint)
         gap = max(gap, _coincidence(stack.substructures, placed, joint, axes, as_built))
-        for row, name in _joint_rows(stack, placed, joint, axes):
-            rows.append(row)
-            owner.append(name)
+        named += _joint_rows(stack, placed, joint, axes)
     for point in scene.ground:
-        for row, name in ground_rows(stack, point):
-            rows.append(row)
-            owner.append(name)
-    A = np.array(rows) if rows else np.zeros((0, stack.size))
-    return Constraints(A, tuple(owner), gap)
+        named += ground_rows(stack, point)
+    A = np.array([row for row, _ in named]) if named else np.zeros((0, stack.size))
+    return Constraints(A, tuple(name for _, name in named), gap)
 
 
 def check_loops(substructures: Mapping[str, Substructure], scene: Scene, placed: Mapping[str, Placement]) -> None:
-    """Refuse settings of closed loops that turn a joint about an axis where it is locked.
+    """Refuse configurations of closed loops that turn a joint about an axis where it is locked.
 
     Parameters
     ----------
     substructures : mapping of name to Substructure
         All bodies.
     scene : Scene
-        Joints; those on which a body hangs are turned by their own settings, and fit.
+        Joints; inboard joints of bodies are turned by their own angles, and fit.
     placed : mapping of body to Placement
-        Where the bodies stand.
+        Positions of the bodies.
 
     Raises
     ------
     SceneError
-        Naming the joint, and by how much it does not fit.
+        With the joint, and the angle by which it does not fit.
     """
     for joint in scene.joints:
         left = _turned_where_locked(substructures, scene, placed, joint)
         if left > _COINCIDENT:
             raise SceneError(
-                f"joint '{joint.name}' closes a loop, and the settings of the other joints turn '{joint.second}' by "
-                f"{left:.3g} rad against '{joint.first}' where it is locked: give settings that fit, or free it there"
+                f"joint '{joint.name}' closes a loop, and the angles of the other joints turn '{joint.second}' by "
+                f"{left:.3g} rad against '{joint.first}' where it is locked: give angles that fit, or free it there"
             )
 
 
 def _turned_where_locked(
     substructures: Mapping[str, Substructure], scene: Scene, placed: Mapping[str, Placement], joint: Joint
 ) -> float:
-    """Turn of a joint's second side against the first that its free motions do not explain, in radians."""
+    """Angle in radians between the sides of a joint beyond its free motions."""
     axes = joint_axes(substructures, placed, joint)
     ends = (joint.first, joint.second)
     built = [scene.placements.get(point.body, Placement()).rotation for point in ends]
     now = [placed[point.body].rotation for point in ends]
-    # Since they were built, along the joint's axes.
+    # Relative rotation since the bodies were built, along the joint's axes.
     Q = axes @ now[1] @ built[1].T @ built[0] @ now[0].T @ axes.T
     can = available(interface_at(substructures, joint.first), 0, axes @ now[0])
     free = [dof - 3 for dof in range(3, 6) if dof in joint.free or not can[dof]]
     if len(free) == 2:
-        # Turns are made about the earlier axis first, so that these two stay normal to each other.
+        # Rotations about the earlier axis come first, so that these two axes remain normal to each other.
         return float(abs(Q[free[1], free[0]]))
     kept = {0: np.eye(3), 1: np.eye(3)[:, free], 3: np.zeros((3, 0))}[len(free)]
     return float(abs(Q @ kept - kept).max(initial=0.0))
 
 
 def _joint_rows(
-    stack: PointStack, placed: Mapping[str, Placement], joint: Joint, axes: NDArray[np.float64]
-) -> list[tuple[NDArray[np.float64], str]]:
+    stack: PointStack, placed: Mapping[str, Placement], joint: Joint, axes: Array
+) -> list[tuple[Array, str]]:
     first, second = (interface_at(stack.substructures, point) for point in (joint.first, joint.second))
     if first.node.size != second.node.size:
         raise SceneError(
@@ -232,9 +236,6 @@ def _joint_rows(
     for k, (near, far) in enumerate(zip(*labels, strict=True)):
         here = available(first, k, axes @ a.rotation)
         there = available(second, k, axes @ b.rotation)
-        # Motion of the first interface carried along the rigid arm to where the second one is.
-        carry = np.eye(6)
-        carry[:3, 3:] = -cross_matrix(arms[k])
         differ = [DOF_NAMES[dof] for dof in locked if here[dof] != there[dof]]
         if differ:
             raise SceneError(
@@ -247,10 +248,7 @@ def _joint_rows(
                 continue
             if dof < 3:
                 _check_carried(first, k, np.cross(arms[k], axes[dof] @ a.rotation), joint, size)
-            row = np.zeros(stack.size)
-            direction = joint_direction(axes, dof)
-            row[stack.columns(joint.second.body, far)] += in_body(direction, b)
-            row[stack.columns(joint.first.body, near)] -= in_body(direction, a) @ carry
+            row = _relative_row(stack, placed, joint, axes, dof, arms[k], near, far)
             where = f" node {first.node[k]}" if first.node.size > 1 else ""
             found.append((row, f"{joint.name}{where} {DOF_NAMES[dof]}"))
     if locked and not found:
@@ -262,8 +260,8 @@ def _joint_rows(
     return found
 
 
-def _check_carried(face: Interface, k: int, turn: NDArray[np.float64], joint: Joint, size: float) -> None:
-    """Refuse an arm on a node without the rotation, about ``turn``, that swings it."""
+def _check_carried(face: Interface, k: int, turn: Array, joint: Joint, size: float) -> None:
+    """Refuse an arm on a node without the rotation about ``turn`` that would swing the arm."""
     missing = [face.node_frame(k)[c - 4] for c in (4, 5, 6) if c not in face.components[k]]
     if any(abs(turn @ axis) > _COINCIDENT * size for axis in missing):
         raise SceneError(
@@ -272,10 +270,10 @@ def _check_carried(face: Interface, k: int, turn: NDArray[np.float64], joint: Jo
         )
 
 
-def ground_rows(stack: PointStack, point: Point) -> list[tuple[NDArray[np.float64], str]]:
-    """Constraint rows that hold one interface to the ground, and the motion that each locks.
+def ground_rows(stack: PointStack, point: Point) -> list[tuple[Array, str]]:
+    """Constraint rows that hold one interface to the ground, each with the motion that it locks.
 
-    They lie along the displacement axes of the interface's nodes, so that they are the same however the body stands.
+    They lie along the displacement axes of the interface's nodes, so that they do not depend on the configuration.
 
     Parameters
     ----------
@@ -300,10 +298,10 @@ def _coincidence(
     substructures: Mapping[str, Substructure],
     placed: Mapping[str, Placement],
     joint: Joint,
-    axes: NDArray[np.float64],
+    axes: Array,
     as_built: bool,
 ) -> float:
-    """Largest gap of a joint relative to the size of the system; refused where it is none of rounding."""
+    """Largest gap of a joint relative to the size of the system; refuse one that is more than rounding."""
     first, second = (interface_at(substructures, point) for point in (joint.first, joint.second))
     if first.node.size != second.node.size or (first.components[0] == (0,)):
         return 0.0
@@ -339,5 +337,5 @@ def _reach(substructures: Mapping[str, Substructure]) -> float:
     return max(float(np.ptp(places, axis=0).max()), float(abs(places).max()), 1e-300)
 
 
-def _xyz(x: NDArray[np.float64]) -> str:
+def _xyz(x: Array) -> str:
     return "(" + ", ".join(f"{value:g}" for value in x) + ")"

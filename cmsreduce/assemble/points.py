@@ -1,4 +1,4 @@
-"""The points at which bodies meet the scene, and their place in one stacked vector of motions."""
+"""Points at which bodies are joined, driven and measured, and their place in one stacked vector of motions."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class PointStack:
         return self._motions[body]
 
     def moving(self, body: str) -> NDArray[np.int64]:
-        """Which of a body's motions it has: solids have no rotations, and what the ground locks stands still."""
+        """Numbers of the motions that a body has: solids have no rotations, and the ground locks others."""
         if body not in self._moving:
             entries = sp.coo_array(self.motions(body))
             self._moving[body] = np.unique(entries.row[entries.data != 0]).astype(np.int64)
@@ -77,7 +77,7 @@ class PointStack:
         own = [(rows[:, self.body_columns(name)], self.motions(name)) for name in self.substructures]
         if any(sp.issparse(L) for _, L in own):
             return sp.csr_array(sp.hstack([sp.csr_array(part) @ sp.csr_array(L) for part, L in own]))
-        # Sparse products of bodies in a few modes would spend their time on indices.
+        # For bodies in a few modes, sparse products would take most of their time for indices.
         return sp.csr_array(np.hstack([part @ np.asarray(L) for part, L in own]))
 
 

@@ -1,4 +1,4 @@
-"""What the scene asks of one body: where forces act on it, and what is measured of it."""
+"""Ports of one body in the scene: where forces act on it, and which motions are measured."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ from cmsreduce.model import SCALAR, Channel, FEModel, Point, PointTerm, Scene, S
 
 __all__ = ["Ports", "body_points", "body_ports"]
 
+Array = NDArray[np.float64]
+
 _NODE_DOFS = 6
 
 _ALL_OF_A_KIND = ("actuators", "sensors", "dampers")
-# Discrete dampers act on few dofs; a static shape for each is affordable up to here.
+# Discrete dampers act on few dofs; more static shapes than this would cost too much.
 _MOST_DAMPED = 300
 
 
@@ -28,37 +30,37 @@ class Ports:
     Parameters
     ----------
     interface : (i,) int64
-        Rows of the i-set: every interface of the body and every dof an actuator acts on (Spanos-Tsuha's rule).
+        Rows of the i-set: every interface of the body and every dof on which an actuator acts (Spanos-Tsuha's rule).
     loads : (n, l) float64
         Loads whose static shapes the basis must hold, one column each: struts inside the body, and forces on nodes
         that follow others.
     displacements, rates : (p, n), (q, n) sparse array
         Rows of the sensors on the body.
     residuals : (n, k) float64
-        Further loads whose static shapes the basis must hold, which are no inputs: unit loads along what sensors
-        measure, or at dofs the user names.
+        Further loads whose static shapes the basis must hold, which are no inputs: unit loads along the motions that
+        sensors measure, or at dofs that the user names.
     """
 
     interface: NDArray[np.int64]
-    loads: NDArray[np.float64]
+    loads: Array
     displacements: sp.csr_array
     rates: sp.csr_array
-    residuals: NDArray[np.float64]
+    residuals: Array
 
     @property
-    def static_loads(self) -> NDArray[np.float64]:
-        """Every load whose static shape the basis must hold, unit forces on the i-set apart (n, l + k)."""
+    def static_loads(self) -> Array:
+        """Loads whose static shapes the basis must hold, without the unit forces on the i-set (n, l + k)."""
         return np.hstack([self.loads, self.residuals])
 
     def as_loads(self) -> Ports:
-        """Ports with unit forces on the i-set as loads: for a body that nothing holds, reduced to its free modes."""
+        """Replace the i-set by unit forces as loads: for a body that nothing holds, reduced to its free modes."""
         units = np.zeros((self.loads.shape[0], self.interface.size))
         units[self.interface, np.arange(self.interface.size)] = 1.0
         return replace(self, interface=self.interface[:0], loads=np.hstack([units, self.loads]))
 
 
 def body_points(scene: Scene, body: FEModel) -> list[str]:
-    """Names of the points of one body that the scene or its interfaces refer to."""
+    """Names of the points of one body that are in its interfaces or in the scene."""
     named = [point.name for point in scene.points() if point.body == body.name]
     return list(dict.fromkeys([*body.interfaces, *named]))
 
@@ -84,7 +86,7 @@ def body_ports(body: FEModel, scene: Scene, residuals: Collection[str] = ()) -> 
     """
     at_joints = [row for name in body.interfaces for row in body.interface_rows(name)]
     inside, at_points = _channels(body, scene.actuators)
-    # What acts on a node that follows many others is one load, not as many interface dofs.
+    # A force on a node that follows many others is one load, not many interface dofs.
     spread = [np.count_nonzero(row) > _NODE_DOFS for row in at_points]
     by_load = [row for row, wide in zip(at_points, spread, strict=True) if wide or "actuators" in residuals]
     held = [row for row, wide in zip(at_points, spread, strict=True) if not wide and "actuators" not in residuals]
@@ -105,12 +107,10 @@ def body_ports(body: FEModel, scene: Scene, residuals: Collection[str] = ()) -> 
     )
 
 
-def _channels(
-    body: FEModel, channels: Iterable[Channel]
-) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
-    """Rows of struts inside the body, and of motions of its points, that some channels act on or measure."""
-    inside: list[NDArray[np.float64]] = []
-    at_points: list[NDArray[np.float64]] = []
+def _channels(body: FEModel, channels: Iterable[Channel]) -> tuple[list[Array], list[Array]]:
+    """Rows of struts inside the body, and of motions of its points, on which channels act or which they measure."""
+    inside: list[Array] = []
+    at_points: list[Array] = []
     for channel in channels:
         for term in channel.terms:
             if isinstance(term, PointTerm) and term.at.body == body.name:
@@ -119,13 +119,13 @@ def _channels(
                 if term.a.body == term.b.body == body.name:
                     inside.append(_strut(body, term))
                 else:
-                    # The line to another body turns with the joints: any direction at this end counts.
+                    # The line to another body turns with the joints: every direction at this end counts.
                     ends = [point for point in (term.a, term.b) if point.body == body.name]
                     at_points += [_row(body, point, axis) for point in ends for axis in np.eye(6)[:3]]
     return inside, at_points
 
 
-def _named(body: FEModel, text: str) -> list[NDArray[np.float64]]:
+def _named(body: FEModel, text: str) -> list[Array]:
     """Unit rows of ``NODE.DOF``, or of every dof that ``NODE`` has."""
     node, _, dof = text.partition(".")
     point = Point(body.name, node)
@@ -136,7 +136,7 @@ def _named(body: FEModel, text: str) -> list[NDArray[np.float64]]:
     return rows
 
 
-def _damper_forces(body: FEModel) -> list[NDArray[np.float64]]:
+def _damper_forces(body: FEModel) -> list[Array]:
     """Forces that the body's damping matrix exerts: its columns, where dampers are few."""
     if body.D is None:
         return []
@@ -149,11 +149,11 @@ def _damper_forces(body: FEModel) -> list[NDArray[np.float64]]:
     return list(body.D[:, damped].toarray().T)
 
 
-def _columns(rows: list[NDArray[np.float64]], n: int) -> NDArray[np.float64]:
+def _columns(rows: list[Array], n: int) -> Array:
     return np.column_stack(rows) if rows else np.zeros((n, 0))
 
 
-def _stacked(rows: list[NDArray[np.float64]], n: int) -> sp.csr_array:
+def _stacked(rows: list[Array], n: int) -> sp.csr_array:
     return sp.csr_array(sp.vstack([sp.csr_array(row[None]) for row in rows])) if rows else sp.csr_array((0, n))
 
 
@@ -169,13 +169,13 @@ def _node(body: FEModel, point: Point) -> int:
     return int(point.name)
 
 
-def _row(body: FEModel, point: Point, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+def _row(body: FEModel, point: Point, direction: Array) -> Array:
     """Motion of a point along a direction in basic, as a row over the body's dofs."""
     node = _node(body, point)
     at = -1 if body.nodes is None else int(body.nodes.index(node)[0])
     frame = np.eye(3) if body.nodes is None or at < 0 else body.nodes.frame[at]
     along = np.concatenate([frame @ direction[:3], frame @ direction[3:]])
-    # What a direction cosine of a printed frame leaves of zero is no input.
+    # Rounding of the direction cosines of a printed frame is no input.
     along[abs(along) < 1e-7 * np.linalg.norm(direction)] = 0.0
     known = body.recovery
     dofs = known.dofs.rows(node, np.arange(1, 7))
@@ -185,7 +185,7 @@ def _row(body: FEModel, point: Point, direction: NDArray[np.float64]) -> NDArray
     return np.asarray(known.T[dofs[dofs >= 0]].T @ along[dofs >= 0])
 
 
-def _strut(body: FEModel, term: StrutTerm) -> NDArray[np.float64]:
+def _strut(body: FEModel, term: StrutTerm) -> Array:
     if body.nodes is None:
         raise SceneError(f"'{term.a}' to '{term.b}': a strut needs the coordinates of its ends; give `geometry:`")
     ends = [body.nodes.xyz[int(body.nodes.index(_node(body, point))[0])] for point in (term.a, term.b)]

@@ -1,9 +1,4 @@
-"""Natural frequencies of an assembled system.
-
-The elastic part of an assembled system in modal states, beside which its rigid motions stand in parallel.
-
-State space of an assembled system, as the control package takes it.
-"""
+"""State space of an assembled system: its elastic part in modal states, and a model of the control package."""
 
 from __future__ import annotations
 
@@ -12,69 +7,26 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.assemble.modes import undetermined
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.dense import dense
-from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, elastic_pairs, modes_below, split_massless
+from cmsreduce.linalg.blocks import dense
+from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, split_massless
 from cmsreduce.model import System
 
-__all__ = [
-    "ElasticStates",
-    "elastic_states",
-    "state_space",
-    "system_modes",
-    "undetermined",
-]
+__all__ = ["ElasticStates", "elastic_states", "state_space"]
 
-
-def system_modes(system: System, omega: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Elastic modes of a system up to a frequency; its rigid modes are ``system.rigid``.
-
-    Parameters
-    ----------
-    system : System
-        Sparse or dense.
-    omega : float
-        Highest frequency in rad/s.
-
-    Returns
-    -------
-    w : (k,) float64
-        Undamped natural frequencies in rad/s, ascending.
-    Phi : (N, k) float64
-        Modes, orthonormal in M.
-
-    Raises
-    ------
-    MatrixError
-        If a motion has neither mass nor stiffness.
-    """
-    try:
-        if sp.issparse(system.K):
-            return modes_below(system.K, sp.csc_array(system.M), omega, rigid=system.rigid, rounding=system.rounding)
-        lam, X = elastic_pairs(np.asarray(system.K), np.asarray(system.M), system.rigid, system.rounding)
-    except UndeterminedError as error:
-        raise undetermined(system, error) from None
-    keep = lam <= omega**2
-    return np.sqrt(lam[keep]), X[:, keep]
-
-
-def undetermined(system: System, error: UndeterminedError) -> UndeterminedError:
-    """Name the body that moves most in a motion with neither mass nor stiffness."""
-    moved = np.split(abs(np.asarray(system.T @ error.shape)), np.cumsum(list(system.sizes.values()))[:-1])
-    body = max(zip(system.sizes, moved, strict=True), key=lambda part: part[1].max(initial=0.0))[0]
-    return UndeterminedError(
-        f"in configuration '{system.configuration.name}' a motion, above all of body '{body}', has neither mass nor "
-        "stiffness, so that nothing determines it: two points without mass are joined to each other alone. Give one of "
-        "them a mass or a spring, or leave its dof out of the joint",
-        error.shape,
-    )
-
+Array = NDArray[np.float64]
 
 # Damping couples rigid motions to elastic ones when it resists them by more than this share of its largest entry.
 _BRAKES = 1e-9
+# A has (2 N)^2 entries: 128 MiB at this size.
+_LARGEST = 2000
+# Damping of a massless shape is zero if its force is below this share of the spring's at the highest frequency.
+_NO_DAMPING = 1e-6
+# A product below this share of the size of its factors, or of the absolute parts of its sum, is round-off.
+_ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,25 +42,25 @@ class ElasticStates:
     rigid_B : (R, inputs) float64
         Rigid motions a'' = rigid_B u, in parallel with the elastic part.
     rigid_C1, rigid_C2 : (outputs, R) float64
-        What they add to the outputs, C1 a + C2 a'.
+        Their part in the outputs, C1 a + C2 a'.
     omega : (e,) float64
         Undamped frequencies in rad/s.
     Phi : (N, e) float64
         Modes in the system's coordinates, orthonormal in M.
     """
 
-    A: NDArray[np.float64]
-    B: NDArray[np.float64]
-    C: NDArray[np.float64]
-    D: NDArray[np.float64]
-    rigid_B: NDArray[np.float64]
-    rigid_C1: NDArray[np.float64]
-    rigid_C2: NDArray[np.float64]
-    omega: NDArray[np.float64]
-    Phi: NDArray[np.float64]
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    rigid_B: Array
+    rigid_C1: Array
+    rigid_C2: Array
+    omega: Array
+    Phi: Array
 
-    def states_of(self, rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Elastic displacements and rates, from z (p, 2e) each, of motions over the system's coordinates (p, N)."""
+    def states_of(self, rows: Array) -> tuple[Array, Array]:
+        """Matrices (p, 2e) from z to the elastic displacements and rates of motions over the coordinates (p, N)."""
         shapes = rows @ self.Phi
         none = np.zeros_like(shapes)
         return np.hstack([shapes / self.omega, none]), np.hstack([none, shapes])
@@ -125,7 +77,7 @@ def elastic_states(system: System) -> ElasticStates:
     Raises
     ------
     MatrixError
-        If damping is a complex stiffness, or brakes the rigid motions, so that the two parts are not parallel.
+        If damping is a complex stiffness, or brakes the rigid motions, so that the two parts are not in parallel.
     """
     if system.loss is not None:
         raise MatrixError("structural damping is a complex stiffness and has no real state space; use modal damping")
@@ -136,7 +88,7 @@ def elastic_states(system: System) -> ElasticStates:
     modal = Phi.T @ D @ Phi
     if system.rigid.shape[1] and abs(D @ system.rigid).max(initial=0.0) > _BRAKES * abs(D).max(initial=0.0):
         raise MatrixError(
-            "the damping brakes the system's rigid motions, so that its elastic part cannot be balanced by itself"
+            "the damping brakes the system's rigid motions, so that its elastic part cannot be balanced alone"
         )
     A = np.block([[np.zeros((w.size, w.size)), np.diag(w)], [-np.diag(w), -modal]])
     force = Phi.T @ system.B
@@ -153,28 +105,20 @@ def elastic_states(system: System) -> ElasticStates:
     )
 
 
-# A has (2 N)^2 entries: 128 MiB at this size.
-_LARGEST = 2000
-# Damping of a massless shape is none if it holds the shape back by less than this share at the highest frequency.
-_NO_DAMPING = 1e-6
-# A product below this share of the size of its factors, or of the absolute parts of its sum, is round-off.
-_ROUND_OFF = 1e-12
-
-
 def state_space(system: System) -> Any:
     """Make a ``control.StateSpace`` of a reduced system.
 
     Parameters
     ----------
     system : System
-        Reduced; states are its N coordinates, then their rates. Where the system holds s shapes without mass, states
-        are amplitudes of N - s shapes that these follow, then their rates, and the flexibility of the massless ones,
+        Reduced; states are its N coordinates, then their rates. Where the system has s shapes without mass, states are
+        amplitudes of the N - s other shapes, then their rates, and the flexibility of the massless ones,
         C1 N (N^T K N)^-1 N^T B, is the feedthrough.
 
     Returns
     -------
     control.StateSpace
-        With input and output names; that package keeps the point for itself, so it is an underscore in them.
+        With input and output names, in which an underscore replaces the point, because the package reserves it.
 
     Raises
     ------
@@ -182,11 +126,12 @@ def state_space(system: System) -> Any:
         If the system is too large for a dense matrix, or its damping is a complex stiffness, which has no real state
         space, or a shape without mass is damped, moves a rate output, or has no stiffness either.
     """
-    import control  # it loads matplotlib, which only this object needs
+    # Imported here because it loads matplotlib.
+    import control
 
     if system.N > _LARGEST:
         raise MatrixError(
-            f"a state space is made of a reduced system; this one has {system.N} coordinates, more than {_LARGEST}: "
+            f"a state space needs a reduced system; this one has {system.N} coordinates, more than {_LARGEST}: "
             "reduce its bodies first"
         )
     if system.loss is not None:
@@ -212,24 +157,25 @@ def state_space(system: System) -> Any:
     return control.ss(A, B, C, feedthrough, inputs=inputs, outputs=outputs)
 
 
-def _refuse_rates(system: System, N: NDArray[np.float64], top: float) -> None:
-    """Refuse what makes the rate of a massless shape appear: it is the derivative of a load, which is no state."""
+def _refuse_rates(system: System, N: Array, top: float) -> None:
+    """Refuse damping and outputs that need the rate of a massless shape: the derivative of a load is no state."""
     if system.D is not None and (np.einsum("ij,ij->j", N, system.D @ N) * top > _NO_DAMPING).any():
         raise MatrixError(
-            "a shape without mass is damped, so that it lags behind its load in a way that no pair of states has; give "
-            "its body a modal damping ratio, which leaves such shapes alone"
+            "a shape without mass is damped, so that it lags behind its load as no pair of states does; give "
+            "its body a modal damping ratio, which does not act on such shapes"
         )
     rates, loads = _product(system.C2, N), _product(N.T, system.B)
     derived = abs(rates @ loads) > _ROUND_OFF * (abs(rates) @ abs(loads))
     if derived.any():
         output, into = np.argwhere(derived)[0]
         raise MatrixError(
-            f"the rate output '{system.outputs[output]}' moves with a shape without mass that '{system.inputs[into]}' "
-            "acts on, so that it is the derivative of that input, which no state space gives; measure the displacement"
+            f"the rate output '{system.outputs[output]}' moves with a shape without mass on which "
+            f"'{system.inputs[into]}' acts, so that it contains the derivative of that input, which is not possible in "
+            "a state space; measure the displacement"
         )
 
 
-def _product(A: NDArray[np.float64], B: NDArray[np.float64]) -> NDArray[np.float64]:
+def _product(A: Array, B: Array) -> Array:
     """A B without its round-off."""
     AB = A @ B
     size = np.outer(np.linalg.norm(A, axis=1), np.linalg.norm(B, axis=0))

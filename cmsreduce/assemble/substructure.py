@@ -1,4 +1,4 @@
-"""Bodies in the coordinates they are assembled in: physical dofs, orthonormal modes, or six rigid motions."""
+"""Bodies in their coordinates of assembly: physical dofs, orthonormal modes, or six rigid motions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DampingError, SceneError
-from cmsreduce.linalg.basis_store import observed
+from cmsreduce.linalg.blocks import observed
 from cmsreduce.model import (
     SCALAR,
     FEModel,
@@ -30,11 +30,13 @@ __all__ = [
     "rigid_substructure",
 ]
 
-# Taking rigid motion out of a damping matrix fills it: up to this size it is small enough to be held dense.
+Array = NDArray[np.float64]
+
+# Removing rigid motion from a damping matrix fills it: up to this size it may be dense.
 _DENSE_LIMIT = 600
 
 
-def physical_substructure(body: FEModel, points: Iterable[str], rigid: NDArray[np.float64]) -> Substructure:
+def physical_substructure(body: FEModel, points: Iterable[str], rigid: Array) -> Substructure:
     """Build the unreduced body in its own dofs, sparse.
 
     Parameters
@@ -42,13 +44,13 @@ def physical_substructure(body: FEModel, points: Iterable[str], rigid: NDArray[n
     body : FEModel
         n dofs.
     points : iterable of str
-        Interface names and node ids (in digits) whose motion is wanted.
+        Names of interfaces and node ids (in digits) whose motion is needed.
     rigid : (n, r) float64
         Rigid-body modes.
 
     Notes
     -----
-    A damping law stated mode by mode has no sparse form: D is then absent, and the caller takes all modes.
+    A damping law stated mode by mode has no sparse form: D is then absent, and the caller must use all modes.
     """
     D: Matrix | None = body.D
     loss: Matrix | None = None
@@ -81,7 +83,7 @@ def modal_substructure(component: ModalComponent, points: Iterable[str]) -> Subs
     component : ModalComponent
         m modes: rigid, elastic, static.
     points : iterable of str
-        Interface names and node ids whose motion is wanted.
+        Names of interfaces and node ids whose motion is needed.
     """
     m, r = component.omega.size, component.rigid_count
     D: Matrix | None = component.D
@@ -118,7 +120,7 @@ def reduced_substructure(component: ReducedComponent, points: Iterable[str]) -> 
 
 
 def interface_substructure(body: FEModel, rows: NDArray[np.int64], points: Iterable[str]) -> Substructure:
-    """Build the i-set of a body by itself, without stiffness and mass: its coordinates are the dofs in ``rows``."""
+    """Build the i-set of a body alone, without stiffness and mass: its coordinates are the dofs in ``rows``."""
     i = rows.size
     picked = sp.csr_array(sp.csc_array(sp.eye_array(body.n, format="csc"))[:, rows])
     none = np.zeros((i, i))
@@ -153,11 +155,11 @@ def rigid_substructure(body: RigidBody) -> Substructure:
     )
 
 
-def _without_rigid_drag(body: FEModel, alpha: float, beta: float, rigid: NDArray[np.float64]) -> Matrix:
-    # alpha M would brake rigid motion, which no material damping does.
+def _without_rigid_drag(body: FEModel, alpha: float, beta: float, rigid: Array) -> Matrix:
+    # alpha M would brake rigid motion; material damping does not.
     if body.n > _DENSE_LIMIT:
         raise DampingError(
-            f"body '{body.name}': Rayleigh damping with alpha > 0 brakes rigid motion, and taking that out of a free "
+            f"body '{body.name}': Rayleigh damping with alpha > 0 brakes rigid motion, and removing this from a free "
             f"body of {body.n} dofs in its own dofs is not supported above {_DENSE_LIMIT}; use its modes, or alpha = 0"
         )
     momentum = body.M @ rigid
@@ -166,16 +168,11 @@ def _without_rigid_drag(body: FEModel, alpha: float, beta: float, rigid: NDArray
 
 def _motions(
     body: FEModel, shapes: Matrix | sp.csr_array, points: Iterable[str]
-) -> tuple[
-    Mapping[str, Matrix],
-    Mapping[str, NDArray[np.bool_]],
-    Mapping[str, NDArray[np.float64]],
-    Mapping[str, NDArray[np.float64]],
-]:
-    turns: dict[str, NDArray[np.float64]] = {}
+) -> tuple[Mapping[str, Matrix], Mapping[str, NDArray[np.bool_]], Mapping[str, Array], Mapping[str, Array]]:
+    turns: dict[str, Array] = {}
     has: dict[str, NDArray[np.bool_]] = {}
-    axes: dict[str, NDArray[np.float64]] = {}
-    position: dict[str, NDArray[np.float64]] = {}
+    axes: dict[str, Array] = {}
+    position: dict[str, Array] = {}
     known, every = body.recovery, [np.empty(0, dtype=np.int64)]
     for node in _nodes_of(body, points):
         label = str(node)
@@ -183,7 +180,7 @@ def _motions(
         here = rows >= 0
         scalar = known.dofs.rows(node, SCALAR)[0]
         if scalar >= 0:
-            # A scalar point moves along one direction of no particular frame: it is its own x.
+            # A scalar point has one motion without a frame, here x.
             rows[0], here[0] = scalar, True
         if not here.any():
             raise SceneError(f"body '{body.name}': node {node} has no dofs in the matrices")
@@ -192,7 +189,7 @@ def _motions(
         turn[:3, :3] = turn[3:, 3:] = frame.T
         every.append(rows[here])
         turns[label], has[label], axes[label], position[label] = turn[:, here], here, frame, xyz
-    # Of all points at once: each product by itself would look through the shapes again.
+    # All points at once: a product for each would read all shapes again.
     T = known.T[np.concatenate(every)]
     ends, motion = np.cumsum([rows.size for rows in every]), dict[str, Matrix]()
     if isinstance(shapes, sp.sparray):
@@ -221,7 +218,7 @@ def _nodes_of(body: FEModel, points: Iterable[str]) -> list[int]:
     return list(nodes)
 
 
-def _geometry(body: FEModel, node: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _geometry(body: FEModel, node: int) -> tuple[Array, Array]:
     at = -1 if body.nodes is None else int(body.nodes.index(node)[0])
     if body.nodes is None or at < 0:
         return np.eye(3), np.zeros(3)

@@ -1,7 +1,4 @@
-"""Actuators and sensors as rows on the motions of points.
-
-Join bodies in one configuration: the null space of the joints is the system's coordinates.
-"""
+"""Assembly of the bodies in one configuration: the system's coordinates span the null space of the joints."""
 
 from __future__ import annotations
 
@@ -19,46 +16,49 @@ from cmsreduce.assemble.joints import check_loops, constrain, relative_motion
 from cmsreduce.assemble.placement import place_bodies
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import MatrixError, SceneError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import null_space
 from cmsreduce.model import Channel, Configuration, Matrix, Placement, PointTerm, Scene, StrutTerm, Substructure, System
 
-__all__ = [
-    "Wiring",
-    "assemble",
-    "channel_rows",
-    "wire",
-]
+__all__ = ["Wiring", "assemble", "channel_rows", "wire"]
 
-# A direction a point cannot move along may carry this share of a channel's weight before it is refused.
+Array = NDArray[np.float64]
+
+# A channel is refused if more than this share of its weight is in a direction in which the point cannot move.
 _STRAY = 1e-6
+# Nodes without rotations that are joined over a gap resist rigid motion by the gap over their distance from the centre
+# of mass. This distance is at least the size of the system divided by this number.
+_OVER_GAP = 100.0
+# A free motion with less than this share of the largest modal mass carries none: inertia and mass differ by units.
+_NO_MASS = 1e-20
 
 
 def channel_rows(
     stack: PointStack, scene: Scene, placed: Mapping[str, Placement], channels: Sequence[Channel]
-) -> NDArray[np.float64]:
-    """Motion that each channel measures, or on whose transpose it acts.
+) -> Array:
+    """Rows of actuators or sensors over the stacked motions.
 
     Parameters
     ----------
     stack : PointStack
         Points of all bodies.
     scene : Scene
-        Joints the channels refer to.
+        Joints to which the channels refer.
     placed : mapping of body to Placement
-        Where the bodies stand.
+        Positions of the bodies.
     channels : sequence of Channel
         Actuators or sensors.
 
     Returns
     -------
     rows : (channels, size) float64
-        Over the stacked motions. Sources: theory section 1 (P, H1, H2; struts as one column).
+        Motions that sensors measure; for actuators the transposed input matrix. Sources: theory section 1 (P, H1, H2;
+        struts as one column).
 
     Raises
     ------
     SceneError
-        If a point cannot move in a direction that a channel needs, or a strut has no length.
+        If a point cannot move in the direction of a channel, or a strut has no length.
     """
     rows = np.zeros((len(channels), stack.size))
     joints = {joint.name: joint for joint in scene.joints}
@@ -73,7 +73,7 @@ def channel_rows(
     return rows
 
 
-def _add(stack: PointStack, row: NDArray[np.float64], channel: Channel, term: PointTerm) -> None:
+def _add(stack: PointStack, row: Array, channel: Channel, term: PointTerm) -> None:
     label = stack.label(term.at)
     sub = stack.substructures[term.at.body]
     axes, has = sub.axes[label], sub.has[label]
@@ -88,11 +88,7 @@ def _add(stack: PointStack, row: NDArray[np.float64], channel: Channel, term: Po
 
 
 def _add_strut(
-    stack: PointStack,
-    row: NDArray[np.float64],
-    placed: Mapping[str, Placement],
-    channel: Channel,
-    term: StrutTerm,
+    stack: PointStack, row: Array, placed: Mapping[str, Placement], channel: Channel, term: StrutTerm
 ) -> None:
     places = []
     for point in (term.a, term.b):
@@ -108,17 +104,9 @@ def _add_strut(
         _add(stack, row, channel, PointTerm(point, direction))
 
 
-# Nodes without rotations that are joined over a gap hold rigid motion by that gap over their distance from the centre
-# of mass, which is this share of the system's size or more.
-_OVER_GAP = 100.0
-
-# A free motion with less than this share of the largest modal mass carries none: inertia and mass differ by units.
-_NO_MASS = 1e-20
-
-
 @dataclass(frozen=True, eq=False)
 class Wiring:
-    """How points are joined, driven and measured in one configuration; the same for full and reduced bodies.
+    """Constraints, inputs and outputs over the points in one configuration; the same for full and reduced bodies.
 
     Parameters
     ----------
@@ -126,21 +114,21 @@ class Wiring:
         Constraints over the stacked motions of a `PointStack`: joints, ground, and the ties of the joints' springs,
         dampers and inertias to the bodies.
     B : (inputs, size) float64
-        Motions the actuators act on; transposed, the input matrix.
+        Motions on which the actuators act; transposed, the input matrix.
     C1, C2 : (outputs, size) float64
-        Displacements and rates the sensors measure.
+        Displacements and rates that the sensors measure.
     placed : mapping of body to Placement
-        Where the bodies stand.
+        Positions of the bodies.
     gap : float
-        Largest distance between nodes that are joined, relative to the size of the system.
+        Largest distance between joined nodes, relative to the size of the system.
     notes : tuple of str
-        What was done that the user may not expect.
+        Steps that the user may not expect.
     """
 
-    A: NDArray[np.float64]
-    B: NDArray[np.float64]
-    C1: NDArray[np.float64]
-    C2: NDArray[np.float64]
+    A: Array
+    B: Array
+    C1: Array
+    C2: Array
     placed: Mapping[str, Placement]
     gap: float
     notes: tuple[str, ...] = ()
@@ -152,16 +140,16 @@ def wire(stack: PointStack, scene: Scene, configuration: Configuration) -> Wirin
     Parameters
     ----------
     stack : PointStack
-        Points of all bodies, those that joints own among them (`with_joint_bodies`).
+        Points of all bodies, including those of the joints (`with_joint_bodies`).
     scene : Scene
         Joints, ground, actuators, sensors.
     configuration : Configuration
-        Setting of the joints.
+        Angles of the joints.
 
     Raises
     ------
     SceneError, ConstraintError
-        As `place_bodies`, `constrain`, `settle_redundant`, `element_rows` and `channel_rows` do.
+        As in `place_bodies`, `constrain`, `settle_redundant`, `element_rows` and `channel_rows`.
     """
     placed = place_bodies(stack.substructures, scene, configuration)
     turned = any(configuration.angles.values())
@@ -169,7 +157,7 @@ def wire(stack: PointStack, scene: Scene, configuration: Configuration) -> Wirin
         constrain(stack, scene, place_bodies(stack.substructures, scene, Configuration("as built")), as_built=True)
     constraints, notes = settle_redundant(stack, constrain(stack, scene, placed, as_built=not turned), scene.redundant)
     free = {joint.name: joint.free for joint in scene.joints}
-    # Who sets a locked joint holds what stands turned, and the joints of its loop with it.
+    # A configuration that turns a locked joint describes a held position, in which loops need not fit.
     if turned and all(dof in free[name] for name, dof in configuration.angles):
         check_loops(stack.substructures, scene, placed)
     ties, _ = element_rows(stack, scene, placed)
@@ -201,10 +189,9 @@ def assemble(
     scene : Scene
         Joints, ground, actuators, sensors.
     configuration : Configuration
-        Setting of the joints.
+        Angles of the joints.
     wired : (PointStack, Wiring), optional
-        Points of these bodies with those that joints own, and what `wire` made of them in this configuration, where
-        that is known.
+        Points of these bodies and of those of the joints, and the result of `wire` for this configuration, if known.
 
     Returns
     -------
@@ -214,15 +201,15 @@ def assemble(
     Raises
     ------
     SceneError, ConstraintError
-        As `wire` does.
+        As in `wire`.
     MatrixError
         If a free motion of the joints carries no mass.
 
     Notes
     -----
-    A T = 0 with T from a block reflector on the columns of A that joints touch; all others are kept as they are.
-    Source: theory section 6, with null(A_R) itself. Springs, dampers and inertias of joints are bodies of the joints'
-    own, after the others.
+    A T = 0 with T from a block reflector on the columns of A that joints touch; all other coordinates are kept.
+    Source: theory section 6, with null(A_R) itself. Springs, dampers and inertias of joints are bodies of the joints,
+    after the others.
     """
     if wired is None:
         stack = PointStack(with_joint_bodies(substructures, scene))
@@ -273,8 +260,8 @@ def _or_zero(block: Matrix | None, m: int) -> Matrix:
     return sp.csc_array((m, m)) if block is None else block
 
 
-def _rigid_motions(A: sp.csr_array, substructures: Mapping[str, Substructure], gap: float) -> NDArray[np.float64]:
-    """Rigid motions of the bodies that the joints allow: no body is strained by them (sum m_i, R)."""
+def _rigid_motions(A: sp.csr_array, substructures: Mapping[str, Substructure], gap: float) -> Array:
+    """Rigid motions that the joints allow, in which no body is strained (sum m_i, R)."""
     rigid = la.block_diag(*[sub.rigid for sub in substructures.values()])
     N, _ = null_space(dense(A @ rigid), _OVER_GAP * gap)
     return np.asarray(rigid @ N)

@@ -1,8 +1,8 @@
-"""A-priori bounds of what a body loses with the modes left out, before anything is assembled.
+"""A-priori bounds of the error of a body when modes are left out, before anything is assembled.
 
-A body's elastic response G = sum G_i is a sum over its modes, so that by the triangle inequality what is left out is no
-larger, at any frequency, than the sum of the H-infinity norms of its terms. The norm of one term has a closed form. An
-assembled system inherits no such bound: joints feed what a body loses back into it.
+A body's elastic response G = sum G_i is a sum over its modes, so that by the triangle inequality the part left out is
+no larger, at any frequency, than the sum of the H-infinity norms of its terms. The norm of one term has a closed form.
+The bound does not hold for an assembled system: joints feed the error of a body back into it.
 """
 
 from __future__ import annotations
@@ -19,19 +19,18 @@ __all__ = ["elastic_norm", "keep_bound", "mode_bounds"]
 
 Real = NDArray[np.float64]
 
-# Frequencies looked at around each resonance, in half-power half-widths: between them a peak of one mode is missed by
-# less than one per cent, and those of several modes by little more.
+# Frequencies evaluated around each resonance, in half-power half-widths: between them a peak of one mode is missed by
+# less than one per cent, and peaks of several modes by little more.
 _OFFSETS = np.array([-8.0, -4.0, -2.0, -1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0])
-# Highest peaks that are closed in on by golden sections, each to 1e-8 of the distance of its neighbours: a peak is flat
-# at its top, so that the norm is good to far less than that.
+# Number of highest peaks that are refined by golden sections, each to 1e-8 of the distance of its neighbours: a peak is
+# flat at its top, so that the error of the norm is far smaller.
 _PEAKS = 12
 _STEPS = 40
-# The golden section.
 _GOLDEN = (np.sqrt(5.0) - 1) / 2
 
 
 def mode_bounds(channels: ModalChannels) -> tuple[list[NDArray[np.int64]], list[float]]:
-    """Give the H-infinity norms of the terms of a body's response, or for a repeated mode a bound of its norm.
+    """Compute the H-infinity norms of the terms of a body's response; for a repeated mode, a bound of its norm.
 
     Parameters
     ----------
@@ -57,8 +56,8 @@ def mode_bounds(channels: ModalChannels) -> tuple[list[NDArray[np.int64]], list[
     q x^2 + 2 p x = q w_i^4 + 2 p w_i^2 (1 - 2 zeta^2), or at zero: |b||c1| / (2 zeta sqrt(1 - zeta^2) w_i^2) for
     displacements, |b||c2| / (2 zeta w_i) for rates.
 
-    The terms of a repeated mode add up to one with p = ||C1 B||_2^2 and q = ||C2 B||_2^2, so far as their frequencies
-    and damping agree; what they differ by is bounded mode by mode and added.
+    The terms of a repeated mode add up to one with p = ||C1 B||_2^2 and q = ||C2 B||_2^2, if their frequencies and
+    damping agree; the effect of their differences is bounded mode by mode and added.
     """
     _check_damped(channels)
     number = repeated_groups(channels.omega)
@@ -72,10 +71,10 @@ def mode_bounds(channels: ModalChannels) -> tuple[list[NDArray[np.int64]], list[
 
 
 def elastic_norm(channels: ModalChannels) -> float:
-    """H-infinity norm of a body's elastic response, from below.
+    """Lower bound of the H-infinity norm of a body's elastic response.
 
-    The largest singular value is taken around every resonance and at zero, and followed to the top of the highest
-    peaks. It is a value that the response has, so never above the norm, and of a single peak good to rounding.
+    The largest singular value is evaluated around every resonance and at zero, and refined at the highest peaks. It is
+    a value of the response, so never above the norm, and exact to rounding for a single peak.
 
     Raises
     ------
@@ -109,8 +108,8 @@ def keep_bound(channels: ModalChannels, limit: float) -> NDArray[np.int64]:
     channels : ModalChannels
         e elastic modes.
     limit : float
-        Largest sum of the norms of the modes left out, relative to `elastic_norm`: since that is taken from below, the
-        true relative error is no larger.
+        Largest sum of the norms of the modes left out, relative to `elastic_norm`, which is a lower bound: the true
+        relative error is no larger.
 
     Returns
     -------
@@ -152,7 +151,7 @@ def _squares(channels: ModalChannels) -> tuple[Real, Real, Real]:
 
 def _peak(omega: Real, zeta: Real, p: Real, q: Real) -> Real:
     """Largest sqrt(p + q x) / |w^2 - x + 2 i zeta w sqrt(x)| over x >= 0, mode by mode."""
-    # In units of the mode's own frequency, so that no power of it is out of range.
+    # In units of the mode's own frequency, so that none of its powers is out of range.
     s = q * omega**2
     slope = s + 2 * p * (1 - 2 * zeta**2)
     root = np.sqrt(np.maximum(p**2 + s * slope, 0.0))

@@ -1,4 +1,4 @@
-"""Which modes act together between the inputs and outputs of a scene: groups by correlation of the Gramians."""
+"""Clusters: modes that act together between the inputs and outputs of a scene, by correlation in the Gramians."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from cmsreduce.linalg.eigen import repeated_groups
-from cmsreduce.linalg.gramians import Band, controllability, observability
+from cmsreduce.linalg.gramian import Band, controllability, observability
 from cmsreduce.model import ModalChannels
 
 __all__ = ["CORRELATED", "cluster_groups", "correlated_groups", "correlation"]
@@ -15,8 +15,8 @@ __all__ = ["CORRELATED", "cluster_groups", "correlated_groups", "correlation"]
 CORRELATED = 0.1
 """Correlation above which modes form a cluster: below, neighbours shift each other's Hankel values by a tenth."""
 
-# Modes of less than this share of the loudest one's amplitude are not moved at all, or not seen: their rows are
-# rounding, alike by chance.
+# Modes with less than this share of the largest amplitude are not excited or not measured: their rows are rounding,
+# correlated by chance.
 _SILENT = 1e-9
 # Modes more alike than this stay together.
 _ONE_SHAPE = 0.99
@@ -33,7 +33,7 @@ def correlation(G: Array, group: Groups) -> Array:
     G : (2e, 2e) float64
         Gramian, displacements first.
     group : (e,) int64
-        Group of each mode, counted from 0: repeated modes, whose shapes are not their own, are one.
+        Group of each mode, counted from 0: repeated modes, whose shapes are arbitrary, are one group.
 
     Returns
     -------
@@ -57,8 +57,8 @@ def correlated_groups(
 ) -> Groups:
     """Number the clusters: modes correlated in either Gramian, or through others that are.
 
-    Frequencies apart by many half-power widths are uncorrelated whatever they do; close ones only if their input rows
-    or their output columns are alike, so that local modes of distant parts stay by themselves however close.
+    Modes whose frequencies are many half-power widths apart are uncorrelated. Close ones are correlated only if their
+    input rows or their output columns are alike, so that local modes of distant parts form no cluster.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def correlated_groups(
     limit : float
         Correlation above which two are neighbours.
     largest : int, optional
-        Clusters of more groups than this are parted where they are least correlated, unless they are nearly one shape.
+        Clusters of more groups than this are divided where they are least correlated, unless they are nearly one shape.
 
     Returns
     -------

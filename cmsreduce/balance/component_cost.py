@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.balance.ranking import GramianRanking
 from cmsreduce.linalg.eigen import repeated_groups
-from cmsreduce.linalg.gramians import Band, controllability
+from cmsreduce.linalg.gramian import Band, controllability
 from cmsreduce.model import ModalChannels
 
 __all__ = ["ComponentCost", "component_costs"]
@@ -28,8 +28,8 @@ def component_costs(channels: ModalChannels, band: Band | None = None) -> NDArra
     Returns
     -------
     (e,) float64
-        V_i = [X C^T C]_ii summed over both states of each mode, A X + X A^T + B B^T = 0. They sum to the whole mean
-        square V = tr(C X C^T). A mode whose outputs oppose those of a close one has a negative share.
+        V_i = [X C^T C]_ii summed over both states of each mode, A X + X A^T + B B^T = 0. They sum to the total mean
+        square V = tr(C X C^T). The share is negative where the outputs of a mode oppose those of a close one.
 
     Raises
     ------
@@ -47,14 +47,14 @@ def component_costs(channels: ModalChannels, band: Band | None = None) -> NDArra
 
 
 class ComponentCost(GramianRanking):
-    """Size of each mode's share V_i in the mean square response to white noise.
+    """Magnitude of each mode's share V_i in the mean square response to white noise.
 
     Notes
     -----
     A share is negative where a close mode more than cancels the mode's own; the order is by |V_i|, its weight in the
-    sum either way. A small |V_i| in a cluster may hide two large modes that cancel: `Hankel` sees them.
-    Modes of one repeated frequency share the sum of their V_i, which does not depend on their shapes. V_i is quadratic
-    in the response, so that a fraction 1e-4 of the largest is a hundredth of its amplitude.
+    sum either way. A small |V_i| in a cluster may hide two large modes that cancel; `Hankel` finds them. Modes of one
+    repeated frequency share the sum of their V_i, which does not depend on their shapes. V_i is quadratic in the
+    response, so that a fraction 1e-4 of the largest is a hundredth of its amplitude.
     """
 
     name: ClassVar[str] = "component-cost"

@@ -1,4 +1,4 @@
-"""Exact Hankel singular values, and the ranking of real modes that follows from them."""
+"""Exact Hankel singular values, and the ranking of real modes by them."""
 
 from __future__ import annotations
 
@@ -12,15 +12,23 @@ from numpy.typing import NDArray
 from cmsreduce.balance.clusters import CORRELATED, correlated_groups
 from cmsreduce.balance.ranking import GramianRanking
 from cmsreduce.linalg.eigen import repeated_groups
-from cmsreduce.linalg.gramians import Band, controllability, observability
-from cmsreduce.linalg.square_root import Balancing, balancing, hankel_norm, hankel_singular_values, semidefinite_root
+from cmsreduce.linalg.gramian import (
+    Balancing,
+    Band,
+    balancing,
+    controllability,
+    hankel_norm,
+    hankel_singular_values,
+    observability,
+    semidefinite_root,
+)
 from cmsreduce.model import ModalChannels
 
 __all__ = ["Hankel", "balanced", "hankel_values"]
 
 Array = NDArray[np.float64]
 
-# Modes of the largest cluster, a repeated one counted once, and cuts tried in it: its time grows with the fourth power.
+# Modes of the largest cluster, a repeated one counted once, and cuts tried in it: time grows with the fourth power.
 _LARGEST = 100
 _CUTS = 64
 
@@ -50,7 +58,7 @@ def hankel_values(channels: ModalChannels, band: Band | None = None) -> Array:
 
 
 def balanced(channels: ModalChannels, band: Band | None = None) -> Balancing:
-    """Balanced states of a body's elastic modes, in the states of `cmsreduce.linalg.gramians`.
+    """Balanced states of a body's elastic modes, in the states of `cmsreduce.linalg.gramian.gramians`.
 
     Raises
     ------
@@ -63,7 +71,7 @@ def balanced(channels: ModalChannels, band: Band | None = None) -> Balancing:
 
 @dataclass(frozen=True)
 class Hankel(GramianRanking):
-    """Hankel norm, exact, of what is lost if a mode and all less important ones of its cluster are left out.
+    """Exact Hankel norm of the error if a mode and all less important ones of its cluster are left out.
 
     Parameters
     ----------
@@ -72,18 +80,18 @@ class Hankel(GramianRanking):
 
     Notes
     -----
-    Hankel values belong to balanced states, which mix all modes and displacements with rates; a multibody code keeps
-    real modes. What leaving some modes out costs is known exactly all the same: the error of modal truncation is the
-    part of the model that those modes are, and its Hankel norm comes from their blocks of both Gramians.
+    Hankel values belong to balanced states, which mix all modes, and displacements with rates; a multibody code keeps
+    real modes. The error of leaving out some modes is nevertheless known exactly: it is the part of the model that
+    these modes are, and its Hankel norm follows from their blocks of both Gramians.
 
-    In a cluster the modes are ordered by their own values, and cut in every place. A mode's coefficient is the least
-    norm of a tail that holds it: wherever a threshold cuts the ranking, what each cluster loses has a Hankel norm of at
-    most the threshold. So two modes that nearly cancel, of which neither can be spared alone, share the small value
-    they have together and go together, and two that add up have their joint value above the smaller one's own.
-    For a mode by itself the coefficient is its Hankel value, Gregory's when damping is light. Modes of one
+    In a cluster the modes are ordered by their own values, and a cut is tried before each of them. A mode's coefficient
+    is the least norm of a tail that holds it: wherever a threshold cuts the ranking, the part that a cluster loses has
+    a Hankel norm of at most the threshold. Two modes that nearly cancel, of which neither may be left out alone, thus
+    share the small value of both and are left out together; two that add up have a joint value above that of the
+    smaller one. For a mode by itself the coefficient is its Hankel value, Gregory's when damping is light. Modes of one
     repeated frequency are one entry, so that their shapes do not matter.
 
-    A cluster of more than a hundred modes is parted where it is least correlated, and 64 cuts of a cluster are tried.
+    A cluster of more than a hundred modes is divided where it is least correlated, and 64 cuts of a cluster are tried.
     """
 
     name: ClassVar[str] = "hankel"
@@ -113,7 +121,7 @@ class Hankel(GramianRanking):
 
 
 def _tails(own: Array, modes: list[NDArray[np.int64]], Lc: Array, Lo: Array) -> Iterator[tuple[int, int, float]]:
-    """First and last entry, and the least Hankel norm of the cluster from there or from before on to its end."""
+    """First and last entry of parts of a cluster, each with the least Hankel norm of a tail that holds the part."""
     first = np.cumsum([0, *(entry.size for entry in modes)])
     starts = np.unique(np.linspace(0, len(modes) - 1, min(_CUTS, len(modes))).round().astype(int))
     least = np.inf

@@ -1,7 +1,4 @@
-"""Gains of single modes: INCA's modal gain, and the part of Gregory's coefficient that needs no damping.
-
-Gregory's modal influence coefficient.
-"""
+"""Rankings by the gain of each mode alone: Gregory's coefficient and INCA's modal gain."""
 
 from __future__ import annotations
 
@@ -12,14 +9,10 @@ from numpy.typing import NDArray
 
 from cmsreduce.balance.ranking import Ranking
 from cmsreduce.linalg.eigen import repeated_groups
-from cmsreduce.linalg.gramians import check_damped
+from cmsreduce.linalg.gramian import check_damped
 from cmsreduce.model import ModalChannels
 
-__all__ = [
-    "Gregory",
-    "ModalGain",
-    "modal_gains",
-]
+__all__ = ["Gregory", "ModalGain", "modal_gains"]
 
 
 def modal_gains(channels: ModalChannels) -> NDArray[np.float64]:
@@ -29,8 +22,8 @@ def modal_gains(channels: ModalChannels) -> NDArray[np.float64]:
     -------
     (e,) float64
         sqrt(b_i b_i^T (c1_i^T c1_i + w_i^2 c2_i^T c2_i)), a rate output counted at the mode's own frequency. Modes of
-        one repeated frequency share ||C B||_2 of their rows B and their columns C = [C1; w C2], the same for whatever
-        shapes were taken of their subspace.
+        one repeated frequency share ||C B||_2 of their rows B and their columns C = [C1; w C2], which is the same for
+        all shapes of their subspace.
     """
     omega, B, C1, C2 = channels.omega, channels.B, channels.C1, channels.C2
     b = np.einsum("ij,ij->i", B, B)
@@ -45,7 +38,7 @@ def modal_gains(channels: ModalChannels) -> NDArray[np.float64]:
 
 
 class ModalGain(Ranking):
-    """INCA's modal gain |c_i b_i|: the mode's acceleration at once after an impulse; damping plays no part.
+    """INCA's modal gain |c_i b_i|: acceleration of the mode right after an impulse; damping has no influence.
 
     Notes
     -----
@@ -61,16 +54,16 @@ class ModalGain(Ranking):
 
 
 class Gregory(Ranking):
-    """Hankel singular value of each mode as if it were alone.
+    """Hankel singular value of each mode alone.
 
     Notes
     -----
-    sigma_i = sqrt(b_i b_i^T (c1_i^T c1_i + w_i^2 c2_i^T c2_i)) / (4 zeta_i w_i^2). It holds for light damping and
-    separate frequencies; `mode_spacing` says where it does not. Source: Gregory (1984); Spanos-Tsuha eq. 44.
+    sigma_i = sqrt(b_i b_i^T (c1_i^T c1_i + w_i^2 c2_i^T c2_i)) / (4 zeta_i w_i^2). Valid for light damping and separate
+    frequencies; `mode_spacing` shows where frequencies are too close. Source: Gregory (1984); Spanos-Tsuha eq. 44.
 
     Modes of one repeated frequency share one coefficient, ||C B||_2 / (4 zeta w^2) with their rows B and their columns
-    C = [C1; w C2]: the largest Hankel singular value of the group, the same for whatever shapes were taken of its
-    subspace, and Gregory's for a single mode.
+    C = [C1; w C2]: the largest Hankel singular value of the group, which is the same for all shapes of its subspace,
+    and Gregory's for a single mode.
 
     INCA's peak amplitude |c_i b_i| / (2 zeta w^2), the response of a mode alone at its resonance, is twice this
     coefficient and gives the same order.

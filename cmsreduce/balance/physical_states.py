@@ -1,4 +1,4 @@
-"""A balanced model whose states are physical: chosen coordinates, each with its displacement and its rate."""
+"""Balanced model with physical states: displacements and rates of chosen coordinates."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ import scipy.linalg as la
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import DampingError, MatrixError
-from cmsreduce.linalg.square_root import balancing, semidefinite_root
+from cmsreduce.linalg.gramian import balancing, semidefinite_root
 
 __all__ = ["PhysicalStates", "choose_coordinates", "physical_states"]
 
 Array = NDArray[np.float64]
 
-# Rows of the chosen states are dependent, and no model has them as its states, beyond this condition number: its
-# inverse leaves no digit of double precision.
+# Rows of the chosen states are dependent beyond this condition number, and cannot be states of a model: the inverse has
+# no correct digit in double precision.
 _DEPENDENT = 1e14
 
 
 @dataclass(frozen=True, eq=False)
 class PhysicalStates:
-    """A balanced model in states of one's choice: x' = A x + B u, y = C x.
+    """A balanced model in chosen states: x' = A x + B u, y = C x.
 
-    It answers as the balanced model with as many states does. State space only: A has no blocks of M and K in it.
+    Its response is that of the balanced model with as many states. State space only: A has no blocks of M and K.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class PhysicalStates:
     P : (N, N) float64
         Chosen states from balanced ones.
     sigma : (k,) float64
-        Hankel singular values of the whole model, largest first.
+        Hankel singular values of the full model, largest first.
     """
 
     A: Array
@@ -44,31 +44,31 @@ class PhysicalStates:
 
     @property
     def condition(self) -> float:
-        """Condition number of P: so many times the rounding of P is the rounding of A, B and C."""
+        """Condition number of P: the factor from the rounding of P to the rounding of A, B and C."""
         return float(np.linalg.cond(self.P))
 
     @property
     def bound(self) -> float:
-        """H-infinity error of the model at most: twice the sum of the Hankel singular values left out."""
+        """Upper bound of the H-infinity error: twice the sum of the Hankel singular values left out."""
         return float(2 * self.sigma[self.A.shape[0] :].sum())
 
 
 def physical_states(A: Array, B: Array, C: Array, rows: ArrayLike) -> PhysicalStates:
-    """Balance a model, truncate it, and state it in chosen physical states.
+    """Balance a model, truncate it, and transform it to chosen physical states.
 
     Parameters
     ----------
     A, B, C : (n, n), (n, inputs), (outputs, n) float64
-        Stable.
+        A stable model.
     rows : (N, n) array_like
-        Each state that stays, as a combination of the n; unit rows keep some of them.
+        Each state to keep, as a combination of the n states; unit rows keep some of these.
 
     Raises
     ------
     DampingError
         If the model is not stable: a rigid motion, or a mode without damping.
     MatrixError
-        If the model has fewer states than rows, or the rows are dependent in the balanced states that stay.
+        If the model has fewer states than rows, or the rows are dependent in the balanced states that are kept.
 
     Notes
     -----
@@ -81,7 +81,7 @@ def physical_states(A: Array, B: Array, C: Array, rows: ArrayLike) -> PhysicalSt
     if sigma.size < N:
         raise MatrixError(
             f"{N} balanced states are asked for, but only {sigma.size} of the model's {A.shape[0]} states are both "
-            "moved by an input and felt by an output; ask for fewer"
+            "controllable and observable; ask for fewer"
         )
     right, left = right[:, :N], left[:, :N]
     P = chosen @ right
@@ -97,7 +97,7 @@ def physical_states(A: Array, B: Array, C: Array, rows: ArrayLike) -> PhysicalSt
 def choose_coordinates(
     A: Array, B: Array, C: Array, displacements: ArrayLike, rates: ArrayLike, states: int
 ) -> NDArray[np.int64]:
-    """Choose coordinates that describe the first balanced states best.
+    """Choose the coordinates that describe the first balanced states best.
 
     Parameters
     ----------
@@ -106,21 +106,21 @@ def choose_coordinates(
     displacements, rates : (p, n) array_like
         Displacement and rate of each candidate from the model's states.
     states : int
-        Balanced states to describe: an even number, two for each coordinate.
+        Number of balanced states to describe: an even number, two for each coordinate.
 
     Returns
     -------
     (states / 2,) int64
         Candidates, the best first: each is the one whose displacement and rate, at unit length, span the largest area
-        beyond those before it, so that units do not matter.
+        orthogonal to those before it, so that units do not matter.
 
     Raises
     ------
     MatrixError
-        If the number is odd, or there are not so many independent candidates.
+        If the number is odd, or there are not enough independent candidates.
     """
     if states % 2:
-        raise MatrixError(f"{states} states are no pairs of a displacement and a rate: take an even number")
+        raise MatrixError(f"{states} states are not pairs of a displacement and a rate: take an even number")
     right = _balanced(A, B, C)[0][:, :states]
     pairs = np.stack([np.asarray(displacements) @ right, np.asarray(rates) @ right], axis=1)
     length = np.linalg.norm(pairs, axis=2, keepdims=True)
@@ -152,7 +152,7 @@ def _balanced(A: Array, B: Array, C: Array) -> tuple[Array, Array, Array]:
     slowest = float(la.eigvals(A).real.max(initial=-np.inf))
     if slowest >= 0:
         raise DampingError(
-            "a model is balanced if it is stable: split its rigid motions off, and give every mode a damping ratio "
+            "only a stable model can be balanced: separate its rigid motions, and give every mode a damping ratio "
             f"(a pole has real part {slowest:.3g})"
         )
     W = la.solve_continuous_lyapunov(A, -B @ B.T)

@@ -12,15 +12,17 @@ from cmsreduce.model import FEModel, ModalChannels, rigid_body_shapes
 
 __all__ = ["Sized", "Turning", "characteristic_length", "scaled", "sized", "turning_rows"]
 
-# A row of direction cosines that cancel leaves this share of its parts.
+Array = NDArray[np.float64]
+
+# Direction cosines that cancel leave this share of their row as rounding.
 _NO_MOTION = 1e-6
-# Directions of unit length that span less than this beyond others are taken for the same.
+# A unit direction with less than this outside the span of others is dependent on them.
 _SAME = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Turning:
-    """Which channels of a body are rotations and moments.
+    """Marks of the channels of a body that are rotations or moments.
 
     Parameters
     ----------
@@ -35,18 +37,19 @@ class Turning:
 
 @dataclass(frozen=True, eq=False)
 class Sized:
-    """Channels that the user gave a size, among the inputs or the outputs of a body.
+    """Channels with a size from the user, among the inputs or the outputs of a body.
 
     Parameters
     ----------
     among : (k, c) float64
         Each of them as a combination of the body's c inputs, or of its c outputs.
     modal : (k, e) float64
-        What each does to the body's elastic modes: its force at its size, or the motion it measures in sizes.
+        Effect of each on the body's elastic modes: the force of an input at its size, or the motion that an output
+        measures in sizes.
     """
 
-    among: NDArray[np.float64]
-    modal: NDArray[np.float64]
+    among: Array
+    modal: Array
 
 
 def characteristic_length(body: FEModel) -> float:
@@ -80,22 +83,22 @@ def characteristic_length(body: FEModel) -> float:
     return float(np.sqrt(spread)) if spread > 0 else 1.0
 
 
-def turning_rows(rows: NDArray[np.float64] | sp.sparray, body: FEModel) -> NDArray[np.bool_]:
-    """Which rows over the dofs of a body measure an angle, or are the load of a moment.
+def turning_rows(rows: Array | sp.sparray, body: FEModel) -> NDArray[np.bool_]:
+    """Mark the rows over the dofs of a body that measure an angle, or are the load of a moment.
 
     Parameters
     ----------
     rows : (k, n) array or sparse array
         Measured motions, or loads, transposed.
     body : FEModel
-        Whose dofs they are over.
+        The body.
 
     Returns
     -------
     (k,) bool
-        True where a row has entries at rotations only, or where rigid translations leave it at rest and rotations do
-        not, as an angle taken from the translations of several nodes. A strut, which no rigid motion moves, is a
-        translation; so is a sum of translations and rotations, whose weights carry the length.
+        True where a row has entries at rotations only, or where it is zero under rigid translations and not under
+        rotations, such as an angle from the translations of several nodes. A strut, which no rigid motion strains,
+        counts as a translation; so does a sum of translations and rotations, whose weights include the length.
     """
     rows = sp.csr_array(rows)  # type: ignore[arg-type]
     size = abs(rows)
@@ -110,25 +113,25 @@ def turning_rows(rows: NDArray[np.float64] | sp.sparray, body: FEModel) -> NDArr
 
 
 def scaled(channels: ModalChannels, turning: Turning, length: float) -> ModalChannels:
-    """Count angles as arcs at an arm, and moments as forces at it.
+    """Convert angles to arcs at an arm, and moments to forces at it.
 
     Parameters
     ----------
     channels : ModalChannels
         A body's modes between its inputs and outputs.
     turning : Turning
-        Which of these are rotations.
+        Rotations among these.
     length : float
         The arm, in the unit of length of the channels.
 
     Returns
     -------
     ModalChannels
-        Columns of moments and rows of angles times the arm: stated in another unit of length, all rows change by one
-        factor, and the order of the modes stays.
+        Columns of moments and rows of angles times the arm: another unit of length changes all rows by one factor, and
+        not the order of the modes.
     """
 
-    def factor(turns: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def factor(turns: NDArray[np.bool_]) -> Array:
         return np.where(turns, length, 1.0)
 
     return replace(
@@ -142,24 +145,24 @@ def scaled(channels: ModalChannels, turning: Turning, length: float) -> ModalCha
 def sized(
     channels: ModalChannels, inputs: Sized, displacements: Sized, rates: Sized, turning: Turning, length: float
 ) -> ModalChannels:
-    """Scale rotations at an arm, and let the channels that have a size count by that alone.
+    """Scale rotations at an arm, and channels with a size by their size alone.
 
     Parameters
     ----------
     channels : ModalChannels
         A body's modes between its inputs and outputs.
     inputs, displacements, rates : Sized
-        Channels of the scene that have a size.
+        Channels of the scene with a size.
     turning : Turning
-        Which of the body's inputs and outputs are rotations.
+        Rotations among the body's inputs and outputs.
     length : float
         The arm, in the unit of length of the channels; 1 for none.
 
     Returns
     -------
     ModalChannels
-        The direction in which a sized channel acts, or looks, is taken out of what the body's inputs or outputs stand
-        for, and the channel at its size put beside them: whatever else happens there counts as before.
+        The direction of each channel with a size is removed from the body's inputs or outputs, and the channel at its
+        size is added to them: all other directions count as before.
     """
     plain = scaled(channels, turning, length)
     return replace(
@@ -170,10 +173,11 @@ def sized(
     )
 
 
-def _with_sizes(rows: NDArray[np.float64], own: Sized, turns: NDArray[np.bool_], length: float) -> NDArray[np.float64]:
+def _with_sizes(rows: Array, own: Sized, turns: NDArray[np.bool_], length: float) -> Array:
     if not own.among.shape[0]:
         return rows
-    # In scaled rows a rotation is as many times smaller as the row is larger: so no unit of length decides.
+    # In scaled rows rotations are divided by the arm, as the rows are multiplied by it: the unit of length does not
+    # matter.
     along = own.among / np.where(turns, length, 1.0)
     size = np.linalg.norm(along, axis=1)
     U, s, _ = np.linalg.svd((along[size > 0] / size[size > 0, None]).T, full_matrices=False)

@@ -1,11 +1,9 @@
-"""What a search for modes asks of the assembled system.
+"""Search for the fewest modes that meet an error: ranked lists first, then modes to leave out or to exchange.
 
-Search for the fewest modes that meet an error: ranked lists first, then what can be spared or exchanged.
-
-Leaving modes out is no sum of what each of them is worth: two modes may stand in for one another. To try every set is
-out of reach, so the search looks at sets one step away from the best one it has, predicts their errors from the effect
-of every single mode on the response, and tries those that promise to pass. Only sets whose true error was found to meet
-the limit are ever taken. The search has no random part.
+The error of leaving several modes out is not the sum of their own: two modes may replace one another. Trying every set
+takes far too long, so the search considers sets one step away from the best one so far, predicts their errors from the
+effect of every single mode on the response, and tries those that promise to pass. Only sets whose true error meets the
+limit are ever kept. The search has no random part.
 """
 
 from __future__ import annotations
@@ -22,34 +20,47 @@ from cmsreduce.balance.truncation import Columns, Selection, whole_groups
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import ModalComponent
 
-__all__ = [
-    "Effects",
-    "Found",
-    "Judge",
-    "keep_error",
-]
+__all__ = ["Effects", "Found", "Judge", "keep_error"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+Order = list[int]
+# Up to this many groups every prefix of a ranked list is tried; beyond, the first one that passes is bracketed.
+_EXHAUSTIVE = 400
+# A set predicted to exceed the limit by less than this factor is tried: such is the accuracy of single effects on a
+# coarser grid.
+_SLACK = 1.2
+# Exchanges tried at a time, and groups of either side that take part: the best by their own effect.
+_TRIALS = 24
+_PARTNERS = 48
+# The groups predicted to be dispensable together are halved this often before groups are tried one by one.
+_HALVES = 4
+# An exchange of equally many modes is made if it lowers the error by this share, and at most this many times.
+_GAIN = 0.01
+_EXCHANGES = 12
 
 
 @dataclass(frozen=True, eq=False)
 class Effects:
-    """What changes to a set of modes do to the error of the response, each by itself.
+    """Effects of changes to a set of modes on the error of the response, each by itself.
 
     Parameters
     ----------
     gram : (configurations, 1 + n, 1 + n) float64
-        Products over the band of the present error and of what each of n changes would add to the response, relative
-        to the response. Several changes at once are predicted by the sum of their effects.
+        Inner products over the band of the present error and of the response that each of n changes would add, relative
+        to the response. The prediction for several changes at once is the sum of their effects.
     """
 
-    gram: NDArray[np.float64]
+    gram: Array
 
-    def predicted(self, changes: NDArray[np.int64]) -> NDArray[np.float64]:
+    def predicted(self, changes: Indices) -> Array:
         """Worst error over all configurations after each of some sets of changes.
 
         Parameters
         ----------
         changes : (sets, k) int64
-            Numbers of the changes that are made together.
+            Numbers of the changes made together.
         """
         members = np.hstack([np.zeros((changes.shape[0], 1), dtype=np.int64), changes + 1])
         square = np.zeros((self.gram.shape[0], changes.shape[0]))
@@ -60,34 +71,18 @@ class Effects:
 
 
 class Judge(Protocol):
-    """What the search asks of the assembled system."""
+    """Measures of the assembled system that the search needs."""
 
     def error(self, selection: Selection, limit: float = np.inf) -> float:
-        """Worst error over all configurations; anything above a limit if it exceeds that."""
+        """Worst error over all configurations; any value above the limit if the error exceeds it."""
 
     def effects(self, selection: Selection, changes: Sequence[tuple[str, Columns]]) -> Effects:
-        """Effects of putting in columns that are left out, and of leaving out such as are in."""
-
-
-Order = list[int]
-
-# Up to this many groups every prefix of a ranked list is tried; beyond, the first passing one is bracketed.
-_EXHAUSTIVE = 400
-# What is predicted to miss the limit by less than this is tried: single effects on a coarser grid are this good.
-_SLACK = 1.2
-# Exchanges tried at a time, and groups of either side among which they are sought: the best by their own effect.
-_TRIALS = 24
-_PARTNERS = 48
-# How often what is predicted to go together is halved before groups are tried one by one.
-_HALVES = 4
-# An exchange of equally many modes is worth taking if it lowers the error by this share, and so often at most.
-_GAIN = 0.01
-_EXCHANGES = 12
+        """Effects of adding columns that are left out, and of leaving out columns that are kept."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """The set of modes that a search ended with.
+    """Set of modes that a search found.
 
     Parameters
     ----------
@@ -97,10 +92,10 @@ class Found:
     modes : int
         Elastic modes kept.
     tried : int
-        Sets whose error was asked for.
+        Sets whose error was measured.
     truncated : mapping of ranking to int
-        Elastic modes that each ranking, cut off where it first meets the limit, would have kept; rankings that need
-        more than another found before them are not followed to their end and are missing here.
+        Elastic modes that each ranking keeps if it is cut where it first meets the limit. A ranking that needs more
+        modes than one before it is not followed to its end and is missing here.
     """
 
     selection: Selection
@@ -111,21 +106,18 @@ class Found:
 
 
 def keep_error(
-    components: Mapping[str, ModalComponent],
-    rankings: Mapping[str, Mapping[str, NDArray[np.float64]]],
-    judge: Judge,
-    limit: float,
+    components: Mapping[str, ModalComponent], rankings: Mapping[str, Mapping[str, Array]], judge: Judge, limit: float
 ) -> Found:
-    """Keep the fewest modes with which the assembled system meets an error, or as few as the search gets to.
+    """Keep the fewest modes that the search finds with which the assembled system meets an error.
 
-    Modes of a repeated frequency are taken and left out together.
+    Modes of a repeated frequency are kept or left out together.
 
     Parameters
     ----------
     components : mapping of name to ModalComponent
-        Bodies to choose modes of.
+        Bodies whose modes are chosen.
     rankings : mapping of ranking to mapping of body to (m,) float64
-        Coefficients of the modes, by every ranking there is; the first is followed to its end.
+        Coefficients of the modes, by every ranking; the first ranking is followed to its end.
     judge : Judge
         Measures selections.
     limit : float
@@ -147,15 +139,15 @@ class _Search:
         self.groups = [(name, columns) for name, c in components.items() for columns in whole_groups(c)]
         self.sizes = np.array([columns.size for _, columns in self.groups], dtype=np.int64)
         self.errors: dict[frozenset[int], float] = {}
-        self.asked: dict[frozenset[int], float] = {}
+        self.limits: dict[frozenset[int], float] = {}
 
-    def run(self, rankings: Mapping[str, Mapping[str, NDArray[np.float64]]]) -> Found:
+    def run(self, rankings: Mapping[str, Mapping[str, Array]]) -> Found:
         everything = frozenset(range(len(self.groups)))
-        full = self._error(everything, np.inf)
-        if full > self.limit:
+        least = self._error(everything, np.inf)
+        if least > self.limit:
             raise ConfigError(
                 f"keep: frf_error {self.limit:g} cannot be met: all {self.sizes.sum()} modes below the cutoff leave "
-                f"{full:.3g}. Raise reduce.cutoff, or allow a larger error"
+                f"{least:.3g}. Raise reduce.cutoff, or allow a larger error"
             )
         best = everything
         truncated: dict[str, int] = {}
@@ -165,7 +157,7 @@ class _Search:
                 if first is not None:
                     truncated[name] = min(self.modes(first), truncated.get(name, self.modes(first)))
                     best = min(best, first, key=self.modes)
-        # The best ranked set and what is left of all modes often end in one; where they do not, the smaller is taken.
+        # Starting from the best ranked set and from all modes often gives one result; otherwise the smaller one counts.
         kept = min((self._settled(start) for start in dict.fromkeys((best, everything))), key=self.modes)
         return Found(self.selection(kept), self.errors[kept], self.modes(kept), len(self.errors), truncated)
 
@@ -182,17 +174,17 @@ class _Search:
         return int(self.sizes[list(kept)].sum())
 
     def _error(self, kept: frozenset[int], limit: float) -> float:
-        # A figure above the limit it was asked for is a lower bound, which refuses at lower limits only.
-        known = kept in self.errors and not limit >= self.errors[kept] > self.asked[kept]
+        # An error above the limit of its measurement is a lower bound, which decides at lower limits only.
+        known = kept in self.errors and not limit >= self.errors[kept] > self.limits[kept]
         if not known:
-            self.errors[kept], self.asked[kept] = self.judge.error(self.selection(kept), limit), limit
+            self.errors[kept], self.limits[kept] = self.judge.error(self.selection(kept), limit), limit
         return self.errors[kept]
 
     def _passes(self, kept: frozenset[int]) -> bool:
         return self._error(kept, self.limit) <= self.limit
 
-    def _orders(self, coefficients: Mapping[str, NDArray[np.float64]]) -> Iterator[Order]:
-        """All bodies in one list, by what a coefficient is and by its share of the body's largest."""
+    def _orders(self, coefficients: Mapping[str, Array]) -> Iterator[Order]:
+        """Groups of all bodies in one list, by their coefficients and by the share of the body's largest."""
         value = np.array([coefficients[name][columns].max() for name, columns in self.groups])
         largest = {
             name: max((v for v, (owner, _) in zip(value, self.groups, strict=True) if owner == name), default=0.0)
@@ -204,7 +196,7 @@ class _Search:
             yield np.argsort(-share, kind="stable").tolist()
 
     def _first_passing(self, order: Order, below: frozenset[int]) -> frozenset[int] | None:
-        """The first groups of a list that meet the limit; None if they are not fewer modes than another set."""
+        """First groups of a list that meet the limit; None if these are not fewer modes than in another set."""
         sizes = np.concatenate([[0], np.cumsum(self.sizes[order])])
         most = int(np.count_nonzero(sizes < self.modes(below)))
         count = _first(most, lambda k: self._passes(frozenset(order[:k])))
@@ -213,7 +205,7 @@ class _Search:
         return below if len(below) == len(order) else None
 
     def _settled(self, kept: frozenset[int]) -> frozenset[int]:
-        """Spare and exchange until nothing is gained."""
+        """Leave out and exchange modes until nothing is gained."""
         kept = self._pruned(kept)
         for _ in range(_EXCHANGES):
             fewer = self._exchanged(kept)
@@ -223,14 +215,14 @@ class _Search:
         return kept
 
     def _pruned(self, kept: frozenset[int]) -> frozenset[int]:
-        """Leave out what can be spared, several at once where their effects add up to no more than the limit."""
+        """Leave out dispensable groups, several at once where their effects add up to no more than the limit."""
         while kept:
             members = sorted(kept)
             effects = self.judge.effects(self.selection(kept), [self.groups[k] for k in members])
             one = effects.predicted(np.arange(len(members))[:, None])
             order = np.argsort(one, kind="stable")
-            together = self._spared(effects, order)
-            # Halves of what is predicted to go together, then each group that might.
+            together = self._dispensable(effects, order)
+            # Halves of the groups predicted to be dispensable together, then single groups.
             trials = [kept - {members[k] for k in together[: len(together) >> half]} for half in range(_HALVES)]
             trials = [fewer for fewer in trials if len(fewer) < len(kept) - 1]
             trials += [kept - {members[k]} for k in order if not one[k] > _SLACK * self.limit]
@@ -240,8 +232,8 @@ class _Search:
             kept = found
         return kept
 
-    def _spared(self, effects: Effects, order: NDArray[np.int64]) -> list[int]:
-        """Changes that together are predicted to stay within the limit, taken one after another."""
+    def _dispensable(self, effects: Effects, order: Indices) -> list[int]:
+        """Changes predicted to stay within the limit together, chosen one after another."""
         gram = effects.gram
         square, cross, taken = gram[:, 0, 0].copy(), gram[:, 0, 1:].copy(), list[int]()
         own = np.diagonal(gram, axis1=1, axis2=2)[:, 1:]
@@ -258,7 +250,7 @@ class _Search:
         return taken
 
     def _exchanged(self, kept: frozenset[int]) -> frozenset[int] | None:
-        """A set one exchange away with fewer modes, or with as many and a smaller error; None if none is found."""
+        """Find a set one exchange away with fewer modes, or with as many and a smaller error."""
         effects = self.judge.effects(self.selection(kept), self.groups)
         one = effects.predicted(np.arange(len(self.groups))[:, None])
         usable = np.flatnonzero(np.isfinite(one))
@@ -283,7 +275,7 @@ class _Search:
         return None
 
 
-def _each_with(one: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
+def _each_with(one: Indices, others: Indices) -> Indices:
     """Every number of a list beside every row of a table."""
     return np.hstack([np.repeat(one, len(others))[:, None], np.tile(others, (one.size, 1))])
 

@@ -1,7 +1,7 @@
-"""How many of the ranked modes to keep: a number, or a fraction.
+"""Truncation of ranked modes: keep a number of them, or those above a fraction of the largest coefficient.
 
-Modes of one repeated frequency are kept or left out together: any other shapes of their subspace would do as well, and
-a part of it would be whatever part the solver happened to find.
+Modes of one repeated frequency are kept or left out together: their shapes are an arbitrary basis of a subspace, and a
+part of it would depend on the solver.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def whole_groups(component: ModalComponent) -> list[Columns]:
 
 
 def keep_all(components: Mapping[str, ModalComponent]) -> Selection:
-    """Every mode of every body."""
+    """Keep every mode of every body."""
     return {name: np.arange(c.elastic.start, c.elastic.stop) for name, c in components.items()}
 
 
@@ -46,7 +46,7 @@ def keep_modes(components: Mapping[str, ModalComponent], count: Mapping[str, int
     Raises
     ------
     ConfigError
-        If a body is unknown or has fewer modes than asked for.
+        If a body is unknown or has fewer modes.
     """
     wanted = dict.fromkeys(components, count) if isinstance(count, int) else dict(count)
     for name, number in wanted.items():
@@ -78,7 +78,7 @@ def keep_total(components: Mapping[str, ModalComponent], count: int) -> Selectio
     Parameters
     ----------
     components : mapping of name to ModalComponent
-        Ranked by coefficients that can be compared from body to body.
+        Bodies ranked by coefficients that can be compared from body to body.
     count : int
         Elastic modes in all; a few more where the number would split a repeated one.
 
@@ -109,7 +109,7 @@ def _ranked(component: ModalComponent) -> list[Columns]:
 
 
 def _first(groups: list[Columns], count: int) -> Columns:
-    """As many of the first groups as make up a number of columns at least."""
+    """Columns of the first groups that together have at least ``count`` columns."""
     before = np.cumsum([0, *(group.size for group in groups)])
     return _columns([group for group, taken in zip(groups, before, strict=False) if taken < count])
 

@@ -1,4 +1,4 @@
-"""Frequency weighting of rankings: which frequencies the scene cares for."""
+"""Frequency weighting of rankings: filters at the inputs of a scene."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import ConfigError
-from cmsreduce.linalg.gramians import Band
+from cmsreduce.linalg.gramian import Band
 from cmsreduce.model import ModalChannels
 
 __all__ = ["BandPass", "LowPass", "TransferFunction", "Weighting"]
@@ -20,9 +20,9 @@ Array = NDArray[np.float64]
 class Weighting(ABC):
     """A filter at every input; frequencies in rad/s.
 
-    A lightly damped mode answers near its own frequency, so that the filter's gain there, |W(j w_i)|, weighs the mode.
-    Where the filter is a band, rankings that rest on Gramians limit those to it instead. Component cost then counts
-    what a mode above the band adds in it as a spring; Hankel values, which measure memory, hardly do.
+    A lightly damped mode responds near its own frequency, so that the filter's gain there, |W(j w_i)|, weighs the mode.
+    Where the filter is a band, rankings by Gramians limit the Gramians to the band instead. Component cost then
+    includes the response of a mode above the band as a spring; Hankel values, which measure memory, hardly include it.
     """
 
     @abstractmethod
@@ -31,11 +31,11 @@ class Weighting(ABC):
 
     @property
     def band(self) -> Band | None:
-        """Limits for Gramians; None for a filter that is no band."""
+        """Limits for Gramians; None for a filter without a band."""
         return None
 
     def applied(self, channels: ModalChannels) -> ModalChannels:
-        """The modes, each with its inputs times the gain at its frequency."""
+        """Multiply the inputs of each mode by the gain at its frequency."""
         return replace(channels, B=self.magnitude(channels.omega)[:, None] * channels.B)
 
 
@@ -94,7 +94,7 @@ class LowPass(Weighting):
     Raises
     ------
     ConfigError
-        If the bandwidth is not positive or the order another.
+        If the bandwidth is not positive or the order is not 1 or 2.
     """
 
     bandwidth: float
@@ -103,8 +103,8 @@ class LowPass(Weighting):
     def __post_init__(self) -> None:
         if not self.bandwidth > 0 or self.order not in (1, 2):
             raise ConfigError(
-                f"weighting: a low-pass of {self.bandwidth:g} rad/s and order {self.order} is none; give a bandwidth "
-                "above zero and order 1 or 2"
+                f"weighting: a low-pass of {self.bandwidth:g} rad/s and order {self.order} is not possible; give a "
+                "bandwidth above zero and order 1 or 2"
             )
 
     def magnitude(self, omega: ArrayLike) -> Array:
@@ -115,7 +115,7 @@ class LowPass(Weighting):
 
 @dataclass(frozen=True)
 class TransferFunction(Weighting):
-    """A user's transfer function numerator(s) / denominator(s), s in rad/s.
+    """Transfer function numerator(s) / denominator(s) of the user, s in rad/s.
 
     Parameters
     ----------

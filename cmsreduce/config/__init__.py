@@ -24,7 +24,7 @@ from cmsreduce.config.keys import (
     channel_kind,
     json_schema,
 )
-from cmsreduce.config.load import load_pipeline
+from cmsreduce.config.load import load_pipeline, pipeline_from_keys
 from cmsreduce.config.located import Entry, parse
 from cmsreduce.config.problems import closest, not_among
 from cmsreduce.config.scene import build_scene
@@ -58,5 +58,6 @@ __all__ = [
     "load_pipeline",
     "not_among",
     "parse",
+    "pipeline_from_keys",
     "starter_pipeline",
 ]

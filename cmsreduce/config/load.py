@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -14,7 +16,7 @@ from cmsreduce.config.references import broken_references
 from cmsreduce.errors import ConfigError, ReadError
 from cmsreduce.model import DOF_NAMES
 
-__all__ = ["load_pipeline"]
+__all__ = ["load_pipeline", "pipeline_from_keys"]
 
 
 def load_pipeline(path: Path, overrides: Sequence[str] = ()) -> Pipeline:
@@ -48,6 +50,30 @@ def load_pipeline(path: Path, overrides: Sequence[str] = ()) -> Pipeline:
     if included and isinstance(root.value, dict):
         files = [Entry(str(file), root.where) for file in included]
         root = Entry({**root.value, "include": Entry(files, root.where)}, root.where)
+    return _checked(root)
+
+
+def pipeline_from_keys(keys: Mapping[str, Any], source: str) -> Pipeline:
+    """Check a pipeline that is given as a mapping instead of a file.
+
+    Parameters
+    ----------
+    keys : mapping
+        As a pipeline file has them; arrays stand for lists.
+    source : str
+        Name in messages, in the place of file and line.
+
+    Raises
+    ------
+    ConfigError
+        As `load_pipeline` does.
+    """
+    text = json.dumps(keys, default=lambda value: value.tolist() if hasattr(value, "tolist") else str(value))
+    return _checked(parse(text, source, Path(), in_override=True))
+
+
+def _checked(root: Entry) -> Pipeline:
+    """Pipeline of a tree of keys, or one message for all that is wrong in it."""
     try:
         pipeline = Pipeline.model_validate(plain(root))
     except ValidationError as error:

@@ -1,28 +1,24 @@
-"""Statics and kinematics of a body that every stage may use.
+"""Statics and kinematics of a body, for every stage.
 
 Rigid motions, ties, bars, floating frames, modal integrals, geometric stiffness and integrator steps belong here.
 Matrix algorithms without a mechanical meaning belong in `linalg`; checks with a verdict belong in `verify`.
 """
 
 from cmsreduce.mechanics.bars import end_dofs
-from cmsreduce.mechanics.connectivity import check_connected
 from cmsreduce.mechanics.floating_frames import REMOVED, best_fit, floating_frame
 from cmsreduce.mechanics.geometric_stiffness import bars_stiffness, modal_stiffening
 from cmsreduce.mechanics.hidden_motion import condensed_dofs, hidden_motion
 from cmsreduce.mechanics.integrator_steps import ACCURACIES, INTEGRATORS, advised_steps, numerical_damping
 from cmsreduce.mechanics.lumped_mass import lumped_mass, untied_body
-from cmsreduce.mechanics.modal_integrals import modal_integrals, rigid_mass
-from cmsreduce.mechanics.spinning import SpinningModes, spinning_modes
-from cmsreduce.mechanics.strain_energy import energies
+from cmsreduce.mechanics.modal_integrals import energies, modal_integrals, rigid_mass, spinning_modes
 from cmsreduce.mechanics.ties import Tie, tie_nodes
-from cmsreduce.mechanics.undetermined import Determined, hold_undetermined
+from cmsreduce.mechanics.undetermined import Determined, check_connected, hold_undetermined
 
 __all__ = [
     "ACCURACIES",
     "Determined",
     "INTEGRATORS",
     "REMOVED",
-    "SpinningModes",
     "Tie",
     "advised_steps",
     "bars_stiffness",

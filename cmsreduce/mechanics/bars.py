@@ -1,9 +1,4 @@
-"""Translations and rotations at the ends of bars, of the rows of a body.
-
-Geometric stiffness of straight bars and beams under the force along them.
-
-Elastic stiffness of straight bars and rods at their ends.
-"""
+"""Bars and beams of a body: motion of their ends, elastic stiffness, and geometric stiffness under axial force."""
 
 from __future__ import annotations
 
@@ -23,20 +18,28 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+_ENDS = np.array([[1.0, -1.0], [-1.0, 1.0]])
+# A bar along itself is never stiffer than all elements at its node; decks print five digits or more of E and A.
+_PRINTED = 1e-4
+# Relative to the stretch by a motion along the bar: stretch by a motion across it, from coordinates of seven digits.
+_ACROSS = 1e-6
+# Smallest sine of the angle between a bar and its orientation vector that determines a plane.
+_PARALLEL = 1e-6
+
 
 def end_motion(nodes: Nodes, ends: NDArray[np.int64], known: Recovery, offset: Array) -> sp.csr_array:
-    """Motion of points that are fixed to nodes, x y z and rx ry rz along the basic axes, of the rows (6 k, n).
+    """Motion x y z rx ry rz of points fixed to nodes, along the basic axes, for unit motions of the leads (6 k, n).
 
     Parameters
     ----------
     nodes : Nodes
         Nodes of the body.
     ends : (k,) int64
-        Their ids, one for each point.
+        Node of each point.
     known : Recovery
-        Dofs and their motion; others stand still.
+        Motion of dofs; other dofs are at rest.
     offset : (k, 3) float64
-        From each node to its point, basic axes: the point turns with the node.
+        From each node to its point, along the basic axes: the point turns with the node.
     """
     node, component = np.repeat(ends, 6), np.tile(np.arange(1, 7), ends.size)
     found = known.dofs.rows(node, component)
@@ -59,15 +62,8 @@ def end_motion(nodes: Nodes, ends: NDArray[np.int64], known: Recovery, offset: A
     return motion
 
 
-_ENDS = np.array([[1.0, -1.0], [-1.0, 1.0]])
-# A bar can be no stiffer along itself than all that is on its node; decks print five digits or more of E and A.
-_PRINTED = 1e-4
-# Of the stretch by a motion along the bar: what coordinates printed with seven digits make of a motion across it.
-_ACROSS = 1e-6
-
-
 class BarStiffness:
-    """Bars of a body: the forces along them that a motion causes, and the stiffness that these add.
+    """Bars of a body: forces along them under a motion, and the geometric stiffness of these forces.
 
     Parameters
     ----------
@@ -76,22 +72,22 @@ class BarStiffness:
     bars : Bars
         In the units of the body.
     hidden : Recovery, optional
-        Motion of dofs that have no row, of the rows: those that rigid elements of the deck move, and condensed ones.
+        Motion of dofs without rows: dofs that rigid elements of the deck move, and condensed dofs.
 
     Raises
     ------
     DofMapError
-        If a node of a bar is not in the body, its motion does not follow from the rows, or constraints hold a bar at
-        its length.
+        If a node of a bar is not in the body, its motion does not follow from the rows, or constraints keep the length
+        of a bar.
     MatrixError
         If a bar has no length, or is stiffer than the stiffness matrix at its node.
 
     Notes
     -----
-    The force along a bar is EA / L times its lengthening: what is exact of it at the middle, where a load along the bar
-    is spread over it. A beam's deflection v is cubic in its length, and the force N does the work N int v'^2 dx / 2
-    (consistent geometric stiffness, Przemieniecki 1968); its twist t, the work N Ip/A int t'^2 dx / 2, as where all of
-    a section is stressed alike. A rod stays straight, and at a hinged end a beam has the slope that no moment asks for.
+    The force along a bar is EA / L times its change of length: the exact value at the middle under a distributed load
+    along the bar. A beam's deflection v is cubic along it, and the force N does the work N int v'^2 dx / 2 (consistent
+    geometric stiffness, Przemieniecki 1968); with the twist t and uniform stress it does the work N Ip/A int t'^2 dx/2.
+    A rod stays straight, and a hinged end of a beam has the slope of zero moment.
     """
 
     def __init__(self, body: FEModel, bars: Bars, hidden: Recovery | None = None) -> None:
@@ -126,24 +122,24 @@ class BarStiffness:
         return sp.csc_array((K + K.T) * 0.5)
 
     def _refuse_rigid(self, body: FEModel) -> None:
-        """A bar that bends but whose stretch is held by constraints passes its pull to these, unseen."""
+        """Refuse bars that constraints keep at their length: the constraints carry an unknown part of the force."""
         size = np.asarray(abs(self.motion).sum(axis=1)).reshape(-1, 12).max(axis=1)
         pull = np.asarray(abs(self.forces).sum(axis=1)).ravel()
         stuck = (size > 0) & (pull <= _ACROSS * self.bars.EA / self.length * size)
         if body.tied is not None:
-            # Inside a rigid tie a bar is part of one stiff piece, and is left unstressed.
+            # A bar inside a rigid tie is part of one rigid piece, and has no stress.
             stuck &= ~np.isin(self.bars.node, body.tied.dofs.node).all(axis=1)
-        # The same inside a rigid element of the deck, one end of which may be its own independent grid.
+        # The same for a rigid element of the deck, one end of which may be its independent grid.
         stuck &= ~np.isin(self.bars.node, self._without_rows).any(axis=1)
         if stuck.any():
             raise DofMapError(
                 f"body '{body.name}': {stuck.sum()} bars cannot stretch, the first is {self.bars.id[stuck][0]}: the "
-                "motions along them are constrained or have no rows, so nothing tells how hard they are pulled; give "
+                "motions along them are constrained or have no rows, so the forces along them are unknown; give "
                 "matrices of the body that can stretch, or its geometric stiffness itself (`matrices:`)"
             )
 
     def _refuse_stiffer(self, body: FEModel) -> None:
-        """K is a sum of what gives no energy back, so one bar of it is never more than the whole."""
+        """Refuse bars that are stiffer than the stiffness matrix, which is the sum of the elements."""
         # Along one row x the energy of a bar is forces[x]^2 L / EA, and of the body K[x, x].
         worst = sp.csr_array(sp.diags_array(self.length / self.bars.EA) @ self.forces.power(2)).tocoo()
         excess = worst.data / np.maximum(body.K.diagonal()[worst.col], np.finfo(float).tiny)
@@ -181,7 +177,7 @@ def _directions(body: FEModel, bars: Bars, offset: Array) -> tuple[Array, Array]
 
 
 def end_dofs(bars: Bars) -> DofTable:
-    """Dofs that bars move with, each once: slopes where an end has one or an arm."""
+    """Dofs that bars depend on, each once: slopes only for ends with slopes or offsets."""
     needed = np.ones((len(bars), 2, 6), dtype=bool)
     needed[:, :, 3:] = (bars.turning | bars.on_arms)[:, :, None]
     node = np.repeat(bars.node[:, :, None], 6, axis=2)[needed]
@@ -191,7 +187,7 @@ def end_dofs(bars: Bars) -> DofTable:
 
 
 def _end_motion(body: FEModel, bars: Bars, offset: Array, hidden: Recovery | None) -> sp.csr_array:
-    """Translations and rotations at both ends of each bar, basic axes, of the rows (12 b, n)."""
+    """Translations and rotations at both ends of each bar, along basic axes, for unit motions of the rows (12 b, n)."""
     assert body.nodes is not None
     known = body.recovery if hidden is None else _together(body.recovery, hidden)
     needed = end_dofs(bars)
@@ -210,13 +206,9 @@ def _end_motion(body: FEModel, bars: Bars, offset: Array, hidden: Recovery | Non
 
 
 def _together(rows: Recovery, hidden: Recovery) -> Recovery:
-    """Both recoveries; a dof that is in the first keeps its motion there."""
+    """Both recoveries; a dof of the first keeps its motion there."""
     new = rows.dofs.rows(hidden.dofs.node, hidden.dofs.component) < 0
-    dofs = DofTable(
-        np.concatenate([rows.dofs.node, hidden.dofs.node[new]]),
-        np.concatenate([rows.dofs.component, hidden.dofs.component[new]]),
-    )
-    return Recovery(dofs, sp.csr_array(sp.vstack([rows.T, hidden.T[new]])))
+    return Recovery(rows.dofs.joined(hidden.dofs[new]), rows.leads, sp.csr_array(sp.vstack([rows.T, hidden.T[new]])))
 
 
 def _unit_stiffness(t: Array, L: Array, bars: Bars) -> Array:
@@ -245,7 +237,7 @@ def _unit_stiffness(t: Array, L: Array, bars: Bars) -> Array:
 
 
 def _hinged_share(share: Array, L: float, end: int) -> Array:
-    """Work of deflections and slopes (2, 2, 2, 2) where one end has no moment, so that its slope follows."""
+    """Work of deflections and slopes (2, 2, 2, 2) with one end free of moment, so that its slope follows."""
     free = np.eye(4)
     # Deflections and slopes in order v_a, v_a', v_b, v_b'. No curvature there: v' = 3 (v_b - v_a) / 2 L - v'_o / 2.
     slope, other = 1 + 2 * end, 3 - 2 * end
@@ -254,19 +246,15 @@ def _hinged_share(share: Array, L: float, end: int) -> Array:
     return np.asarray((free.T @ share.reshape(4, 4) @ free).reshape(2, 2, 2, 2))
 
 
-# Sine of the angle between a bar and its orientation vector, below which the vector tells no plane.
-_PARALLEL = 1e-6
-
-
 def member_stiffness(members: Members, nodes: Nodes) -> Array:
-    """Stiffness of each bar (b, 12, 12) for translations and rotations of its two ends, basic axes.
+    """Stiffness of each bar (b, 12, 12) for translations and rotations of its two ends, along basic axes.
 
     Parameters
     ----------
     members : Members
         b bars.
     nodes : Nodes
-        Their nodes.
+        Nodes of the body.
 
     Raises
     ------
@@ -275,8 +263,8 @@ def member_stiffness(members: Members, nodes: Nodes) -> Array:
 
     Notes
     -----
-    The end b of a bar held at a deflects by the flexibility of bending, shear, torsion and stretch; its inverse, with
-    the stiff motion of b under that of a, is the stiffness. Released motions are condensed.
+    With end a held, end b deflects by the flexibility of bending, shear, torsion and stretch. The stiffness is its
+    inverse, with the rigid motion of b under that of a. Released motions are condensed.
     """
     places = nodes.xyz[nodes.index(members.node.ravel())].reshape(-1, 2, 3) + members.offset
     out = np.zeros((members.EA.size, 12, 12))
@@ -294,7 +282,7 @@ def member_stiffness(members: Members, nodes: Nodes) -> Array:
 
 
 def _axes(start: Array, end: Array, up: Array, bends: bool) -> tuple[Array, float]:
-    """Axes of a bar as rows, its first plane of bending x y, and its length."""
+    """Axes of a bar as rows, with x y the first plane of bending, and its length."""
     L = float(np.linalg.norm(end - start))
     if L == 0:
         raise MatrixError(f"a bar at {start} has no length")
@@ -310,7 +298,7 @@ def _axes(start: Array, end: Array, up: Array, bends: bool) -> tuple[Array, floa
 
 
 def _bending(EI: Array, shear: Array, L: float) -> Array:
-    """Stiffness (6, 6) of the end of a bar held at the other one, in both planes, own axes."""
+    """Bending stiffness (6, 6) of one end of a bar held at the other, in both planes, along its own axes."""
     K = np.zeros((6, 6))
     planes = np.flatnonzero(EI.diagonal() > 0)
     if not planes.size:

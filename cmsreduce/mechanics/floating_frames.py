@@ -1,7 +1,4 @@
-"""The rigid motion of some rows of a body that fits their displacements best.
-
-Floating frames: which rigid motion the deforming modes of a body are rid of (theory section 8).
-"""
+"""Floating frames: the rigid motion that is taken off the deforming modes of a body (theory section 8)."""
 
 from __future__ import annotations
 
@@ -11,6 +8,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import FloatingFrameError, SceneError
 from cmsreduce.mechanics.lumped_mass import lumped_mass
+from cmsreduce.mechanics.modal_integrals import mass_and_first_moment
 from cmsreduce.model import (
     DOF_NAMES,
     FEModel,
@@ -29,65 +27,30 @@ __all__ = [
     "floating_frame",
 ]
 
-# Rigid motions that some rows show less than this share of, relative to the largest, they cannot tell.
-_SHOWN = 1e-8
-
-
-def best_fit(body: FEModel, rows: NDArray[np.int64], position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rigid motion of an interface about its first node that fits its dofs best.
-
-    Parameters
-    ----------
-    body : FEModel
-        With geometry.
-    rows : (i,) int64
-        Rows of the interface.
-    position : (p, 3) float64
-        Its nodes.
-
-    Returns
-    -------
-    (6, i) float64
-        From displacements of the rows to translations and rotations along the basic axes, in the least-squares sense;
-        motions that the rows do not show are zero.
-
-    Raises
-    ------
-    SceneError
-        If the body has no geometry.
-    """
-    if body.nodes is None:
-        raise SceneError(f"component '{body.name}' has no geometry, so the rigid motion of an interface is not known")
-    # Rotations count by what they move at the edge of the interface, so that units do not matter.
-    edge = float(np.linalg.norm(position - position[0], axis=1).max()) or 1.0
-    row = np.where(np.isin(body.dofs.component[rows], (4, 5, 6)), edge, 1.0)
-    column = np.array([1.0, 1.0, 1.0, edge, edge, edge])
-    R = rigid_body_shapes(body.dofs, body.nodes, position[0])[rows]
-    return np.asarray(la.pinv(row[:, None] * R / column, rtol=_SHOWN) * row / column[:, None])
-
-
 Array = NDArray[np.float64]
 
 REMOVED = 1e-9
-"""Of a rigid mode, may be left in a deforming one: round-off of sums over all nodes, a few digits lost to conditions on
-points that are near each other."""
+"""Largest amount of a rigid mode left in a deforming one: round-off of sums over all nodes, less a few digits lost if
+points of a condition are near each other."""
 
 # Rigid motions of a body.
 _SIX = 6
-# The condition that says least, of rows of unit length, with rotations measured at the edge of the body: coordinates of
-# eight digits tell no more than this.
+# Smallest singular value of a condition, of rows of unit length and with rotations scaled by the size of the body:
+# coordinates have eight digits.
 _DETERMINED = 1e-7
-# A condition this much weaker than the strongest is round-off: the inertia of a wire about itself, relative to that
-# across it, is 1e-8 at a ten thousandth of its length.
+# Relative to the strongest row of a condition: a weaker row is round-off. The inertia of a wire about itself is 1e-8 of
+# that across it if its thickness is a ten thousandth of its length.
 _SAID = 1e-12
-# A shorter chord, relative to the body, has no direction.
+# Shortest chord with a direction, relative to the body.
 _CHORD = 1e-6
+# A rigid motion that some rows show less than this, relative to the largest, cannot be found from them.
+_SHOWN = 1e-8
 
 
 def floating_frame(
     body: FEModel, Phi: Array, rigid_count: int, condition: FrameCondition, lumping: Lumping = "consistent"
 ) -> FloatingFrame:
-    """Find the frame that a condition makes, and the rigid motion that it takes off every deforming mode.
+    """Frame of a condition, and the rigid motion that it takes off every deforming mode.
 
     Parameters
     ----------
@@ -96,24 +59,24 @@ def floating_frame(
     Phi : (n, m) float64
         Modes, the rigid ones first.
     rigid_count : int
-        How many of them are rigid.
+        Number of rigid modes.
     condition : FrameCondition
-        What makes the frame.
+        Condition that makes the frame.
     lumping : Lumping
-        Mass that mean axes are of: the same that integrals are taken over.
+        Mass matrix of mean axes: that of the integrals.
 
     Raises
     ------
     FloatingFrameError
-        If the body has no geometry, has not six rigid motions, or the condition does not determine all six.
+        If the body has no geometry, does not have six rigid motions, or the condition does not determine all six.
 
     Notes
     -----
     A condition is six linear functions C of a displacement. A deforming mode becomes phi - Phi_r d with C (phi - Phi_r
-    d) = 0, so that d = (C Phi_r)^-1 C phi. Whatever the condition, the modes span the same motions: with the rigid ones
-    the body has the frequencies it had.
+    d) = 0, so that d = (C Phi_r)^-1 C phi. The modes span the same motions under every condition: together with the
+    rigid ones, the body has the same frequencies.
 
-    C is the rigid motion that fits an interface best (clamped), momentum R^T M (mean axes: Buckens, 1979), or the
+    C is the best-fitting rigid motion of an interface (clamped), the momentum R^T M (mean axes: Buckens, 1979), or the
     position of one point, the two displacements of another across the line between them, and a roll (chord).
     Source: Canavin and Likins, J. Spacecraft and Rockets 14 (1977).
     """
@@ -121,8 +84,9 @@ def floating_frame(
     assert body.nodes is not None
     if condition.kind == "clamped":
         face = _face(body, condition.at)
-        C, origin, axes = _clamped(body, face), face.position[0].copy(), np.eye(3)
-        dofs = _dofs(face)
+        rows, origin, axes = body.interface_rows(face.name), face.position[0].copy(), np.eye(3)
+        C, dofs = np.zeros((_SIX, body.n)), np.column_stack([body.dofs.node[rows], body.dofs.component[rows]])
+        C[:, rows] = best_fit(body, rows, face.position)
     elif condition.kind == "chord":
         first, second = _face(body, condition.at), _face(body, condition.to)
         origin = first.position.mean(axis=0)
@@ -130,8 +94,9 @@ def floating_frame(
         C, dofs = _chord(body, first, second, axes, condition.roll)
     else:
         M, R = lumped_mass(body, lumping), rigid_body_shapes(body.dofs, body.nodes)
-        origin, axes, dofs = _centre(R.T @ (M @ R)), np.eye(3), np.zeros((0, 2), dtype=np.int64)
-        # About the centre of mass, where momentum and angular momentum are far from each other.
+        mass, first_moment = mass_and_first_moment(body, R.T @ (M @ R))
+        origin, axes, dofs = first_moment / mass, np.eye(3), np.zeros((0, 2), dtype=np.int64)
+        # About the centre of mass, where momentum and angular momentum are well separated.
         C = (M @ rigid_body_shapes(body.dofs, body.nodes, origin)).T
     _check_determined(body, C, origin, condition)
     of_rigid = la.lu_factor(C @ Phi[:, :rigid_count])
@@ -149,12 +114,12 @@ def floating_frame(
 
 
 def chord_axes(body: FEModel, condition: FrameCondition) -> Array:
-    """Axes (3, 3) of a chord as rows, in basic: x along it, z across the basic axis it is nearest to square with.
+    """Axes (3, 3) of a chord as rows, in basic: x along the chord, z across it and the basic axis least parallel to it.
 
     Raises
     ------
     FloatingFrameError
-        If its ends are one point.
+        If its ends coincide.
     """
     assert body.nodes is not None
     ends = [_face(body, name).position.mean(axis=0) for name in (condition.at, condition.to)]
@@ -166,7 +131,7 @@ def chord_axes(body: FEModel, condition: FrameCondition) -> Array:
             "that are apart"
         )
     x = along / length
-    # The first of two axes that are equally far from it: rounding must not choose.
+    # Rounded, so that round-off does not choose between two axes.
     y = np.eye(3)[int(np.argmin(np.round(abs(x), 6)))]
     z = np.cross(x, y)
     z /= np.linalg.norm(z)
@@ -179,13 +144,13 @@ def _check_six(body: FEModel, rigid_count: int) -> None:
         raise FloatingFrameError(f"{what} needs `geometry:`, and it has none")
     if rigid_count > _SIX:
         raise FloatingFrameError(
-            f"{what} takes on six rigid motions, and this body has {rigid_count} motions without strain: it holds a "
+            f"{what} needs six rigid motions, and this body has {rigid_count} motions without strain: it holds a "
             "mechanism. Lock it, or give its parts as components with a joint between them"
         )
     if rigid_count < _SIX:
         raise FloatingFrameError(
-            f"{what} takes on six rigid motions, and this body has {rigid_count}: it is held to the ground. Its modes "
-            "hold no other rigid motion; take `write.frame` out for it"
+            f"{what} needs six rigid motions, and this body has {rigid_count}: it is held to the ground. Its modes "
+            "contain no other rigid motion; take `write.frame` out for it"
         )
 
 
@@ -196,22 +161,37 @@ def _face(body: FEModel, name: str) -> Interface:
     return body.interfaces[name]
 
 
-def _dofs(face: Interface) -> NDArray[np.int64]:
-    pairs = [(node, part) for node, parts in zip(face.node, face.components, strict=True) for part in parts]
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+def best_fit(body: FEModel, rows: NDArray[np.int64], position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rigid motion of an interface about its first node, fitted to its dofs by least squares.
 
+    Parameters
+    ----------
+    body : FEModel
+        With geometry.
+    rows : (i,) int64
+        Rows of the interface.
+    position : (p, 3) float64
+        Places of its nodes.
 
-def _clamped(body: FEModel, face: Interface) -> Array:
-    rows = body.interface_rows(face.name)
-    C = np.zeros((_SIX, body.n))
-    C[:, rows] = best_fit(body, rows, face.position)
-    return C
+    Returns
+    -------
+    (6, i) float64
+        From displacements of the rows to translations and rotations along the basic axes; motions that the rows do not
+        show are zero.
 
-
-def _centre(rigid: Array) -> Array:
-    """Centre of mass of a rigid mass matrix about the origin."""
-    twice = np.array([rigid[5, 1] - rigid[4, 2], rigid[3, 2] - rigid[5, 0], rigid[4, 0] - rigid[3, 1]])
-    return np.asarray(twice / (2 * max(rigid.diagonal()[:3].max(), np.finfo(float).tiny)))
+    Raises
+    ------
+    SceneError
+        If the body has no geometry.
+    """
+    if body.nodes is None:
+        raise SceneError(f"component '{body.name}' has no geometry, so the rigid motion of an interface is not known")
+    # Rotations are scaled by the size of the interface, so that units do not matter.
+    edge = float(np.linalg.norm(position - position[0], axis=1).max()) or 1.0
+    row = np.where(np.isin(body.dofs.component[rows], (4, 5, 6)), edge, 1.0)
+    column = np.array([1.0, 1.0, 1.0, edge, edge, edge])
+    R = rigid_body_shapes(body.dofs, body.nodes, position[0])[rows]
+    return np.asarray(la.pinv(row[:, None] * R / column, rtol=_SHOWN) * row / column[:, None])
 
 
 def _chord(
@@ -246,7 +226,7 @@ def _node(body: FEModel, text: str, roll: str) -> int:
 
 
 def _mean_motion(body: FEModel, nodes: NDArray[np.int64], *, turning: bool) -> Array:
-    """Mean translation or rotation of nodes along the basic axes, of displacements of all rows (3, n)."""
+    """Mean translation or rotation of nodes along the basic axes, for unit motions of the rows (3, n)."""
     assert body.nodes is not None
     first = 4 if turning else 1
     recovery = body.recovery

@@ -1,7 +1,4 @@
-"""Inertia forces of a body whose frame accelerates, turns faster, or spins (theory section 8).
-
-Geometric stiffness of a body of bars under unit loads: the stress of each, by statics, and what it adds to K.
-"""
+"""Geometric stiffness of a body of bars under unit loads, and inertia forces of a moving frame (theory section 8)."""
 
 from __future__ import annotations
 
@@ -12,12 +9,13 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import DofMapError, SceneError, SingularInterfaceError
-from cmsreduce.linalg.congruence import congruence
-from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
+from cmsreduce.linalg.blocks import congruence
+from cmsreduce.linalg.sparse import NotPositiveDefiniteError, factorise
 from cmsreduce.mechanics.bars import BarStiffness
-from cmsreduce.mechanics.modal_integrals import MassBlocks, nodal_motion
+from cmsreduce.mechanics.modal_integrals import CROSS, MassBlocks, nodal_motion
 from cmsreduce.model import (
     INERTIA_LOADS,
+    SQUARES,
     Bars,
     FEModel,
     GeometricStiffness,
@@ -36,29 +34,28 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-# Components of a vector product: (a x b)_j = CROSS_jlm a_l b_m.
-_CROSS = np.zeros((3, 3, 3))
-_CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
-_CROSS[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = -1.0
-# Products of angular velocities: xx yy zz xy yz xz.
-_SQUARES = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
+BARS = "bars of the deck"
+"""Source of a computed matrix."""
+
+# Axes of the products of angular velocities.
+_SQUARES = [("xyz".index(axes[0]), "xyz".index(axes[1])) for axes in SQUARES]
 
 
 def inertia_loads(body: FEModel, origin: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
-    """Inertia forces on a body at rest in a frame that moves by one unit, frame axes basic.
+    """Inertia forces on a body at rest in a frame with unit accelerations and angular velocities, along basic axes.
 
     Parameters
     ----------
     body : FEModel
         n dofs, with geometry.
     origin : (3,) array_like
-        Point of the body that the accelerations are of, and that the rotations turn about, in basic.
+        Point of the acceleration, and centre of the rotations, in basic.
 
     Returns
     -------
     (n, 12) float64
-        Generalised forces on the rows: minus M R of three accelerations and three angular accelerations; then for
-        the products xx yy zz xy yz xz of angular velocities, the centrifugal forces.
+        Generalised forces on the rows: -M R of three accelerations and three angular accelerations; then the
+        centrifugal forces of the products xx yy zz xy yz xz of angular velocities.
 
     Raises
     ------
@@ -68,12 +65,12 @@ def inertia_loads(body: FEModel, origin: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
     Notes
     -----
     A point at r of a frame of angular velocity w has the acceleration W r, W = w w^T - w.w 1, and the force on the
-    shape phi is - int phi . W r dm: minus W_ij int r_i phi_j dm, of which W, being symmetric, asks for the symmetric
-    part. The integrals are those of `modal_integrals`, so that the centrifugal force is the derivative of the inertia
-    that a floating-frame code is given; rigid lumps count with offset and inertia.
+    shape phi is - int phi . W r dm = - W_ij int r_i phi_j dm. Only the symmetric part of the integral matters, because
+    W is symmetric. The integrals are those of `modal_integrals`, so the centrifugal force is the derivative of the
+    inertia in a floating-frame code; rigid lumps count with offset and inertia.
     """
     if body.nodes is None:
-        raise DofMapError(f"body '{body.name}' has no geometry, so nothing says how inertia acts on it")
+        raise DofMapError(f"body '{body.name}' has no geometry, so its inertia forces are unknown")
     origin = np.asarray(origin, dtype=np.float64)
     steady = -(body.M @ rigid_body_shapes(body.dofs, body.nodes, origin))
     W = _position_loads(body, origin)
@@ -85,7 +82,7 @@ def inertia_loads(body: FEModel, origin: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
 
 
 def _position_loads(body: FEModel, origin: Array) -> Array:
-    """Rows w with w @ x = int r_i u_j dm of the motion u that x gives (3, 3, n); right in what is symmetric."""
+    """Rows w with w @ x = int r_i u_j dm, u the motion of x (3, 3, n); only the symmetric part is exact."""
     assert body.nodes is not None
     to_axes = nodal_motion(body, np.eye(3))
     at = np.unique(body.dofs.node[body.dofs.component > 0])
@@ -104,13 +101,9 @@ def _position_loads(body: FEModel, origin: Array) -> Array:
             u[i, j, j] += offset
         for m in range(3):
             spread = np.asarray(pairs.spread[i][m].sum(axis=0)).ravel()
-            t[i] += _CROSS[:, :, m, None] * spread
+            t[i] += CROSS[:, :, m, None] * spread
     rows = np.concatenate([u, t], axis=2).reshape(9, 6 * N)
     return np.asarray((to_axes.T @ rows.T).T).reshape(3, 3, body.n)
-
-
-BARS = "bars of the deck"
-"""What a computed matrix comes from."""
 
 
 def bars_stiffness(
@@ -128,19 +121,19 @@ def bars_stiffness(
     Parameters
     ----------
     body : FEModel
-        n dofs; whatever it is of besides bars adds no geometric stiffness.
+        n dofs; its other elements add no geometric stiffness.
     bars : Bars
-        Its bars, in its units.
+        Bars of the body, in its units.
     loads : sequence of UnitLoad
-        Loads; those at a point name a node.
+        Loads; forces and moments act at a node.
     held : (h,) int64
-        Rows at rest while the loads act, as by the frame that the body moves with; none for a body that is held.
+        Rows at rest while the loads act, as in the moving frame; none for a body with supports.
     origin : (3,) float64, optional
-        Point the frame turns about, in basic; its origin if absent.
+        Centre of rotation of the frame, in basic; the origin if absent.
     holding : str
-        What holds those rows, in words.
+        Support of these rows, in words.
     hidden : Recovery, optional
-        Motion of dofs of the bars that have no row, of the rows.
+        Motion of dofs of the bars without rows.
 
     Raises
     ------
@@ -149,10 +142,9 @@ def bars_stiffness(
 
     Notes
     -----
-    Under a load p f the stress, and with it the stiffness that it adds, is p times that under f: u = K^-1 f with the
-    rows held, the force along each bar from u, and the geometric stiffness of the bar under it. Forces that balance
-    leave no reaction, and their stress does not depend on where the body is held, if it is held just so far that it
-    cannot move as one piece.
+    Stress and geometric stiffness are linear in the load: u = K^-1 f with the rows held gives the force along each bar,
+    and this force gives its geometric stiffness. The stress of balanced forces does not depend on the support, if the
+    support just prevents rigid motion.
     """
     about = np.zeros(3) if origin is None else np.asarray(origin, dtype=np.float64)
     stiffness = BarStiffness(body, bars, hidden)
@@ -162,7 +154,7 @@ def bars_stiffness(
 
 
 def modal_stiffening(stiffening: GeometricStiffness, Phi: Array) -> ModalStiffening:
-    """Geometric stiffness of a body in its modes Phi (n, m): Phi^T K_l Phi of each unit load l."""
+    """Geometric stiffness in modes Phi (n, m): Phi^T K_l Phi of each unit load l."""
     K = [congruence(A, Phi) for A in stiffening.matrices]
     return ModalStiffening(stiffening.loads, np.array(K).reshape(len(K), Phi.shape[1], Phi.shape[1]), stiffening.origin)
 

@@ -1,4 +1,4 @@
-"""Longest steps at which integrators keep a frequency, from what each makes of an undamped oscillation."""
+"""Longest steps of integrators for a given error of a frequency, from their effect on an undamped oscillation."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 __all__ = ["ACCURACIES", "INTEGRATORS", "SPECTRAL_RADIUS", "STABLE", "advised_steps", "numerical_damping", "step_limit"]
 
 ACCURACIES: Mapping[str, float] = {"1_percent": 1e-2, "0.1_percent": 1e-3}
-"""Relative errors of a frequency for which steps are advised, by name."""
+"""Relative errors of a frequency for which steps are advised."""
 
 SPECTRAL_RADIUS = 0.9
-"""Of generalised alpha at infinite frequency: what multibody codes start with (Exudyn's default)."""
+"""Spectral radius of generalised alpha at infinite frequency: the default of multibody codes such as Exudyn."""
 
 
 def _central_difference(x: float) -> complex:
@@ -28,7 +28,7 @@ def _trapezoidal(x: float) -> complex:
 
 
 def _adams_bashforth_2(x: float) -> complex:
-    # z^2 - (1 + 3 i w h / 2) z + i w h / 2 = 0, of whose roots the larger is the motion.
+    # z^2 - (1 + 3 i w h / 2) z + i w h / 2 = 0; the larger root is the motion.
     sum_of_roots = 1 + 1.5j * x
     apart = cmath.sqrt(sum_of_roots**2 - 2j * x)
     return max(0.5 * (sum_of_roots + apart), 0.5 * (sum_of_roots - apart), key=abs)
@@ -48,9 +48,9 @@ def _generalised_alpha(x: float) -> complex:
     # Displacement, velocity / w and acceleration / w^2: Newmark's formulas, and equilibrium between the two instants.
     new = np.array([[1, 0, -beta * x**2], [0, 1, -gamma * x], [1 - of_force, 0, 1 - of_mass]])
     change = np.array([[0, -x, -0.5 * x**2], [0, 0, -x], [1, 0, 1]])
-    # Roots less one, which for short steps keep the digits that the roots themselves would lose.
+    # Roots less one: for short steps they keep the digits that the roots would lose.
     roots = -np.linalg.eigvals(np.linalg.solve(new, change))
-    # The oscillation is the pair; the third root is real and fades.
+    # The oscillation is the complex pair; the third root is real and decays.
     return complex(1 + roots[roots.imag.argmax()])
 
 
@@ -62,8 +62,8 @@ INTEGRATORS: Mapping[str, Callable[[float], complex]] = {
     "rk4": _runge_kutta_4,
     "generalised_alpha": _generalised_alpha,
 }
-"""Factor of one step on exp(i w t), of w h; modified Euler, the velocity first and the displacement with the new one,
-steps through the same displacements as central differences. Generalised alpha is Chung and Hulbert's (1993)."""
+"""Factor of one step on exp(i w t), as a function of w h. Modified Euler (velocity first, then the displacement with
+the new velocity) has the displacements of central differences. Generalised alpha: Chung and Hulbert (1993)."""
 
 STABLE: Mapping[str, float] = {
     "central_difference": 2.0,
@@ -73,11 +73,11 @@ STABLE: Mapping[str, float] = {
     "rk4": 2 * np.sqrt(2),
     "generalised_alpha": np.inf,
 }
-"""Largest w h at which an undamped oscillation does not grow; AB-2 lets it grow at any."""
+"""Largest w h at which an undamped oscillation does not grow; with AB-2 it always grows."""
 
-# Below this the phase errors are those of their leading terms, and round-off of a ratio near 1 begins to show.
+# Below this w h the phase errors are those of their leading terms, and round-off of a ratio near 1 is visible.
 _SMALLEST = 1e-5
-# Factor from one trial step to the next: errors grow by less than their order's power of it.
+# Factor from one trial step to the next.
 _WIDER = 1.25
 # Halvings of the last trial step that reach the digits of a double.
 _HALVINGS = 50
@@ -85,7 +85,7 @@ _HALVINGS = 50
 
 @cache
 def step_limit(integrator: str, accuracy: float) -> float:
-    """Longest step in units of 1 / w that keeps a frequency w.
+    """Longest step in units of 1 / w for a given error of a frequency w.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def step_limit(integrator: str, accuracy: float) -> float:
     Notes
     -----
     Leading terms: (w h)^2 / 24, / 12, and 5 / 12 (w h)^2 for AB-2, which alone make 0.490, 0.346 and 0.155 of 1 %;
-    (w h)^4 / 120 for the Runge-Kutta method of fourth order, which damps more than it shifts (`numerical_damping`);
+    (w h)^4 / 120 for the Runge-Kutta method of fourth order, whose damping is larger (`numerical_damping`);
     (w h)^2 (1 / 12 + 3 e^2 / 8), e = (1 - rho) / (1 + rho), for generalised alpha.
     """
 
@@ -113,44 +113,44 @@ def step_limit(integrator: str, accuracy: float) -> float:
     while excess(_WIDER * x) < 0:
         x *= _WIDER
     low, high = x, _WIDER * x
-    # Plain halving: a root finder from a library would take longer to load than all limits take together.
+    # Bisection: to load a root finder from a library takes longer than all limits together.
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if excess(middle) < 0 else (low, middle)
     return high
 
 
-def advised_steps(highest: float) -> dict[str, dict[str, float]]:
-    """Longest steps for a highest frequency.
+def advised_steps(highest_omega: float) -> dict[str, dict[str, float]]:
+    """Longest steps of all integrators for the highest frequency of a model.
 
     Parameters
     ----------
-    highest : float
-        In rad per unit of time.
+    highest_omega : float
+        Highest frequency in rad per unit of time.
 
     Returns
     -------
     dict
-        Of each integrator, in the unit of time: ``stable``, beyond which an undamped oscillation grows (infinite if
-        none does, 0 if all do), and a step for each of ``ACCURACIES``; empty if nothing oscillates.
+        For each integrator, in the unit of time: ``stable``, the step above which an undamped oscillation grows
+        (infinite if none grows, 0 if all grow), and a step for each of ``ACCURACIES``; empty if nothing oscillates.
     """
-    if highest <= 0:
+    if highest_omega <= 0:
         return {}
     return {
         name: {
-            "stable": STABLE[name] / highest,
-            **{label: step_limit(name, accuracy) / highest for label, accuracy in ACCURACIES.items()},
+            "stable": STABLE[name] / highest_omega,
+            **{label: step_limit(name, accuracy) / highest_omega for label, accuracy in ACCURACIES.items()},
         }
         for name in INTEGRATORS
     }
 
 
 def numerical_damping(integrator: str, x: float) -> float:
-    """Damping ratio that an integrator gives an undamped oscillation at w h = x; negative where it lets it grow."""
+    """Numerical damping ratio of an undamped oscillation at w h = x; negative if the oscillation grows."""
     z = INTEGRATORS[integrator](x)
     return float(-np.log(abs(z)) / np.angle(z))
 
 
 def _frequency_ratio(integrator: str, x: float) -> float:
-    """Frequency of the oscillation as integrated over the true one."""
+    """Frequency of the integrated oscillation over the true one."""
     return float(np.angle(INTEGRATORS[integrator](x))) / x

@@ -1,7 +1,4 @@
-"""A tied body as it was before it was tied: its mass where its nodes are.
-
-A mass matrix gathered at the nodes: a point mass and an inertia at each.
-"""
+"""Mass of a body before it was tied, and mass lumped at the nodes: a point mass and an inertia at each."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ __all__ = [
 
 
 def untied_body(body: FEModel) -> tuple[FEModel, sp.csr_array]:
-    """The mass of a body over the dofs it was read with.
+    """Mass of a body over the dofs that it was read with.
 
     Parameters
     ----------
@@ -31,52 +28,51 @@ def untied_body(body: FEModel) -> tuple[FEModel, sp.csr_array]:
 
     Returns
     -------
-    whole : FEModel
-        Of g dofs, with the mass of every node in rows of its own, without stiffness; the body itself if nothing of it
-        is tied.
+    untied : FEModel
+        With g dofs, the mass of every node in rows of its own, and no stiffness; the body itself without ties.
     T : (g, n) sparse array
-        Their motion under unit motion of each row of the body: ``body.M`` is T^T ``whole.M`` T.
+        Motion of these dofs under unit motion of each row of the body: ``body.M`` is T^T ``untied.M`` T.
     """
-    if body.untied is None:
+    if body.untied_mass is None:
         return body, sp.eye_array(body.n, format="csr")
-    dofs, every = body.untied.dofs, body.recovery
+    dofs, every = body.untied_mass.dofs, body.recovery
     rows = every.dofs.rows(dofs.node, dofs.component)
-    # What nothing moves is held and has no row.
+    # Dofs without a row are held.
     moving = sp.diags_array((rows >= 0).astype(np.float64))
-    whole = replace(
+    untied = replace(
         body,
         K=sp.csc_array((len(dofs), len(dofs))),
-        M=body.untied.M,
+        M=body.untied_mass.M,
         D=None,
         dofs=dofs,
         damping=Damping(),
         interfaces={},
         sets={},
         tied=None,
-        untied=None,
+        untied_mass=None,
     )
-    return whole, sp.csr_array(moving @ every.T[np.maximum(rows, 0)])
+    return untied, sp.csr_array(moving @ every.T[np.maximum(rows, 0)])
 
 
 def lumped_mass(body: FEModel, lumping: Lumping) -> sp.csc_array:
-    """Mass matrix of a body, as it is or gathered at its nodes.
+    """Mass matrix of a body, unchanged or lumped at its nodes.
 
     Parameters
     ----------
     body : FEModel
         n dofs, with geometry.
     lumping : Lumping
-        ``consistent`` gives the matrix back. ``row-sum`` gives a node the force on it under unit acceleration of the
-        whole body; quadratic elements get negative masses at their corners by it. ``diagonal`` gives it its own
-        diagonal entry, all of them scaled to the mass of the body (Hinton, Rock and Zienkiewicz).
+        ``consistent``: the matrix itself. ``row-sum``: the mass of a node is the force on it under unit acceleration of
+        the whole body; quadratic elements get negative masses at their corners. ``diagonal``: the mass of a node is its
+        diagonal entry, scaled so that the sum is the mass of the body (Hinton, Rock and Zienkiewicz).
 
     Returns
     -------
     (n, n) sparse array
-        A point mass at every node, the same in all the directions in which the node can move, and a 3 x 3 inertia of
-        its rotations: the sum of their own rows, or their own block scaled like the masses. What couples translations
-        with rotations is left out. Scalar dofs keep their diagonal, or row sum, unscaled. Of a body with tied nodes:
-        the mass at its nodes as they were, in the rows that these follow.
+        A point mass at every node, the same in all directions in which the node can move, and a 3 x 3 inertia of its
+        rotations: the sum of their own rows, or their own block scaled like the masses. Coupling between translations
+        and rotations is left out. Scalar dofs keep their diagonal, or row sum, without scaling. The mass of tied nodes
+        is lumped at these nodes, and then written in the rows that they follow.
 
     Raises
     ------
@@ -85,21 +81,21 @@ def lumped_mass(body: FEModel, lumping: Lumping) -> sp.csc_array:
 
     Notes
     -----
-    Sources: Hinton, Rock and Zienkiewicz, Earthquake Eng. Struct. Dyn. 4 (1976), for the scaled diagonal. The mean over
-    directions makes the result independent of the frames that the nodes move along.
+    Source: Hinton, Rock and Zienkiewicz, Earthquake Eng. Struct. Dyn. 4 (1976), for the scaled diagonal. The mean over
+    directions makes the result independent of the displacement frames of the nodes.
     """
     if lumping == "consistent":
         return body.M
     if body.nodes is None:
-        raise DofMapError(f"body '{body.name}' has no geometry, so its mass cannot be gathered at its nodes")
-    if body.untied is not None:
-        whole, T = untied_body(body)
-        return sp.csc_array(T.T @ lumped_mass(whole, lumping) @ T)
+        raise DofMapError(f"body '{body.name}' has no geometry, so its mass cannot be lumped at its nodes")
+    if body.untied_mass is not None:
+        untied, T = untied_body(body)
+        return sp.csc_array(T.T @ lumped_mass(untied, lumping) @ T)
     M, component = body.M, body.dofs.component
     translations, rotations = np.flatnonzero((component >= 1) & (component <= 3)), np.flatnonzero(component > 3)
     if lumping == "row-sum":
         R = rigid_body_shapes(body.dofs, body.nodes)[:, :3]
-        # A row's own direction is R's row: its share of unit acceleration along that direction.
+        # The row of R is the direction of the dof, along which the force is taken.
         own = np.einsum("nx,nx->n", M @ R, R)
     else:
         own = M.diagonal()
@@ -117,7 +113,7 @@ def lumped_mass(body: FEModel, lumping: Lumping) -> sp.csc_array:
 
 
 def total_mass(body: FEModel) -> float:
-    """Mass of a body: the largest of those that move along x, y and z, for it may be held in the others."""
+    """Mass of a body: the largest of the masses along x, y and z, because the body may be held in some directions."""
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so the directions of its rows are not known")
     R = rigid_body_shapes(body.dofs, body.nodes)[:, :3]
@@ -125,7 +121,7 @@ def total_mass(body: FEModel) -> float:
 
 
 def _nodal_inertia(body: FEModel, rotations: NDArray[np.int64], *, whole_rows: bool) -> sp.csc_array:
-    """Inertia of each node's rotations: sums of its rows over all nodes, turned alike, or its own block."""
+    """Inertia of each node's rotations: sums of its rows over equal rotations of all nodes, or its own block."""
     n = body.n
     if not rotations.size:
         return sp.csc_array((n, n))
@@ -136,7 +132,7 @@ def _nodal_inertia(body: FEModel, rotations: NDArray[np.int64], *, whole_rows: b
     if not whole_rows:
         return sp.csc_array((value[here], (i[here], j[here])), shape=(n, n))
     R = rigid_body_shapes(body.dofs, body.nodes)[:, 3:]
-    # (J R)_i is the moment on a row for unit rotations of all nodes; R R^T of one node turns it back to its rows.
+    # (J R)_i is the moment on a row under unit rotations of all nodes; R R^T of one node projects it on its rows.
     moment = body.M[rotations][:, rotations] @ R[rotations]
     _, node = np.unique(body.dofs.node[rotations], return_inverse=True)
     same = sp.csr_array((np.ones(node.size), (np.arange(node.size), node)))

@@ -1,4 +1,4 @@
-"""Nodes of an interface tied to one point with six dofs: rigidly, or so that the point follows their average."""
+"""Ties of the nodes of an interface to one point with six dofs: rigid, or with the average motion of the nodes."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Recovery, Untie
 
 __all__ = ["Tie", "tie_nodes"]
 
-# Nodes whose spread across a line is below this share of their spread along it are in line: coordinates are printed
-# with eight digits, and their differences have lost two.
+# Nodes with less spread across a line, relative to that along it, are in line: coordinates are printed with eight
+# digits, and their differences lose two.
 _IN_LINE = 1e-6
-_SIX = np.arange(1, 7)
+_SIX = np.arange(1, 7, dtype=np.int8)
 _TRANSLATIONS = (1, 2, 3)
 _NAMED = 8
 
 
 @dataclass(frozen=True, eq=False)
 class Tie:
-    """How the nodes of an interface are tied to one point.
+    """Tie of the nodes of an interface to one point.
 
     Parameters
     ----------
     kind : {"rigid", "average"}
         ``rigid``: the nodes follow the point as a rigid body (RBE2). ``average``: the point follows the average motion
-        of the nodes, which stay as flexible as they are (RBE3).
+        of the nodes, without stiffening them (RBE3).
     position : (3,) float64, optional
-        Where the point is, in the body's basic frame and unit of length; by default the centroid of the nodes.
+        Place of the point, in the body's basic frame and unit of length; by default the centroid of the nodes.
     weights : tuple of float, optional
         Weights of the nodes in the average; by default all equal.
     frame : (3, 3) float64, optional
@@ -49,21 +49,21 @@ class Tie:
 def tie_nodes(body: FEModel, name: str, tie: Tie) -> FEModel:
     """Tie the nodes of an interface to a new node, which becomes the interface.
 
-    The body is restated in other dofs, x = T x', by congruence: K' = T^T K T, and M and D alike. T is sparse.
+    The body is written in new dofs x' with x = T x', by congruence: K' = T^T K T, and M and D in the same way.
 
     Parameters
     ----------
     body : FEModel
-        Body whose interface ``name`` is the nodes to be tied, with the components that follow the point.
+        Body with the interface ``name``: the nodes to tie, with the components that follow the point.
     name : str
-        Interface.
+        Name of the interface.
     tie : Tie
-        How.
+        Kind, place, weights and axes.
 
     Returns
     -------
     FEModel
-        With a node of the next free id and dofs 123456. The dofs that follow it have no rows; they are in ``tied``.
+        With a node of the next free id and dofs 123456. The dofs that follow have no rows; they are in ``tied``.
 
     Raises
     ------
@@ -74,8 +74,8 @@ def tie_nodes(body: FEModel, name: str, tie: Tie) -> FEModel:
     -----
     ``rigid``: x_tied = R x_point. ``average``: x_point = A x_nodes with A = (R^T W R)^-1 R^T W over the translations of
     the nodes, the least-squares rigid motion. Six of these, taken by pivoted QR of A, are replaced by those of the
-    point, x_6 = A_6^-1 (x_point - A_rest x_rest), so that no dof is lost: nothing is stiffened. A force on the point is
-    spread over the nodes as A^T f, which is statically equivalent to it.
+    point, x_6 = A_6^-1 (x_point - A_rest x_rest), so that no dof is lost and nothing is stiffened. A force on the point
+    acts on the nodes as A^T f, which is statically equivalent.
     """
     where, face = f"body '{body.name}', interface '{name}'", body.interfaces[name]
     nodes = body.nodes
@@ -89,7 +89,7 @@ def tie_nodes(body: FEModel, name: str, tie: Tie) -> FEModel:
     centre = weights @ at / weights.sum()
     length = float(np.linalg.norm(at - centre, axis=1).max()) or 1.0
     position = at.mean(axis=0) if tie.position is None else np.asarray(tie.position, dtype=np.float64)
-    # Motion of the point, in its frame, from that of the centre, whose rotations are measured as displacements.
+    # Motion of the point, in its frame, from that of the centre, with rotations scaled to displacements.
     G = np.eye(6)
     G[:3, 3:] = -cross_matrix(position - centre)
     G = np.kron(np.eye(2), axes) @ G / np.repeat([1.0, length], 3)
@@ -106,7 +106,8 @@ def tie_nodes(body: FEModel, name: str, tie: Tie) -> FEModel:
         follow = np.linalg.solve(A[:, six], np.hstack([np.linalg.inv(G), -A[:, rest]]))
         gone = rows[six]
         T = _transformation(body.n, gone, follow[:, :6], follow[:, 6:], rows[rest])
-    return _restated(body, T, gone, name, Nodes(_next_id(body, nodes), position[None], axes[None]))
+    free_id = max(int(nodes.id.max()), int(body.recovery.dofs.node.max())) + 1
+    return _restated(body, T, gone, name, Nodes(np.array([free_id]), position[None], axes[None]))
 
 
 def _weights(where: str, face: Interface, tie: Tie) -> NDArray[np.float64]:
@@ -117,7 +118,7 @@ def _weights(where: str, face: Interface, tie: Tie) -> NDArray[np.float64]:
 
 
 def _check_free(where: str, body: FEModel, face: Interface) -> None:
-    """Refuse nodes that another interface needs for itself."""
+    """Refuse nodes of another interface, and nodes that are tied already."""
     for other in body.interfaces.values():
         both = np.intersect1d(face.node, other.node)
         if other.name != face.name and both.size:
@@ -131,7 +132,7 @@ def _check_free(where: str, body: FEModel, face: Interface) -> None:
 
 
 def _rigid_rows(where: str, body: FEModel, face: Interface) -> NDArray[np.int64]:
-    """Rows that follow the point: the same translations of every node, or one would be tied and held at once."""
+    """Rows that follow the point; every node needs the same translations, or one would be tied and held at once."""
     moved = [set(_TRANSLATIONS) & set(parts) for parts in face.components]
     all_of_them = set().union(*moved)
     lacking = face.node[[parts != all_of_them for parts in moved]]
@@ -144,7 +145,7 @@ def _rigid_rows(where: str, body: FEModel, face: Interface) -> NDArray[np.int64]
 
 
 def _translations(where: str, body: FEModel, face: Interface) -> NDArray[np.int64]:
-    """Rows of all translations of the nodes, whose average the point follows."""
+    """Rows of all translations of the nodes."""
     rows = body.dofs.rows(np.repeat(face.node, 3), np.tile(_TRANSLATIONS, face.node.size))
     lacking = face.node[(rows.reshape(-1, 3) < 0).any(axis=1)]
     if lacking.size:
@@ -157,15 +158,15 @@ def _translations(where: str, body: FEModel, face: Interface) -> NDArray[np.int6
 
 def _shapes(body: FEModel, rows: NDArray[np.int64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
     assert body.nodes is not None
-    return rigid_body_shapes(DofTable(body.dofs.node[rows], body.dofs.component[rows]), body.nodes, centre)
+    return rigid_body_shapes(body.dofs[rows], body.nodes, centre)
 
 
 def _check_determined(
     where: str, body: FEModel, face: Interface, R: NDArray[np.float64], centre: NDArray[np.float64], length: float
 ) -> None:
-    """Refuse nodes that move less freely as a rigid body than the body itself does."""
-    whole = _shapes(body, np.flatnonzero(body.dofs.component > 0), centre) / np.repeat([1.0, length], 3)
-    _, size, motions = la.svd(whole, full_matrices=False)
+    """Refuse nodes that leave a rigid motion of the point undetermined which the body has."""
+    of_body = _shapes(body, np.flatnonzero(body.dofs.component > 0), centre) / np.repeat([1.0, length], 3)
+    _, size, motions = la.svd(of_body, full_matrices=False)
     motions = motions[size > _IN_LINE * size.max()]
     if la.svdvals(R @ motions.T).min() > _IN_LINE and R.shape[0] >= len(motions):
         return
@@ -181,11 +182,6 @@ def _check_determined(
     )
 
 
-def _next_id(body: FEModel, nodes: Nodes) -> NDArray[np.int64]:
-    """Id above all that the body has, among its rows or not."""
-    return np.array([max(int(nodes.id.max()), int(body.recovery.dofs.node.max())) + 1])
-
-
 def _transformation(
     n: int,
     gone: NDArray[np.int64],
@@ -195,7 +191,8 @@ def _transformation(
 ) -> sp.csr_array:
     """T of x = T x': identity on the rows that stay, then six columns of the point.
 
-    by_point : (gone, 6) and by_rest : (gone, rest) are how the rows that go follow the point and the rows ``rest``.
+    by_point : (gone, 6) and by_rest : (gone, rest) give the motion of the rows that go, for unit motions of the point
+    and of the rows ``rest``.
     """
     stay = np.setdiff1d(np.arange(n), gone)
     place = np.full(n, -1)
@@ -210,20 +207,20 @@ def _transformation(
 
 
 def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str, point: Nodes) -> FEModel:
-    """The body in the dofs x' of x = T x'."""
+    """The body in the new dofs x'."""
     assert body.nodes is not None
     stay = np.setdiff1d(np.arange(body.n), gone)
     place = np.full(body.n, -1)
     place[stay] = np.arange(stay.size)
-    old, every = body.dofs, body.recovery
+    every, dofs = body.recovery, body.dofs[stay].joined(DofTable(np.repeat(point.id, 6), _SIX))
     follow = np.concatenate([gone, np.arange(body.n, len(every.dofs))])
-    whole = {label: place[rows] for label, rows in body.sets.items() if (place[rows] >= 0).all()}
+    sets = {label: place[rows] for label, rows in body.sets.items() if (place[rows] >= 0).all()}
     return replace(
         body,
         K=_congruent(body.K, T),
         M=_congruent(body.M, T),
         D=None if body.D is None else _congruent(body.D, T),
-        dofs=DofTable(np.append(old.node[stay], np.repeat(point.id, 6)), np.append(old.component[stay], _SIX)),
+        dofs=dofs,
         nodes=replace(
             body.nodes,
             id=np.append(body.nodes.id, point.id),
@@ -234,9 +231,9 @@ def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str
             **body.interfaces,
             name: Interface(name, point.id, (tuple(map(int, _SIX)),), point.xyz, point.frame[0], point.frame),
         },
-        sets=whole,
-        tied=Recovery(DofTable(every.dofs.node[follow], every.dofs.component[follow]), every.T[follow] @ T),
-        untied=body.untied or UntiedMass(body.dofs, body.M),
+        sets=sets,
+        tied=Recovery(every.dofs[follow], dofs, every.T[follow] @ T),
+        untied_mass=body.untied_mass or UntiedMass(body.dofs, body.M),
     )
 
 

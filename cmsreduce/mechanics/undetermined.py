@@ -1,4 +1,4 @@
-"""Motions that nothing determines, neither stiffness nor mass nor damping: found, and held."""
+"""Bodies that are not one piece, and motions that neither stiffness nor mass nor damping determines."""
 
 from __future__ import annotations
 
@@ -8,37 +8,81 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError, SceneError
 from cmsreduce.linalg.eigen import stiffness_null_space
-from cmsreduce.linalg.factorise import NotPositiveDefiniteError, factorise
-from cmsreduce.model import DofTable, FEModel, Interface, Recovery
+from cmsreduce.linalg.sparse import NotPositiveDefiniteError, factorise
+from cmsreduce.model import FEModel, Interface
 
-__all__ = ["Determined", "hold_undetermined"]
+__all__ = ["Determined", "check_connected", "hold_undetermined", "parts"]
 
-# A singular matrix has a pivot that is rounding of its diagonal entry; down to this one no motion is looked for.
+# A singular matrix has a pivot of the size of the rounding of its diagonal entry; above this one, no search is needed.
 _SOUND_PIVOT = 1e-6
-# Dofs that the motions move by less than this share of what they move most are at rest.
+# Relative to the largest motion: dofs that move less are at rest.
 _AT_REST = 1e-6
-_NAMED = 12
+# Dofs and parts named in a message.
+_NAMED, _NAMED_PARTS = 12, 5
+
+
+def parts(body: FEModel) -> NDArray[np.int64]:
+    """Number of the part of each row (n,); rows of one node are one part."""
+    K, M = abs(body.K), abs(body.M)
+    coupling = sp.coo_array(K + M)
+    _, node = np.unique(body.dofs.node, return_inverse=True)
+    graph = sp.csr_array(
+        (np.ones(coupling.nnz), (node[coupling.row], node[coupling.col])), shape=(node.max() + 1, node.max() + 1)
+    )
+    _, label = csgraph.connected_components(graph, directed=False)
+    return np.asarray(label[node], dtype=np.int64)
+
+
+def check_connected(body: FEModel) -> None:
+    """Refuse a body in several pieces, or with rows that have neither stiffness nor mass.
+
+    Raises
+    ------
+    MatrixError
+        Names a node of every piece.
+    """
+    empty = np.flatnonzero((abs(body.K).sum(axis=0) == 0) & (abs(body.M).sum(axis=0) == 0))
+    if empty.size:
+        raise MatrixError(
+            f"body '{body.name}': {empty.size} dofs have neither stiffness nor mass, the first is "
+            f"{body.dofs.labels[empty[0]]}; write the analysis set without them (AUTOSPC), or take their rows out"
+        )
+    part = parts(body)
+    count = int(part.max()) + 1
+    if count > 1:
+        sizes = np.bincount(part)
+        order = np.argsort(-sizes)
+        named = [
+            f"{len(np.unique(body.dofs.node[part == p]))} nodes around node {body.dofs.node[part == p][0]}"
+            for p in order[:_NAMED_PARTS]
+        ]
+        raise MatrixError(
+            f"body '{body.name}' is not one piece: {count} parts share neither stiffness nor mass "
+            f"({'; '.join(named)}{' ...' if count > _NAMED_PARTS else ''}). Look for missing elements or unmerged "
+            "nodes, or make each part a component of its own"
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Determined:
-    """A body of which every motion has stiffness, mass or damping.
+    """A body with stiffness, mass or damping in every motion.
 
     Parameters
     ----------
     body : FEModel
-        n dofs; those held are in ``constrained``.
+        n dofs; the dofs held are in ``constrained``.
     motions : (n, k) float64
-        What the remaining dofs did in the undetermined motions. Nothing may act on these dofs or measure them along
-        such a motion: the answer would be that of the dofs held.
+        Undetermined motions of the remaining dofs. A force or sensor along such a motion has no meaning: its response
+        would depend on the choice of the dofs held.
     held : tuple of str
         Labels of the dofs held.
     lost : tuple of (str, tuple of str)
-        Interfaces that go without some dofs, and the labels of these.
+        Interfaces that lose some dofs, and the labels of these dofs.
     """
 
     body: FEModel
@@ -48,7 +92,7 @@ class Determined:
 
     @property
     def note(self) -> str:
-        """What was held, in words; empty if nothing was."""
+        """Dofs held, in words; empty without any."""
         if not self.held:
             return ""
         text = f"{self.body.name}: neither stiffness nor mass determines {len(self.held)} motions; held: "
@@ -56,19 +100,19 @@ class Determined:
         return text + "".join(f"; interface '{name}' goes without {_listed(labels)}" for name, labels in self.lost)
 
     def check_untouched(self, rows: sp.csr_array, what: str) -> None:
-        """Refuse what acts on an undetermined motion, or measures one.
+        """Refuse actuators, sensors and loads along an undetermined motion.
 
         Parameters
         ----------
         rows : (p, n) sparse array
-            Directions in which something acts or is measured.
+            Directions of the actuators, sensors or loads.
         what : str
-            What these are, for the message.
+            Their name in the message.
 
         Raises
         ------
         SceneError
-            Naming a dof.
+            Names a dof.
         """
         if not self.motions.shape[1] or not rows.shape[0]:
             return
@@ -88,16 +132,17 @@ def hold_undetermined(
 ) -> Determined:
     """Hold one dof for each motion that has neither stiffness nor mass nor damping, as AUTOSPC does.
 
-    Such are dofs with empty rows, and motions of several dofs: rotations about a skew axis, or of a chain of bars about
-    itself where bars have no inertia in torsion. A dof without mass that stiffness does hold is left as it is.
+    Examples are dofs with empty rows, and motions of several dofs: rotations about a skew axis, or of a chain of bars
+    without torsional inertia about itself. A dof with stiffness and without mass stays.
 
     Parameters
     ----------
     body : FEModel
+        n dofs.
     named : collection of str
-        Interfaces whose dofs the user has named one by one.
+        Interfaces whose dofs the user has listed.
     proven : (n, r) float64, optional
-        All motions that K does not resist, where these are known: if they have mass, nothing is undetermined.
+        All motions without stiffness, if known: if they have mass, every motion is determined.
 
     Returns
     -------
@@ -108,13 +153,12 @@ def hold_undetermined(
     MatrixError
         If the body has no mass at all.
     SceneError
-        If an interface would lose a dof that is named, or all that it has.
+        If an interface would lose a listed dof, or all its dofs.
 
     Notes
     -----
-    The motions are the common null space of K, M and D, that of their sum. An interface goes without the dofs that
-    such a motion moves: kept in it, they would pass what the joint brings on to the dof that is held, and the body
-    would stand on the ground.
+    The motions are the common null space of K, M and D, which is that of their sum. An interface loses the dofs that
+    such a motion moves: otherwise they would pass the load of the joint to the dof held, and so to the ground.
     """
     if not body.M.diagonal().any():
         raise MatrixError(f"body '{body.name}' has no mass: all entries of M are zero; name its mass matrix")
@@ -123,7 +167,7 @@ def hold_undetermined(
     empty, motions, scale = _undetermined_motions(body)
     if not empty.any() and not motions.shape[1]:
         return Determined(body, motions)
-    # Orthonormal in scaled dofs, the share each dof has in the motions does not depend on the vectors chosen.
+    # With orthonormal vectors in scaled dofs, the share of each dof does not depend on the choice of vectors.
     scaled = la.orth(motions * scale[:, None]) if motions.shape[1] else motions
     share = np.linalg.norm(scaled, axis=1)
     moved = empty | (share > _AT_REST * share.max())
@@ -146,7 +190,7 @@ def _undetermined_motions(
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]:
     """Null space of K, M and D together: empty rows (n,), motions of the other dofs (n, k), and their scale (n,).
 
-    The scale makes unlike dofs comparable.
+    The scale makes translations and rotations comparable.
     """
     A = _sum(body)
     empty = A.diagonal() == 0
@@ -165,7 +209,7 @@ def _undetermined_motions(
 
 
 def _sum(body: FEModel) -> sp.csc_array:
-    """K + s M + t D, with factors that make the diagonals alike where a dof has both."""
+    """K + s M + t D, with factors for diagonals of similar size."""
     A, size = body.K, body.K.diagonal()
     for B in (body.M, body.D):
         if B is None:
@@ -201,21 +245,17 @@ def _restricted(
     """The body without the rows held."""
     place = np.full(body.n, -1)
     place[stay] = np.arange(stay.size)
-    old = body.dofs
-    node, component = old.node[held], old.component[held]
-    if body.constrained is not None:
-        node = np.concatenate([body.constrained.node, node])
-        component = np.concatenate([body.constrained.component, component])
+    at_rest = body.dofs[held]
     return replace(
         body,
         K=body.K[stay][:, stay],
         M=body.M[stay][:, stay],
         D=None if body.D is None else body.D[stay][:, stay],
-        dofs=DofTable(old.node[stay], old.component[stay]),
+        dofs=body.dofs[stay],
         interfaces=faces,
         sets={name: place[rows][place[rows] >= 0] for name, rows in body.sets.items()},
-        constrained=DofTable(node, component),
-        tied=body.tied and Recovery(body.tied.dofs, body.tied.T[:, stay]),
+        constrained=at_rest if body.constrained is None else body.constrained.joined(at_rest),
+        tied=body.tied and replace(body.tied, leads=body.dofs[stay], T=body.tied.T[:, stay]),
     )
 
 

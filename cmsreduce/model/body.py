@@ -1,13 +1,4 @@
-"""Motion of dofs that have no row of their own because they follow other dofs.
-
-Dofs that follow others because rigid elements or constraints join them.
-
-The mass of a body where its nodes are, before any of them were tied to points.
-
-Where a body is joined to others.
-
-Bodies as they come from a finite-element code, and rigid ones.
-"""
+"""Bodies as they come from a finite-element code, rigid bodies, and the interfaces at which they are joined."""
 
 from __future__ import annotations
 
@@ -21,13 +12,11 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, MatrixError, SceneError
 from cmsreduce.model.damping import Damping
-from cmsreduce.model.dofs import SCALAR, DofTable
-from cmsreduce.model.nodes import Nodes
+from cmsreduce.model.dofs import SCALAR, DofTable, Nodes
 from cmsreduce.model.units import SI, Units
 
 __all__ = [
     "FEModel",
-    "Followers",
     "Interface",
     "Recovery",
     "RigidBody",
@@ -36,45 +25,23 @@ __all__ = [
 ]
 
 
+# A matrix must be symmetric to this multiple of the rounding of its file, relative to the largest entry: round-off of a
+# solver leaves 1e-16, a missing triangle or a wrong matrix leaves order 1.
+_SYMMETRY_FACTOR = 1e4
+
+
 @dataclass(frozen=True, eq=False)
 class Recovery:
-    """Dofs and their motion, x = T x_rows.
+    """Dofs that follow other dofs: x = T x_leads.
 
     Parameters
     ----------
     dofs : DofTable
         k dofs.
-    T : (k, n) sparse array
-        Motion of each under unit motion of each row of the body.
-
-    Raises
-    ------
-    DofMapError
-        If there is not one row of T for each dof.
-    """
-
-    dofs: DofTable
-    T: sp.csr_array
-
-    def __post_init__(self) -> None:
-        T = sp.csr_array(self.T)
-        if T.shape[0] != len(self.dofs):
-            raise DofMapError(f"{len(self.dofs)} dofs follow others, but {T.shape[0]} rows say how")
-        object.__setattr__(self, "T", T)
-
-
-@dataclass(frozen=True, eq=False)
-class Followers:
-    """Dependent dofs and their motion, x = T x_leads.
-
-    Parameters
-    ----------
-    dofs : DofTable
-        d dependent dofs.
     leads : DofTable
-        i dofs that they follow, none of which is dependent itself.
-    T : (d, i) sparse array
-        Motion of each under unit motion of each it follows.
+        i dofs that they follow: the rows of a body, or dofs of its deck.
+    T : (k, i) sparse array
+        Motion of each dof under unit motion of each lead.
 
     Raises
     ------
@@ -87,16 +54,18 @@ class Followers:
     T: sp.csr_array
 
     def __post_init__(self) -> None:
-        if self.T.shape != (len(self.dofs), len(self.leads)):
-            raise DofMapError(f"{len(self.dofs)} dofs follow {len(self.leads)}, but {self.T.shape} numbers say how")
+        T = sp.csr_array(self.T)
+        if T.shape != (len(self.dofs), len(self.leads)):
+            raise DofMapError(f"{len(self.dofs)} dofs follow {len(self.leads)} others, but their matrix is {T.shape}")
+        object.__setattr__(self, "T", T)
 
 
 @dataclass(frozen=True, eq=False)
 class UntiedMass:
-    """Mass matrix over the dofs that a body was read with.
+    """Mass matrix of a body over the dofs that it was read with.
 
-    A tie restates the mass in other dofs, in which a row is no longer a motion of one place along one axis. What is
-    integrated over places, or gathered at nodes, is of this one.
+    After a tie a row is no longer the motion of one place along one axis. Integrals over the body, and masses gathered
+    at its nodes, need this matrix.
 
     Parameters
     ----------
@@ -119,13 +88,13 @@ class Interface:
     name : str
         Name of the interface, unique in its body.
     node : (p,) int64
-        Node ids in order; joints pair them one by one.
+        Node ids; joints pair the nodes of two interfaces in this order.
     components : tuple of (tuple of int)
-        Components 1..6 of each node, along its displacement frame, that belong to the interface.
+        Components 1..6 of each node that belong to the interface, along its displacement frame.
     position : (p, 3) float64
         Coordinates of the nodes in the body's basic frame, in the body's unit of length.
     frame : (3, 3) float64
-        Axes of the interface as rows, in basic components: a joint on it has these axes.
+        Axes of the interface, and of a joint on it, as rows in basic components.
     node_axes : (p, 3, 3) float64, optional
         Displacement frames of the nodes as rows, in basic components; ``frame`` for every node if absent.
     """
@@ -138,13 +107,8 @@ class Interface:
     node_axes: NDArray[np.float64] | None = None
 
     def node_frame(self, k: int) -> NDArray[np.float64]:
-        """Displacement axes of node k, which its components refer to (3, 3)."""
+        """Displacement axes of node k (3, 3), along which its components are."""
         return self.frame if self.node_axes is None else np.asarray(self.node_axes[k])
-
-
-# Symmetry is asked to ten times the rounding of the file, relative to the largest entry: round-off of a
-# solver leaves 1e-16, a missing triangle or a wrong matrix leaves order 1.
-_SYMMETRY_FACTOR = 1e4
 
 
 @dataclass(frozen=True)
@@ -154,11 +118,11 @@ class Source:
     Parameters
     ----------
     path : str
-        As the user named it.
+        Path as given by the user.
     sha256 : str
         Hash of its bytes.
     holds : str
-        What was taken from it, such as ``stiffness KAA``.
+        Content that was used, such as ``stiffness KAA``.
     """
 
     path: str
@@ -177,15 +141,15 @@ class FEModel:
     K, M : (n, n) sparse array
         Stiffness and mass, symmetric, in ``units``; rows as in ``dofs``.
     dofs : DofTable
-        What each row is.
+        Node and component of each row.
     nodes : Nodes, optional
         Coordinates and displacement frames; absent for bodies of scalar dofs only.
     interfaces : mapping of name to Interface
-        Where joints attach.
+        Interfaces, at which joints attach.
     damping : Damping
         Damping law.
     D : (n, n) sparse array, optional
-        Viscous damping matrix of the user; excludes a damping law.
+        Viscous damping matrix, instead of a damping law.
     units : Units
         Unit system of matrices and coordinates.
     rounding : float
@@ -193,16 +157,16 @@ class FEModel:
     sets : mapping of str to (k,) int64
         Rows of named dof sets of the source, such as ``b`` and ``q``.
     constrained : DofTable
-        Dofs held at zero, by single-point constraints of the source or because nothing determines their motion; they
-        have no rows.
+        Dofs held at zero by single-point constraints of the source, or because their motion is undetermined; they have
+        no rows.
     tied : Recovery, optional
-        Dofs that follow others, as those of a node tied to an interface point; they have no rows either.
-    untied : UntiedMass, optional
-        Mass over the dofs that the body was read with, where some of them are tied: M = T^T M_untied T.
+        Dofs that follow the rows, such as those of nodes tied to an interface point; they have no rows.
+    untied_mass : UntiedMass, optional
+        Mass over the dofs that the body was read with, if some of them are tied: M = T^T M_untied T.
     grounded : bool
-        Whether the user says that the body is held to the ground, so that K resists rigid motion.
+        True if the user states that the body is held to the ground, so that K resists rigid motion.
     sources : tuple of Source
-        Files the body came from.
+        Files that the body was read from.
 
     Raises
     ------
@@ -224,51 +188,15 @@ class FEModel:
     sets: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
     constrained: DofTable | None = None
     tied: Recovery | None = None
-    untied: UntiedMass | None = None
+    untied_mass: UntiedMass | None = None
     grounded: bool = False
     sources: tuple[Source, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.dofs)
         for letter, what in (("K", "stiffness"), ("M", "mass"), ("D", "damping")):
-            A = getattr(self, letter)
-            if A is None:
-                continue
-            A = sp.csc_array(A, dtype=np.float64)
-            A.sum_duplicates()
-            if A.shape != (n, n):
-                raise MatrixError(
-                    f"body '{self.name}': {what} matrix {letter} is {A.shape[0]} x {A.shape[1]}, "
-                    f"but the dof table has {n} rows; check that matrix and dof list are of one set"
-                )
-            if not np.isfinite(A.data).all():
-                bad = A.tocoo()
-                at = int(np.flatnonzero(~np.isfinite(bad.data))[0])
-                raise MatrixError(
-                    f"body '{self.name}': {what} matrix {letter} holds {bad.data[at]} at row "
-                    f"{bad.row[at] + 1} ({self.dofs.labels[bad.row[at]]}), column {bad.col[at] + 1}"
-                )
-            largest = float(abs(A.data).max(initial=0.0))
-            skew = sp.coo_array(abs(A - A.T))
-            worst = float(skew.data.max(initial=0.0))
-            if worst > _SYMMETRY_FACTOR * self.rounding * largest:
-                at = int(skew.data.argmax())
-                i, j = int(skew.row[at]), int(skew.col[at])
-                raise MatrixError(
-                    f"body '{self.name}': {what} matrix {letter} is not symmetric: it differs from its transpose "
-                    f"by {worst / largest:.2e} of its largest entry (rows {self.dofs.labels[i]} and "
-                    f"{self.dofs.labels[j]}: {A[i, j]:.6g} against {A[j, i]:.6g}). If the file holds one triangle "
-                    "only, mark the matrix as symmetric in it; otherwise the body is not a passive structure"
-                )
-            diagonal = A.diagonal()
-            if diagonal.min(initial=0.0) < -_SYMMETRY_FACTOR * self.rounding * largest:
-                at = int(diagonal.argmin())
-                raise MatrixError(
-                    f"body '{self.name}': {what} matrix {letter} is not positive semidefinite: its diagonal is "
-                    f"{diagonal[at]:.6g} at row {at + 1} ({self.dofs.labels[at]}). Check its sign and its source: a "
-                    "structure gives back no more energy than it is given"
-                )
-            object.__setattr__(self, letter, sp.csc_array((A + A.T) * 0.5))
+            if getattr(self, letter) is not None:
+                object.__setattr__(self, letter, self._checked(getattr(self, letter), f"{what} matrix {letter}"))
         if self.tied is not None and self.tied.T.shape[1] != n:
             raise DofMapError(f"body '{self.name}': tied dofs follow {self.tied.T.shape[1]} rows, but it has {n}")
         if self.D is not None and self.damping.law != "none":
@@ -282,6 +210,46 @@ class FEModel:
                     f"geometry, the first is {lost[0]}; check that deck and matrices are of one model"
                 )
 
+    def _checked(self, A: sp.csc_array, what: str) -> sp.csc_array:
+        """A matrix made exactly symmetric; refused if it is not finite, symmetric and semidefinite on its diagonal."""
+        n, labels, where = len(self.dofs), self.dofs.labels, f"body '{self.name}': {what}"
+        A = sp.csc_array(A, dtype=np.float64)
+        A.sum_duplicates()
+        if A.shape != (n, n):
+            raise MatrixError(
+                f"{where} is {A.shape[0]} x {A.shape[1]}, but the dof table has {n} rows; check that matrix and dof "
+                "list are of one set"
+            )
+        if not np.isfinite(A.data).all():
+            bad = A.tocoo()
+            at = int(np.flatnonzero(~np.isfinite(bad.data))[0])
+            raise MatrixError(
+                f"{where} holds {bad.data[at]} at row {bad.row[at] + 1} ({labels[bad.row[at]]}), "
+                f"column {bad.col[at] + 1}"
+            )
+        largest = float(abs(A.data).max(initial=0.0))
+        skew = sp.coo_array(abs(A - A.T))
+        worst = float(skew.data.max(initial=0.0))
+        if worst > _SYMMETRY_FACTOR * self.rounding * largest:
+            at = int(skew.data.argmax())
+            i, j = int(skew.row[at]), int(skew.col[at])
+            raise MatrixError(
+                f"{where} is not symmetric: it differs from its transpose by {worst / largest:.2e} of its largest "
+                f"entry (rows {labels[i]} and {labels[j]}: {A[i, j]:.6g} against {A[j, i]:.6g}). If the file holds "
+                "one triangle only, mark the matrix as symmetric in it; otherwise the body is not a passive structure"
+            )
+        diagonal = A.diagonal()
+        if diagonal.min(initial=0.0) < -_SYMMETRY_FACTOR * self.rounding * largest:
+            at = int(diagonal.argmin())
+            raise MatrixError(
+                f"{where} is not positive semidefinite: its diagonal is {diagonal[at]:.6g} at row {at + 1} "
+                f"({labels[at]}). Check its sign and its source: a structure gives back no more energy than it is given"
+            )
+        return sp.csc_array((A + A.T) * 0.5)
+
+    def __repr__(self) -> str:
+        return f"<FEModel {self.name}: {self.n} dofs, {len(self.interfaces)} interfaces>"
+
     @property
     def n(self) -> int:
         """Number of dofs."""
@@ -289,15 +257,11 @@ class FEModel:
 
     @cached_property
     def recovery(self) -> Recovery:
-        """Every dof whose motion the rows give: the rows themselves, then the dofs tied to them."""
+        """Every dof with a known motion: the rows themselves, then the dofs tied to them."""
         rows = sp.eye_array(self.n, format="csr")
         if self.tied is None:
-            return Recovery(self.dofs, rows)
-        dofs = DofTable(
-            np.concatenate([self.dofs.node, self.tied.dofs.node]),
-            np.concatenate([self.dofs.component, self.tied.dofs.component]),
-        )
-        return Recovery(dofs, sp.csr_array(sp.vstack([rows, self.tied.T])))
+            return Recovery(self.dofs, self.dofs, rows)
+        return Recovery(self.dofs.joined(self.tied.dofs), self.dofs, sp.csr_array(sp.vstack([rows, self.tied.T])))
 
     def interface_rows(self, name: str) -> NDArray[np.int64]:
         """Rows of one interface, node by node."""
@@ -325,7 +289,7 @@ class RigidBody:
         Inertia tensor about the centre of mass, basic axes: diagonal Ixx Iyy Izz, off-diagonal the negative
         products of inertia, as the tensor has them.
     interfaces : mapping of name to Interface
-        Where joints attach; node ids are -1.
+        Interfaces, at which joints attach; node ids are -1.
     units : Units
         Unit system.
 
@@ -349,7 +313,7 @@ class RigidBody:
         if not self.mass > 0:
             raise MatrixError(f"rigid body '{self.name}': mass {self.mass:g} is not positive")
         principal = np.linalg.eigvalsh(J)
-        # Round-off of six printed digits may put a rod's axis a hair below zero.
+        # Round-off of six printed digits may make the inertia about a rod's axis slightly negative.
         slack = 1e-6 * abs(principal).max()
         if principal[0] < -slack or principal[0] + principal[1] < principal[2] - slack:
             raise MatrixError(
@@ -359,3 +323,6 @@ class RigidBody:
             )
         object.__setattr__(self, "cg", cg)
         object.__setattr__(self, "inertia", J)
+
+    def __repr__(self) -> str:
+        return f"<RigidBody {self.name}: mass {self.mass:g}, {len(self.interfaces)} interfaces>"

@@ -1,4 +1,4 @@
-"""How a body loses energy."""
+"""Damping laws of a body."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from cmsreduce.errors import DampingError
 
 __all__ = ["Damping"]
+
+_LAWS = ("modal", "table", "per_mode", "rayleigh", "structural")
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,7 @@ class Damping:
     table : tuple of (frequency in Hz, ratio), optional
         Damping ratio against frequency, interpolated linearly, held constant outside.
     per_mode : tuple of float, optional
-        Damping ratio of each elastic mode in order of frequency; the last one holds for the rest.
+        Damping ratio of each elastic mode in order of frequency; the last one is used for all later modes.
     rayleigh : (alpha, beta), optional
         D = alpha M + beta K; alpha in 1/s, beta in s.
     structural : float, optional
@@ -42,9 +44,7 @@ class Damping:
     structural: float | None = None
 
     def __post_init__(self) -> None:
-        given = [
-            name for name in ("modal", "table", "per_mode", "rayleigh", "structural") if getattr(self, name) is not None
-        ]
+        given = [name for name in _LAWS if getattr(self, name) is not None]
         if len(given) > 1:
             raise DampingError(f"damping is given twice, as {' and '.join(given)}: keep one")
         if not given:
@@ -68,14 +68,11 @@ class Damping:
 
     @property
     def law(self) -> str:
-        """Name of the law in force, ``none`` if there is none."""
-        for name in ("modal", "table", "per_mode", "rayleigh", "structural"):
-            if getattr(self, name) is not None:
-                return name
-        return "none"
+        """Name of the law that is given, ``none`` without one."""
+        return next((name for name in _LAWS if getattr(self, name) is not None), "none")
 
     def scaled(self, factor: float) -> Damping:
-        """The same law with so many times the damping; ``factor`` above zero."""
+        """The same law with its damping multiplied by a factor above zero."""
         return Damping(
             None if self.modal is None else factor * self.modal,
             None if self.table is None else tuple((hz, factor * ratio) for hz, ratio in self.table),
@@ -86,7 +83,7 @@ class Damping:
 
     @property
     def acts_on_modes(self) -> bool:
-        """Whether the law is stated mode by mode, so that the unreduced body needs all its modes."""
+        """True if the law is stated mode by mode: then a response of the unreduced body needs all its modes."""
         return self.law in {"modal", "table", "per_mode"}
 
     def ratios(self, omega: ArrayLike) -> NDArray[np.float64]:
@@ -100,7 +97,7 @@ class Damping:
         Returns
         -------
         (e,) float64
-            Ratios; for a structural loss factor g the equivalent g/2 at resonance; zero where undamped.
+            Ratios; for a structural loss factor g the equivalent g/2 at resonance; zero without damping.
         """
         w = np.asarray(omega, dtype=np.float64)
         if self.modal is not None:

@@ -1,4 +1,4 @@
-"""What the stress of a unit load adds to a body's stiffness, load by load (theory section 8)."""
+"""Bars of a body, unit loads on it, and the stiffness that the stress of each load adds (theory section 8)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 from cmsreduce.errors import SceneError
 from cmsreduce.model.units import Units
 
-__all__ = ["INERTIA_LOADS", "SQUARES", "GeometricStiffness", "ModalStiffening", "UnitLoad", "loads_in_words"]
+__all__ = [
+    "Bars",
+    "GeometricStiffness",
+    "INERTIA_LOADS",
+    "Members",
+    "ModalStiffening",
+    "SQUARES",
+    "UnitLoad",
+    "loads_in_words",
+]
 
 SQUARES = ("xx", "yy", "zz", "xy", "yz", "xz")
 """Products of angular velocities, in the order of floating-frame codes."""
@@ -31,6 +40,89 @@ _EXAMPLES = (
 )
 
 
+@dataclass(frozen=True, eq=False)
+class Bars:
+    """Straight bars and beams between two nodes each: properties for the force along them.
+
+    Parameters
+    ----------
+    id : (b,) int64
+        Element ids.
+    node : (b, 2) int64
+        Nodes at both ends.
+    EA : (b,) float64
+        Axial stiffness, in units of force.
+    radius_squared : (b,) float64
+        Polar moment of the section over its area, Ip / A, in units of length squared; 0 where it does not matter.
+    bends : (b,) bool
+        True for a beam, whose ends have slopes; false for a rod.
+    hinged : (b, 2) bool, optional
+        True for each end of a beam that is free to rotate across it; none by default.
+    offset : (b, 2, 3) float64, optional
+        From each node to the end of the bar, along the node's displacement axes; zero by default.
+    """
+
+    id: NDArray[np.int64]
+    node: NDArray[np.int64]
+    EA: NDArray[np.float64]
+    radius_squared: NDArray[np.float64]
+    bends: NDArray[np.bool_]
+    hinged: NDArray[np.bool_] | None = None
+    offset: NDArray[np.float64] | None = None
+
+    @property
+    def turning(self) -> NDArray[np.bool_]:
+        """True for each end of each bar with the slope of its node (b, 2)."""
+        both = np.repeat(self.bends[:, None], 2, axis=1)
+        return both if self.hinged is None else both & ~self.hinged
+
+    @property
+    def on_arms(self) -> NDArray[np.bool_]:
+        """True for each end of each bar that is offset from its node (b, 2)."""
+        return np.zeros((len(self), 2), dtype=bool) if self.offset is None else np.asarray(self.offset.any(axis=2))
+
+    def __len__(self) -> int:
+        return int(self.id.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """Elastic members of a deck: bars and rods between two nodes each, and springs between two dofs.
+
+    Parameters
+    ----------
+    node : (b, 2) int64
+        Ends of the bars.
+    offset : (b, 2, 3) float64
+        From each node to the bar's end, along the basic axes.
+    up : (b, 3) float64
+        Vector in the bar's first plane of bending, basic axes; not along the bar. Any vector for a rod.
+    EA, GJ : (b,) float64
+        Axial and torsional stiffness, in units of force and of force times area.
+    EI : (b, 2, 2) float64
+        Bending stiffness in the two planes, and coupling between them; zero for rods.
+    shear : (b, 2) float64
+        Shear flexibility in each plane, 1 / (k G A); zero for a bar without shear deformation.
+    released : (b, 12) bool
+        True for released motions of the ends, along the bar's own axes, end by end.
+    spring : (s,) float64
+        Stiffness of the springs.
+    between : (s, 2, 2) int64
+        Node and component of both dofs of each spring; node 0 is the ground.
+    """
+
+    node: NDArray[np.int64]
+    offset: NDArray[np.float64]
+    up: NDArray[np.float64]
+    EA: NDArray[np.float64]
+    GJ: NDArray[np.float64]
+    EI: NDArray[np.float64]
+    shear: NDArray[np.float64]
+    released: NDArray[np.bool_]
+    spring: NDArray[np.float64]
+    between: NDArray[np.int64]
+
+
 @dataclass(frozen=True)
 class UnitLoad:
     """A load of one unit, along the body's basic axes.
@@ -39,8 +131,8 @@ class UnitLoad:
     ----------
     kind : str
         ``acceleration`` and ``angular acceleration`` of the body's frame; ``centrifugal``: a product of two of its
-        angular velocities; ``force`` and ``moment`` at a node. The first three stand for the inertia forces that they
-        cause, which pull the other way.
+        angular velocities; ``force`` and ``moment`` at a node. The first three mean the inertia forces that they cause,
+        which act in the opposite direction.
     axes : str
         ``x``, ``y``, ``z``; for ``centrifugal`` one of ``SQUARES``.
     at : str
@@ -59,11 +151,11 @@ class UnitLoad:
     def __post_init__(self) -> None:
         known = self.axes in _AXES.get(self.kind, ())
         if not known or bool(self.at) != (self.kind in ("force", "moment")):
-            raise SceneError(f"'{self.label}' is no unit load: write one such as {_EXAMPLES}")
+            raise SceneError(f"'{self.label}' is not a unit load: write one such as {_EXAMPLES}")
 
     @classmethod
     def parse(cls, text: str) -> UnitLoad:
-        """Read a load's label; the two axes of a product may stand in either order.
+        """Read the label of a load; the two axes of a product may be in either order.
 
         Examples
         --------
@@ -73,11 +165,11 @@ class UnitLoad:
         Raises
         ------
         SceneError
-            If the text names no load.
+            If the text is not the label of a load.
         """
         found = _FORM.fullmatch(str(text))
         if found is None:
-            raise SceneError(f"'{text}' is no unit load: write one such as {_EXAMPLES}")
+            raise SceneError(f"'{text}' is not a unit load: write one such as {_EXAMPLES}")
         return cls(found["kind"], "".join(sorted(found["axes"])), found["at"] or "")
 
     @property
@@ -86,14 +178,14 @@ class UnitLoad:
         return f"{self.kind} {self.at}.{self.axes}" if self.at else f"{self.kind} {self.axes}"
 
     def worth(self, units: Units) -> float:
-        """The load in SI: what one unit of it is, in a unit system."""
+        """Value in SI of one unit of the load in a unit system."""
         per_time = 1 / units.time**2
         sizes = {"acceleration": units.length * per_time, "force": units.force, "moment": units.energy}
         return sizes.get(self.kind, per_time)
 
 
 def loads_in_words(labels: Sequence[str]) -> str:
-    """Labels of loads, of each kind once.
+    """Labels of loads in one line, with each kind named once.
 
     Examples
     --------
@@ -115,20 +207,20 @@ INERTIA_LOADS = tuple(
 
 @dataclass(frozen=True, eq=False)
 class GeometricStiffness:
-    """Matrices of a whole body: under loads p_l, K becomes K + sum p_l K_l.
+    """Geometric stiffness of a body: under loads p_l, K becomes K + sum p_l K_l.
 
     Parameters
     ----------
     loads : tuple of UnitLoad
-        What each matrix is for one unit of.
+        Unit load of each matrix.
     matrices : tuple of (n, n) sparse array
-        In the rows of the body, symmetric; of a load along with the stress it causes in the body held.
+        Symmetric, in the rows of the body; for the stress that the load causes in the held body.
     sources : tuple of str
-        Where each comes from: ``bars of the deck``, or a file.
+        Source of each matrix: ``bars of the deck``, or a file.
     origin : (3,) float64
-        Point the frame turns about, in basic.
+        Centre of rotation of the frame, in basic.
     held : str
-        What holds the body while the loads act, in words.
+        Support of the body while the loads act, in words.
     """
 
     loads: tuple[UnitLoad, ...]
@@ -147,9 +239,9 @@ class ModalStiffening:
     loads : tuple of UnitLoad
         Unit loads.
     K : (loads, m, m) float64
-        Phi^T K_l Phi of each.
+        Phi^T K_l Phi of each load.
     origin : (3,) float64
-        Point the frame turns about, in basic.
+        Centre of rotation of the frame, in basic.
     """
 
     loads: tuple[UnitLoad, ...]
@@ -157,14 +249,14 @@ class ModalStiffening:
     origin: NDArray[np.float64]
 
     def of(self, label: str) -> NDArray[np.float64] | None:
-        """Matrix of a load (m, m); None where there is none."""
+        """Matrix of a load (m, m); None if there is no such load."""
         labels = [load.label for load in self.loads]
         return self.K[labels.index(label)] if label in labels else None
 
     def spinning(self, velocity: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """Stiffness (m, m) at a steady angular velocity (3,) in rad per unit of time, along the basic axes.
 
-        None where a product of velocities that is not zero has no matrix.
+        None if a product of velocities is not zero and has no matrix.
         """
         total = np.zeros(self.K.shape[1:])
         for axes in SQUARES:

@@ -1,12 +1,9 @@
-"""Integrals of a body's mass and shapes, as multibody codes take them (theory section 8).
-
-The frame that a floating-frame code carries a body's rigid motion with, and what of it was left in the modes.
-"""
+"""Integrals of a body's mass and shapes for multibody codes, and floating frames (theory section 8)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,24 +19,26 @@ __all__ = [
 ]
 
 Lumping = Literal["consistent", "row-sum", "diagonal"]
-"""Mass that is integrated over: M itself, M lumped by row sums, or by its diagonal scaled to the body's mass."""
+"""Mass matrix of the integrals: M itself, M lumped by row sums, or its diagonal scaled to the body's mass."""
 
-LUMPINGS: tuple[Lumping, ...] = ("consistent", "row-sum", "diagonal")
-"""Every kind of mass."""
+LUMPINGS: tuple[Lumping, ...] = get_args(Lumping)
+
+FrameKind = Literal["clamped", "mean-axis", "chord"]
+"""In the frame the deforming modes leave at rest an interface, the momentum, or a line between two interfaces."""
 
 
 @dataclass(frozen=True, eq=False)
 class ModalIntegrals:
-    """Integrals over a body at rest, in a frame of its own.
+    """Integrals over a body at rest, in a frame of the body.
 
     Parameters
     ----------
     origin : (3,) float64
         Origin of the frame in the body's basic frame.
     axes : (3, 3) float64
-        Axes of the frame as rows, in the basic frame; vectors and tensors below are along them.
+        Axes of the frame as rows, in the basic frame; the vectors and tensors below are along these axes.
     lumping : Lumping
-        Mass that is integrated over.
+        Mass matrix of the integrals.
     mass : float
         int dm.
     first_moment : (3,) float64
@@ -51,12 +50,12 @@ class ModalIntegrals:
     r_cross_phi : (3, k) float64
         int r x phi dm, with the rotational inertia of the nodes.
     r_phi : (3, 3, k) float64
-        int r_i phi_j dm, with the rotational inertia of the nodes: r_cross_phi is what is skew in it.
+        int r_i phi_j dm, with the rotational inertia of the nodes; its skew part is r_cross_phi.
     phi_phi : (3, 3, k, k) float64
-        int phi_i phi_j dm: entry [i, j, a, b] is of component i of mode a and component j of mode b. With the
-        rotational inertia of the nodes: its trace over i = j is the modal mass.
+        int phi_i phi_j dm: entry [i, j, a, b] belongs to component i of mode a and component j of mode b. With the
+        rotational inertia of the nodes; its trace over i = j is the modal mass.
     modes : (k,) int64
-        Columns of the component's shapes that were integrated: its elastic and static modes.
+        Columns of the component's shapes: its elastic and static modes.
     """
 
     origin: NDArray[np.float64]
@@ -82,26 +81,22 @@ class ModalIntegrals:
         return np.asarray(np.trace(self.inertia) / 2 * np.eye(3) - self.inertia)
 
 
-FrameKind = Literal["clamped", "mean-axis", "chord"]
-"""What the deforming modes do not do: move or turn an interface; have momentum; leave a line between two interfaces."""
-
-
 @dataclass(frozen=True)
 class FrameCondition:
-    """Which motion of the body is the frame's.
+    """Condition that makes a floating frame.
 
     Parameters
     ----------
     kind : FrameKind
-        ``clamped``: that of an interface. ``mean-axis``: that of the momentum (Buckens). ``chord``: that of the line
-        from one interface to another, turned about itself as ``roll`` says.
+        ``clamped``: the frame moves with an interface. ``mean-axis``: with the momentum (Buckens). ``chord``: with the
+        line from one interface to another; ``roll`` decides its rotation about itself.
     at : str
-        Interface that the frame is clamped at, or that the chord starts from; empty for mean axes.
+        Interface of a clamped frame, or start of the chord; empty for mean axes.
     to : str
-        Interface that the chord ends at.
+        Interface at the end of the chord.
     roll : str
-        ``INTERFACE.DOF`` or ``NODE.DOF``, along the basic axes, that does not move in the frame: what holds the chord
-        against turning about itself. Empty for the rotation of ``at`` about the chord.
+        ``INTERFACE.DOF`` or ``NODE.DOF``, along the basic axes, that does not move in the frame. Empty for the rotation
+        of ``at`` about the chord.
     """
 
     kind: FrameKind
@@ -110,7 +105,7 @@ class FrameCondition:
     roll: str = ""
 
     def __str__(self) -> str:
-        """In words: ``clamped at root``."""
+        """Condition in words: ``clamped at root``."""
         if self.kind == "clamped":
             return f"clamped at {self.at}"
         if self.kind == "chord":
@@ -120,22 +115,22 @@ class FrameCondition:
 
 @dataclass(frozen=True, eq=False)
 class FloatingFrame:
-    """A frame found for a body, and the rigid motion that its deforming modes lose to it.
+    """A floating frame of a body, and the rigid motion that it takes off the deforming modes.
 
     Parameters
     ----------
     condition : FrameCondition
-        What makes it the frame.
+        Condition that makes the frame.
     origin : (3,) float64
-        Where it stands in the body at rest, in basic.
+        Origin in the body at rest, in basic.
     axes : (3, 3) float64
-        Its axes as rows, in basic.
+        Axes as rows, in basic.
     removed : (6, e) float64
-        Amounts of the six rigid modes taken off each of the e deforming ones.
+        Amounts of the six rigid modes taken off each of the e deforming modes.
     node, component : (p,) int64
-        Dofs that the condition is on; none for mean axes, which all of the mass decides.
+        Dofs of the condition; none for mean axes, which depend on the whole mass.
     residual : float
-        Largest amount of a rigid mode that is left in a deforming one, relative to the largest taken off, or to 1.
+        Largest amount of a rigid mode left in a deforming mode, relative to the largest one taken off, or to 1.
     """
 
     condition: FrameCondition
@@ -148,10 +143,10 @@ class FloatingFrame:
 
     @property
     def change(self) -> NDArray[np.float64]:
-        """T (m, m): the modes seen from the frame are Phi T, rigid ones as they were.
+        """T (m, m): the modes relative to the frame are Phi T; rigid modes stay as they are.
 
-        Mass T^T M T is no longer the identity: the rigid modes couple with the others by -removed, and those have
-        1 + removed^T removed. Stiffness is the same.
+        The mass T^T M T is not the identity: rigid and other modes couple by -removed, and the block of the other
+        modes is 1 + removed^T removed. The stiffness stays the same.
         """
         r, e = self.removed.shape
         T = np.eye(r + e)
@@ -161,18 +156,18 @@ class FloatingFrame:
 
 @dataclass(frozen=True, eq=False)
 class IntegralFrame:
-    """Where the integrals of a body are taken about, along which axes, and over which mass.
+    """Reference point, axes and mass matrix of the integrals of a body.
 
     Parameters
     ----------
     about : str
-        In words, such as ``interface root``.
+        Reference point in words, such as ``interface root``.
     origin : (3,) float64
-        In basic.
+        Reference point in basic.
     axes : (3, 3) float64
-        As rows, in basic.
+        Axes as rows, in basic.
     lumping : Lumping
-        Mass that is integrated over.
+        Mass matrix of the integrals.
     """
 
     about: str

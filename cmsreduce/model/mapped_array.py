@@ -1,4 +1,4 @@
-"""Shapes of a large body in a file that is mapped into memory: the system reads what is touched, and takes it back."""
+"""Shapes of a large body in a file that is mapped into memory: the system loads and drops its pages as needed."""
 
 from __future__ import annotations
 
@@ -28,42 +28,42 @@ __all__ = [
 ]
 
 CHECKSUM = "crc32"
-"""Attribute of a dataset that is mapped: HDF5 has checksums for chunks only."""
+"""Attribute of a mapped dataset: HDF5 has checksums for chunks only."""
 
 _NAME = "Phi"
 _DOUBLE = np.dtype("<f8")
-# What a dataset adds to a file besides its values.
+# Bytes that a dataset adds to a file besides its values.
 _HEADER = 2**16
 _PAGE = 4096
-# Columns that are copied into memory whatever they come from: a block of right-hand sides has as many.
+# Up to this many columns are always copied into memory: a block of right-hand sides has as many.
 _FEW = 64
 
 
 def mapped_array(folder: Path, n: int, m: int, *, by_rows: bool = False) -> NDArray[np.float64]:
-    """Make room on disk for some shapes.
+    """Reserve an array for shapes on disk.
 
-    They are in a file of their own, a contiguous float64 dataset of HDF5, that has no name from the moment it is made:
-    it is gone when the last view of the array is, or the process, however that ends. Where the system keeps names of
-    open files, the file is removed with the array.
+    The array is a contiguous float64 dataset of an HDF5 file of its own. The name of the file is removed at once, so
+    the file vanishes with the last view of the array or with the process. On systems that keep the names of open files,
+    the file is removed together with the array.
 
     Parameters
     ----------
     folder : Path
-        Where; it is made.
+        Folder of the file; made if it does not exist.
     n, m : int
         Rows and columns.
     by_rows : bool
-        Whether they lie by rows, not by columns.
+        True to store by rows, not by columns.
 
     Returns
     -------
     (n, m) float64
-        Zeros, in Fortran order unless they are ``by_rows``: the columns are the rows of the dataset.
+        Zeros, in Fortran order unless ``by_rows``: its columns are the rows of the dataset.
 
     Raises
     ------
     WriteError
-        If the disk has no room for it. All of it is reserved, for a mapped file that cannot grow ends the process.
+        If the disk is full. The whole array is reserved, because a mapped file that cannot grow ends the process.
     """
     import h5py
 
@@ -92,12 +92,12 @@ def mapped_array(folder: Path, n: int, m: int, *, by_rows: bool = False) -> NDAr
 
 
 def add_dataset(path: Path, name: str, shape: tuple[int, int]) -> int:
-    """Add a contiguous float64 dataset to an HDF5 file, without its values; its attribute `CHECKSUM` is yet zero.
+    """Add a contiguous float64 dataset to an HDF5 file, without its values; its attribute `CHECKSUM` is zero.
 
     Parameters
     ----------
     path : Path
-        The file, which is closed.
+        The closed file.
     name : str
         Name of the dataset.
     shape : (int, int)
@@ -111,19 +111,19 @@ def add_dataset(path: Path, name: str, shape: tuple[int, int]) -> int:
     Raises
     ------
     OSError
-        If the disk has no room for it.
+        If the disk is full.
     """
     import h5py
     from h5py import h5d, h5p, h5s, h5t
 
-    # Reserved first: the HDF5 library ends the whole process where the disk fills up under it.
+    # Reserved first: the HDF5 library ends the whole process if the disk is full.
     _reserve(path, shape[0] * shape[1] * _DOUBLE.itemsize + _HEADER)
     layout = h5p.create(h5p.DATASET_CREATE)
     layout.set_layout(h5d.CONTIGUOUS)
     layout.set_alloc_time(h5d.ALLOC_TIME_EARLY)
     layout.set_fill_time(h5d.FILL_TIME_NEVER)
     layout.set_obj_track_times(False)
-    # On a page of its own: numpy copies what does not begin at a multiple of eight bytes before it multiplies it.
+    # Aligned to a page: numpy copies an array that does not begin at a multiple of eight bytes before multiplying.
     page = {"alignment_threshold": min(_PAGE, shape[0] * shape[1]), "alignment_interval": _PAGE}
     with h5py.File(path, "r+", libver="v110", **page) as file:
         dataset = h5d.create(file.id, name.encode(), h5t.IEEE_F64LE, h5s.create_simple(shape), layout)
@@ -132,13 +132,13 @@ def add_dataset(path: Path, name: str, shape: tuple[int, int]) -> int:
 
 
 def map_dataset(path: Path, dataset: Any) -> NDArray[np.float64]:
-    """Map a contiguous float64 dataset (m, n) of an HDF5 file into memory, to be read as shapes (n, m)."""
+    """Map a contiguous float64 dataset (m, n) of an HDF5 file into memory, as shapes (n, m) to read."""
     offset = dataset.id.get_offset()
     return np.asarray(np.memmap(path, dtype=_DOUBLE, mode="r", offset=offset, shape=dataset.shape)).T
 
 
 def checksum(Phi: NDArray[np.float64]) -> int:
-    """CRC-32 of shapes as they lie in a file, column by column."""
+    """CRC-32 of shapes in the order of the file, column by column."""
     found = 0
     for column in Phi.T:
         found = zlib.crc32(np.ascontiguousarray(column, dtype=_DOUBLE).data, found)
@@ -146,7 +146,7 @@ def checksum(Phi: NDArray[np.float64]) -> int:
 
 
 def mapped_in(array: NDArray[np.float64]) -> Path | None:
-    """Folder of the file that an array, or what it is a view of, is in; None for one in memory."""
+    """Folder of the file of an array or of the array it is a view of; None for one in memory."""
     owner: object = array
     while isinstance(owner, np.ndarray):
         if isinstance(owner, np.memmap) and owner.filename is not None:
@@ -156,7 +156,7 @@ def mapped_in(array: NDArray[np.float64]) -> Path | None:
 
 
 def shapes_beside(Phi: NDArray[np.float64], m: int) -> NDArray[np.float64]:
-    """Room for other shapes (n, m) of the same body: on disk where these are, unless they are few."""
+    """Array for other shapes (n, m) of the same body: on disk if these are, unless there are few columns."""
     folder = None if m <= _FEW else mapped_in(Phi)
     if folder is None:
         return np.zeros((Phi.shape[0], m), order="F")
@@ -166,7 +166,7 @@ def shapes_beside(Phi: NDArray[np.float64], m: int) -> NDArray[np.float64]:
 def chosen_columns(
     Phi: NDArray[np.float64], columns: Sequence[int] | NDArray[np.int64], scale: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """Some of the shapes (n, m), each multiplied by its ``scale`` (m,); on disk as they are, and not copied if all."""
+    """Some columns of shapes (n, m), times their ``scale`` (m,); on disk if the shapes are, no copy if unchanged."""
     columns = np.asarray(columns, dtype=np.int64)
     if scale is None and np.array_equal(columns, np.arange(Phi.shape[1])):
         return Phi
@@ -179,7 +179,7 @@ def chosen_columns(
 
 
 def _reserve(path: Path, size: int) -> None:
-    """Have the disk set aside so many bytes at the end of a file."""
+    """Reserve bytes on disk at the end of a file."""
     with path.open("r+b") as file:
         end = file.seek(0, os.SEEK_END)
         if hasattr(os, "posix_fallocate"):

@@ -1,7 +1,4 @@
-"""What is proven of the normal modes a body was reduced to.
-
-A basis of shapes for one body, and what each shape is.
-"""
+"""Shapes that span a reduced body, and the proof that no normal mode is missing."""
 
 from __future__ import annotations
 
@@ -14,12 +11,10 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 
-__all__ = [
-    "ModeBlock",
-    "ModeCertificate",
-    "ModeKind",
-    "ModeSet",
-]
+__all__ = ["ModeBlock", "ModeCertificate", "ModeKind", "ModeSet"]
+
+ModeKind = Literal["rigid", "constraint", "fixed", "free", "residual", "loaded", "system"]
+"""Kind of a shape: from which problem it comes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,14 +24,14 @@ class ModeCertificate:
     Parameters
     ----------
     cutoff_hz : float
-        Frequency up to which modes were sought.
+        Upper end of the range in which all modes were computed.
     counted : int or None
-        Elastic modes below it by a Sturm count, which knows nothing of the modes themselves; None for a body of few
-        dofs, all of whose modes were computed.
+        Number of elastic modes below it by a Sturm count, which does not use the modes; None for a small body, of which
+        all modes were computed.
     frequency_hz : (k,) float64
-        Frequencies found, of free or of fixed-interface modes.
+        Frequencies of the free or of the fixed-interface modes.
     bound : (k,) float64
-        Relative error of each frequency at most, from the residual of its mode.
+        Upper bound on the relative error of each frequency, from the residual of its mode.
     """
 
     cutoff_hz: float
@@ -50,11 +45,8 @@ class ModeCertificate:
 
     @property
     def worst_bound(self) -> float:
-        """Largest of the bounds; zero where there is no mode."""
+        """Largest bound; zero without modes."""
         return float(self.bound.max(initial=0.0))
-
-
-ModeKind = Literal["rigid", "constraint", "fixed", "free", "residual", "loaded", "system"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +56,11 @@ class ModeBlock:
     Parameters
     ----------
     kind : ModeKind
-        What they are.
+        Kind of all of them.
     shapes : (n, k) float64
         Columns.
     label : sequence of str
-        Dof or load of a static shape, ordinal of a normal mode.
+        Dof or load of a static shape, number of a normal mode.
     source_hz : (k,) float64, optional
         Frequencies of normal modes; NaN for static shapes if absent, 0 for rigid ones.
     """
@@ -90,13 +82,13 @@ class ModeSet:
     Phi : (n, m) float64
         Shapes as columns, rows as in the body's dof table.
     kind : tuple of ModeKind
-        What each column is.
+        Kind of each column.
     source_hz : (m,) float64
-        Frequency of the eigenproblem a normal mode came from, 0 for rigid modes, NaN for static shapes.
+        Frequency of a normal mode in its eigenproblem, 0 for rigid modes, NaN for static shapes.
     label : tuple of str
-        Dof or load a static shape belongs to; ordinal of a normal mode.
+        Dof or load of a static shape; number of a normal mode.
     certificate : ModeCertificate, optional
-        What is proven of the normal modes.
+        Proof about the normal modes.
     """
 
     method: str
@@ -122,7 +114,7 @@ class ModeSet:
         certificate: ModeCertificate | None = None,
         Phi: NDArray[np.float64] | None = None,
     ) -> ModeSet:
-        """Put blocks of shapes side by side; ``Phi`` is what they are views of, where they lie so already."""
+        """Put blocks of shapes side by side; ``Phi`` is given if the blocks are already views of one array."""
         source = [
             np.full(block.shapes.shape[1], 0.0 if block.kind == "rigid" else np.nan)
             if block.source_hz is None

@@ -1,4 +1,4 @@
-"""A body after reduction, and after its modes are made orthogonal and ranked."""
+"""A body after reduction, and after its modes are orthogonalised and ranked."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class ReducedComponent:
     Parameters
     ----------
     body : FEModel
-        The unreduced body; its K and M are not needed further on.
+        The unreduced body; later stages do not need its K and M.
     modes : ModeSet
-        The basis, m columns.
+        Basis of m columns.
     M, K : (m, m) float64
         Phi^T M Phi and Phi^T K Phi.
     D : (m, m) float64, optional
@@ -47,20 +47,25 @@ class ReducedComponent:
         """Name of the body."""
         return self.body.name
 
+    def __repr__(self) -> str:
+        found = self.modes.source_hz[self.modes.source_hz > 0]
+        first = f", first normal mode {found.min():.6g} Hz" if found.size else ""
+        return f"<ReducedComponent {self.name}: {self.body.n} dofs, {self.modes.m} {self.modes.method} shapes{first}>"
+
 
 @dataclass(frozen=True, eq=False)
 class ModalComponent:
     """A reduced body in orthonormal modes: q'' + 2 zeta w q' + w^2 q = Phi^T f (theory section 3).
 
-    Shapes that carry no mass are static modes: they follow their load at once, q = Phi^T f, and keep the body's static
-    flexibility whole.
+    Shapes without mass are static modes: they follow their load without delay, q = Phi^T f, and complete the static
+    flexibility of the body.
 
     Parameters
     ----------
     body : FEModel
         The unreduced body's name, dofs, nodes, interfaces, units and damping law.
     method : str
-        Mode set the shapes came from.
+        Mode set of the shapes.
     Phi : (n, m) float64
         Shapes: r rigid ones, then elastic ones by frequency, orthonormal in M; then s static ones, orthonormal in K.
     omega : (m,) float64
@@ -73,8 +78,8 @@ class ModalComponent:
     D : (m, m) float64, optional
         Damping matrix in modal coordinates where the user gave a matrix; not diagonal in general.
     kind : tuple of ModeKind
-        Kind of basis shape that carries most of each mode's kinetic energy, of a static mode's strain energy;
-        ``rigid`` for rigid modes.
+        Kind of basis shape with most of each mode's kinetic energy, or of a static mode's strain energy; ``rigid`` for
+        rigid modes.
     source_hz : (m,) float64
         Frequency of the normal mode of the basis with the largest share in each mode; NaN if it is static.
     sigma : (m,) float64
@@ -83,26 +88,26 @@ class ModalComponent:
         max over the other modes of max(zeta) max(w) / |w_i - w_j| (theory section 4); NaN before ranking and for rigid
         and static modes.
     why : tuple of str
-        Why each mode was kept.
+        Reason why each mode was kept.
     basis_size : int
         Columns of the mode set before truncation.
     static_count : int
         s: the last s columns are static modes.
     neglected_count : int
-        So many of them, the first, are modes whose mass was left out by choice; the others carry none.
+        The first of the static modes, this many, are elastic modes whose mass was left out by choice.
     basis_rank : int
-        Columns of the mode set that are independent to rounding; 0 where that is not known.
+        Columns of the mode set that are independent to rounding; 0 if unknown.
     basis_condition : float
-        Largest over smallest singular value of the mode set, in the energy K / tr K + M / tr M, its columns of unit
-        length; NaN where that is not known.
+        Largest over smallest singular value of the mode set in the energy K / tr K + M / tr M, with columns of unit
+        length; NaN if unknown.
     certificate : ModeCertificate, optional
-        What is proven of the normal modes of the basis.
+        Proof about the normal modes of the basis.
     rankings : mapping of name to (m,) float64
-        Coefficient of each mode in every ranking that was taken, NaN for rigid and static modes; ``sigma`` is the one
-        that modes are kept by.
+        Coefficient of each mode in every ranking that was computed, NaN for rigid and static modes; ``sigma`` is the
+        one that decides which modes are kept.
     cluster : (m,) int64, optional
-        Which modes act together: numbers from 1 for clusters, 0 for a mode by itself, rigid and static ones included;
-        absent before ranking and for bodies without damping.
+        Cluster of each mode, from 1; 0 for a mode without cluster and for rigid and static modes. None before ranking
+        and for bodies without damping.
     """
 
     body: FEModel
@@ -149,6 +154,11 @@ class ModalComponent:
         if self.zeta[: self.rigid_count].any() or self.zeta[self.elastic.stop :].any():
             raise MatrixError(f"body '{self.name}': rigid and static modes have no damping ratio")
 
+    def __repr__(self) -> str:
+        first = f", first {self.frequencies_hz[self.rigid_count]:.6g} Hz" if self.elastic_count else ""
+        modes = f"{self.rigid_count} rigid, {self.elastic_count} elastic, {self.static_count} static modes"
+        return f"<{type(self).__name__} {self.name}: {self.body.n} dofs, {modes}{first}>"
+
     @property
     def name(self) -> str:
         """Name of the body."""
@@ -160,8 +170,13 @@ class ModalComponent:
         return self.body.damping
 
     @property
+    def frequencies_hz(self) -> NDArray[np.float64]:
+        """Natural frequencies in Hz (m,): 0 for rigid modes, infinite for static ones."""
+        return self.omega / (2 * np.pi)
+
+    @property
     def elastic_count(self) -> int:
-        """Number of elastic modes: those with a frequency, which is not zero."""
+        """Number of elastic modes: those with a finite frequency above zero."""
         return int(self.omega.size - self.rigid_count - self.static_count)
 
     @property
@@ -176,7 +191,7 @@ class ModalComponent:
 
     @property
     def inertial_shapes(self) -> NDArray[np.float64]:
-        """Phi with zeros for the modes whose mass was left out: what integrals over the mass are taken of (n, m)."""
+        """Shapes for integrals over the mass (n, m): Phi with zeros for the modes whose mass was left out."""
         if not self.neglected_count:
             return self.Phi
         scale = np.ones(self.omega.size)
@@ -197,7 +212,7 @@ class ModalComponent:
     def viscous(self) -> NDArray[np.float64]:
         """Diagonal of the viscous damping of the body's law (m,); zero under structural damping.
 
-        2 zeta w of an elastic mode. A static one has no ratio: a law stated mode by mode does not damp it, beta K does.
+        2 zeta w for an elastic mode. A static mode has no ratio: beta K damps it, a law stated mode by mode does not.
         """
         damping = np.zeros(self.omega.size)
         if self.damping.structural is None:
@@ -212,7 +227,7 @@ class ModalComponent:
         return (self.damping.structural or 0.0) * self.stiffness
 
     def static_above(self, omega: float) -> ModalComponent:
-        """The component with its modes above a frequency treated statically: their stiffness stays, their mass goes.
+        """Treat the modes above a frequency statically: keep their stiffness, leave their mass out.
 
         Parameters
         ----------
@@ -222,8 +237,8 @@ class ModalComponent:
         Returns
         -------
         ModalComponent
-            Of the same columns; those above are static modes, orthonormal in K, before those that were static already.
-            What beta K makes of their damping stays, a damping ratio goes.
+            With the same columns: those above become static modes, orthonormal in K, and come before the others. Their
+            damping by beta K stays, their damping ratio does not.
         """
         first = int(np.searchsorted(self.omega, omega, side="right"))
         first = max(first, self.rigid_count)
@@ -253,14 +268,14 @@ class ModalComponent:
         )
 
     def truncated(self, keep: ArrayLike, why: Sequence[str] | None = None) -> ModalComponent:
-        """The component with some of its modes.
+        """Keep some of the modes.
 
         Parameters
         ----------
         keep : (k,) array_like of int
-            Columns to keep; rigid and static ones are kept whether named or not. Order is by frequency.
+            Columns to keep; rigid and static modes are always kept. The order stays that of the frequencies.
         why : sequence of str, optional
-            Reason for each column of this component (length m), stored for those kept.
+            Reason for each column of this component (m).
         """
         always = np.delete(np.arange(self.omega.size), self.elastic)
         columns = np.union1d(always, np.asarray(keep, dtype=np.int64))

@@ -1,7 +1,4 @@
-"""What acts in a joint on one of its free motions.
-
-The scene the bodies act in: joints, configurations, actuators, sensors, band.
-"""
+"""The scene: joints, configurations, actuators, sensors and frequency band."""
 
 from __future__ import annotations
 
@@ -30,53 +27,14 @@ __all__ = [
     "dof_index",
 ]
 
-_FIRST_ROTATION = 3
-
-
-@dataclass(frozen=True)
-class JointElement:
-    """Spring, damper and inertia of a joint along or about one of its free motions.
-
-    The spring and the damper act on the motion of the second interface against the first. The inertia belongs to the
-    joint, not to a body: it turns with the first interface, and no mass properties of a body contain it.
-
-    Parameters
-    ----------
-    dof : int
-        Motion 0..5 along the joint's axes.
-    stiffness, damping : float
-        In the scene's units: force a length, or moment a radian; the same times a second.
-    inertia : float
-        Moment of inertia about the joint's axis, of a rotation only.
-
-    Raises
-    ------
-    SceneError
-        If a figure is negative, or a translation is given an inertia.
-    """
-
-    dof: int
-    stiffness: float = 0.0
-    damping: float = 0.0
-    inertia: float = 0.0
-
-    def __post_init__(self) -> None:
-        for what in ("stiffness", "damping", "inertia"):
-            if not getattr(self, what) >= 0:
-                raise SceneError(f"a joint's {what} of {getattr(self, what):g} is negative")
-        if self.inertia and self.dof < _FIRST_ROTATION:
-            raise SceneError(
-                "a joint's inertia turns about one of its axes; what slides along an axis has mass in every direction: "
-                "give it to a body"
-            )
-
-
 DOF_NAMES = ("x", "y", "z", "rx", "ry", "rz")
 """Names of the six motions of a point, in order."""
 
+_FIRST_ROTATION = 3
+
 
 def dof_index(name: str) -> int:
-    """Position 0..5 of a motion's name; ``x``, ``rx``, or a digit 1..6.
+    """Position 0..5 of a motion's name: ``x``, ``rx``, or a digit 1..6.
 
     Raises
     ------
@@ -94,6 +52,44 @@ def dof_index(name: str) -> int:
 
 
 @dataclass(frozen=True)
+class JointElement:
+    """Spring, damper and inertia of a joint along or about one of its free motions.
+
+    The spring and the damper act on the motion of the second interface relative to the first. The inertia belongs to
+    the joint: it turns with the first interface, and is not part of the mass properties of a body.
+
+    Parameters
+    ----------
+    dof : int
+        Motion 0..5 along the joint's axes.
+    stiffness, damping : float
+        In the scene's units: force per length or moment per radian; for the damping, times a second.
+    inertia : float
+        Moment of inertia about the joint's axis; rotations only.
+
+    Raises
+    ------
+    SceneError
+        If a value is negative, or a translation has an inertia.
+    """
+
+    dof: int
+    stiffness: float = 0.0
+    damping: float = 0.0
+    inertia: float = 0.0
+
+    def __post_init__(self) -> None:
+        for what in ("stiffness", "damping", "inertia"):
+            if not getattr(self, what) >= 0:
+                raise SceneError(f"a joint's {what} of {getattr(self, what):g} is negative")
+        if self.inertia and self.dof < _FIRST_ROTATION:
+            raise SceneError(
+                "a joint's inertia is about one of its axes; what slides along an axis has mass in every direction: "
+                "give it to a body"
+            )
+
+
+@dataclass(frozen=True)
 class Point:
     """A place on a body: an interface's name, a node id in digits, or ``cg`` of a rigid body."""
 
@@ -106,12 +102,12 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class PointTerm:
-    """Motion of (or force on) a point along a direction.
+    """Motion of a point, or force on it, along a direction.
 
     Parameters
     ----------
     at : Point
-        Where.
+        Place.
     direction : (6,) float64
         Weights of x y z rx ry rz, along the basic axes of the body, which turn with it.
     """
@@ -122,7 +118,7 @@ class PointTerm:
 
 @dataclass(frozen=True)
 class JointTerm:
-    """Relative motion in a joint, or the equal and opposite effort: second interface against the first.
+    """Motion of a joint's second interface relative to the first, or the equal and opposite efforts on them.
 
     Parameters
     ----------
@@ -138,7 +134,7 @@ class JointTerm:
 
 @dataclass(frozen=True)
 class StrutTerm:
-    """Change of distance between two points, or the pair of forces that pushes them apart."""
+    """Change of the distance between two points, or the pair of forces that pushes them apart."""
 
     a: Point
     b: Point
@@ -153,11 +149,11 @@ class Channel:
     name : str
         Unique among the inputs or the outputs.
     terms : tuple of PointTerm, JointTerm or StrutTerm
-        Their sum is the measured motion; an actuator's effort acts on their transpose.
+        The measured motion is their sum; an actuator's effort acts on their transpose.
     quantity : {"translation", "rotation", "combination"}
-        What it acts on or measures; decides the unit its response is scaled in.
+        Kind of motion, which decides the scaling of the response.
     rate : bool
-        Whether a sensor measures the rate.
+        True for a sensor of the rate.
     """
 
     name: str
@@ -179,9 +175,9 @@ class Joint:
     free : frozenset of int
         Motions 0..5 along the axes that are free; the others are locked.
     offset : tuple of 3 float, optional
-        Rigid arm from the first interface to the second in the first body's basic frame, where they do not coincide.
+        Rigid arm from the first interface to the second in the first body's basic frame, if they do not coincide.
     elements : tuple of JointElement
-        Springs, dampers and inertias on free motions, one for each motion at most.
+        Springs, dampers and inertias, at most one element for each motion.
 
     Raises
     ------
@@ -206,29 +202,29 @@ class Joint:
                     f"free it (`free: [{DOF_NAMES[dof]}]`), or take the key out"
                 )
             if acted_on.count(dof) > 1:
-                raise SceneError(f"joint '{self.name}': two elements act on {DOF_NAMES[dof]}; add their figures up")
+                raise SceneError(f"joint '{self.name}': two elements act on {DOF_NAMES[dof]}; add their values")
 
     def locked(self) -> Joint:
-        """The same joint with its free motions held; its inertias turn with it."""
+        """The same joint with its free motions locked; its inertias stay."""
         held = (JointElement(element.dof, inertia=element.inertia) for element in self.elements)
         return replace(self, free=frozenset(), elements=tuple(element for element in held if element.inertia))
 
     @property
     def own_body(self) -> str:
-        """Name of the body that holds the joint's elements; no component can have it, since it holds a blank."""
+        """Name of the body of the joint's elements; the blank in it keeps it apart from the names of components."""
         return f"joint {self.name}"
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """A setting of the articulated joints.
+    """A configuration: one set of joint angles.
 
     Parameters
     ----------
     name : str
         Label, such as ``spin=45 cone=30``.
     angles : mapping of (joint, dof 0..5) to float
-        Radians, or the scene's unit of length for a translation; all others are zero.
+        In radians, or in the scene's unit of length for a translation; motions without a value are zero.
     """
 
     name: str
@@ -237,7 +233,7 @@ class Configuration:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where a body stands in the scene: x_scene = rotation @ x_body + translation."""
+    """Placement of a body in the scene: x_scene = rotation @ x_body + translation."""
 
     rotation: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
     translation: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
@@ -245,7 +241,7 @@ class Placement:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What the bodies are for.
+    """Joints, configurations, channels and frequency band of a set of bodies.
 
     Parameters
     ----------
@@ -256,7 +252,7 @@ class Scene:
     joints : tuple of Joint
         Connections.
     configurations : tuple of Configuration
-        Settings at which the model is assembled and checked; at least one.
+        Configurations in which the model is assembled and checked; at least one.
     actuators, sensors : tuple of Channel
         Inputs and outputs.
     base : str
@@ -264,20 +260,20 @@ class Scene:
     ground : tuple of Point
         Interfaces held to the ground; without one the system floats free.
     floating : tuple of str
-        Bodies that no chain of joints leads to, on purpose.
+        Bodies that are not connected to the base on purpose.
     redundant : {"refuse", "drop"}
-        What to do with motions that joints lock twice.
+        Treatment of motions that joints lock twice.
     placements : mapping of body to Placement
-        Bodies moved from the shared basic frame.
+        Placements of bodies that are not in the shared basic frame.
     units : Units
         Unit system of the scene; every body is converted to it.
 
     Raises
     ------
     SceneError
-        If names repeat or point to bodies and joints that are not there.
+        If a name repeats, or a body or joint does not exist.
     UnitsError
-        If its unit of time is not the second: bands and cutoffs are in Hz.
+        If the unit of time is not the second: bands and cutoffs are in Hz.
     """
 
     bodies: tuple[str, ...]
@@ -307,30 +303,35 @@ class Scene:
             if repeated:
                 raise SceneError(f"two {what}s are named '{repeated[0]}'")
         joints = {joint.name: joint for joint in self.joints}
+        bodies = f"(there are: {', '.join(self.bodies)})"
         for point in self.points():
             if point.body not in self.bodies:
+                raise SceneError(f"'{point}': there is no component '{point.body}' {bodies}")
+        named = [
+            (f"'{channel.name}'", term.joint)
+            for channel in (*self.actuators, *self.sensors)
+            for term in channel.terms
+            if isinstance(term, JointTerm)
+        ]
+        angles = [angle for configuration in self.configurations for angle in configuration.angles]
+        for where, name in named + [("articulation", name) for name, _ in angles]:
+            if name not in joints:
+                raise SceneError(f"{where}: there is no joint '{name}' (there are: {', '.join(joints)})")
+        for name, dof in angles:
+            if dof not in joints[name].free:
                 raise SceneError(
-                    f"'{point}': there is no component '{point.body}' (there are: {', '.join(self.bodies)})"
+                    f"articulation: joint '{name}' is not free in {DOF_NAMES[dof]}, so it cannot be turned"
                 )
-        for channel in (*self.actuators, *self.sensors):
-            for term in channel.terms:
-                if isinstance(term, JointTerm) and term.joint not in joints:
-                    raise SceneError(
-                        f"'{channel.name}': there is no joint '{term.joint}' (there are: {', '.join(joints)})"
-                    )
-        for configuration in self.configurations:
-            for name, dof in configuration.angles:
-                if name not in joints:
-                    raise SceneError(f"articulation: there is no joint '{name}' (there are: {', '.join(joints)})")
-                if dof not in joints[name].free:
-                    raise SceneError(
-                        f"articulation: joint '{name}' is not free in {DOF_NAMES[dof]}, so it cannot be turned"
-                    )
         for name in self.floating:
             if name not in self.bodies:
-                raise SceneError(f"floating: there is no component '{name}' (there are: {', '.join(self.bodies)})")
+                raise SceneError(f"floating: there is no component '{name}' {bodies}")
         if self.base and self.base not in self.bodies:
-            raise SceneError(f"base '{self.base}' is no component (there are: {', '.join(self.bodies)})")
+            raise SceneError(f"base '{self.base}' is no component {bodies}")
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.joints)} joints, {len(self.configurations)} configurations"
+        channels = f"{len(self.actuators)} actuators, {len(self.sensors)} sensors"
+        return f"<Scene {', '.join(self.bodies)}: {counts}, {channels}, band to {self.band[1]:g} Hz>"
 
     def points(self) -> tuple[Point, ...]:
         """Every point the scene refers to, in order of first mention."""

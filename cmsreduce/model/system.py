@@ -1,9 +1,4 @@
-"""Bodies as they enter an assembly, and the assembled system.
-
-The elastic modes of a body between the inputs and the outputs that a scene gives it.
-
-A controller in state space.
-"""
+"""Bodies as they enter an assembly, the mass of their neighbours, the assembled system and its controller."""
 
 from __future__ import annotations
 
@@ -18,13 +13,7 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.model.body import Interface
 from cmsreduce.model.scene import Configuration, Joint
 
-__all__ = [
-    "Controller",
-    "Matrix",
-    "ModalChannels",
-    "Substructure",
-    "System",
-]
+__all__ = ["Controller", "InterfaceLoading", "Matrix", "ModalChannels", "OutboardMass", "Substructure", "System"]
 
 Matrix = NDArray[np.float64] | sp.csc_array
 """A dense array or a sparse one, whichever the body is held in."""
@@ -32,7 +21,7 @@ Matrix = NDArray[np.float64] | sp.csc_array
 
 @dataclass(frozen=True, eq=False)
 class Substructure:
-    """A body in the coordinates it is assembled in: physical dofs, modes, or six rigid motions.
+    """A body in the coordinates of an assembly: physical dofs, modes, or six rigid motions.
 
     Parameters
     ----------
@@ -47,20 +36,20 @@ class Substructure:
     rigid : (m, r) float64
         Coordinates of the rigid-body modes: K, D and loss vanish on them.
     motion : mapping of point label to (6, m) Matrix
-        Motion x y z rx ry rz of each named point along the body's basic axes; rows a point does not have are zero.
+        Motion x y z rx ry rz of each named point along the body's basic axes; rows of missing motions are zero.
     has : mapping of point label to (6,) bool
-        Which motions along the point's displacement axes the point has.
+        True for each motion along the point's displacement axes that the point has.
     axes : mapping of point label to (3, 3) float64
         Displacement axes of the point as rows, in basic.
     position : mapping of point label to (3,) float64
         Coordinates of the point in the body's basic frame.
     interfaces : mapping of name to Interface
-        Interfaces; the label of node k of an interface is ``point_labels(interface)[k]``.
+        The label of node k of an interface is ``point_labels(interface)[k]``.
     omega : (m,) float64, optional
-        Natural frequencies where the coordinates are orthonormal modes (M = I, K = diag(omega^2)); infinite for static
-        ones, which have no mass and unit stiffness.
+        Natural frequencies if the coordinates are orthonormal modes (M = I, K = diag(omega^2)); infinite for static
+        modes, which have no mass and unit stiffness.
     rounding : float
-        Relative rounding of the entries of M and K, where they come from a file.
+        Relative rounding of the entries of M and K.
     """
 
     name: str
@@ -88,13 +77,93 @@ class Substructure:
 
 
 @dataclass(frozen=True, eq=False)
+class InterfaceLoading:
+    """Interface loading: stiffness and mass of the neighbours, condensed to the i-set of a body.
+
+    Parameters
+    ----------
+    K, M : (i + f, i + f) float64
+        Stiffness and mass over the rows of the i-set, in order, and then over f motions of the neighbours that are
+        free when the i-set is held.
+    neighbours : tuple of str
+        Names of the neighbours.
+    configuration : str
+        Name of the configuration.
+    grounded : (h,) int64
+        Positions of the rows of the i-set that the ground holds.
+
+    Raises
+    ------
+    MatrixError
+        If the matrices are not square, of one size and symmetric.
+    """
+
+    K: NDArray[np.float64]
+    M: NDArray[np.float64]
+    neighbours: tuple[str, ...] = ()
+    configuration: str = "as built"
+    grounded: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+
+    def __post_init__(self) -> None:
+        K, M = (np.asarray(A, dtype=np.float64) for A in (self.K, self.M))
+        if K.shape != M.shape or K.ndim != 2 or K.shape[0] != K.shape[1]:
+            raise MatrixError(f"interface loading: K is {K.shape} and M {M.shape}; two square matrices are expected")
+        object.__setattr__(self, "K", (K + K.T) / 2)
+        object.__setattr__(self, "M", (M + M.T) / 2)
+
+    @property
+    def size(self) -> int:
+        """Rows of the i-set and free motions together."""
+        return int(self.K.shape[0])
+
+
+@dataclass(frozen=True, eq=False)
+class OutboardMass:
+    """Rigid mass of all bodies outboard of an interface, in the configuration as built.
+
+    Parameters
+    ----------
+    interface : str
+        Interface of the inboard body.
+    point : (3,) float64
+        First node of the interface in the inboard body's basic frame: the reference point of the mass matrix.
+    rigid_mass : (6, 6) float64
+        Mass matrix of three translations and three rotations, along the inboard body's basic axes, including the
+        inertias of joints.
+    bodies : tuple of str
+        Names of the outboard bodies.
+    """
+
+    interface: str
+    point: NDArray[np.float64]
+    rigid_mass: NDArray[np.float64]
+    bodies: tuple[str, ...]
+
+    @property
+    def mass(self) -> float:
+        """Mass of the outboard bodies."""
+        return float(self.rigid_mass[0, 0])
+
+    @property
+    def first_moment(self) -> NDArray[np.float64]:
+        """Int r dm (3,), r from the point."""
+        M = self.rigid_mass
+        return np.array([M[1, 5] - M[2, 4], M[2, 3] - M[0, 5], M[0, 4] - M[1, 3]]) / 2
+
+    @property
+    def inertia(self) -> NDArray[np.float64]:
+        """Int (r.r 1 - r r^T) dm (3, 3) about the point."""
+        return self.rigid_mass[3:, 3:]
+
+
+@dataclass(frozen=True, eq=False)
 class System:
     """Bodies joined in one configuration: M x'' + D x' + (K + i loss) x = B u, y = C1 x + C2 x'.
 
     Parameters
     ----------
     configuration : Configuration
-        Setting of the joints.
+        Name and angles.
     T : (sum m_i, N) Matrix
         Null space of the joint constraints: body coordinates stacked in order = T x.
     M, K : (N, N) Matrix
@@ -108,16 +177,16 @@ class System:
     rigid : (N, R) float64
         Rigid-body motions of the system and free motions of its joints, orthonormal in M; K vanishes on them.
     sizes : mapping of body to int
-        Coordinates of each body in the stack; the bodies that joints own, of their springs, dampers and inertias,
-        come last.
+        Number of coordinates of each body in the stack. The bodies of joints (springs, dampers and inertias) come
+        last.
     inputs, outputs : tuple of str
         Names of the channels.
     rounding : float
-        Relative rounding of the entries of M and K, where they come from a file.
+        Relative rounding of the entries of M and K.
     joints : tuple of Joint
-        What joins the bodies.
+        Joints between the bodies.
     notes : tuple of str
-        What was done in assembly that the user may not expect.
+        Remarks on the assembly for the user.
     """
 
     configuration: Configuration
@@ -137,6 +206,11 @@ class System:
     joints: tuple[Joint, ...] = ()
     notes: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        bodies = ", ".join(self.sizes)
+        channels = f"{len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        return f"<System {self.configuration.name}: {bodies}; {self.N} dofs, {self.rigid.shape[1]} rigid, {channels}>"
+
     @property
     def N(self) -> int:
         """Number of coordinates."""
@@ -145,7 +219,7 @@ class System:
 
 @dataclass(frozen=True, eq=False)
 class ModalChannels:
-    """q'' + 2 zeta w q' + w^2 q = B u, y = C1 q + C2 q': elastic modes only (theory sections 3 and 4).
+    """Elastic modes of a body: q'' + 2 zeta w q' + w^2 q = B u, y = C1 q + C2 q' (theory sections 3 and 4).
 
     Parameters
     ----------
@@ -156,12 +230,12 @@ class ModalChannels:
     B : (e, inputs) float64
         Modal input matrix: interface forces and actuators.
     C1, C2 : (outputs, e) float64
-        Modal displacement and rate output matrices: sensors and interface motions. They need not have the same rows.
+        Modal displacement and rate output matrices: sensors and interface motions. Their rows may differ in number.
 
     Raises
     ------
     MatrixError
-        If the shapes do not agree, or a frequency is zero or infinite: rigid and static modes are none of these.
+        If the sizes disagree, or a frequency is zero or infinite, as of rigid and static modes.
     """
 
     body: str
@@ -190,14 +264,14 @@ class ModalChannels:
         return int(self.omega.size)
 
     def only(self, modes: ArrayLike) -> ModalChannels:
-        """The same inputs and outputs with some of the modes."""
+        """Some of the modes, with all inputs and outputs."""
         k = np.asarray(modes, dtype=np.int64)
         return ModalChannels(self.body, self.omega[k], self.zeta[k], self.B[k], self.C1[:, k], self.C2[:, k])
 
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """x' = A x + B y, v = C x + D y: from the sensors' signals y to efforts v, which act as u = -v.
+    """A controller x' = A x + B y, v = C x + D y: from the sensors' signals y to efforts v, which act as u = -v.
 
     Parameters
     ----------

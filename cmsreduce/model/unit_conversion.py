@@ -1,4 +1,4 @@
-"""Bodies restated in another unit system."""
+"""Conversion of bodies to another unit system."""
 
 from __future__ import annotations
 
@@ -18,18 +18,19 @@ __all__ = ["in_units", "load_stiffness_in_units", "recovery_in_units", "rigid_in
 
 
 def in_units(body: FEModel, units: Units) -> FEModel:
-    """Restate a flexible body in other units; frequencies and shapes stay what they are.
+    """Convert a flexible body to other units; frequencies and shapes stay the same.
 
     Parameters
     ----------
     body : FEModel
     units : Units
-        Unit system wanted.
+        New unit system.
 
     Notes
     -----
     Energies are invariant: with x' = T x, T the ratio of lengths on translations and 1 on rotations and scalar
-    dofs, K' = e T^-1 K T^-1 where e is the ratio of the units of energy; M and D carry the ratio of times besides.
+    dofs, K' = e T^-1 K T^-1, where e is the ratio of the units of energy; M and D have powers of the ratio of times,
+    too.
     """
     length, mass, time = _ratios(body.units, units)
     if (length, mass, time) == (1.0, 1.0, 1.0):
@@ -54,27 +55,27 @@ def in_units(body: FEModel, units: Units) -> FEModel:
         interfaces=_faces(body.interfaces, length),
         damping=damping,
         units=units,
-        tied=body.tied and Recovery(body.tied.dofs, _diagonal(body.tied.dofs, length) @ body.tied.T @ inverse),
-        untied=body.untied and _untied(body.untied, length, mass),
+        tied=body.tied and recovery_in_units(body.tied, body.units, units),
+        untied_mass=body.untied_mass and _untied(body.untied_mass, length, mass),
     )
 
 
 def load_stiffness_in_units(A: sp.csc_array, dofs: DofTable, load: UnitLoad, old: Units, new: Units) -> sp.csc_array:
-    """Restate a geometric stiffness (n, n) per unit of a load, both the matrix and the unit."""
+    """Convert a geometric stiffness (n, n) per unit of a load: both the matrix and the unit."""
     length, mass, time = _ratios(old, new)
     inverse = _diagonal(dofs, 1 / length)
     energy = mass * length**2 / time**2
     return sp.csc_array(energy * load.worth(new) / load.worth(old) * (inverse @ A @ inverse))
 
 
-def recovery_in_units(known: Recovery, dofs: DofTable, old: Units, new: Units) -> Recovery:
-    """Restate the motion of dofs (k) under unit motion of the rows ``dofs`` (n)."""
+def recovery_in_units(known: Recovery, old: Units, new: Units) -> Recovery:
+    """Convert the motion of dofs that follow others."""
     length, _, _ = _ratios(old, new)
-    return Recovery(known.dofs, _diagonal(known.dofs, length) @ known.T @ _diagonal(dofs, 1 / length))
+    return replace(known, T=_diagonal(known.dofs, length) @ known.T @ _diagonal(known.leads, 1 / length))
 
 
 def rigid_in_units(body: RigidBody, units: Units) -> RigidBody:
-    """Restate a rigid body in other units."""
+    """Convert a rigid body to other units."""
     length, mass, _ = _ratios(body.units, units)
     return replace(
         body,
@@ -86,9 +87,9 @@ def rigid_in_units(body: RigidBody, units: Units) -> RigidBody:
     )
 
 
-def _untied(whole: UntiedMass, length: float, mass: float) -> UntiedMass:
-    inverse = _diagonal(whole.dofs, 1 / length)
-    return UntiedMass(whole.dofs, sp.csc_array(mass * length**2 * (inverse @ whole.M @ inverse)))
+def _untied(old: UntiedMass, length: float, mass: float) -> UntiedMass:
+    inverse = _diagonal(old.dofs, 1 / length)
+    return UntiedMass(old.dofs, sp.csc_array(mass * length**2 * (inverse @ old.M @ inverse)))
 
 
 def _diagonal(dofs: DofTable, length: float) -> sp.dia_array:

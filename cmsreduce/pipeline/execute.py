@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ReadError, StageError
-from cmsreduce.linalg.blas_threads import blas_threads
 from cmsreduce.model import Configuration, RunResult
+from cmsreduce.multifrontal import blas_threads
 from cmsreduce.pipeline.results import (
     body_costly_modes,
     component_checks,
@@ -61,46 +61,47 @@ def execute(
     CmsReduceError
         Whatever a stage finds wrong; what was finished before it is kept.
     """
-    # What is done between stages, and for the report, is dense algebra of small matrices, too.
-    with sole_use(run.folder, run.ledger.progress.note), blas_threads(run.ledger.solver.threads or 1):
-        return _carried_out(run, source, overrides, until, report)
-
-
-def _carried_out(run: Run, source: Path, overrides: Sequence[str], until: str | None, report: bool) -> RunResult | None:
-    last = until or run.ledger.only or "write"
-    reached = STAGES[: STAGES.index(last) + 1]
-    if run.ledger.only == "project" and run.pipeline.project is None:
-        raise StageError("the pipeline has no `project:`; add it, or take `--only project` out")
-    if report and last == "write":
-        start_packing()
-    names = run.reduced_names
-    wanted: dict[str, Callable[[], object]] = {
-        "reduce": lambda: [run.reduced(name) for name in names],
-        "orthogonalise": lambda: [run.modal(name) for name in names],
-        "balance": lambda: (run.selection, run.balancing.sensitivity),
-        "project": lambda: run.projected,
-        "assemble": lambda: run.model,
-        "verify": lambda: run.verified if run.pipeline.verify is not None else None,
-        "write": lambda: _write(run),
-    }
-    if run.ledger.only is None:
-        for stage in reached:
-            # Orthogonalise sees to reduce itself, and only where it is not finished.
-            if stage in wanted and not (stage == "reduce" and "orthogonalise" in reached):
-                wanted[stage]()
-    elif run.ledger.only in wanted:
-        wanted[run.ledger.only]()
-    # Only now: a pipeline that cannot be run must not take the place of the one the folder was made from.
-    _remember(run.folder, source, overrides)
-    if run.ledger.only == "assemble" or (run.ledger.only is None and "assemble" in reached and last != "write"):
-        run.ledger.written.append(_write_system(run))
-    if last != "write":
-        return None
-    result = run_result(run, views=report)
-    write_summary(run.folder / "summary.json", result)
-    if report:
-        write_report(result, run.folder)
-    return result
+    # Work between stages, and for the report, is dense algebra of small matrices, too.
+    with sole_use(run.folder, run.stages.progress.note), blas_threads(run.stages.solver.threads or 1):
+        only = run.stages.only
+        last = until or only or "write"
+        due = {only} if only else set(STAGES[: STAGES.index(last) + 1])
+        if only == "project" and run.pipeline.project is None:
+            raise StageError("the pipeline has no `project:`; add it, or take `--only project` out")
+        if report and last == "write":
+            start_packing()
+        for name in run.flexible_names:
+            run.flexible(name)
+        # Orthogonalise runs reduce itself, and only where it is not finished.
+        if "orthogonalise" in due:
+            for name in run.reduced_names:
+                run.modal(name)
+        elif "reduce" in due:
+            for name in run.reduced_names:
+                run.reduced(name)
+        if "balance" in due:
+            _ = run.choice, run.sensitivity
+        if "project" in due:
+            _ = run.projected
+        if "assemble" in due:
+            _ = run.model
+        if "verify" in due and run.pipeline.verify is not None:
+            _ = run.verified
+        if "write" in due:
+            _write(run)
+        # Only now: a pipeline that cannot be run must not take the place of the one the folder was made from.
+        origin = json.dumps({"pipeline": str(source.resolve()), "overrides": list(overrides)}, indent=2)
+        with atomic_path(run.folder / _ORIGIN) as temporary:
+            temporary.write_text(origin, encoding="utf-8")
+        if "assemble" in due and last != "write":
+            run.stages.written.append(_write_system(run))
+        if last != "write":
+            return None
+        result = run_result(run, views=report)
+        write_summary(run.folder / "summary.json", result)
+        if report:
+            write_report(result, run.folder)
+        return result
 
 
 def reopen(folder: Path) -> Run:
@@ -128,19 +129,13 @@ def write_report(result: RunResult, folder: Path) -> Path:
     return path
 
 
-def _remember(folder: Path, source: Path, overrides: Sequence[str]) -> None:
-    text = json.dumps({"pipeline": str(source.resolve()), "overrides": list(overrides)}, indent=2)
-    with atomic_path(folder / _ORIGIN) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-
-
 def _write(run: Run) -> None:
     if run.pipeline.write is None:
         return
     formats = run.pipeline.write.formats
     model = run.model.assembled
     wiring = model.wiring(Configuration("as built"))
-    run.ledger.progress.stage("write", "component files")
+    run.stages.progress.stage("write", "component files")
     for name, component in run.final.items():
         columns, L = model.stack.body_columns(name), np.asarray(model.stack.motions(name))
 
@@ -174,16 +169,16 @@ def _write(run: Run) -> None:
             stiffening=run.bodies[name].stiffening,
         )
         if path == kept:
-            run.ledger.written.append(path)
+            run.stages.written.append(path)
         for target in targets:
             to = run.folder / f"{name}{TARGETS[target].suffix}"
-            run.ledger.written.extend(convert(path, to, target, run.pipeline.write.dialects.get(target)))
+            run.stages.written.extend(convert(path, to, target, run.pipeline.write.dialects.get(target)))
         if path != kept:
             path.unlink()
     if "hdf5" in formats:
-        run.ledger.written.append(_write_system(run))
+        run.stages.written.append(_write_system(run))
     if "matlab" in formats:
-        run.ledger.written.append(write_system_states(run))
+        run.stages.written.append(write_system_states(run))
 
 
 def _write_system(run: Run) -> Path:
@@ -198,5 +193,5 @@ def _provenance(run: Run) -> Mapping[str, Any]:
     return {
         "pipeline": run.pipeline.name,
         "settings": run.pipeline.model_dump(mode="json", exclude_none=True),
-        "notes": list(run.ledger.notes),
+        "notes": list(run.stages.notes),
     }

@@ -1,9 +1,9 @@
-"""What is in a file, and whether the bodies of a pipeline are sound."""
+"""The content of a file or of a run directory, and the health of the bodies of a pipeline."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from cmsreduce.config import Pipeline, build_scene, load_pipeline
 from cmsreduce.errors import CmsReduceError, ReadError
 from cmsreduce.mechanics import ACCURACIES, INTEGRATORS
-from cmsreduce.model import Check, Scene, loads_in_words
+from cmsreduce.model import Check, Scene, SystemChecks, health_data, loads_in_words
 from cmsreduce.pipeline.bodies import body_health, effective_masses, read_flexible
 from cmsreduce.pipeline.execute import reopen
 from cmsreduce.pipeline.results import (
@@ -22,40 +22,47 @@ from cmsreduce.pipeline.results import (
     file_rounding,
     file_totals,
     frame_lines,
-    health_data,
-    health_lines,
-    run_lines,
+    health_table,
     run_result,
     total_data,
     total_lines,
 )
+from cmsreduce.pipeline.run import Run
 from cmsreduce.read import detect_format, matrix_names, read_geometry
+from cmsreduce.report import InspectedLine, check_line, health_lines
 from cmsreduce.write import ComponentFile, read_component, summary
 
 __all__ = ["Inspected", "inspected"]
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _PIPELINES = {".yaml", ".yml"}
+# High-gain modes named in each configuration.
+_NAMED = 4
 
 
 @dataclass(frozen=True)
 class Inspected:
-    """What is in a file or a folder.
+    """The content of a file or a folder.
 
     Parameters
     ----------
-    lines : sequence of str
-        In words.
+    rows : sequence of InspectedLine
+        In words; the first row names the file.
     data : dict
-        As plain values; ``kind`` says of what: matrices, geometry, component, pipeline or run.
+        As plain values; ``kind`` is one of matrices, geometry, component, pipeline and run.
     """
 
-    lines: Sequence[str]
+    rows: Sequence[InspectedLine]
     data: dict[str, Any]
+
+    @property
+    def lines(self) -> list[str]:
+        """The rows as text."""
+        return [row.line for row in self.rows]
 
 
 def inspected(path: Path) -> Inspected:
-    """Look into a matrix file, a deck, a mesh, a component file, at the bodies of a pipeline, or at a run.
+    """Inspect a matrix file, a deck, a mesh, a component file, the bodies of a pipeline, or a run directory.
 
     Raises
     ------
@@ -72,14 +79,11 @@ def inspected(path: Path) -> Inspected:
         found = _component(path)
     else:
         found = _model_file(path)
-    return Inspected([f"{path}:", *(f"  {line}" for line in found.lines)], {"path": str(path), **found.data})
+    return Inspected([InspectedLine(f"{path}:"), *_indented(found.rows)], {"path": str(path), **found.data})
 
 
-def _run(path: Path) -> Inspected:
-    run = reopen(path)
-    facts = summary(run_result(run))
-    kept = ("name", "passed", "components", "configurations", "figures", "controller", "not_checked")
-    return Inspected(list(run_lines(run)), {"kind": "run", **{key: facts[key] for key in kept}})
+def _indented(rows: Sequence[InspectedLine]) -> list[InspectedLine]:
+    return [replace(row, depth=row.depth + 1) for row in rows]
 
 
 def _is_component(path: Path) -> bool:
@@ -93,19 +97,24 @@ def _is_component(path: Path) -> bool:
 def _component(path: Path) -> Inspected:
     file = read_component(path)
     omega = file.omega[file.elastic]
-    elastic, top = omega.size, omega.max(initial=0.0) / (2 * np.pi)
-    lines = [
+    elastic, highest_hz = omega.size, omega.max(initial=0.0) / (2 * np.pi)
+    said = [
         f"component '{file.name}', {file.method}",
-        f"{file.rigid_count} rigid and {elastic} elastic modes to {top:.6g} Hz",
+        f"{file.rigid_count} rigid and {elastic} elastic modes to {highest_hz:.6g} Hz",
     ]
     if file.static_count:
-        lines.append(f"{file.static_count} static modes, which carry no mass")
+        said.append(f"{file.static_count} static modes, which carry no mass")
     if "geometric_stiffness/load" in file.texts:
         loads, held = file.texts["geometric_stiffness/load"], file.attributes["geometric_stiffness"]["held"]
-        lines.append(f"geometric stiffness per unit of {loads_in_words(loads)}; held {held}")
-    lines += _integration(file)
+        said.append(f"geometric stiffness per unit of {loads_in_words(loads)}; held {held}")
     totals = file_totals(file)
-    lines += [*frame_lines(file), *total_lines(totals)]
+    rows = [
+        *map(InspectedLine, said),
+        *_integration(file),
+        *frame_lines(file),
+        *total_lines(totals),
+        *map(check_line, file.checks),
+    ]
     data = {
         "kind": "component",
         "name": file.name,
@@ -117,25 +126,26 @@ def _component(path: Path) -> Inspected:
         "geometric_stiffness": list(file.texts.get("geometric_stiffness/load", ())),
         "checks": [_check_data(check) for check in file.checks],
     }
-    return Inspected([*lines, *map(_check_line, file.checks)], data)
+    return Inspected(rows, data)
 
 
-def _integration(file: ComponentFile) -> Iterator[str]:
-    """Steps that the body asks for, and what single precision does to it."""
+def _integration(file: ComponentFile) -> Iterator[InspectedLine]:
+    """Advised steps of integrators, costly modes, and the effect of single precision."""
     facts, costly = file.attributes["integration"], file.arrays.get("integration/costly", np.empty(0, np.int64))
     for name in INTEGRATORS:
         steps = [facts.get(f"{name}_step_{accuracy}") for accuracy in ACCURACIES]
         if None not in steps:
-            yield f"steps of {name} for 1 % and 0.1 %: {steps[0]:.3g} and {steps[1]:.3g}"
+            yield InspectedLine(f"{steps[0]:.3g} and {steps[1]:.3g}", f"steps of {name} for 1 % and 0.1 %")
     if costly.size:
         named = ", ".join(f"{mode} ({file.omega[mode] / (2 * np.pi):.4g} Hz)" for mode in costly)
-        yield f"modes that set the step without serving the band: {named}"
+        yield InspectedLine(named, "modes that limit the step and do not serve the band")
     effect = file_rounding(file)
     if effect is not None:
-        yield (
-            f"in single precision: frequencies change by {max(effect.free, effect.held):.1e}, a rigid motion gets "
+        yield InspectedLine(
+            f"frequencies change by {max(effect.free, effect.held):.1e}, a rigid motion gets "
             f"{effect.rigid_hz:.2g} Hz; as a superelement {effect.boundary_free:.1e} and "
-            f"{effect.boundary_rigid_hz:.2g} Hz"
+            f"{effect.boundary_rigid_hz:.2g} Hz",
+            "in single precision",
         )
 
 
@@ -144,75 +154,138 @@ def _model_file(path: Path) -> Inspected:
         kind = detect_format(path)
     except ReadError:
         return _geometry(path)
-    lines, matrices = [f"format {kind}"], []
+    rows, matrices = [InspectedLine(f"format {kind}")], []
     for info in matrix_names(path):
         about = ", ".join(part for part in (info.form, info.numbers) if part)
-        lines.append(f"matrix {info.name or '(unnamed)'}: {info.rows} x {info.cols}, {about}")
+        rows.append(InspectedLine(f"{info.rows} x {info.cols}, {about}", f"matrix {info.name or '(unnamed)'}"))
         matrices.append({"name": info.name, "rows": info.rows, "cols": info.cols, "about": about})
-    return Inspected(lines, {"kind": "matrices", "format": kind, "matrices": matrices})
+    return Inspected(rows, {"kind": "matrices", "format": kind, "matrices": matrices})
 
 
 def _geometry(path: Path) -> Inspected:
     geometry = read_geometry(path)
     nodes, sets = geometry.nodes, {**geometry.rows, **geometry.sets}
-    lines, data = [f"geometry of {len(nodes)} nodes"], {"kind": "geometry", "nodes": len(nodes)}
+    rows, data = [InspectedLine(f"geometry of {len(nodes)} nodes")], {"kind": "geometry", "nodes": len(nodes)}
     if len(nodes):
         low, high = nodes.xyz.min(axis=0), nodes.xyz.max(axis=0)
         turned = int((abs(nodes.frame - np.eye(3)).max(axis=(1, 2)) > 1e-12).sum())
-        lines.append("from " + " ".join(f"{x:g}" for x in low) + "  to " + " ".join(f"{x:g}" for x in high))
-        lines.append(f"{turned} nodes with a displacement frame of their own")
+        corners = (" ".join(f"{x:g}" for x in corner) for corner in (low, high))
+        rows.append(InspectedLine("from {}  to {}".format(*corners)))
+        rows.append(InspectedLine(f"{turned} nodes with a displacement frame of their own"))
         data |= {"from": low.tolist(), "to": high.tolist(), "own_frames": turned}
-    lines += [f"set {name}: {len(table)} dofs" for name, table in sets.items()]
-    return Inspected(lines, {**data, "sets": {name: len(table) for name, table in sets.items()}})
+    rows += [InspectedLine(f"{len(table)} dofs", f"set {name}") for name, table in sets.items()]
+    return Inspected(rows, {**data, "sets": {name: len(table) for name, table in sets.items()}})
 
 
 def _bodies(path: Path) -> Inspected:
     pipeline = load_pipeline(path)
     scene = build_scene(pipeline)
-    lines, bodies = [], {}
+    rows, bodies = [], {}
     for name, part in pipeline.components.items():
         if part.rigid is not None:
-            lines.append(f"{name}: rigid, mass {part.rigid.mass:g}")
+            rows.append(InspectedLine(f"rigid, mass {part.rigid.mass:g}", name))
             bodies[name] = {"rigid": True, "mass": part.rigid.mass}
             continue
         found = _body(pipeline, name, scene)
-        lines += [found.lines[0], *(f"  {line}" for line in found.lines[1:])]
+        rows += [found.rows[0], *_indented(found.rows[1:])]
         bodies[name] = found.data
-    return Inspected(lines, {"kind": "pipeline", "name": pipeline.name, "bodies": bodies})
+    return Inspected(rows, {"kind": "pipeline", "name": pipeline.name, "bodies": bodies})
 
 
 def _body(pipeline: Pipeline, name: str, scene: Scene) -> Inspected:
     flexible = read_flexible(pipeline, name, scene)
     body, faces = flexible.body, ", ".join(flexible.body.interfaces)
-    lines = [f"{name}: {body.n} dofs, {flexible.rigid.shape[1]} rigid-body modes, units {body.units.name}"]
     health = body_health(body, flexible.rigid)
-    totals = body_totals(body)
-    lines += [*health_lines(body, health), *total_lines(totals), f"interfaces: {faces or 'none'}"]
+    table, totals = health_table(body, health), body_totals(body)
+    rigid_count = flexible.rigid.shape[1]
+    rows = [
+        InspectedLine(f"{body.n} dofs, {rigid_count} rigid-body modes, units {body.units.name}", name),
+        *health_lines(table),
+        *total_lines(totals),
+        InspectedLine(faces or "none", "interfaces"),
+    ]
     keys = pipeline.reduce_of(name)
-    factor = 1.0 if keys is None or keys.cutoff_bands == "auto" else keys.cutoff_bands
-    modes = effective_masses(body, flexible.rigid, tuple(body.interfaces), factor * scene.band[1])
+    cutoff_bands = 1.0 if keys is None or keys.cutoff_bands == "auto" else keys.cutoff_bands
+    modes = effective_masses(body, flexible.rigid, tuple(body.interfaces), cutoff_bands * scene.band[1])
     if modes is not None:
-        lines += effective_mass_lines(modes, faces)
+        rows += effective_mass_lines(modes, faces)
     checks = (*flexible.checks, *health.checks)
-    lines += [*map(_check_line, checks), *(f"note: {note}" for note in flexible.notes)]
+    rows += [*map(check_line, checks), *(InspectedLine(note, "note") for note in flexible.notes)]
     data = {
         "rigid": False,
         "dofs": body.n,
-        "rigid_modes": flexible.rigid.shape[1],
+        "rigid_modes": rigid_count,
         "units": body.units.name,
         "interfaces": list(body.interfaces),
-        "health": health_data(body, health),
+        "health": health_data(table),
         "mass": total_data(totals),
         "effective_mass": None if modes is None else effective_mass_data(modes, faces),
         "checks": [_check_data(check) for check in checks],
         "notes": list(flexible.notes),
     }
-    return Inspected(lines, data)
-
-
-def _check_line(check: Check) -> str:
-    return f"{'pass' if check.passed else 'FAIL'}  {check.name}: {check.value:.3g} (limit {check.limit:.3g})"
+    return Inspected(rows, data)
 
 
 def _check_data(check: Check) -> dict[str, Any]:
     return {"name": check.name, "value": check.value, "limit": check.limit, "passed": check.passed}
+
+
+def _run(path: Path) -> Inspected:
+    run = reopen(path)
+    facts = summary(run_result(run))
+    kept = ("name", "passed", "components", "configurations", "figures", "controller", "not_checked")
+    return Inspected(list(_checks(run)), {"kind": "run", **{key: facts[key] for key in kept}})
+
+
+def _checks(run: Run) -> Iterator[InspectedLine]:
+    """Static completeness of each body; high gains above the band, zeros, steps and the controller in each scene."""
+    for name, loads in run.checks.static.items():
+        yield InspectedLine(f"{name}: static energy error of each load, balanced at the interface")
+        for load, lack in loads.items():
+            yield InspectedLine(f"{lack:.2e}", load, depth=1)
+    for system in run.checks.systems:
+        for text in (*_gains(run, system), *_zeros(run, system), *_steps(run, system)):
+            yield InspectedLine(text, system.configuration)
+    for margin in run.margins:
+        proof = "proves" if margin.ratio < 1 and margin.unstable == 0 else "does not prove"
+        growing = "" if not margin.unstable else f"; the reduced loop has {margin.unstable} unstable roots"
+        yield InspectedLine(
+            f"the largest sigma_max(dG K) / sigma_min(I + G_R K) is {margin.ratio:.3g}, at {margin.worst_hz:.6g} Hz: "
+            f"it {proof} the full loop stable{growing}",
+            margin.configuration,
+        )
+    for missing in run.checks.left_out:
+        yield InspectedLine(missing, "not checked")
+
+
+def _gains(run: Run, system: SystemChecks) -> Iterator[str]:
+    if system.full_gains is None:
+        return
+    high = list(system.full_gains.high_gain_modes(run.scene.band[1]))
+    if not high:
+        yield "no mode above the band has a large share of any gain"
+    errors = system.gain_errors
+    for each in high[:_NAMED]:
+        names = f"{run.scene.actuators[each.input].name} to {run.scene.sensors[each.output].name}"
+        error = "unknown" if errors is None else f"{errors[each.output, each.input]:.1e}"
+        yield (
+            f"the mode at {each.hz:.6g} Hz, above the band, has {100 * each.share:.0f} % of the gains from {names}; "
+            f"the error of the static gain is {error}"
+        )
+    if len(high) > _NAMED:
+        yield f"and {len(high) - _NAMED} more"
+
+
+def _zeros(run: Run, system: SystemChecks) -> Iterator[str]:
+    for pair in system.zeros or ():
+        names = f"{run.scene.actuators[pair.input].name} to {run.scene.sensors[pair.output].name}"
+        lost = f", {pair.lost} without a partner" if pair.lost else ""
+        yield f"{pair.shift.size} zeros in the band from {names}, largest shift {pair.worst:.1e}{lost}"
+
+
+def _steps(run: Run, system: SystemChecks) -> Iterator[str]:
+    for u, actuator in enumerate(run.scene.actuators if system.step is not None else ()):
+        for y, sensor in enumerate(run.scene.sensors):
+            assert system.step is not None
+            peak, rms = system.step.peak[y, u], system.step.rms[y, u]
+            yield f"step on {actuator.name}, {sensor.name}: error {rms:.1e} rms, {peak:.1e} peak"

@@ -1,4 +1,4 @@
-"""Modes that projection and reassembly bring along uncalled: how many, which, where they live, what they do."""
+"""Extraneous modes of a reassembled system, which were not chosen: number, place and effect."""
 
 from __future__ import annotations
 
@@ -8,17 +8,19 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.model import ExtraneousMode, ModeShare
+from cmsreduce.model import ExtraneousMode
 
 __all__ = ["extraneous_count", "extraneous_modes", "returned"]
 
-# A mode is one of the chosen ones, or a combination of repeated ones, when they hold this share of its modal mass;
-# those that came along are orthogonal to them, so that shares lie near one or near zero.
+Array = NDArray[np.float64]
+
+# A mode is one of the chosen ones, or a combination of repeated ones, when they hold this share of its modal mass.
+# Extraneous modes are orthogonal to the chosen ones, so that shares lie near one or near zero.
 _CHOSEN = 0.5
 
 
 def extraneous_count(ranks: Sequence[int], constrained: int, chosen: int) -> int:
-    """Count the modes that come along: sum of the bodies' shapes, less the constraints, less what was chosen.
+    """Count the extraneous modes: sum of the bodies' shapes, less the constraints, less the chosen modes.
 
     Parameters
     ----------
@@ -43,7 +45,7 @@ def extraneous_count(ranks: Sequence[int], constrained: int, chosen: int) -> int
     return sum(ranks) - constrained - chosen
 
 
-def returned(products: NDArray[np.float64], gram: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+def returned(products: Array, gram: Array | None = None) -> Array:
     """Share of the modal mass of each reassembled mode that the chosen shapes hold.
 
     Parameters
@@ -64,12 +66,12 @@ def returned(products: NDArray[np.float64], gram: NDArray[np.float64] | None = N
 
 def extraneous_modes(
     configuration: str,
-    omega: NDArray[np.float64],
-    held: NDArray[np.float64],
-    energy: Mapping[str, NDArray[np.float64]],
-    motion: Mapping[str, NDArray[np.float64]],
-    peak: NDArray[np.float64],
-    likeness: NDArray[np.float64],
+    omega: Array,
+    held: Array,
+    energy: Mapping[str, Array],
+    motion: Mapping[str, Array],
+    peak: Array,
+    mac: Array,
 ) -> tuple[ExtraneousMode, ...]:
     """Name the modes of a reassembled system that were not chosen.
 
@@ -87,7 +89,7 @@ def extraneous_modes(
         Size of the motion of each interface in each mode.
     peak : (outputs, k) float64
         Largest peak of each mode in each output.
-    likeness : (k,) float64
+    mac : (k,) float64
         Largest share of each mode that one mode of the unreduced system holds.
     """
     total = np.maximum(sum(energy.values(), np.zeros(omega.size)), np.finfo(float).tiny)
@@ -96,18 +98,15 @@ def extraneous_modes(
     for k in np.flatnonzero(held < _CHOSEN):
         shares = {body: float(parts[k] / total[k]) for body, parts in energy.items()}
         relative = {name: float(size[k] / (np.linalg.norm(size) or 1.0)) for name, size in motion.items()}
-        share = ModeShare(
-            max(shares, key=lambda body: shares[body]),
-            shares,
-            max(relative, key=lambda name: relative[name]) if relative else "",
-        )
         found.append(
             ExtraneousMode(
                 configuration,
                 float(omega[k] / (2 * np.pi)),
-                share,
+                max(shares, key=lambda body: shares[body]),
+                shares,
+                max(relative, key=lambda name: relative[name]) if relative else "",
                 np.asarray(peak[:, k] / largest),
-                float(likeness[k]),
+                float(mac[k]),
             )
         )
     return tuple(found)

@@ -10,19 +10,21 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.basis_store import combined
-from cmsreduce.linalg.graded import weighted_singular_values
+from cmsreduce.linalg.blocks import combined
+from cmsreduce.linalg.gramian import weighted_singular_values
 from cmsreduce.model import Matrix, ModalComponent
 
 __all__ = ["INDEPENDENT", "Projection", "keep_combinations", "project_shapes"]
 
-INDEPENDENT = 1e-8
-"""A direction of a body's projected shapes is one of its own when it holds more than this share of the amplitude of a
-mode of the system of unit modal mass: 1e-16 of its kinetic energy. System modes are known to 1e-9 of theirs."""
+Array = NDArray[np.float64]
 
-# What Gram and Schmidt leave of a column that depends on those before it.
+INDEPENDENT = 1e-8
+"""A direction of a body's projected shapes is independent when it holds more than this share of the amplitude of a mode
+of the system of unit modal mass: 1e-16 of its kinetic energy. System modes are known to 1e-9 of their amplitude."""
+
+# Gram-Schmidt leaves this share of a column that depends on those before it.
 _ROUNDING = 1e-13
-# A mode that lies along one old mode to this share of its square is that mode.
+# A combination with this share of its square in one old mode is that mode.
 _SAME = 1 - 1e-6
 # Products of unit columns, to the rounding of a few thousand terms.
 _ORTHONORMAL = 1e-10
@@ -30,7 +32,7 @@ _ORTHONORMAL = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """The shapes of a body that span its part of chosen system modes.
+    """Shapes of a body that span its part of chosen system modes.
 
     Parameters
     ----------
@@ -39,14 +41,14 @@ class Projection:
     Q : (m, r) float64
         Shapes in the body's coordinates, orthonormal in its mass, the largest share first.
     singular : (k,) float64
-        Singular values of all that was projected, in the body's mass norm, the largest first: the r kept and those
-        taken for dependent. With system modes of unit modal mass they are amplitudes between 0 and the root of the
+        Singular values of all projected shapes, in the body's mass norm, the largest first: the r kept ones and those
+        of dependent shapes. With system modes of unit modal mass they are amplitudes between 0 and the root of the
         number of modes, whatever the units.
     """
 
     body: str
-    Q: NDArray[np.float64]
-    singular: NDArray[np.float64]
+    Q: Array
+    singular: Array
 
     @property
     def rank(self) -> int:
@@ -55,17 +57,12 @@ class Projection:
 
     @property
     def left_out(self) -> float:
-        """Largest singular value of what was left out; zero if nothing was."""
+        """Largest singular value that was left out; zero if none was."""
         return float(self.singular[self.rank :].max(initial=0.0))
 
 
-def project_shapes(
-    body: str,
-    shapes: Sequence[NDArray[np.float64]],
-    M: Matrix,
-    tolerance: float = INDEPENDENT,
-) -> Projection:
-    """Collect a body's part of system modes from several configurations, freed of what is dependent.
+def project_shapes(body: str, shapes: Sequence[Array], M: Matrix, tolerance: float = INDEPENDENT) -> Projection:
+    """Collect a body's part of system modes from several configurations, without dependent shapes.
 
     Parameters
     ----------
@@ -77,8 +74,8 @@ def project_shapes(
     M : (m, m) float64 or sparse array
         Mass of the body; coordinates without mass follow the others.
     tolerance : float
-        Singular values up to this are dependent. A larger one compresses: the chosen modes then no longer return
-        exactly.
+        Shapes with singular values up to this are dependent. A larger tolerance compresses: the chosen modes then no
+        longer return exactly.
 
     Returns
     -------
@@ -86,10 +83,10 @@ def project_shapes(
 
     Notes
     -----
-    The singular value decomposition U1 S1 V1^T of P_i Phi_R, U1 in the place of P_i Phi_R where that is deficient in
-    rank: Eke and Man; Bernard; theory section 6. The norm of the mass makes the decision independent of units and of
-    the size of a system mode on the body. It is taken of the triangular factor of Gram and Schmidt in that norm: of the
-    Gram matrix, values below 1e-8 would be round-off.
+    From the singular value decomposition U1 S1 V1^T of P_i Phi_R, U1 replaces P_i Phi_R where that is deficient in
+    rank: Eke and Man; Bernard; theory section 6. The mass norm makes the decision independent of units and of the size
+    of a system mode on the body. The decomposition is that of the triangular factor of Gram-Schmidt in this norm: from
+    the Gram matrix, values below 1e-8 would be round-off.
     """
     X = np.hstack([np.asarray(block, dtype=np.float64) for block in shapes])
     basis, R = _orthonormal(X, M)
@@ -98,26 +95,26 @@ def project_shapes(
     return Projection(body, np.asarray(basis @ U[:, :rank]), np.asarray(singular))
 
 
-def keep_combinations(component: ModalComponent, Q: NDArray[np.float64], why: str) -> ModalComponent:
-    """Cut a body down to chosen combinations of its elastic modes.
+def keep_combinations(component: ModalComponent, Q: Array, why: str) -> ModalComponent:
+    """Reduce a body to chosen combinations of its elastic modes.
 
     Parameters
     ----------
     component : ModalComponent
         r rigid, e elastic, s static modes; rigid and static ones are kept.
     Q : (e, k) float64
-        Orthonormal columns: what is kept of the elastic modes.
+        Orthonormal columns: the combinations to keep.
     why : str
-        Reason for all of them.
+        Reason why they are kept.
 
     Returns
     -------
     ModalComponent
-        k elastic modes, orthonormal in M and K: combinations of the columns that bring Q^T K Q to diagonal form. Their
-        frequencies lie between the old ones. Of modal damping, which no longer is diagonal, the diagonal is kept: what
-        couples them is zeta times a difference of the combined frequencies; a damping matrix is projected whole.
-        Kind, source and ranking are those of the old mode that each is most alike; the reason of one that is no old
-        mode names that mode.
+        k elastic modes, orthonormal in M and K: combinations of the columns that make Q^T K Q diagonal. Their
+        frequencies lie between the old ones. Modal damping is no longer diagonal; its diagonal is kept, because the
+        coupling is zeta times a difference of the combined frequencies. A damping matrix is projected without such an
+        approximation. Kind, source and ranking are those of the old mode most alike; the reason names that mode, unless
+        the combination is itself an old mode.
 
     Raises
     ------
@@ -138,20 +135,20 @@ def keep_combinations(component: ModalComponent, Q: NDArray[np.float64], why: st
     # A mode that is kept as it was keeps its sign, too.
     Y = Y * np.sign(Y[like, np.arange(like.size)])
     same = (Y**2).max(axis=0, initial=0.0) > _SAME
-    whole = la.block_diag(np.eye(r), Y, np.eye(component.static_count))
+    combination = la.block_diag(np.eye(r), Y, np.eye(component.static_count))
     reasons = [
         why if one else f"combination of modes, most alike mode {r + k + 1}; {why}"
         for k, one in zip(like, same, strict=True)
     ]
     columns = np.concatenate([np.arange(r), r + like, np.arange(e.stop, component.omega.size)])
-    D = None if component.D is None else whole.T @ component.D @ whole
+    D = None if component.D is None else combination.T @ component.D @ combination
     zeta = np.einsum("ij,i,ij->j", Y, d, Y) if D is None else D.diagonal()[r : r + omega.size]
     loss = component.damping.structural
     ratio = zeta / (2 * omega) if loss is None else np.full(omega.size, loss / 2)
     static = component.omega[e.stop :]
     return replace(
         component,
-        Phi=combined(component.Phi, whole),
+        Phi=combined(component.Phi, combination),
         omega=np.concatenate([component.omega[:r], omega, static]),
         zeta=np.concatenate([np.zeros(r), ratio, np.zeros(static.size)]),
         D=D,
@@ -165,8 +162,8 @@ def keep_combinations(component: ModalComponent, Q: NDArray[np.float64], why: st
     )
 
 
-def _orthonormal(X: NDArray[np.float64], M: Matrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Columns orthonormal in M (m, r) and R (r, k) with X their product, by Gram and Schmidt twice over."""
+def _orthonormal(X: Array, M: Matrix) -> tuple[Array, Array]:
+    """Columns orthonormal in M (m, r), and R (r, k) with X their product, by Gram-Schmidt applied twice."""
     basis, of_mass, R = np.empty(X.shape), np.empty(X.shape), np.zeros((X.shape[1], X.shape[1]))
     r = 0
     for k in range(X.shape[1]):
@@ -176,8 +173,8 @@ def _orthonormal(X: NDArray[np.float64], M: Matrix) -> tuple[NDArray[np.float64]
             x -= basis[:, :r] @ c
             R[:r, k] += c
         y = np.asarray(M @ x)
-        size, whole = float(x @ y), float(np.sum(R[:r, k] ** 2))
-        if size <= _ROUNDING**2 * whole or size <= 0:
+        size, known = float(x @ y), float(np.sum(R[:r, k] ** 2))
+        if size <= _ROUNDING**2 * known or size <= 0:
             continue
         R[r, k] = np.sqrt(size)
         basis[:, r], of_mass[:, r] = x / R[r, k], y / R[r, k]

@@ -1,4 +1,4 @@
-"""Component cost analysis of an assembled system: what each coordinate of each body is worth to its outputs."""
+"""Component cost analysis of an assembled system: the share of each body's coordinates in the outputs."""
 
 from __future__ import annotations
 
@@ -10,24 +10,25 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import elastic_and_massless, repeated_groups
-from cmsreduce.linalg.gramians import check_damped, controllability, state_space
+from cmsreduce.linalg.gramian import check_damped, controllability, state_space
 from cmsreduce.model import ModalChannels, ModalComponent, Substructure, System
 
 __all__ = ["SystemCost", "cost_shares", "costliest", "system_cost"]
 
 Array = NDArray[np.float64]
 
-# Damping that couples two system modes by less than this share of their own leaves the closed form all digits shown.
+# Damping that couples two system modes by less than this share of their own damping does not change the digits that the
+# closed form shows.
 _UNCOUPLED = 1e-10
-# Damping resists a rigid motion when its power there is more than this share of what its largest entry could take.
+# Damping resists a rigid motion when its power there is more than this share of the power by its largest entry.
 _BRAKES = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class SystemCost:
-    """Mean square of a system's outputs under white noise, free rigid motions left out, and its parts.
+    """Mean square of a system's outputs under white noise, without free rigid motions, and its parts.
 
     Parameters
     ----------
@@ -38,8 +39,8 @@ class SystemCost:
     braked : (b,) float64
         Share of each rigid motion that dampers resist, by its rate.
     coordinates : mapping of body to (m_i,) float64
-        Share of each coordinate of each body; they sum to V. A share is negative where a coordinate moves against
-        what the outputs see.
+        Share of each coordinate of each body; they sum to V. A share is negative where the motion of a coordinate
+        reduces the outputs.
     """
 
     total: float
@@ -49,19 +50,16 @@ class SystemCost:
 
 
 def system_cost(
-    system: System,
-    substructures: Mapping[str, Substructure],
-    noise: Array | None = None,
-    weight: Array | None = None,
+    system: System, substructures: Mapping[str, Substructure], noise: Array | None = None, weight: Array | None = None
 ) -> SystemCost:
-    """Share the mean square response of an assembled system out to the coordinates of its bodies.
+    """Divide the mean square response of an assembled system among the coordinates of its bodies.
 
     Parameters
     ----------
     system : System
         Reduced and damped.
     substructures : mapping of name to Substructure
-        The bodies it is made of, in its order.
+        Its bodies, in its order.
     noise : (inputs,) float64, optional
         Intensity of the white noise at each actuator; unit intensities by default.
     weight : (outputs,) float64, optional
@@ -77,14 +75,13 @@ def system_cost(
     Notes
     -----
     V_i = [X C^T C]_ii over both states of coordinate i (Skelton and Hughes, 1980; Skelton and Yousuff, 1983). The
-    coordinates q of joined bodies depend on each other, so that many rows C give the same outputs; the one taken here
-    is C Phi Phi^T M q, Phi the elastic modes: a coordinate counts by its share in the modal mass of each mode, in any
+    coordinates q of joined bodies depend on each other, so that many rows C give the same outputs; here they are
+    C Phi Phi^T M q, Phi the elastic modes: a coordinate counts by its share in the modal mass of each mode, in any
     scale and whichever side of a joint the sensor is on. With uncoupled damping X has a closed form.
 
-    A rigid motion that dampers resist and no spring holds, such as a hinge with drag, has a rate whose mean square is
-    finite and a displacement that wanders without bound. Its rate is a state like the others, with all that damping
-    couples it to; its displacement, which nothing else depends on, is left out of the outputs, as are the motions that
-    nothing resists.
+    A rigid motion that dampers resist and no spring holds, such as a hinge with drag, has a rate with a finite mean
+    square and a displacement without bound. Its rate is a state like the others, coupled by damping; its displacement,
+    on which nothing else depends, is left out of the outputs, as are the motions that nothing resists.
     """
     w, Phi, braked, modal = _stable_motions(system)
     e = w.size
@@ -119,8 +116,9 @@ def cost_shares(costs: Sequence[SystemCost], body: str, groups: Sequence[NDArray
     Parameters
     ----------
     costs : sequence of SystemCost
-        In one configuration after the other.
+        One for each configuration.
     body : str
+        Name of the body.
     groups : sequence of (k,) int64
         Coordinates that count together, such as the modes of a repeated frequency: |sum of their shares| / V.
     """
@@ -133,14 +131,14 @@ def cost_shares(costs: Sequence[SystemCost], body: str, groups: Sequence[NDArray
 
 
 def costliest(costs: Sequence[SystemCost], components: Mapping[str, ModalComponent], count: int) -> dict[str, Array]:
-    """Choose the modes of all bodies that cost most in the assembled system.
+    """Choose the modes of all bodies with the largest cost in the assembled system.
 
     Parameters
     ----------
     costs : sequence of SystemCost
-        In one configuration after the other; a mode counts by its largest share in any of them.
+        One for each configuration; a mode counts by its largest share in any of them.
     components : mapping of name to ModalComponent
-        Bodies whose modes the coordinates of the system are amplitudes of.
+        Bodies; the coordinates of the system are amplitudes of their modes.
     count : int
         Elastic modes to keep in all; a few more where the number would split a repeated one.
 
@@ -193,7 +191,7 @@ def _noise_covariance(channels: ModalChannels, modal: Array, braked_B: Array) ->
 def _by_coordinate(
     system: System, substructures: Mapping[str, Substructure], Phi: Array, shares: Array
 ) -> dict[str, Array]:
-    """Share out costs of pairs of motions (k, k) to the coordinates of the bodies."""
+    """Divide costs of pairs of motions (k, k) among the coordinates of the bodies."""
     shapes = np.split(dense(system.T @ Phi), np.cumsum(list(system.sizes.values()))[:-1])
     return {
         name: np.asarray(((own @ shares) * (substructures[name].M @ own)).sum(axis=1))

@@ -4,18 +4,17 @@ Formats, geometry, row labels, interfaces and the proof of the row order belong 
 Ties and other mechanics belong in `mechanics`; the keys that name files belong in `config`.
 """
 
-from cmsreduce.mechanics import Determined, Tie, hold_undetermined, tie_nodes
 from cmsreduce.read.body import read_body
 from cmsreduce.read.controller import read_controller
 from cmsreduce.read.differential_stiffness import read_differential_stiffness
-from cmsreduce.read.geometry import Geometry, read_geometry
+from cmsreduce.read.files import sha256_of
+from cmsreduce.read.formats import Geometry, MatrixInfo
+from cmsreduce.read.geometry import read_cells, read_geometry
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource
-from cmsreduce.read.labelled_matrix import LabelledMatrix, MatrixInfo
-from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix, sha256_of
-from cmsreduce.read.mesh_cells import read_cells
+from cmsreduce.read.labelled_matrix import LabelledMatrix
+from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix
 from cmsreduce.read.nastran import (
     BulkDeck,
-    CoordinateSystem,
     DeckMass,
     bars_in_units,
     deck_mass,
@@ -28,20 +27,16 @@ from cmsreduce.read.row_order import RowOrderProof, prove_row_order
 
 __all__ = [
     "BulkDeck",
-    "CoordinateSystem",
     "DeckMass",
-    "Determined",
     "Geometry",
     "InterfaceSpec",
     "LabelledMatrix",
     "MatrixInfo",
     "MatrixSource",
     "RowOrderProof",
-    "Tie",
     "bars_in_units",
     "deck_mass",
     "detect_format",
-    "hold_undetermined",
     "matrix_names",
     "prove_row_order",
     "read_bars",
@@ -55,5 +50,4 @@ __all__ = [
     "read_matrix",
     "read_members",
     "sha256_of",
-    "tie_nodes",
 ]

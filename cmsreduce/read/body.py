@@ -1,4 +1,4 @@
-"""A body read from its files: matrices, row labels, geometry, interfaces, and the proof that they fit together."""
+"""A body read from its files: matrices, the dofs of their rows, geometry, interfaces, and proof of the row order."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.errors import DofMapError
+from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import SI, Damping, DofTable, FEModel, Source, Units
-from cmsreduce.read.geometry import MESH_ROWS, Geometry, read_geometry
+from cmsreduce.read.files import sha256_of
+from cmsreduce.read.formats import NODE_ROWS, Geometry
+from cmsreduce.read.geometry import read_geometry
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, resolve_interface
 from cmsreduce.read.labelled_matrix import LabelledMatrix
-from cmsreduce.read.matrix import read_matrix, sha256_of
+from cmsreduce.read.matrix import read_matrix
 from cmsreduce.read.nastran import SET_NAMES
-from cmsreduce.read.row_order import on_common_rows, possible_rows, prove_row_order
+from cmsreduce.read.row_order import prove_row_order
 
 __all__ = ["read_body"]
 
@@ -33,19 +35,19 @@ def read_body(
     grounded: bool = False,
     interfaces: Mapping[str, InterfaceSpec] | None = None,
 ) -> FEModel:
-    """Read an unreduced body and prove that its rows are the dofs they are said to be.
+    """Read a body and prove that the rows of its matrices are the dofs that the files name.
 
     Parameters
     ----------
     name : str
         Name of the body.
     stiffness, mass : MatrixSource
-        Where its matrices are.
+        Files of its matrices.
     geometry : Path, optional
         Deck, external superelement or mesh; needed for interfaces with positions and for the proof.
     rows : Path or str, optional
-        What the rows are: a list of node.component, or the name of a dof set of the geometry. By default the labels
-        in the matrix file, or else the set of the deck or the dofs of the mesh that have the size of the matrix.
+        Dofs of the rows: a file that lists node.component, or the name of a dof set of the geometry. By default the
+        labels in the matrix file, else the set of the deck or the dofs of the mesh that have the size of the matrix.
     damping : Damping, optional
         Damping law.
     damping_matrix : MatrixSource, optional
@@ -53,9 +55,9 @@ def read_body(
     units : Units
         Unit system of the files; nothing is converted here.
     grounded : bool
-        Whether the body is meant to be held to the ground, so that no proof is asked for.
+        Whether the body is meant to be held to the ground; its row order is not proven then.
     interfaces : mapping of str to InterfaceSpec
-        Where joints attach.
+        Nodes and dofs at which joints attach.
 
     Returns
     -------
@@ -73,39 +75,41 @@ def read_body(
         If an interface does not fit the body.
     """
     shape = None if geometry is None else read_geometry(Path(geometry))
-    set_name, dof_list = _rows_asked_for(rows, shape)
-    asked = [(stiffness, "stiffness"), (mass, "mass")]
-    if damping_matrix is not None:
-        asked.append((damping_matrix, "damping"))
-    matrices = [read_matrix(Path(one.path), one.matrix, one.format, dof_list) for one, _ in asked]
-    sources = _sources(matrices, [what for _, what in asked], shape, dof_list)
+    set_name, dof_list = _set_or_list(rows, shape)
+    given = {"stiffness": stiffness, "mass": mass, "damping": damping_matrix}
+    matrices = {
+        kind: read_matrix(Path(source.path), source.matrix, source.format, dof_list)
+        for kind, source in given.items()
+        if source is not None
+    }
+    sources = _sources(matrices, shape, dof_list)
 
-    def build(dofs: DofTable, wanted: Mapping[str, InterfaceSpec]) -> FEModel:
-        table, placed = on_common_rows(name, dofs, matrices, shape)
+    def build(dofs: DofTable, named: Mapping[str, InterfaceSpec]) -> FEModel:
+        table, (K, M, *D) = _on_common_rows(name, dofs, [*matrices.values()], shape)
         nodes = shape.nodes if shape is not None and len(shape.nodes) else None
         sets = {} if shape is None else _rows_of_sets(table, shape)
-        faces = {face: resolve_interface(name, face, spec, table, nodes, sets) for face, spec in wanted.items()}
+        resolved = {face: resolve_interface(name, face, spec, table, nodes, sets) for face, spec in named.items()}
         return FEModel(
             name,
-            placed[0].A,
-            placed[1].A,
+            K.A,
+            M.A,
             table,
             nodes=nodes,
-            interfaces=faces,
+            interfaces=resolved,
             damping=damping or Damping(),
-            D=placed[2].A if len(placed) > 2 else None,
+            D=D[0].A if D else None,
             units=units,
-            rounding=max(one.rounding for one in matrices),
+            rounding=max(one.rounding for one in matrices.values()),
             sets=sets,
             constrained=_held(table, shape),
             grounded=grounded,
             sources=sources,
         )
 
-    candidates = possible_rows(name, matrices[0], matrices[1], shape, set_name)
+    candidates = _possible_rows(name, matrices["stiffness"], matrices["mass"], shape, set_name)
     dofs = candidates[0]
     if len(candidates) > 1:
-        # An interface may be no part of the wrong sets, so sets are tried without.
+        # A wrong set may lack the interfaces, so the sets are tried without them.
         proven = (table for table in candidates if _in_order(build(table, {})))
         dofs = next(proven, dofs)
     body = build(dofs, interfaces or {})
@@ -122,12 +126,12 @@ def _in_order(body: FEModel) -> bool:
     return True
 
 
-def _rows_asked_for(rows: Path | str | None, geometry: Geometry | None) -> tuple[str | None, Path | None]:
+def _set_or_list(rows: Path | str | None, geometry: Geometry | None) -> tuple[str | None, Path | None]:
     """Name of a dof set, or file of a dof list."""
     if rows is None or isinstance(rows, Path):
         return None, rows
-    named = rows in {*SET_NAMES, *MESH_ROWS, *(geometry.rows if geometry is not None else ())}
-    # A word that is no file is a misspelt set, and the geometry can say which sets there are.
+    named = rows in {*SET_NAMES, *NODE_ROWS, *(geometry.rows if geometry is not None else ())}
+    # A word that is no file is a misspelt set; the geometry then lists the sets that exist.
     word = geometry is not None and rows.isidentifier() and not Path(rows).exists()
     return (rows, None) if named or word else (None, Path(rows))
 
@@ -148,12 +152,108 @@ def _held(dofs: DofTable, geometry: Geometry | None) -> DofTable | None:
 
 
 def _sources(
-    matrices: list[LabelledMatrix], what: list[str], geometry: Geometry | None, dof_list: Path | None
+    matrices: Mapping[str, LabelledMatrix], geometry: Geometry | None, dof_list: Path | None
 ) -> tuple[Source, ...]:
     """Every file read, with its hash."""
-    holds = [(one.path, f"{letter} {one.name}") for one, letter in zip(matrices, what, strict=True)]
-    holds += [(path, "geometry") for path in (geometry.files if geometry is not None else ())]
+    contents = [(matrix.path, f"{kind} {matrix.name}") for kind, matrix in matrices.items()]
+    contents += [(path, "geometry") for path in (geometry.files if geometry is not None else ())]
     if dof_list is not None:
-        holds.append((dof_list, "row order"))
-    hashes = {path: sha256_of(path) for path, _ in holds}
-    return tuple(Source(str(path), hashes[path], said) for path, said in holds)
+        contents.append((dof_list, "row order"))
+    hashes = {path: sha256_of(path) for path, _ in contents}
+    return tuple(Source(str(path), hashes[path], content) for path, content in contents)
+
+
+def _possible_rows(
+    body: str, stiffness: LabelledMatrix, mass: LabelledMatrix, geometry: Geometry | None, rows: str | None
+) -> list[DofTable]:
+    """Dof tables that the rows of the stiffness may be, the likeliest first; ``rows`` is a set that the user names."""
+    n = stiffness.A.shape[0]
+    if rows is not None:
+        if geometry is None:
+            raise DofMapError(f"body '{body}': `rows: {rows}` names a dof set, which needs `geometry:`")
+        table = geometry.table(rows)
+        if stiffness.dofs is None and len(table) != n:
+            raise DofMapError(
+                f"body '{body}': stiffness '{stiffness.name}' of {stiffness.path} has {n} rows, but set '{rows}' of "
+                f"{geometry.path} has {len(table)}. {_sizes(geometry)}"
+            )
+        return [table]
+    if stiffness.dofs is not None:
+        return [stiffness.dofs]
+    if mass.dofs is not None and len(mass.dofs) == n:
+        return [mass.dofs]
+    if geometry is None:
+        raise DofMapError(
+            f"body '{body}': the dofs of the {n} rows of '{stiffness.name}' in {stiffness.path} are unknown; give "
+            "`geometry:` (the deck or mesh it was made from) or `rows:` (a list of node.component, one a line)"
+        )
+    found = [table for table in geometry.rows.values() if len(table) == n]
+    if not found:
+        raise DofMapError(
+            f"body '{body}': stiffness '{stiffness.name}' of {stiffness.path} has {n} rows, which is the size of no "
+            f"dof set of {geometry.path}. {_sizes(geometry)}. Give the deck that made the matrix, or `rows:`, a list "
+            "of node.component, one a line (PARAM,AUTOSPC removes dofs that the deck does not name)"
+        )
+    # Sets may be equal, such as a and f.
+    keys = [(table.node.tobytes(), table.component.tobytes()) for table in found]
+    return [table for k, table in enumerate(found) if keys[k] not in keys[:k]]
+
+
+def _sizes(geometry: Geometry) -> str:
+    """Sizes of all sets of a geometry, and its remarks."""
+    sizes = ", ".join(f"{name} {len(table)}" for name, table in {**geometry.rows, **geometry.sets}.items())
+    return f"Its sets have: {sizes}" + "".join(f"; {remark}" for remark in geometry.remarks)
+
+
+def _on_common_rows(
+    body: str, dofs: DofTable, matrices: list[LabelledMatrix], geometry: Geometry | None
+) -> tuple[DofTable, list[LabelledMatrix]]:
+    """Put all matrices of a body, the stiffness first, on the same rows.
+
+    Unlabelled matrices must have the size of ``dofs``. Labelled ones are reordered; dofs that one of them lacks become
+    rows of zeros, because punch files leave out such rows. Dofs beyond ``dofs`` are added if the geometry has them.
+    """
+    first = matrices[0]
+    labelled = [_labelled(body, one, dofs, first) for one in matrices]
+    for one in labelled:
+        dofs = _extended(body, dofs, one, first, geometry)
+    return dofs, [one.on(dofs) for one in labelled]
+
+
+def _labelled(body: str, matrix: LabelledMatrix, dofs: DofTable, first: LabelledMatrix) -> LabelledMatrix:
+    """The matrix with its own labels, or those of the body."""
+    rows, cols = matrix.A.shape
+    if rows != cols:
+        raise MatrixError(
+            f"body '{body}': matrix '{matrix.name}' of {matrix.path} is {rows} x {cols}; matrices of a body are square"
+        )
+    if matrix.dofs is not None:
+        return matrix
+    if rows != len(dofs) and matrix is not first and not (matrix.format == "abaqus" and rows < len(dofs)):
+        raise MatrixError(
+            f"body '{body}': the matrices are of different size: '{first.name}' of {first.path} is "
+            f"{first.A.shape[0]} x {first.A.shape[1]}, '{matrix.name}' of {matrix.path} is {rows} x {cols}; check that "
+            "both are of one model and one dof set"
+        )
+    return matrix.with_dofs(dofs, matrix.path)
+
+
+def _extended(
+    body: str, table: DofTable, matrix: LabelledMatrix, first: LabelledMatrix, geometry: Geometry | None
+) -> DofTable:
+    """Rows of a table and of a matrix together, in the order of a set of the geometry that has them all."""
+    if matrix.dofs is None or (missing := table.rows(matrix.dofs.node, matrix.dofs.component) < 0).sum() == 0:
+        return table
+    if geometry is not None:
+        node = np.concatenate([table.node, matrix.dofs.node])
+        component = np.concatenate([table.component, matrix.dofs.component])
+        for known in geometry.rows.values():
+            rows = np.unique(known.rows(node, component))
+            if rows[0] >= 0:
+                return DofTable(known.node[rows], known.component[rows])
+    raise MatrixError(
+        f"body '{body}': '{matrix.name}' of {matrix.path} has {missing.sum()} dofs that '{first.name}' of {first.path} "
+        f"lacks, the first is {matrix.dofs.labels[int(missing.argmax())]}"
+        + ("; " if geometry is None else f", and no dof set of {geometry.path} has them all; ")
+        + "check that both are of one model, or give the deck they were made from as `geometry:`"
+    )

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Controller
-from cmsreduce.read.matrix import matrix_names, read_matrix, require_file
+from cmsreduce.read.files import is_text, read_head, read_text, require_file
+from cmsreduce.read.matrix import matrix_names, read_matrix
 
 __all__ = ["read_controller"]
 
 _LETTERS = ("A", "B", "C", "D")
 _COMMENTS = "#%"
-_HOW = (
+_CONTENTS = (
     "give A (n x n), B (n x sensors), C (actuators x n) and D (actuators x sensors; zero if left out), as variables of "
     "a .mat file or in text: a line with the letter, then the rows"
 )
@@ -32,21 +33,20 @@ def read_controller(path: Path, sensors: tuple[str, ...], actuators: tuple[str, 
         Matrix file of any format that names its matrices, or text: a line ``A``, the rows of A, and so on; ``#`` and
         ``%`` start a comment. A gain without states is D alone.
     sensors, actuators : tuple of str
-        Channels in order, for the sizes and for messages.
+        Channels in order; they give the sizes of the matrices.
 
     Raises
     ------
     ReadError
-        If the file is missing, is no controller, holds numbers that are not finite, or does not fit the channels.
+        If the file is missing, is no controller, has numbers that are not finite, or does not fit the channels.
     """
     require_file(path)
     found = _from_text(path) if _is_text(path) else _from_matrices(path)
-    if "D" not in found and not {"A", "B", "C"} <= found.keys():
-        missing = [letter for letter in ("A", "B", "C") if letter not in found]
-        raise ReadError(f"{path}: the controller lacks {', '.join(missing)}; {_HOW}")
-    if "D" in found and 0 < len({"A", "B", "C"} & found.keys()) < 3:
-        missing = [letter for letter in ("A", "B", "C") if letter not in found]
-        raise ReadError(f"{path}: the controller has states but lacks {', '.join(missing)}; {_HOW}")
+    missing = [letter for letter in ("A", "B", "C") if letter not in found]
+    # D alone is a gain without states.
+    if missing and ("D" not in found or len(missing) < 3):
+        states = "has states but lacks" if "D" in found else "lacks"
+        raise ReadError(f"{path}: the controller {states} {', '.join(missing)}; {_CONTENTS}")
     n = found["A"].shape[0] if "A" in found else 0
     shapes = {"A": (n, n), "B": (n, len(sensors)), "C": (len(actuators), n), "D": (len(actuators), len(sensors))}
     for letter in found:
@@ -64,10 +64,9 @@ def read_controller(path: Path, sensors: tuple[str, ...], actuators: tuple[str, 
 
 
 def _is_text(path: Path) -> bool:
-    """Whether the first line that says something is one of the letters."""
-    with path.open("rb") as file:
-        head = file.read(4096)
-    if b"\0" in head:
+    """Whether the first line that is not empty is one of the letters."""
+    head = read_head(path, 4096)
+    if not is_text(head):
         return False
     lines = (_bare(line) for line in head.decode("latin-1").splitlines())
     first = next((line for line in lines if line), "")
@@ -79,27 +78,27 @@ def _from_matrices(path: Path) -> Matrices:
     chosen = [letter for letter in _LETTERS if letter in names]
     if not chosen:
         there = f"it holds {', '.join(sorted(filter(None, names)))}" if any(names) else "it holds no named matrix"
-        raise ReadError(f"{path}: this is no controller, {there}; {_HOW}")
+        raise ReadError(f"{path}: this is no controller, {there}; {_CONTENTS}")
     return {letter: read_matrix(path, letter, rectangular=True).A.toarray() for letter in chosen}
 
 
 def _from_text(path: Path) -> Matrices:
     rows: dict[str, list[list[float]]] = {}
     letter = ""
-    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
         text = _bare(line)
         if not text:
             continue
         heading = text.rstrip(":=").strip().upper()
         if heading in _LETTERS:
             if heading in rows:
-                raise ReadError(f"{path}, line {number}: {heading} stands twice")
+                raise ReadError(f"{path}, line {number}: {heading} appears twice")
             letter, rows[heading] = heading, []
             continue
         try:
             values = [float(word) for word in text.replace(",", " ").split()]
         except ValueError:
-            raise ReadError(f"{path}, line {number}: '{text[:40]}' is no row of numbers; {_HOW}") from None
+            raise ReadError(f"{path}, line {number}: '{text[:40]}' is no row of numbers; {_CONTENTS}") from None
         if rows[letter] and len(values) != len(rows[letter][0]):
             raise ReadError(
                 f"{path}, line {number}: this row of {letter} has {len(values)} numbers, those above have "

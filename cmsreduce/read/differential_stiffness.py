@@ -1,4 +1,4 @@
-"""A user's geometric (differential) stiffness matrix, put in the rows of the body and checked against its stiffness."""
+"""Geometric (differential) stiffness matrix of another program, in the rows of the body, checked with its stiffness."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from cmsreduce.read.row_order import is_condensed
 
 __all__ = ["read_differential_stiffness"]
 
-# Of the largest entry: symmetric to ten thousand roundings of the file, as stiffness is asked to be.
+# Of the largest entry: symmetric to ten thousand roundings of the file, the limit of a stiffness matrix, too.
 _SYMMETRY_FACTOR = 1e4
-# Of the largest sum of a row: what stresses computed to six digits leave of forces that balance.
+# Of the largest sum of a row: stresses computed to six digits leave this of forces that balance.
 _BALANCED = 1e-6
 
 
@@ -26,26 +26,26 @@ def read_differential_stiffness(source: MatrixSource, body: FEModel, label: str)
     Parameters
     ----------
     source : MatrixSource
-        Where it is.
+        File of the matrix.
     body : FEModel
         n dofs, as read, before dofs are tied or held.
     label : str
-        The load, for messages.
+        Name of the load, for messages.
 
     Returns
     -------
     matrix : (n, n) sparse array
         Symmetric, in the rows of the body.
     remark : str
-        What could not be proven of the order of its rows; empty if all was.
+        Reason why the order of its rows is not proven; empty if it is.
 
     Raises
     ------
     MatrixError
-        If it is not of the body's size, not finite or not symmetric.
+        If its size is not that of the body, or it is not finite or not symmetric.
     DofMapError
-        If nodes act on each other by it that the stiffness matrix does not join, or moving the whole body costs force:
-        its rows are in another order, or it holds more than stress.
+        If it couples nodes that the stiffness matrix does not couple, or a translation of the whole body costs force:
+        its rows are in another order, or it contains more than stress.
     """
     found = read_matrix(source.path, source.matrix, source.format)
     what = f"body '{body.name}': geometric stiffness '{found.name}' of {found.path} ({label})"
@@ -66,33 +66,33 @@ def read_differential_stiffness(source: MatrixSource, body: FEModel, label: str)
             "leave out what follows the load (unsymmetric load stiffness), and mark a single triangle as symmetric"
         )
     A = sp.csc_array((A + A.T) * 0.5)
-    _refuse_strangers(A, body, what)
-    return A, _refuse_unbalanced(A, body, what, found.rounding)
+    _refuse_other_couplings(A, body, what)
+    return A, _remark_on_balance(A, body, what, found.rounding)
 
 
-def _refuse_strangers(A: sp.csc_array, body: FEModel, what: str) -> None:
-    """Elements that are stressed between two nodes are stiff between them, too."""
+def _refuse_other_couplings(A: sp.csc_array, body: FEModel, what: str) -> None:
+    """Refuse couplings that the stiffness lacks: an element with stress between two nodes has stiffness there, too."""
     ids, node = np.unique(body.dofs.node, return_inverse=True)
-    strange = np.setdiff1d(_joined(A, node), _joined(body.K, node))
-    if strange.size:
-        first = ids[list(divmod(int(strange[0]), ids.size))]
+    others = np.setdiff1d(_coupled(A, node), _coupled(body.K, node))
+    if others.size:
+        first = ids[list(divmod(int(others[0]), ids.size))]
         raise DofMapError(
-            f"{what}: {strange.size} pairs of nodes act on each other by it that the stiffness matrix does not join, "
+            f"{what} couples {others.size} pairs of nodes that the stiffness matrix does not couple, "
             f"such as {first[0]} and {first[1]}: its rows are in another order than those of the stiffness, or it is "
             "of another model; write both in one run and one dof set"
         )
 
 
-def _joined(A: sp.csc_array, node: NDArray[np.intp]) -> NDArray[np.int64]:
-    """Pairs of nodes that have an entry, as one number each."""
+def _coupled(A: sp.csc_array, node: NDArray[np.intp]) -> NDArray[np.int64]:
+    """Pairs of nodes that have an entry, each as one number."""
     entries = sp.coo_array(A)
     there = entries.data != 0
     count = int(node.max(initial=-1)) + 1
     return np.unique(node[entries.row[there]].astype(np.int64) * count + node[entries.col[there]])
 
 
-def _refuse_unbalanced(A: sp.csc_array, body: FEModel, what: str, rounding: float) -> str:
-    """A body under stress resists no translation, as no body does."""
+def _remark_on_balance(A: sp.csc_array, body: FEModel, what: str, rounding: float) -> str:
+    """Refuse a matrix that resists translation, because stress does not; a remark if that cannot be checked."""
     if body.nodes is None:
         return f"{what}: without coordinates the order of its rows is not proven"
     if body.grounded or (body.constrained is not None and (body.constrained.component <= 3).any()):
@@ -108,8 +108,8 @@ def _refuse_unbalanced(A: sp.csc_array, body: FEModel, what: str, rounding: floa
             else "its rows are in another order than those of the stiffness, or in other units"
         )
         raise DofMapError(
-            f"{what}: moving the whole body costs {force[at] / scale:.1e} of its largest row at "
-            f"{body.dofs.labels[at]}, and stress resists no translation. Likely cause: {cause}; or it holds more than "
-            "stress, such as the softening by spin (- omega^2 M), which a multibody code adds from the mass"
+            f"{what}: a translation of the whole body costs {force[at] / scale:.1e} of its largest row "
+            f"at {body.dofs.labels[at]}, but stress resists no translation. Likely cause: {cause}; or it contains "
+            "more than stress, such as the softening by spin (- omega^2 M), which a multibody code adds from the mass"
         )
     return ""

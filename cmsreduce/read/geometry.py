@@ -1,77 +1,32 @@
-"""The geometry file of a body, whatever program wrote it: nodes, and what the rows of its matrices may be."""
+"""Geometry files of any registered format: nodes, the dofs that matrix rows may be, and elements for pictures.
+
+The reader of other meshes (meshio) is here; it takes every file that no registered format takes.
+"""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import contextlib
+import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cmsreduce.errors import DofMapError, ReadError
-from cmsreduce.model import DofTable, Nodes
-from cmsreduce.read.calculix_abaqus import is_abaqus_input, is_frd
-from cmsreduce.read.mesh import read_mesh
-from cmsreduce.read.nastran import KEY_STEP, SET_NAMES, BulkDeck, read_bulk, read_extseout, table_of_keys
+from cmsreduce.errors import ReadError
+from cmsreduce.model import Nodes
+from cmsreduce.read.calculix_abaqus import FRD, INPUT_FILE
+from cmsreduce.read.files import LIBRARY_ERRORS, read_head, reading
+from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat
+from cmsreduce.read.labelled_matrix import SINGLE
+from cmsreduce.read.nastran import BULK_DATA, EXTERNAL_SUPERELEMENT
+from cmsreduce.read.printed_numbers import coordinate_rounding
 
-__all__ = ["MESH_ROWS", "Geometry", "read_geometry"]
+__all__ = ["read_cells", "read_geometry"]
 
-_HEAD = 1 << 20
-_NASTRAN = re.compile(
-    r"^\s{0,7}(GRID|GRDSET|SPOINT|CORD[12][RCS]|SECONCT|EXTRN|INCLUDE|CEND|SOL|BEGIN\s+(BULK|SUPER))(?=[\s,*=']|$)",
-    re.IGNORECASE | re.MULTILINE,
-)
-_SUPERELEMENT = re.compile(r"^\s{0,7}(SECONCT|EXTRN)(?=[\s,*])", re.IGNORECASE | re.MULTILINE)
-_CASE_CONTROL = re.compile(r"^\s{0,7}CEND\b", re.IGNORECASE | re.MULTILINE)
-_TRANSLATIONS = "translations"
-MESH_ROWS = {_TRANSLATIONS: 3, "six": 6}
-"""Dofs at every node, sorted by node: what the rows of a matrix may be where there is no deck to say."""
-
-
-@dataclass(frozen=True, eq=False)
-class Geometry:
-    """Nodes of a body and the dof tables its matrices may have.
-
-    Parameters
-    ----------
-    path : Path
-        File named by the user.
-    nodes : Nodes
-        Nodes in order of the file; none for a deck of scalar points.
-    rows : mapping of str to DofTable
-        What the rows of a matrix may be, the likeliest first, by name of the set.
-    sets : mapping of str to DofTable
-        Named dof sets, such as ``b`` and ``q``.
-    constrained : DofTable, optional
-        Dofs held at zero by the deck.
-    files : tuple of Path
-        Files read.
-    remarks : tuple of str
-        What the deck has that was not understood.
-    """
-
-    path: Path
-    nodes: Nodes
-    rows: Mapping[str, DofTable]
-    sets: Mapping[str, DofTable] = field(default_factory=dict)
-    constrained: DofTable | None = None
-    files: tuple[Path, ...] = ()
-    remarks: tuple[str, ...] = ()
-
-    def table(self, name: str) -> DofTable:
-        """Dof table of a set that the user names.
-
-        Raises
-        ------
-        DofMapError
-            Listing what there is.
-        """
-        for tables in (self.rows, self.sets):
-            if name in tables:
-                return tables[name]
-        known = ", ".join(f"{key} ({len(table)})" for key, table in {**self.rows, **self.sets}.items())
-        raise DofMapError(f"{self.path}: there is no dof set '{name}'; its sets and their sizes are {known}")
+_HEAD = 1 << 20  # bytes that detection examines
+# meshio's NASTRAN reader drops GRID coordinate systems and wide cards without a message.
+_NASTRAN_SUFFIXES = {".bdf", ".nas", ".fem", ".dat", ".blk", ".pch", ".asm"}
 
 
 def read_geometry(path: Path) -> Geometry:
@@ -80,52 +35,96 @@ def read_geometry(path: Path) -> Geometry:
     Parameters
     ----------
     path : Path
-        NASTRAN deck, external superelement (.asm or .pch), CalculiX .frd, Abaqus .inp, or a mesh.
+        NASTRAN deck, external superelement (.asm or .pch), CalculiX .frd, Abaqus .inp, or a mesh that meshio reads.
 
     Returns
     -------
     Geometry
+        Node ids are those of the file; meshio keeps none, so its nodes count from 1 in order of the file.
 
     Raises
     ------
     ReadError
         If the file is missing, damaged or of an unknown format.
     """
+    return _format_of(path).read(path)
+
+
+def read_cells(path: Path) -> Cells:
+    """Read the elements of a deck or a mesh: corner nodes only, for pictures.
+
+    Parameters
+    ----------
+    path : Path
+        File as of ``read_geometry``.
+
+    Returns
+    -------
+    dict of cell kind to (k, corners) int64
+        Node ids; empty where the file holds no element that can be drawn.
+
+    Raises
+    ------
+    ReadError
+        If the file cannot be opened or is damaged.
+    """
+    format = _format_of(path)
+    with reading(path, "its elements"):
+        return format.cells(path)
+
+
+def _format_of(path: Path) -> GeometryFormat:
+    head = read_head(path, _HEAD, f"{path}: the geometry").decode("latin-1")
+    return next(format for format in _TABLE if format.detect(head))
+
+
+def _meshio_geometry(path: Path) -> Geometry:
+    """Nodes by meshio, numbered from 1."""
+    if path.suffix.lower() in _NASTRAN_SUFFIXES:
+        raise ReadError(f"{path}: neither a NASTRAN deck (no GRID card) nor a mesh")
+    points = np.asarray(_meshio_read(path).points)
+    if points.ndim != 2 or points.shape[1] > 3:
+        raise ReadError(f"{path}: its points have no coordinates x, y, z; write the mesh again")
+    xyz = np.zeros((len(points), 3))
+    xyz[:, : points.shape[1]] = points
+    rounding = coordinate_rounding(xyz)
+    if points.dtype == np.float32:
+        rounding = max(rounding, float(np.abs(xyz).max(initial=0.0)) * SINGLE)
+    return Geometry.of_mesh(path, Nodes.in_basic(np.arange(1, len(xyz) + 1), xyz, rounding))
+
+
+def _meshio_cells(path: Path) -> Cells:
     try:
-        with path.open("rb") as stream:
-            head = stream.read(_HEAD).decode("latin-1")
-    except OSError as error:
-        raise ReadError(f"{path}: the geometry cannot be read: {error.strerror or error}") from error
-    binary = "\0" in head
-    if binary or is_frd(head) or is_abaqus_input(head) or not _NASTRAN.search(head):
-        nodes = read_mesh(path)
-        return Geometry(path, nodes, _node_rows(nodes), files=(path,))
-    # An assembly run names superelements as well, but it is a deck of its own.
-    if _SUPERELEMENT.search(head) and not _CASE_CONTROL.search(head):
-        found = read_extseout(path)
-        return Geometry(path, found.nodes, {"a": found.dofs}, found.sets, files=found.files)
-    return _of_deck(read_bulk(path))
+        blocks = _meshio_read(path).cells
+    except ReadError:
+        return {}
+    found: dict[str, list[NDArray[np.int64]]] = {}
+    for block in blocks:
+        kind = next((name for name in CELL_CORNERS if block.type.startswith(name)), None)
+        if kind is not None and kind != "vertex":
+            found.setdefault(kind, []).append(np.asarray(block.data, dtype=np.int64)[:, : CELL_CORNERS[kind]] + 1)
+    return {kind: np.vstack(parts) for kind, parts in found.items()}
 
 
-def _of_deck(deck: BulkDeck) -> Geometry:
-    """Sets of a deck that a matrix may be of; the analysis set first, as programs write it."""
-    sizes = deck.sizes()
-    rows: dict[str, DofTable] = {name: deck.dof_table(name) for name in ("a", "f", "n", "g") if name in sizes}
-    free = np.setdiff1d(_keys(_node_rows(deck.nodes)[_TRANSLATIONS]), deck.constrained) if len(deck.nodes) else None
-    if free is not None:
-        rows[_TRANSLATIONS] = table_of_keys(free)
-    sets = {name: deck.dof_table(name) for name in SET_NAMES if name in sizes}
-    return Geometry(deck.path, deck.nodes, rows, sets, table_of_keys(deck.constrained), deck.files, deck.remarks)
+def _meshio_read(path: Path) -> Any:
+    import meshio
+
+    complaint = io.StringIO()
+    try:
+        # meshio prints, and exits the program, on a file that it cannot read.
+        with contextlib.redirect_stdout(complaint), contextlib.redirect_stderr(complaint):
+            return meshio.read(path)
+    except (SystemExit, meshio.ReadError, *LIBRARY_ERRORS) as error:
+        reason = " ".join(complaint.getvalue().split()) or str(error)
+        known = "NASTRAN bulk data, .frd, .inp and the formats of meshio (.msh, .vtu, .vtk, .xdmf, .med and others)"
+        raise ReadError(f"{path}: no geometry in a format that is known: {known}. {reason}") from error
 
 
-def _keys(dofs: DofTable) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    return dofs.node * KEY_STEP + dofs.component
-
-
-def _node_rows(nodes: Nodes) -> dict[str, DofTable]:
-    """Three or six dofs at every node, sorted by node."""
-    ids = np.sort(nodes.id)
-    return {
-        name: DofTable(np.repeat(ids, count), np.tile(np.arange(1, count + 1, dtype=np.int8), ids.size))
-        for name, count in MESH_ROWS.items()
-    }
+# In the order of detection; the last one takes every file.
+_TABLE: tuple[GeometryFormat, ...] = (
+    FRD,
+    INPUT_FILE,
+    EXTERNAL_SUPERELEMENT,
+    BULK_DATA,
+    GeometryFormat(lambda head: True, _meshio_geometry, _meshio_cells),
+)

@@ -1,7 +1,4 @@
-"""Where the matrices and interfaces of a body are to be found: what a user asks for, not yet read.
-
-Interfaces named by the user, resolved into nodes, components, positions and axes.
-"""
+"""Matrices and interfaces as the user names them; interfaces resolved into nodes, components, positions and axes."""
 
 from __future__ import annotations
 
@@ -15,11 +12,14 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError, SceneError
 from cmsreduce.model import SCALAR, DofTable, Interface, Nodes, components_from_digits
 
-__all__ = [
-    "InterfaceSpec",
-    "MatrixSource",
-    "resolve_interface",
-]
+__all__ = ["InterfaceSpec", "MatrixSource", "resolve_interface"]
+
+Digits = str | tuple[int, ...] | None
+
+# Nodes that a message suggests in place of an unknown one.
+_NEAREST = 3
+# Axes typed with four digits are accepted as a rotation; they are made orthonormal.
+_CROOKED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class MatrixSource:
     matrix : str, optional
         Name of the matrix in it; needed where the file holds several.
     format : str, optional
-        Format, found by content if absent.
+        Name of the format; by default the content decides.
     """
 
     path: Path
@@ -52,22 +52,15 @@ class InterfaceSpec:
     dofs : str or tuple of int, optional
         Components 1..6 that every node must have; by default all of 123456 that a node has.
     set : str, optional
-        Dof set of the source instead of nodes, such as ``b``.
+        Dof set of the geometry instead of nodes, such as ``b``.
     frame : (3, 3) float64, optional
         Axes as rows, in basic; by default the displacement frame of the first node.
     """
 
     nodes: tuple[int, ...] | None = None
-    dofs: str | tuple[int, ...] | None = None
+    dofs: Digits = None
     set: str | None = None
     frame: NDArray[np.float64] | None = None
-
-
-Digits = str | tuple[int, ...] | None
-
-_NEAREST = 3
-# Axes typed with four digits are still meant as a rotation; they are made orthonormal.
-_CROOKED = 1e-3
 
 
 def resolve_interface(
@@ -85,7 +78,7 @@ def resolve_interface(
     body, name : str
         Names, for messages.
     spec : InterfaceSpec
-        What the user asks for.
+        The interface as the user names it.
     dofs : DofTable
         Rows of the body.
     nodes : Nodes, optional
@@ -100,11 +93,11 @@ def resolve_interface(
     Raises
     ------
     SceneError
-        If a node is unknown, has no rows or not the dofs asked for, or the set or the frame is not one.
+        If a node is unknown, has no rows or lacks a dof, or the set or the frame is wrong.
     """
     where = f"body '{body}', interface '{name}'"
     if (spec.nodes is None) == (spec.set is None):
-        raise SceneError(f"{where}: say either `node:` (or `nodes:`) or `set:`")
+        raise SceneError(f"{where}: give either `node:` (or `nodes:`) or `set:`")
     if spec.set is not None:
         members, components = _of_set(where, spec.set, spec.dofs, dofs, sets)
     else:
@@ -147,7 +140,7 @@ def _of_set(
 
 
 def _digits(where: str, digits: str | tuple[int, ...]) -> tuple[int, ...]:
-    """Component numbers in a user's words."""
+    """Component numbers of a user's digits."""
     try:
         return components_from_digits(digits if isinstance(digits, str) else "".join(map(str, digits)))
     except DofMapError as error:
@@ -155,7 +148,7 @@ def _digits(where: str, digits: str | tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _components(where: str, node: int, digits: Digits, dofs: DofTable, nodes: Nodes | None) -> tuple[int, ...]:
-    """Components of a node that belong to the interface: those asked for, or all that it has."""
+    """Components of a node that belong to the interface: those that the user names, or all of the node."""
     has = sorted(int(c) for c in dofs.component[dofs.node == node])
     if not has:
         raise SceneError(f"{where}: {_absent(node, dofs, nodes)}")
@@ -174,7 +167,7 @@ def _components(where: str, node: int, digits: Digits, dofs: DofTable, nodes: No
 
 
 def _absent(node: int, dofs: DofTable, nodes: Nodes | None) -> str:
-    """Why a node cannot be an interface, and which could."""
+    """Reason why a node cannot be an interface, and nodes that could."""
     known = np.unique(dofs.node[dofs.component != SCALAR])
     at = -1 if nodes is None else int(nodes.index(node)[0])
     if nodes is None or at < 0:
@@ -196,7 +189,7 @@ def _absent(node: int, dofs: DofTable, nodes: Nodes | None) -> str:
 
 
 def _rotation(where: str, frame: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Axes as an exact rotation."""
+    """The nearest exact rotation to the given axes."""
     axes = np.asarray(frame, dtype=np.float64)
     if axes.shape != (3, 3) or not np.isfinite(axes).all():
         raise SceneError(f"{where}: `frame:` needs three axes of three numbers")

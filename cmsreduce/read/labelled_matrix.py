@@ -1,8 +1,7 @@
-"""A matrix as a file gives it: sparse entries, what its rows are where the file says so, how finely it is rounded."""
+"""A matrix as read from a file: sparse entries, the dofs of its rows where the file names them, and its rounding."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,13 +14,13 @@ from cmsreduce.model import DofTable
 
 __all__ = [
     "DOUBLE",
+    "KEY_STEP",
     "SINGLE",
     "LabelledMatrix",
-    "MatrixInfo",
-    "StoredMatrix",
     "canonical",
     "check_size",
     "mirrored",
+    "table_of_keys",
 ]
 
 DOUBLE = 2.0**-53
@@ -30,8 +29,11 @@ DOUBLE = 2.0**-53
 SINGLE = 2.0**-24
 """Relative rounding of a single-precision number."""
 
-# Files leave empty rows and columns out, so a header may rightly claim more of them than the file has bytes; up to this
-# many cost 160 MB of pointers, harmless. Beyond, a claim must be covered by the bytes of the file.
+KEY_STEP = 8
+"""A dof as one integer is node * 8 + component, so that sorting keys sorts dofs as NASTRAN does."""
+
+# Files leave out empty rows and columns, so a header may rightly claim more of them than the file has bytes. Up to this
+# number they cost 160 MB of pointers, which is harmless; beyond it the bytes of the file must cover the claim.
 _HARMLESS_SIZE = 20_000_000
 
 
@@ -48,14 +50,14 @@ class LabelledMatrix:
     path : Path
         File it came from.
     format : str
-        Format of the file, one of ``cmsreduce.read.matrix.FORMATS``.
+        Name of the format of the file, as in ``MatrixFormat``.
     rounding : float
         Relative rounding of the entries: 2**-53 double, 2**-24 single, half a unit of the last printed digit for text
         (5e-11 for ten digits).
     dofs : DofTable, optional
-        What each row is, where the file or its dof list says so.
+        Dof of each row, where the file or its dof list names them.
     column_dofs : DofTable, optional
-        What each column is, for a labelled rectangular matrix; None where columns are as rows, or unlabelled.
+        Dof of each column of a labelled rectangular matrix; None where columns are as rows, or unlabelled.
     """
 
     A: sp.csc_array
@@ -67,9 +69,9 @@ class LabelledMatrix:
     column_dofs: DofTable | None = None
 
     def with_dofs(self, dofs: DofTable, named_by: Path) -> LabelledMatrix:
-        """Label rows and columns that the format left unlabelled.
+        """Label rows and columns that the file left unlabelled.
 
-        A coordinate text does not say its size, only its largest index: it grows to the size of the list.
+        A coordinate text does not state its size, so a matrix from it grows to the size of the list.
 
         Parameters
         ----------
@@ -86,7 +88,7 @@ class LabelledMatrix:
         n, rows = len(dofs), self.A.shape[0]
         A = self.A
         if self.format in ("calculix", "abaqus") and rows < n:
-            # CalculiX prints every diagonal entry, also a zero one: a missing last one is a cut file.
+            # CalculiX prints every diagonal entry, also a zero one; if the last one is missing, the file was cut.
             if self.format == "calculix":
                 raise ReadError(
                     f"{self.path}: the entries stop at row {rows}, but the dof list {named_by} has {n} dofs; the "
@@ -101,14 +103,14 @@ class LabelledMatrix:
         return replace(self, A=A, dofs=dofs)
 
     def on(self, dofs: DofTable) -> LabelledMatrix:
-        """The same matrix in the rows of another dof table: reordered, with empty rows for dofs it lacks.
+        """Put the matrix in the rows of another dof table: reordered, with empty rows for dofs that it lacks.
 
-        A DMIG matrix leaves its empty rows out, so a mass matrix may be smaller than the stiffness it belongs to.
+        A DMIG matrix leaves out its empty rows, so a mass matrix may be smaller than the stiffness of the same body.
 
         Parameters
         ----------
         dofs : DofTable
-            Rows wanted.
+            Rows of the result.
 
         Raises
         ------
@@ -123,7 +125,7 @@ class LabelledMatrix:
         if (to < 0).any():
             lacking = [label for label, row in zip(self.dofs.labels, to, strict=True) if row < 0]
             raise ReadError(
-                f"{self.path}: matrix '{self.name}' has {len(lacking)} dofs that are not in the dof list asked for, "
+                f"{self.path}: matrix '{self.name}' has {len(lacking)} dofs that the dof list lacks, "
                 f"the first is {lacking[0]}; check that both are of one model"
             )
         entries = sp.coo_array(self.A)
@@ -131,70 +133,13 @@ class LabelledMatrix:
         return replace(self, A=A, dofs=dofs)
 
 
-@dataclass(frozen=True)
-class MatrixInfo:
-    """What a file says of one of its matrices, without its entries.
-
-    Parameters
-    ----------
-    name : str
-        Name as the file spells it.
-    rows, cols : int
-        Size.
-    nnz : int, optional
-        Stored entries, where they can be known without reading them.
-    numbers : str
-        Kind of number: ``real double``, ``real single``, ``complex double``, ``real double, 10 digits``.
-    form : str
-        What the file calls it: ``symmetric``, ``square``, ``rectangular``, or empty.
-    """
-
-    name: str
-    rows: int
-    cols: int
-    nnz: int | None
-    numbers: str
-    form: str = ""
-
-
-@dataclass(frozen=True)
-class StoredMatrix:
-    """One matrix of a file that has been looked over but not loaded.
-
-    Parameters
-    ----------
-    name : str
-        Name as the file spells it.
-    numbers, form : str
-        As in MatrixInfo.
-    size : callable
-        Gives rows, columns and stored entries; entries are None where they cannot be known without loading.
-    load : callable
-        Reads it; raises ReadError if the entries are damaged.
-    usable : bool
-        False for what has a name but is no matrix of numbers; loading it says what it is.
-    """
-
-    name: str
-    numbers: str
-    form: str
-    size: Callable[[], tuple[int, int, int | None]]
-    load: Callable[[], LabelledMatrix]
-    usable: bool = True
-
-    @property
-    def is_complex(self) -> bool:
-        """Whether its entries are complex, which no stage takes."""
-        return self.numbers.startswith("complex")
-
-    @property
-    def info(self) -> MatrixInfo:
-        """What can be said of it without loading."""
-        return MatrixInfo(self.name, *self.size(), self.numbers, self.form)
+def table_of_keys(keys: NDArray[np.int64]) -> DofTable:
+    """Dof table of keys (``KEY_STEP``), in their order."""
+    return DofTable(keys // KEY_STEP, (keys % KEY_STEP).astype(np.int8))
 
 
 def canonical(row: ArrayLike, col: ArrayLike, data: ArrayLike, shape: tuple[int, int]) -> sp.csc_array:
-    """Sparse array of (row, column, value) entries counted from zero: sorted, repeated entries added, zeros dropped."""
+    """Sparse array of entries (row, column, value) counted from zero: sorted, repeated entries added, zeros dropped."""
     values: NDArray[np.float64] = np.asarray(data, dtype=np.float64)
     A = sp.csc_array(sp.coo_array((values, (np.asarray(row), np.asarray(col))), shape=shape))
     A.sum_duplicates()
@@ -203,12 +148,7 @@ def canonical(row: ArrayLike, col: ArrayLike, data: ArrayLike, shape: tuple[int,
 
 
 def mirrored(A: sp.csc_array) -> sp.csc_array:
-    """Both triangles of a symmetric matrix of which only one may be stored; a matrix that holds both is returned as is.
-
-    Parameters
-    ----------
-    A : (n, n) sparse array
-    """
+    """Both triangles of a symmetric matrix (n, n); a matrix that stores both is returned unchanged."""
     if A.shape[0] != A.shape[1]:
         return A
     entries = sp.coo_array(A)
@@ -222,12 +162,12 @@ def mirrored(A: sp.csc_array) -> sp.csc_array:
 
 
 def check_size(path: Path, name: str, rows: int, cols: int, file_bytes: int) -> None:
-    """Refuse a size that the bytes of the file cannot back, before anything of that size is allocated.
+    """Refuse a size that is too large for the bytes of the file, before memory of that size is allocated.
 
     Raises
     ------
     ReadError
-        If a dimension is negative, or absurd against the size of the file.
+        If a dimension is negative, or far too large for the size of the file.
     """
     if rows < 0 or cols < 0 or max(rows, cols) > max(_HARMLESS_SIZE, file_bytes):
         raise ReadError(

@@ -1,7 +1,4 @@
-"""How finely numbers were rounded when they were printed, and whether the last one is whole.
-
-How far a printed number may be from the number that was meant.
-"""
+"""Numbers printed in text: their values, how finely they were rounded, and whether the last one is whole."""
 
 from __future__ import annotations
 
@@ -15,25 +12,44 @@ from numpy.typing import ArrayLike, NDArray
 from cmsreduce.read.labelled_matrix import DOUBLE
 
 __all__ = [
+    "coordinate_rounding",
     "digits_of",
     "printed_rounding",
+    "real_number",
     "rounding_of_digits",
     "rounding_of_printed",
     "stops_in_a_number",
 ]
 
+_NASTRAN_REAL = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[ED]?([+-]?\d+))?\Z")
 _PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([EeDd][+-]?\d+|[+-]\d+)?")
 
-# Solvers print at least this many digits in scientific notation, all numbers alike; fewer were typed by hand and exact.
+# Solvers print at least this many digits in scientific notation, all numbers alike; shorter ones are typed and exact.
 _FEWEST_ALIKE = 4
-# Shortest output of a general format such as %g; shorter numbers in a mixture were typed by hand and exact.
+# Shortest output of a general format such as %g; shorter numbers in a mixture are typed and exact.
 _FEWEST_MIXED = 6
-# Numbers looked at, from each end of a file: a program prints all of a matrix with one format.
-_SAMPLE = 1000
+# Numbers examined at each end of a file: a program prints all of a matrix with one format.
+_ENDS = 1000
+# Nodes whose coordinates are examined, spread over a file: one program prints all of them.
+_NODES = 2000
+# A number of up to this many digits (600., 0.375, 12.5) was typed or fits its field; a longer one was cut to fit.
+_EXACT_DIGITS = 5
+
+
+def real_number(text: str) -> float | None:
+    """Value of a NASTRAN or Fortran real; None if the text is no number.
+
+    Examples
+    --------
+    >>> real_number("1.5-3"), real_number("1.+7"), real_number("-.25d2"), real_number("THRU")
+    (0.0015, 10000000.0, -25.0, None)
+    """
+    found = _NASTRAN_REAL.match(text.strip().upper())
+    return None if found is None else float(f"{found[1]}E{found[2] or 0}")
 
 
 def digits_of(text: str) -> int:
-    """Significant digits of a printed number, trailing zeros included; 0 for a zero or what is no number.
+    """Significant digits of a printed number, trailing zeros included; 0 for a zero and for other text.
 
     Examples
     --------
@@ -48,9 +64,9 @@ def digits_of(text: str) -> int:
 
 
 def rounding_of_digits(digits: int) -> float:
-    """Half a unit of the last of so many significant digits, never finer than a double.
+    """Half a unit of the last significant digit, never finer than a double.
 
-    Relative to the decade a number lies in: 5e-11 for ten digits.
+    Relative to the decade that the number lies in: 5e-11 for ten digits.
     """
     return float(max(DOUBLE, 0.5 * 10.0**-digits))
 
@@ -63,7 +79,7 @@ def rounding_of_printed(numbers: Sequence[str], field: int | None = None) -> flo
     numbers : sequence of str
         Numbers of one matrix.
     field : int, optional
-        Width of the field that cuts them, where the format has one and writers fill it (8 characters in NASTRAN).
+        Width of the fields, where the format has fields that numbers are cut to fit (8 characters in NASTRAN).
 
     Returns
     -------
@@ -72,11 +88,11 @@ def rounding_of_printed(numbers: Sequence[str], field: int | None = None) -> flo
 
     Notes
     -----
-    Numbers that all carry an exponent and as many digits were printed by one scientific format: those digits count.
-    In a narrow field the room is what cuts digits, so the shortest number that fills the field counts. In any other
-    mixture (general formats drop trailing zeros, fixed ones lose digits of small numbers) the longest number counts.
+    If all numbers have an exponent and as many digits, one scientific format printed them: those digits count.
+    A narrow field cuts digits, so the shortest number that fills the field counts. In any other mixture the longest
+    number counts: general formats drop trailing zeros, and fixed ones lose digits of small numbers.
     """
-    sample = numbers if len(numbers) <= 2 * _SAMPLE else [*numbers[:_SAMPLE], *numbers[-_SAMPLE:]]
+    sample = numbers if len(numbers) <= 2 * _ENDS else [*numbers[:_ENDS], *numbers[-_ENDS:]]
     texts = [text.strip() for text in sample]
     if field is not None:
         cut = [digits_of(text) for text in texts if len(text) >= field]
@@ -92,18 +108,14 @@ def rounding_of_printed(numbers: Sequence[str], field: int | None = None) -> flo
 def stops_in_a_number(numbers: Sequence[str]) -> bool:
     """Whether the last number is cut short, given that the file does not end its last line.
 
-    Programs print all numbers of a matrix with one width and end the last line; a number narrower than all before it on
-    a line without an end was cut. Numbers without exponents vary in width anyway and prove nothing.
+    Programs print all numbers of a matrix with one width and end the last line. So a number that is narrower than all
+    others, on a line without an end, was cut. Numbers without exponents vary in width and prove nothing.
     """
-    texts = [text.strip().lstrip("+-") for text in numbers[-_SAMPLE:]]
+    texts = [text.strip().lstrip("+-") for text in numbers[-_ENDS:]]
     before = texts[:-1]
     if not before or not all((match := _PLAIN.fullmatch(text)) and match.group(2) for text in before):
         return False
     return len(texts[-1]) < min(len(text) for text in before)
-
-
-_EXACT_DIGITS = 5
-"""A number of up to so many digits (600., 0.375, 12.5) was typed or fits the field; a longer one was cut to fit."""
 
 
 def printed_rounding(values: ArrayLike) -> NDArray[np.float64]:
@@ -132,3 +144,8 @@ def printed_rounding(values: ArrayLike) -> NDArray[np.float64]:
         if isinstance(digits.exponent, int) and len(digits.digits) > _EXACT_DIGITS:
             out[k] = 0.5 * 10.0**digits.exponent
     return out.reshape(values.shape)
+
+
+def coordinate_rounding(xyz: NDArray[np.float64]) -> float:
+    """Largest rounding of printed coordinates (N, 3), judged on nodes spread over the file."""
+    return float(printed_rounding(xyz[:: max(1, len(xyz) // _NODES)]).max(initial=0.0))

@@ -4,14 +4,13 @@ A base class owns projection and recovery; a method supplies only its shapes.
 The choice among the modes of a set belongs in `balance`.
 """
 
+from cmsreduce.errors import ConfigError
 from cmsreduce.model import InterfaceLoading
 from cmsreduce.reduce.benfield_hruda import AugmentedBody, BenfieldHruda
 from cmsreduce.reduce.characteristic import InterfaceReduction
 from cmsreduce.reduce.craig_bampton import CraigBampton, Guyan
 from cmsreduce.reduce.macneal_rubin import MacNealRubin
-from cmsreduce.reduce.methods import METHODS, reduction
-from cmsreduce.reduce.neglected import Examined
-from cmsreduce.reduce.reduction import Reduction, kept_rigid, project
+from cmsreduce.reduce.reduction import Examined, Reduction, kept_rigid, project
 
 __all__ = [
     "AugmentedBody",
@@ -28,3 +27,42 @@ __all__ = [
     "project",
     "reduction",
 ]
+
+METHODS: dict[str, type[Reduction]] = {
+    kind.method: kind for kind in (CraigBampton, MacNealRubin, BenfieldHruda, AugmentedBody, Guyan)
+}
+"""Mode sets by name."""
+
+
+def reduction(
+    method: str,
+    cutoff_hz: float,
+    interface_reduction: InterfaceReduction | None = None,
+    loading: InterfaceLoading | None = None,
+) -> Reduction:
+    """Make the mode set of a name.
+
+    Parameters
+    ----------
+    method : str
+        Name of the mode set.
+    cutoff_hz : float
+        Normal modes are kept up to this frequency.
+    interface_reduction : InterfaceReduction, optional
+        For the sets that have constraint modes.
+    loading : InterfaceLoading, optional
+        For the sets whose modes are loaded by the neighbours.
+
+    Raises
+    ------
+    ConfigError
+        If there is none of that name, or it has no constraint modes to reduce.
+    """
+    if method not in METHODS:
+        raise ConfigError(f"reduce: method '{method}' is not available (there are: {', '.join(METHODS)})")
+    kind = METHODS[method]
+    if issubclass(kind, CraigBampton):
+        return kind(cutoff_hz, interface_reduction=interface_reduction)
+    if interface_reduction is not None:
+        raise ConfigError(f"reduce: {method} has no constraint modes, so `interface_cutoff` does not apply to it")
+    return kind(cutoff_hz, loading) if issubclass(kind, BenfieldHruda) else kind(cutoff_hz)

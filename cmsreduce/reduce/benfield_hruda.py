@@ -11,25 +11,27 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.basis_store import new_basis, side_by_side
-from cmsreduce.linalg.congruence import column_blocks, congruence
+from cmsreduce.linalg.blocks import column_blocks, congruence, new_basis, side_by_side
 from cmsreduce.linalg.eigen import HELD, modes_below, orthonormal
 from cmsreduce.model import FEModel, InterfaceLoading, ModeBlock, ModeSet, chosen_columns
-from cmsreduce.reduce.neglected import Basis, LeftOut
+from cmsreduce.reduce.basis import Basis
 from cmsreduce.reduce.reduction import Reduction
 from cmsreduce.reduce.static_shapes import Loads, elastic_solve, independent_columns, residual_shapes, unit_loads
 
 __all__ = ["AugmentedBody", "BenfieldHruda"]
 
-# A motion of body and neighbours is rigid when the loading's strain energy in it is below this share of the energy's
-# absolute parts: condensation leaves 1e-15.
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+# A motion of body and neighbours is rigid when the loading's strain energy in it is below this share of the absolute
+# parts of the energy: condensation leaves 1e-15.
 _UNRESISTED = 1e-12
 # The same against the absolute parts in the body, whose own rounding hides anything weaker.
 _BODY_LEAVES = 1e-16
-# A loaded mode in which the body has less than this share of the energy moves the neighbours only, and has nothing to
-# add; round-off leaves 1e-20.
+# A loaded mode in which the body has less than this share of the energy moves the neighbours only and adds nothing;
+# round-off leaves 1e-20.
 _STILL = 1e-16
-# A loaded mode is new when the others leave this share of its energy in the body.
+# A loaded mode is new when the others leave more than this share of its energy in the body.
 _NEW = 1e-10
 
 
@@ -41,7 +43,7 @@ class BenfieldHruda(Reduction):
     cutoff_hz : float
         Loaded modes are kept up to this frequency.
     loading : InterfaceLoading, optional
-        What the neighbours add on the i-set; without it the modes are the body's free ones.
+        Stiffness and mass of the neighbours on the i-set; without it the modes are the body's free ones.
 
     Notes
     -----
@@ -57,13 +59,7 @@ class BenfieldHruda(Reduction):
         super().__init__(cutoff_hz)
         self.loading = loading
 
-    def basis(
-        self,
-        body: FEModel,
-        interface: NDArray[np.int64],
-        rigid: NDArray[np.float64],
-        loads: NDArray[np.float64] | None = None,
-    ) -> Basis:
+    def basis(self, body: FEModel, interface: Rows, rigid: Array, loads: Array) -> Basis:
         """Shapes of the mode set, rigid modes first; see `Reduction.basis`.
 
         Raises
@@ -73,7 +69,7 @@ class BenfieldHruda(Reduction):
         """
         K, M, everywhere = self._loaded(body, interface, rigid)
         w, phi = self._held_modes(K, M, everywhere, interface, body.rounding)
-        # The body's share of each mode, without its rigid motion: that is in the basis already.
+        # The body's share of each mode, without the rigid motion that the basis holds already.
         shapes = new_basis(body.n, w.size)
         for part in column_blocks(w.size):
             body_part = phi[: body.n, part]
@@ -81,11 +77,15 @@ class BenfieldHruda(Reduction):
         del phi
         own = _own_motions(body, w, shapes)
         w, shapes = w[own], chosen_columns(shapes, own)
-        # The body's own factor, where one of these asks for it.
+        # The body itself is factorised only if a load needs its response.
         flexibility = cache(lambda: elastic_solve(body, rigid))
+
+        def solve(f: Array) -> Array:
+            return flexibility()(f)
+
         residual, number = np.empty((body.n, 0)), np.empty(0, dtype=np.int64)
-        if loads is not None and loads.shape[1]:
-            residual, number = residual_shapes(flexibility(), body.K, loads, shapes)
+        if loads.shape[1]:
+            residual, number = residual_shapes(solve, body.K, loads, shapes)
         Phi, (rigid, shapes, residual) = side_by_side(body.n, [(None, rigid), (None, shapes), (None, residual)])
         modes = ModeSet.of(
             self.method,
@@ -96,29 +96,19 @@ class BenfieldHruda(Reduction):
             ],
             Phi=Phi,
         )
-
-        def answer(f: NDArray[np.float64]) -> NDArray[np.float64]:
-            return flexibility()(f)
-
-        # Without static modes the loads themselves are missed, and the inertia of the residual shapes.
+        # Without static modes the basis misses the loads themselves, and the inertia of the residual shapes.
         i, units = interface.size, unit_loads(body.n, interface)
 
-        def forces(part: slice) -> NDArray[np.float64]:
+        def missing(part: slice) -> Array:
             inertia = residual[:, max(part.start - i, 0) : max(part.stop - i, 0)]
             return np.hstack([units[:, part].toarray(), body.M @ inertia])
 
-        missing = Loads(i + residual.shape[1], forces)
-        left_out = LeftOut(answer, body.K, (shapes, residual), missing, np.arange(body.n), body.n)
-        return Basis(modes, left_out)
+        every = Loads(i + residual.shape[1], missing)
+        return Basis(modes, solve, body.K, (shapes, residual), every, np.arange(body.n))
 
     def _held_modes(
-        self,
-        K: sp.csc_array,
-        M: sp.csc_array,
-        rigid: NDArray[np.float64],
-        interface: NDArray[np.int64],
-        rounding: float,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        self, K: sp.csc_array, M: sp.csc_array, rigid: Array, interface: Rows, rounding: float
+    ) -> tuple[Array, Array]:
         """Modes of the loaded pencil, at rest where the ground holds the body: an infinitely stiff neighbour."""
         omega = 2 * np.pi * self.cutoff_hz
         if self.loading is None or not self.loading.grounded.size:
@@ -134,9 +124,7 @@ class BenfieldHruda(Reduction):
         phi[kept] = inner
         return w, phi
 
-    def _loaded(
-        self, body: FEModel, interface: NDArray[np.int64], rigid: NDArray[np.float64]
-    ) -> tuple[sp.csc_array, sp.csc_array, NDArray[np.float64]]:
+    def _loaded(self, body: FEModel, interface: Rows, rigid: Array) -> tuple[sp.csc_array, sp.csc_array, Array]:
         """K and M with the loading (n + f, n + f), and the rigid modes of both, orthonormal in M (n + f, r)."""
         if self.loading is None:
             return body.K, body.M, rigid
@@ -144,7 +132,7 @@ class BenfieldHruda(Reduction):
         if load.size < i:
             raise MatrixError(
                 f"body '{body.name}': its interface has {i} dofs, but the loading by its neighbours is "
-                f"{load.size} x {load.size}: it needs a row for each of them"
+                f"{load.size} x {load.size}; the loading needs a row for each dof"
             )
         free = load.size - i
         rows = np.concatenate([interface, n + np.arange(free)])
@@ -152,7 +140,7 @@ class BenfieldHruda(Reduction):
         K, M = (_spread(A, added, rows, n + free) for A, added in ((body.K, added_K), (body.M, load.M)))
         if not rigid.shape[1] + free:
             return K, M, rigid
-        # Of the body's rigid motions and the neighbours' free ones, those that strain no neighbour are rigid together.
+        # Rigid motions of the body and free motions of the neighbours are rigid together if they strain no neighbour.
         motions = _beside(rigid[interface], free)
         parts = _parts(sp.csc_array(added_K), motions)
         parts[: rigid.shape[1]] += _BODY_LEAVES / _UNRESISTED * _parts(body.K, rigid)
@@ -163,10 +151,10 @@ class BenfieldHruda(Reduction):
         return K, M, orthonormal(everywhere, everywhere.T @ (M @ everywhere))
 
 
-def _own_motions(body: FEModel, w: NDArray[np.float64], shapes: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Loaded modes in which the body itself deforms, each unlike the others.
+def _own_motions(body: FEModel, w: Array, shapes: Array) -> Rows:
+    """Loaded modes in which the body itself deforms, without those that depend on others.
 
-    Energy is strain and kinetic energy together: what moves no mass of the body may strain it.
+    Energy is strain and kinetic energy together: a shape that moves no mass of the body may strain it.
     """
     strain, inertia = congruence(body.K, shapes), congruence(body.M, shapes)
     moving = np.flatnonzero(strain.diagonal() / w**2 + inertia.diagonal() > _STILL)
@@ -177,7 +165,7 @@ def _own_motions(body: FEModel, w: NDArray[np.float64], shapes: NDArray[np.float
 
 
 class AugmentedBody(BenfieldHruda):
-    """Modes of the body with the mass and inertia of all that is outboard of it on its interface, and no stiffness.
+    """Modes of the body with the mass and inertia of everything outboard on its interface, and no stiffness.
 
     Notes
     -----
@@ -189,24 +177,24 @@ class AugmentedBody(BenfieldHruda):
     stiffness_loading: ClassVar[bool] = False
 
 
-def _beside(shapes: NDArray[np.float64], free: int) -> NDArray[np.float64]:
-    """Shapes (n, r), and after them some motions free by themselves: (n + f, r + f)."""
+def _beside(shapes: Array, free: int) -> Array:
+    """Shapes (n, r), and after them f motions of one coordinate each: (n + f, r + f)."""
     both = np.pad(shapes, ((0, free), (0, free)))
     both[np.arange(-free, 0), np.arange(-free, 0)] = 1.0
     return both
 
 
-def _parts(A: sp.csc_array, X: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Absolute parts that the energy of each column is the sum of."""
+def _parts(A: sp.csc_array, X: Array) -> Array:
+    """Sum of the absolute parts of the energy of each column."""
     return np.asarray(np.einsum("ij,ij->j", abs(X), abs(A) @ abs(X)))
 
 
-def _spread(A: sp.csc_array, added: NDArray[np.float64], rows: NDArray[np.int64], size: int) -> sp.csc_array:
-    """A of the body, with ``added`` on some of its rows and on those that follow it."""
+def _spread(A: sp.csc_array, added: Array, rows: Rows, size: int) -> sp.csc_array:
+    """Matrix A of the body with ``added`` on the given rows, some of which follow the body's own."""
     own = sp.coo_array(A)
     at_rows, at_columns = np.meshgrid(rows, rows, indexing="ij")
     values = np.concatenate([own.data, added.ravel()])
     where = (np.concatenate([own.row, at_rows.ravel()]), np.concatenate([own.col, at_columns.ravel()]))
-    whole = sp.csc_array(sp.coo_array((values, where), shape=(size, size)))
-    whole.eliminate_zeros()
-    return whole
+    total = sp.csc_array(sp.coo_array((values, where), shape=(size, size)))
+    total.eliminate_zeros()
+    return total

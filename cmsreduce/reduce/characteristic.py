@@ -1,4 +1,4 @@
-"""Interface reduction: characteristic constraint modes instead of one constraint mode per interface dof."""
+"""Interface reduction: characteristic constraint modes replace the constraint modes of interface dofs."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import elastic_and_massless, orthonormal, repeated_groups
 
-__all__ = ["Boundary", "InterfaceReduction"]
+__all__ = ["InterfaceMotions", "InterfaceReduction"]
 
-# Boundary motions of the rigid modes and modes of the boundary are independent when what the others leave of one
-# exceeds this share of it.
+# Interface motions of the rigid modes and modes of the interface are independent when the others leave more than this
+# share of each.
 _INDEPENDENT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class InterfaceReduction:
-    """How the motion of an interface with many dofs is reduced.
+    """Reduction of an interface with many dofs to a few motions.
 
     Parameters
     ----------
     cutoff_hz : float
         Characteristic constraint modes are kept up to this frequency; repeated ones are never split.
     rows : (t,) int64, optional
-        Dofs that are reduced; all of the i-set if absent. The others keep a constraint mode each.
+        Dofs that are reduced; all of the i-set if absent. Each of the others keeps its constraint mode.
     shapes : (t, c) float64, optional
-        Motions of these dofs that the basis shall hold, instead of the modes of the boundary: two bodies that are
-        joined there must be able to move alike.
+        Motions of these dofs that the basis holds instead of the modes of the interface: two bodies that are joined
+        there need the same motions.
     """
 
     cutoff_hz: float
@@ -46,7 +46,7 @@ class InterfaceReduction:
 
 
 @dataclass(frozen=True, eq=False)
-class Boundary:
+class InterfaceMotions:
     """Motions of the i-set that a basis holds.
 
     Parameters
@@ -69,8 +69,8 @@ class Boundary:
         return [f"characteristic {number + 1}" for number in range(self.frequency_hz.size)]
 
     @classmethod
-    def whole(cls, i: int) -> Boundary:
-        """Every dof of the i-set by itself."""
+    def single_dofs(cls, i: int) -> InterfaceMotions:
+        """One motion for each of i dofs, by itself."""
         return cls(np.eye(i), np.arange(i), np.empty(0))
 
     @classmethod
@@ -82,8 +82,8 @@ class Boundary:
         many: NDArray[np.int64],
         reduction: InterfaceReduction,
         rounding: float,
-    ) -> Boundary:
-        """Craig-Bampton of the boundary itself: single dofs, and modes of the others with the single ones held.
+    ) -> InterfaceMotions:
+        """Craig-Bampton of the interface itself: single dofs, and modes of the others with the single dofs held.
 
         Parameters
         ----------
@@ -100,7 +100,7 @@ class Boundary:
 
         Notes
         -----
-        Source: Castanier, Tan and Pierre, AIAA J. 39 (2001) 1182-1187: eigenvectors of the reduced boundary pencil.
+        Source: Castanier, Tan and Pierre, AIAA J. 39 (2001) 1182-1187: eigenvectors of the reduced interface pencil.
         """
         single = np.setdiff1d(np.arange(K.shape[0]), many)
         Ktt, Mtt = K[np.ix_(many, many)], M[np.ix_(many, many)]
@@ -109,26 +109,22 @@ class Boundary:
         at_rest = rigid[many] @ still if still.size else np.empty((many.size, 0))
         at_rest = orthonormal(at_rest, at_rest.T @ Mtt @ at_rest)
         lam, X, N = elastic_and_massless(Ktt, Mtt, at_rest, rounding)
-        kept = _up_to(np.sqrt(lam), 2 * np.pi * reduction.cutoff_hz)
+        # All shapes of a repeated mode at the cutoff are kept.
+        w = np.sqrt(lam)
+        below, group = int(np.count_nonzero(w <= 2 * np.pi * reduction.cutoff_hz)), repeated_groups(w)
+        kept = int(np.count_nonzero(group <= group[below - 1])) if below else 0
         U = np.hstack([at_rest, X[:, :kept]])
-        frequency = np.concatenate([np.zeros(at_rest.shape[1]), np.sqrt(lam[:kept]) / (2 * np.pi)])
+        frequency = np.concatenate([np.zeros(at_rest.shape[1]), w[:kept] / (2 * np.pi)])
         if reduction.shapes is not None:
             U, frequency = reduction.shapes, np.full(reduction.shapes.shape[1], np.nan)
             if U.shape[0] != many.size:
                 raise MatrixError(
-                    f"interface reduction: its shapes have {U.shape[0]} rows, but {many.size} dofs are reduced"
+                    f"interface reduction: the shapes have {U.shape[0]} rows, but {many.size} dofs are reduced"
                 )
-        # The many follow the single ones statically; what is rigid of that is among the modes.
+        # The reduced dofs follow the single ones statically; the rigid part of this motion is among the modes.
         Kts = K[np.ix_(many, single)]
         follow = -X @ ((X.T @ Kts) / lam[:, None]) - N @ (N.T @ Kts)
         shapes = np.zeros((K.shape[0], single.size + U.shape[1]))
         shapes[single, np.arange(single.size)] = 1.0
         shapes[many, : single.size], shapes[many, single.size :] = follow, U
         return cls(shapes, single, frequency)
-
-
-def _up_to(w: NDArray[np.float64], omega: float) -> int:
-    """Number of modes up to a frequency, with all of a repeated one."""
-    kept = int(np.count_nonzero(w <= omega))
-    group = repeated_groups(w)
-    return int(np.count_nonzero(group <= group[kept - 1])) if kept else 0

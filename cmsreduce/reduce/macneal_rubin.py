@@ -1,4 +1,4 @@
-"""MacNeal-Rubin: free modes and what they leave of the static flexibility at the interface."""
+"""MacNeal-Rubin: free modes and the static flexibility at the interface that they miss."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.basis_store import side_by_side
-from cmsreduce.linalg.congruence import column_blocks
+from cmsreduce.linalg.blocks import column_blocks, side_by_side
 from cmsreduce.linalg.eigen import certified_modes, count_below
 from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet
-from cmsreduce.reduce.neglected import Basis, LeftOut
+from cmsreduce.reduce.basis import Basis
 from cmsreduce.reduce.reduction import Reduction
 from cmsreduce.reduce.static_shapes import Loads, elastic_solve, residual_shapes, unit_loads
 
 __all__ = ["MacNealRubin", "free_modes_and_residuals"]
+
+Array = NDArray[np.float64]
 
 
 class MacNealRubin(Reduction):
@@ -25,33 +26,21 @@ class MacNealRubin(Reduction):
     Notes
     -----
     Psi = (P^T G P - phi_e W_e^-2 phi_e^T) F with F unit forces on the i-set, P = I - M phi_r phi_r^T. Residual modes
-    are orthogonal to the kept modes in M and in K. Any interface will do: it need not hold the body. Source: MacNeal
-    (1971), Rubin (1975), with the residuals of Craig and Chang (1977); theory section 2.
+    are orthogonal to the kept modes in M and in K. The interface need not hold the body. Source: MacNeal (1971), Rubin
+    (1975), with the residuals of Craig and Chang (1977); theory section 2.
     """
 
     method: ClassVar[str] = "macneal-rubin"
 
-    def basis(
-        self,
-        body: FEModel,
-        interface: NDArray[np.int64],
-        rigid: NDArray[np.float64],
-        loads: NDArray[np.float64] | None = None,
-    ) -> Basis:
+    def basis(self, body: FEModel, interface: NDArray[np.int64], rigid: Array, loads: Array) -> Basis:
         """Shapes of the mode set, rigid modes first; see `Reduction.basis`."""
-        labels = [body.dofs.labels[row] for row in interface]
-        labels += [f"load {number + 1}" for number in range(0 if loads is None else loads.shape[1])]
+        labels = [body.dofs.labels[row] for row in interface] + [f"load {k + 1}" for k in range(loads.shape[1])]
         forces = unit_loads(body.n, interface, loads)
-        return free_modes_and_residuals(self.method, body, rigid, 2 * np.pi * self.cutoff_hz, forces, labels)
+        return free_modes_and_residuals(self.method, body, rigid, self.cutoff_hz, forces, labels)
 
 
 def free_modes_and_residuals(
-    method: str,
-    body: FEModel,
-    rigid: NDArray[np.float64],
-    omega: float,
-    loads: NDArray[np.float64] | sp.csc_array,
-    labels: list[str],
+    method: str, body: FEModel, rigid: Array, cutoff_hz: float, loads: Array | sp.csc_array, labels: list[str]
 ) -> Basis:
     """Free modes up to a frequency and the residual flexibility under some loads.
 
@@ -63,14 +52,15 @@ def free_modes_and_residuals(
         The body.
     rigid : (n, r) float64
         Rigid-body modes.
-    omega : float
-        Highest frequency in rad/s.
+    cutoff_hz : float
+        Highest frequency; 0 for residual flexibility alone.
     loads : (n, l) float64 or sparse array
         Loads whose static response the basis holds.
     labels : list of str
         Name of each load.
     """
-    # Counted first: one factor is in memory at a time.
+    omega = 2 * np.pi * cutoff_hz
+    # The count comes first: so only one factor at a time is in memory.
     count = count_below(body.K, body.M, omega, rigid.shape[1])
     solve = elastic_solve(body, rigid)
     w, phi, certificate = np.empty(0), np.empty((body.n, 0)), None
@@ -78,7 +68,7 @@ def free_modes_and_residuals(
         w, phi, bound = certified_modes(
             body.K, body.M, omega, rigid=rigid, solve=solve, count=count, rounding=body.rounding
         )
-        certificate = ModeCertificate(omega / (2 * np.pi), count, w / (2 * np.pi), bound)
+        certificate = ModeCertificate(cutoff_hz, count, w / (2 * np.pi), bound)
     residual, number = residual_shapes(solve, body.K, loads, phi, body.M)
     for part in column_blocks(residual.shape[1]):
         for _ in range(2):
@@ -87,13 +77,13 @@ def free_modes_and_residuals(
     modes = ModeSet.of(
         method,
         [
-            ModeBlock("rigid", rigid, [f"rigid {number + 1}" for number in range(rigid.shape[1])]),
-            ModeBlock("free", free, [str(number + 1) for number in range(w.size)], w / (2 * np.pi)),
+            ModeBlock("rigid", rigid, [f"rigid {k + 1}" for k in range(rigid.shape[1])]),
+            ModeBlock("free", free, [str(k + 1) for k in range(w.size)], w / (2 * np.pi)),
             ModeBlock("residual", residual, [labels[load] for load in number]),
         ],
         certificate,
         Phi,
     )
-    # Statics are whole: what is missed first is the answer to the inertia of the residual modes.
+    # Statics are complete: the largest part missed is the response to the inertia of the residual modes.
     inertia = Loads(residual.shape[1], lambda part: body.M @ residual[:, part])
-    return Basis(modes, LeftOut(solve, body.K, (free, residual), inertia, np.arange(body.n), body.n))
+    return Basis(modes, solve, body.K, (free, residual), inertia, np.arange(body.n))

@@ -1,11 +1,10 @@
-"""The base of all mode sets: a method supplies its shapes, the projection is common.
-
-A body that is kept rigid: its rigid-body modes and nothing else.
-"""
+"""Base class of all mode sets: it reduces a body by Rayleigh-Ritz; a method supplies only its basis."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -13,17 +12,16 @@ import scipy.linalg as la
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.congruence import column_blocks, congruence
+from cmsreduce.linalg.blocks import column_blocks, congruence
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.linalg.solver_settings import current_settings
+from cmsreduce.linalg.machine import current_settings
 from cmsreduce.model import FEModel, ModeBlock, ModeSet, ReducedComponent, rigid_body_shapes
-from cmsreduce.reduce.neglected import Basis, Examined
+from cmsreduce.reduce.basis import Basis
 
-__all__ = [
-    "Reduction",
-    "kept_rigid",
-    "project",
-]
+__all__ = ["Examined", "Reduction", "kept_rigid", "project"]
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
 
 # A rigid-body mode that the basis misses by more than this, in the mass norm, is not in its span. Ten-digit punch
 # files leave 1e-8 of a rigid motion in the constraint modes, stiffness that differs by twelve decades 1e-6, and single
@@ -31,8 +29,34 @@ __all__ = [
 _SPANNED, _SPANNED_FACTOR = 1e-5, 1e4
 # Corrections of the normal equations, whose condition is the square of the basis's.
 _REFINEMENTS = 3
-# Combinations of shapes that repeat each other weigh no more than this share of the heaviest: rounding.
+# A combination of shapes whose weight is below this share of the heaviest is rounding: the shapes repeat each other.
 _REPEATED = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class Examined:
+    """A reduced body and what its basis misses.
+
+    Parameters
+    ----------
+    component : ReducedComponent
+        The body in its basis.
+    missed : (s,) float64
+        Share of the static flexibility under each tested load that the basis misses.
+    enriched : ReducedComponent, optional
+        The body in its basis and the shapes that matter most of those that the basis misses.
+    """
+
+    component: ReducedComponent
+    missed: Array = field(default_factory=lambda: np.empty(0))
+    enriched: ReducedComponent | None = None
+
+    def worst(self, names: Sequence[str]) -> dict[str, float]:
+        """Largest missed share by name, where several loads have one name."""
+        found: dict[str, float] = {}
+        for name, share in zip(names, self.missed, strict=False):
+            found[name] = max(found.get(name, 0.0), float(share))
+        return found
 
 
 class Reduction(ABC):
@@ -50,14 +74,8 @@ class Reduction(ABC):
         self.cutoff_hz = cutoff_hz
 
     @abstractmethod
-    def basis(
-        self,
-        body: FEModel,
-        interface: NDArray[np.int64],
-        rigid: NDArray[np.float64],
-        loads: NDArray[np.float64] | None = None,
-    ) -> Basis:
-        """Shapes of the mode set, and what they leave out.
+    def basis(self, body: FEModel, interface: Rows, rigid: Array, loads: Array) -> Basis:
+        """Compute the shapes of the mode set.
 
         Parameters
         ----------
@@ -67,16 +85,18 @@ class Reduction(ABC):
             Rows of the i-set: where joints and actuators act.
         rigid : (n, r) float64
             Rigid-body modes, orthonormal in M.
-        loads : (n, l) float64, optional
+        loads : (n, l) float64
             Self-balancing loads inside the body (struts), whose static response the basis must hold.
         """
 
     def reduce(
         self,
         body: FEModel,
-        interface: ArrayLike = (),
-        loads: NDArray[np.float64] | None = None,
-        rigid: NDArray[np.float64] | None = None,
+        interface: ArrayLike | None = None,
+        loads: Array | None = None,
+        rigid: Array | None = None,
+        *,
+        enriched: bool = False,
     ) -> ReducedComponent:
         """Reduce a body to the span of its mode set.
 
@@ -84,12 +104,14 @@ class Reduction(ABC):
         ----------
         body : FEModel
             The unreduced body.
-        interface : (i,) array_like of int
-            Rows of the i-set.
+        interface : (i,) array_like of int, optional
+            Rows of the i-set; those of all interfaces of the body if absent.
         loads : (n, l) float64, optional
             Self-balancing loads inside the body.
         rigid : (n, r) float64, optional
             Rigid-body modes, orthonormal in M; found from the geometry and the null space of K if absent.
+        enriched : bool
+            Whether to add the shapes that matter most of those that the mode set misses.
 
         Returns
         -------
@@ -100,84 +122,62 @@ class Reduction(ABC):
         MatrixError
             If a rigid-body mode lies outside the span of the mode set, or the set holds no shape at all.
         """
-        return self.examine(body, interface, loads, rigid).component
+        with current_settings().pages_kept(body.n):
+            rigid = _rigid_modes(body) if rigid is None else rigid
+            basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
+            self._refuse_empty(body, basis.modes)
+            modes = basis.enriched() if enriched else basis.modes
+            # The factor that the basis holds is large.
+            del basis
+            return project(body, modes, rigid)
 
     def examine(
         self,
         body: FEModel,
-        interface: ArrayLike = (),
-        loads: NDArray[np.float64] | None = None,
-        rigid: NDArray[np.float64] | None = None,
-        tested: NDArray[np.float64] | None = None,
+        interface: ArrayLike | None = None,
+        loads: Array | None = None,
+        rigid: Array | None = None,
+        tested: Array | None = None,
         *,
         enrich: bool = False,
     ) -> Examined:
-        """Reduce a body, and look at what the reduction leaves out while its factor is at hand.
+        """Reduce a body, and use the factor of the reduction to measure what the mode set misses.
 
         Parameters
         ----------
         body, interface, loads, rigid
-            As `reduce` takes them.
+            As for `reduce`.
         tested : (n, s) float64, optional
-            Loads to tell the share of the static flexibility of that the basis misses.
+            Unit loads used to measure the share of the static flexibility that the basis misses.
         enrich : bool
-            Whether to reduce the body to the basis with the shapes it misses first, too; a solve for each static
-            shape of the basis.
+            Whether to reduce the body also to the enriched mode set, which takes a solve for each static shape of the
+            basis.
 
         Raises
         ------
         MatrixError
-            As `reduce` does.
+            As in `reduce`.
         """
         with current_settings().pages_kept(body.n):
             rigid = _rigid_modes(body) if rigid is None else rigid
-            modes, left_out = self._some_basis(body, interface, rigid, loads)
-            missed = np.empty(0) if tested is None else left_out.missed(tested)
-            beyond = left_out.enriched(modes) if enrich else None
-            del left_out
-            richer = None if beyond is None else project(body, beyond, rigid)
+            basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
+            self._refuse_empty(body, basis.modes)
+            missed = basis.missed(_loads(body, tested))
+            modes, more = basis.modes, basis.enriched() if enrich else None
+            # The factor that the basis holds is large.
+            del basis
+            richer = None if more is None else project(body, more, rigid)
             return Examined(project(body, modes, rigid), missed, richer)
 
-    def reduce_enriched(
-        self,
-        body: FEModel,
-        interface: ArrayLike = (),
-        loads: NDArray[np.float64] | None = None,
-        rigid: NDArray[np.float64] | None = None,
-    ) -> ReducedComponent:
-        """Reduce a body to its mode set and the shapes that this misses first.
-
-        Parameters
-        ----------
-        body, interface, loads, rigid
-            As `reduce` takes them.
-
-        Raises
-        ------
-        MatrixError
-            As `reduce` does.
-        """
-        with current_settings().pages_kept(body.n):
-            rigid = _rigid_modes(body) if rigid is None else rigid
-            modes, left_out = self._some_basis(body, interface, rigid, loads)
-            modes = left_out.enriched(modes)
-            del left_out
-            return project(body, modes, rigid)
-
-    def _some_basis(
-        self, body: FEModel, interface: ArrayLike, rigid: NDArray[np.float64], loads: NDArray[np.float64] | None
-    ) -> Basis:
-        """Shapes of the mode set, of which there must be one."""
-        found = self.basis(body, np.asarray(interface, dtype=np.int64), rigid, loads)
-        if found.modes.m == 0:
+    def _refuse_empty(self, body: FEModel, modes: ModeSet) -> None:
+        if not modes.m:
             raise MatrixError(
-                f"body '{body.name}': its {self.method} basis is empty, for the body is held, and has no mode below "
-                f"the cutoff of {self.cutoff_hz:g} Hz; raise the cutoff, or take a set with static shapes"
+                f"body '{body.name}': its {self.method} basis is empty, because the body is held and has no mode below "
+                f"the cutoff of {self.cutoff_hz:g} Hz. Raise the cutoff, or choose a mode set with static shapes"
             )
-        return found
 
 
-def project(body: FEModel, modes: ModeSet, rigid: NDArray[np.float64]) -> ReducedComponent:
+def project(body: FEModel, modes: ModeSet, rigid: Array) -> ReducedComponent:
     """Project a body on a basis (Rayleigh-Ritz).
 
     Parameters
@@ -205,24 +205,40 @@ def project(body: FEModel, modes: ModeSet, rigid: NDArray[np.float64]) -> Reduce
     q = _coordinates(body, modes, M, K, rigid) if rigid.shape[1] else np.zeros((modes.m, 0))
     weight = np.linalg.cholesky(congruence(M, q)) if q.shape[1] else np.empty((0, 0))
     q = np.linalg.solve(weight, q.T).T
-    # What rounding leaves of K on a rigid motion is taken out, so that rigid modes have frequency zero exactly.
+    # Rounding of K on rigid motions is removed, so that rigid modes have frequency zero exactly.
     P = np.eye(modes.m) - (M @ q) @ q.T
     return ReducedComponent(body, modes, M, congruence(K, P.T), D, q)
 
 
-def _coordinates(
-    body: FEModel,
-    modes: ModeSet,
-    M: NDArray[np.float64],
-    K: NDArray[np.float64],
-    rigid: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def kept_rigid(body: FEModel, rigid: Array) -> ReducedComponent:
+    """Reduce a body to its rigid-body modes (n, r), orthonormal in M: no factor and no eigenproblem is needed."""
+    labels = [f"rigid {motion + 1}" for motion in range(rigid.shape[1])]
+    return project(body, ModeSet.of("rigid", [ModeBlock("rigid", rigid, labels)]), rigid)
+
+
+def _i_set(body: FEModel, interface: ArrayLike | None) -> Rows:
+    if interface is None:
+        interface = list(dict.fromkeys(row for name in body.interfaces for row in body.interface_rows(name).tolist()))
+    return np.asarray(interface, dtype=np.int64)
+
+
+def _loads(body: FEModel, loads: Array | None) -> Array:
+    return np.empty((body.n, 0)) if loads is None else loads
+
+
+def _rigid_modes(body: FEModel) -> Array:
+    R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+    return rigid_body_modes(body.K, body.M, R, body.rounding, body.name)
+
+
+def _coordinates(body: FEModel, modes: ModeSet, M: Array, K: Array, rigid: Array) -> Array:
     """Rigid-body modes in the coordinates of a basis (m, r), with M and K over it."""
     Phi = modes.Phi
-    # Rigid motion strains nothing, so any share of K may be added to the norm: the mass alone is blind to shapes
-    # without mass. The share is small enough that what rounding leaves of K on rigid shapes does not count.
-    strain, inertia = _uncoupled(body.K.diagonal(), Phi), float(np.trace(M))
-    share = inertia / strain if strain > 0 else 0.0
+    # The mass alone does not see shapes without mass. Rigid motion has no strain energy, so that the norm may include
+    # any share of K. The share is small enough that the rounding of K on rigid shapes does not count.
+    diagonal = body.K.diagonal()
+    strain = sum(float(np.sum(diagonal @ Phi[:, part] ** 2)) for part in column_blocks(Phi.shape[1]))
+    share = float(np.trace(M)) / strain if strain > 0 else 0.0
     W = M + share * K
     # Scaled to a unit diagonal: columns of a basis differ by the square root of a mass.
     scale = np.sqrt(np.maximum(W.diagonal(), np.finfo(float).tiny))[:, None]
@@ -240,19 +256,3 @@ def _coordinates(
             f"{lost.max():.1e} in the mass norm); the row order or the geometry may be wrong"
         )
     return q
-
-
-def _rigid_modes(body: FEModel) -> NDArray[np.float64]:
-    R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
-    return rigid_body_modes(body.K, body.M, R, body.rounding, body.name)
-
-
-def _uncoupled(diagonal: NDArray[np.float64], Phi: NDArray[np.float64]) -> float:
-    """Energy of all shapes together, of a diagonal matrix."""
-    return sum(float(np.sum(diagonal @ Phi[:, part] ** 2)) for part in column_blocks(Phi.shape[1]))
-
-
-def kept_rigid(body: FEModel, rigid: NDArray[np.float64]) -> ReducedComponent:
-    """Reduce a body to its rigid-body modes (n, r), orthonormal in M: nothing is factorised, no eigenproblem solved."""
-    labels = [f"rigid {motion + 1}" for motion in range(rigid.shape[1])]
-    return project(body, ModeSet.of("rigid", [ModeBlock("rigid", rigid, labels)]), rigid)

@@ -1,4 +1,4 @@
-"""Static shapes: the response to loads that the normal modes of a basis do not hold."""
+"""Static shapes: responses to loads, without the part that the normal modes of a basis hold."""
 
 from __future__ import annotations
 
@@ -10,57 +10,62 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.basis_store import combined, new_basis, row_blocks
-from cmsreduce.linalg.congruence import column_blocks, congruence
-from cmsreduce.linalg.dense import dense
-from cmsreduce.linalg.factorise import BLOCK, factorise
-from cmsreduce.linalg.flexibility import ElasticFlexibility, Solve
-from cmsreduce.linalg.layout import put
-from cmsreduce.linalg.products import Product, symmetric_product
+from cmsreduce.linalg.blocks import (
+    Product,
+    column_blocks,
+    combined,
+    congruence,
+    dense,
+    new_basis,
+    put,
+    row_blocks,
+    symmetric_product,
+)
+from cmsreduce.linalg.sparse import BLOCK, ElasticFlexibility, Solve, factorise
 from cmsreduce.model import FEModel
 
 __all__ = ["Loads", "elastic_solve", "independent_columns", "residual_shapes", "unit_loads"]
 
-# A load's static shape is new when the shapes before it leave this share of its strain energy: round-off leaves 1e-14.
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+# A load's static shape is new when the shapes before it leave more than this share of its strain energy: round-off
+# leaves 1e-14.
 _NEW = 1e-12
-# Where modes are taken out of a load before the solve, what is left of a load within their span is the square of
-# their own error. One far softer than the rest may hold all but 1e-14 of a load's energy, and that matters.
+# Modes are removed from a load before the solve; of a load in their span this leaves the square of their own error.
+# A mode far softer than the rest may hold all but 1e-14 of a load's energy, and the remainder matters.
 _BEYOND_MODES = 1e-18
-# Shapes of a basis are dependent when the others leave this share of one's strain energy.
+# Shapes of a basis are dependent when the others leave less than this share of one's strain energy.
 _DEPENDENT = 1e-13
-# The root of rounding: of orthonormality as far off as this, a step of Newton's iteration leaves rounding.
+# The root of rounding: from an error of orthonormality this small, a step of Newton's iteration leaves rounding.
 _NEARLY_ORTHONORMAL = 1e-8
 
 
 @dataclass(frozen=True)
 class Loads:
-    """Loads that are made some at a time: those of a wide interface would fill as much memory as its shapes.
+    """Loads that are computed a block at a time: those of a wide interface would need as much memory as its shapes.
 
     Parameters
     ----------
     count : int
         l loads.
     block : callable
-        Gives some of them, by a slice of their numbers (n, k).
+        Returns the loads of a slice of their numbers (n, k).
     """
 
     count: int
-    block: Callable[[slice], NDArray[np.float64]]
+    block: Callable[[slice], Array]
 
     @classmethod
-    def of(cls, F: NDArray[np.float64] | sp.csc_array) -> Loads:
+    def of(cls, F: Array | sp.csc_array) -> Loads:
         """Columns of a matrix (n, l), dense or sparse."""
         return cls(int(F.shape[1]), lambda part: dense(F[:, part]))
 
 
 def residual_shapes(
-    solve: Solve,
-    K: sp.csc_array,
-    loads: NDArray[np.float64] | sp.csc_array | Loads,
-    known: NDArray[np.float64],
-    M: sp.csc_array | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Static responses without what other shapes hold of them.
+    solve: Solve, K: sp.csc_array, loads: Array | sp.csc_array | Loads, known: Array, M: sp.csc_array | None = None
+) -> tuple[Array, Rows]:
+    """Static responses without the part that other shapes hold.
 
     Parameters
     ----------
@@ -71,7 +76,7 @@ def residual_shapes(
     loads : (n, l) float64, sparse array or Loads
         Loads.
     known : (n, k) float64
-        Shapes of the basis; none of them rigid.
+        Shapes of the basis; none may be rigid.
     M : (n, n) sparse array, optional
         Mass, where ``known`` are its modes with K, orthonormal in M.
 
@@ -85,16 +90,20 @@ def residual_shapes(
 
     Notes
     -----
-    (G - V V^T) F with V the known shapes orthonormal in K. They are taken out of the loads before the solve: what
-    remains is small, and its digits are its own. Source: Craig and Chang (1977); theory section 2.
+    (G - V V^T) F with V the known shapes orthonormal in K. They are removed from the loads before the solve, so that
+    the small remainder keeps all its digits. Source: Craig and Chang (1977); theory section 2.
     """
     F = loads if isinstance(loads, Loads) else Loads.of(loads)
     n = K.shape[0]
     if not F.count:
         return np.zeros((n, 0)), np.empty(0, dtype=np.int64)
-    # K V = M V w^2 for modes: through M a mode much softer than the rest is taken out without the rounding of K V.
+    # K V = M V w^2 for modes: through M a mode much softer than the rest is removed without the rounding of K V.
     V, force = (_orthonormal(known, K), symmetric_product(K)) if M is None else (known, symmetric_product(M))
-    share = np.ones(V.shape[1]) if M is None else 1 / _energies(K, V)
+    share = np.ones(V.shape[1])
+    if M is not None:
+        stiffness = symmetric_product(K)
+        for part in column_blocks(V.shape[1]):
+            share[part] = 1 / np.einsum("ij,ij->j", V[:, part], stiffness(V[:, part]))
     U, of_known = new_basis(n, F.count), np.empty(F.count)
     for first in range(0, F.count, BLOCK):
         part = slice(first, min(first + BLOCK, F.count))
@@ -112,7 +121,7 @@ def residual_shapes(
     for rows in row_blocks(n, F.count):
         Psi[rows] = _over(U[rows][:, number] * scale[number], R)
     del U
-    # Loads nearly alike lose digits when their shapes are made orthonormal, so it is done again.
+    # Shapes of nearly equal loads lose digits when they are made orthonormal: the step is repeated.
     for _ in range(2 if number.size else 0):
         _clear(Psi, V, force)
         R = la.cholesky(congruence(K, Psi))
@@ -121,8 +130,8 @@ def residual_shapes(
     return Psi, number
 
 
-def independent_columns(G: NDArray[np.float64], share: float) -> NDArray[np.int64]:
-    """Choose columns that depend on no others, by Cholesky with pivots.
+def independent_columns(G: Array, share: float) -> Rows:
+    """Choose independent columns by Cholesky with pivots.
 
     Parameters
     ----------
@@ -139,60 +148,49 @@ def independent_columns(G: NDArray[np.float64], share: float) -> NDArray[np.int6
     return _pivoted_cholesky(G, share)[1]
 
 
-def elastic_solve(body: FEModel, rigid: NDArray[np.float64]) -> Solve:
+def elastic_solve(body: FEModel, rigid: Array) -> Solve:
     """Flexibility of a body as it is: elastic where it is free to move, K^-1 where it is held."""
     if rigid.shape[1]:
         return ElasticFlexibility(body.K, body.M, rigid)
     return factorise(body.K, what=f"body '{body.name}': the stiffness")
 
 
-def unit_loads(n: int, rows: NDArray[np.int64], others: NDArray[np.float64] | None = None) -> sp.csc_array:
+def unit_loads(n: int, rows: Rows, others: Array | None = None) -> sp.csc_array:
     """Unit forces on some dofs, followed by other loads (n, i + l)."""
     at = (rows, np.arange(rows.size))
     loads = sp.csc_array(sp.coo_array((np.ones(rows.size), at), shape=(n, rows.size)))
     return loads if others is None else sp.csc_array(sp.hstack([loads, sp.csc_array(others)]))
 
 
-def _clear(shapes: NDArray[np.float64], V: NDArray[np.float64], force: Product) -> None:
-    """Take out of shapes, in place, what others hold of them in the norm of a matrix, by its product."""
+def _clear(shapes: Array, V: Array, force: Product) -> None:
+    """Remove from shapes, in place, their projection on others in the norm of a matrix, by its product."""
     for part in column_blocks(shapes.shape[1]):
         shapes[:, part] -= V @ (V.T @ force(shapes[:, part]))
 
 
-def _energies(K: sp.csc_array, V: NDArray[np.float64]) -> NDArray[np.float64]:
-    found, product = np.empty(V.shape[1]), symmetric_product(K)
-    for part in column_blocks(V.shape[1]):
-        found[part] = np.einsum("ij,ij->j", V[:, part], product(V[:, part]))
-    return found
-
-
-def _pivoted_cholesky(G: NDArray[np.float64], share: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Triangular factor (p, p) of the columns of a Gram matrix that are independent, and which these are."""
+def _pivoted_cholesky(G: Array, share: float) -> tuple[Array, Rows]:
+    """Triangular factor (p, p) of the independent columns of a Gram matrix, and their numbers."""
     if G.diagonal().max(initial=0.0) <= share:
         return np.empty((0, 0)), np.empty(0, dtype=np.int64)
-    factor, order, rank, _ = la.lapack.dpstrf(_symmetric(G), tol=share)
+    factor, order, rank, _ = la.lapack.dpstrf((G + G.T) / 2, tol=share)
     return np.triu(factor[:rank, :rank]), np.asarray(order[:rank] - 1, dtype=np.int64)
 
 
-def _over(shapes: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.float64]:
+def _over(shapes: Array, R: Array) -> Array:
     """Shapes times the inverse of a triangular matrix."""
     return np.asarray(la.solve_triangular(R, shapes.T, trans="T").T) if R.size else shapes
 
 
-def _orthonormal(shapes: NDArray[np.float64], K: sp.csc_array) -> NDArray[np.float64]:
+def _orthonormal(shapes: Array, K: sp.csc_array) -> Array:
     """Basis of the span of some shapes, orthonormal in K."""
     for _ in range(2):
         energy = congruence(K, shapes)
         scale = 1 / np.sqrt(np.maximum(energy.diagonal(), np.finfo(float).tiny))
         G = energy * np.outer(scale, scale)
         if G.shape[0] * abs(G - np.eye(G.shape[0])).max(initial=0.0) <= _NEARLY_ORTHONORMAL:
-            # Modes and residual shapes are: one step of Newton's iteration for the inverse root of G makes them so.
+            # True of modes and residual shapes: one step of Newton's iteration for the inverse root of G is enough.
             return combined(shapes, scale[:, None] * (1.5 * np.eye(G.shape[0]) - 0.5 * G))
         weight, W = la.eigh(G)
         own = weight > _DEPENDENT
         shapes = combined(shapes, scale[:, None] * W[:, own] / np.sqrt(weight[own]))
     return shapes
-
-
-def _symmetric(A: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray((A + A.T) / 2)

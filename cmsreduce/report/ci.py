@@ -1,11 +1,4 @@
-"""A finding of a check in words.
-
-Findings of a check as JUnit XML, which continuous integration servers show as tests.
-
-Findings of a check as Markdown, for the summary of a job or a merge request.
-
-Findings of a check: a table on a terminal, one line each in a log.
-"""
+"""Findings of a check: a table or lines on the terminal, JSON, JUnit XML and Markdown for continuous integration."""
 
 from __future__ import annotations
 
@@ -15,22 +8,23 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from cmsreduce.model import Finding
-from cmsreduce.report.terminal import Output
+from cmsreduce.report.terminal import Output, figures, table, verdict, words
 
 if TYPE_CHECKING:
     from rich.table import Table
+    from rich.text import Text
 
-__all__ = [
-    "finding_data",
-    "finding_line",
-    "junit_xml",
-    "markdown_summary",
-    "print_findings",
-]
+__all__ = ["finding_data", "finding_line", "junit_xml", "markdown_summary", "print_findings"]
+
+_HEADS = ("of", "figure", "value", "limit", "where, or what changed")
+# Characters that XML 1.0 cannot hold in any form.
+_FORBIDDEN = re.compile("[^\t\n\r -\ud7ff\ue000-�\U00010000-\U0010ffff]")
+# Characters that would end a cell of a Markdown table, or be taken for markup.
+_SPECIAL = re.compile(r"([\\`*_{}\[\]<>#|~])")
 
 
 def finding_line(finding: Finding) -> str:
-    """A finding in one line: figure, limit, and where it was found.
+    """A finding in one line: figure, limit, and place.
 
     Examples
     --------
@@ -38,9 +32,33 @@ def finding_line(finding: Finding) -> str:
     >>> finding_line(Finding("rotor", Check("kept_modes", 19, 18)))
     'rotor: kept_modes: 19 (limit 18)'
     """
-    limit = f"limit {finding.check.limit:.6g}" if finding.judged else "no limit"
-    where = f" - {finding.note}" if finding.note else ""
-    return f"{finding.name}: {finding.check.value:.6g} ({limit}){where}"
+    *_, value, limit, note = _cells(finding)
+    limit = f"limit {limit}" if finding.judged else "no limit"
+    return f"{finding.name}: {value} ({limit}){f' - {note}' if note else ''}"
+
+
+def _cells(finding: Finding) -> tuple[str, ...]:
+    """Subject, figure, value, limit and note."""
+    check = finding.check
+    limit = f"{check.limit:.6g}" if finding.judged else ""
+    return finding.subject or "run", check.name, f"{check.value:.6g}", limit, finding.note
+
+
+def print_findings(findings: Sequence[Finding], output: Output) -> None:
+    """Print every finding; a quiet command prints those that failed."""
+    lines = [(f"{found.verdict}  {finding_line(found)}", not found.passed) for found in findings]
+    output.rows(lines, lambda console: console.print(_finding_table(findings)))
+
+
+def _finding_table(findings: Sequence[Finding]) -> Table:
+    """Findings with the failed ones last, next to the prompt."""
+    subject, figure, value, limit, note = _HEADS
+    columns = (figures(), words(subject), words(figure), figures(value), figures(limit), words(note))
+    rows: list[Sequence[str | Text]] = []
+    for passed in (True, False):
+        rows += [(verdict(each.verdict), *_cells(each)) for each in findings if each.passed == passed]
+        rows.append(())
+    return table(columns, rows)
 
 
 def finding_data(findings: Sequence[Finding]) -> dict[str, Any]:
@@ -60,18 +78,14 @@ def finding_data(findings: Sequence[Finding]) -> dict[str, Any]:
     }
 
 
-# Characters that XML 1.0 cannot hold in any form.
-_FORBIDDEN = re.compile("[^\t\n\r -\ud7ff\ue000-�\U00010000-\U0010ffff]")
-
-
 def junit_xml(findings: Sequence[Finding], checked: str) -> bytes:
-    """One test case for each finding; what has no limit is skipped.
+    """One test case for each finding; a finding without a limit is skipped.
 
     Parameters
     ----------
     findings : sequence of Finding
     checked : str
-        What was checked, the name of the test suite.
+        Path that was checked, the name of the test suite.
 
     Returns
     -------
@@ -85,11 +99,11 @@ def junit_xml(findings: Sequence[Finding], checked: str) -> bytes:
         "skipped": str(sum(not finding.judged for finding in findings)),
     }
     root = ET.Element("testsuites", {"name": "cmsreduce check", **counts})
-    suite = ET.SubElement(root, "testsuite", {"name": _text(f"cmsreduce check {checked}"), **counts, "time": "0"})
+    suite = ET.SubElement(root, "testsuite", {"name": _plain(f"cmsreduce check {checked}"), **counts, "time": "0"})
     for finding in findings:
-        name = {"classname": _text(finding.subject or "run"), "name": _text(finding.check.name), "time": "0"}
+        name = {"classname": _plain(finding.subject or "run"), "name": _plain(finding.check.name), "time": "0"}
         case = ET.SubElement(suite, "testcase", name)
-        line = _text(finding_line(finding))
+        line = _plain(finding_line(finding))
         if not finding.judged:
             ET.SubElement(case, "skipped", {"message": "no limit is set"})
         elif not finding.passed:
@@ -100,77 +114,40 @@ def junit_xml(findings: Sequence[Finding], checked: str) -> bytes:
     return body + b"\n"
 
 
-def _text(text: str) -> str:
+def _plain(text: str) -> str:
     return _FORBIDDEN.sub("?", text)
 
 
-# Characters that would end a cell, or be taken for markup.
-_SPECIAL = re.compile(r"([\\`*_{}\[\]<>#|~])")
-
-
 def markdown_summary(findings: Sequence[Finding], checked: str) -> str:
-    """Verdict, then a table of what failed, then everything else folded away.
+    """Verdict, then a table of the failed findings, then all others folded away.
 
     Parameters
     ----------
     findings : sequence of Finding
     checked : str
-        What was checked.
+        Path that was checked.
     """
     failed = [finding for finding in findings if not finding.passed]
     judged = sum(finding.judged for finding in findings)
-    verdict = f"{len(failed)} of {judged} checks failed" if failed else f"all {judged} checks passed"
-    parts = [f"## cmsreduce check {_cell(checked)}: {'FAIL' if failed else 'pass'}", "", f"{verdict}."]
+    counts = f"{len(failed)} of {judged} checks failed" if failed else f"all {judged} checks passed"
+    parts = [f"## cmsreduce check {_escaped(checked)}: {'FAIL' if failed else 'pass'}", "", f"{counts}."]
     if failed:
-        parts += ["", *_table(failed)]
+        parts += ["", *_markdown_table(failed)]
     others = [finding for finding in findings if finding.passed]
     if others:
-        parts += ["", f"<details><summary>{len(others)} other figures</summary>", "", *_table(others), "", "</details>"]
+        rows = _markdown_table(others)
+        parts += ["", f"<details><summary>{len(others)} other figures</summary>", "", *rows, "", "</details>"]
     return "\n".join(parts) + "\n"
 
 
-def _table(findings: Sequence[Finding]) -> list[str]:
-    head = ["| verdict | of | figure | value | limit | where, or what changed |", "|---|---|---|---:|---:|---|"]
-    return head + [
-        f"| {finding.verdict} | {_cell(finding.subject or 'run')} | {_cell(finding.check.name)} "
-        f"| {finding.check.value:.6g} | {f'{finding.check.limit:.6g}' if finding.judged else ''} "
-        f"| {_cell(finding.note)} |"
-        for finding in findings
-    ]
+def _markdown_table(findings: Sequence[Finding]) -> list[str]:
+    rows = [f"| verdict | {' | '.join(_HEADS)} |", "|---|---|---|---:|---:|---|"]
+    for finding in findings:
+        subject, figure, value, limit, note = _cells(finding)
+        cells = (finding.verdict, _escaped(subject), _escaped(figure), value, limit, _escaped(note))
+        rows.append(f"| {' | '.join(cells)} |")
+    return rows
 
 
-def _cell(text: str) -> str:
+def _escaped(text: str) -> str:
     return _SPECIAL.sub(r"\\\1", " ".join(text.split()))
-
-
-_STYLES = {"pass": "green", "FAIL": "bold red", "info": "dim"}
-
-
-def print_findings(findings: Sequence[Finding], output: Output) -> None:
-    """Say every finding; quietly, those that failed."""
-    lines = [(f"{found.verdict}  {finding_line(found)}", not found.passed) for found in findings]
-    output.rows(lines, lambda console: console.print(finding_table(findings)))
-
-
-def finding_table(findings: Sequence[Finding]) -> Table:
-    """Findings by what they are of, the run as a whole first; those that failed come last, next to the prompt."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("", no_wrap=True)
-    table.add_column("of", overflow="fold")
-    table.add_column("figure", overflow="fold")
-    table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("limit", justify="right", no_wrap=True)
-    table.add_column("where, or what changed", overflow="fold")
-    for failed in (False, True):
-        for found in findings:
-            if found.passed == failed:
-                continue
-            limit = f"{found.check.limit:.6g}" if found.judged else ""
-            cells = (found.subject or "run", found.check.name, f"{found.check.value:.6g}", limit, found.note)
-            table.add_row(Text(found.verdict, style=_STYLES[found.verdict]), *map(Text, cells))
-        table.add_section()
-    return table

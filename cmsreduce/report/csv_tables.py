@@ -9,13 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from cmsreduce.model import RunResult
-from cmsreduce.report.wording import FIGURES, compared, measured
+from cmsreduce.report.wording import FIGURES, compared, file_name, measured
 
 __all__ = ["CsvTable", "csv_tables"]
 
 Cell = str | int | float | None
 
 _MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
+_MODES = ("body", "mode", "hz", "zeta", "kind", "source_hz", "sigma", "spacing", "cluster", "kept", "why")
 
 
 @dataclass(frozen=True)
@@ -46,15 +47,15 @@ def csv_tables(run: RunResult) -> list[CsvTable]:
     """
     models = (run.model, *compared(run))
     figures = tuple(figure.name for figure in (measured(run) or FIGURES[:3]))
-    settings = [(result.configuration.name, result) for result in run.configurations]
-    own = [(name, result, result.errors[run.model]) for name, result in settings if run.model in result.errors]
+    results = [(result.configuration.name, result) for result in run.configurations]
+    own = [(name, result, result.errors[run.model]) for name, result in results if run.model in result.errors]
     found = [
         CsvTable(
             "errors",
             ("configuration", "model", "full_coordinates", "reduced_coordinates", "response_s", *figures),
             [
                 (name, model, result.n_full, each.coordinates, each.seconds, *(getattr(each, key) for key in figures))
-                for name, result in settings
+                for name, result in results
                 for model in models
                 if (each := result.errors.get(model)) is not None
             ],
@@ -99,14 +100,13 @@ def csv_tables(run: RunResult) -> list[CsvTable]:
             [(row.axis, row.configuration, row.band, row.kept, row.whole) for row in run.completeness],
         ),
     ]
-    for k, (name, result) in enumerate(settings):
+    for k, (name, result) in enumerate(results):
         found.append(
-            _responses(run, f"response_{k + 1}_{_safe(name)}", k, [m for m in models if m in result.response.reduced])
+            _responses(
+                run, f"response_{k + 1}_{file_name(name)}", k, [m for m in models if m in result.response.reduced]
+            )
         )
     return [table for table in found if table.rows]
-
-
-_MODES = ("body", "mode", "hz", "zeta", "kind", "source_hz", "sigma", "spacing", "cluster", "kept", "why")
 
 
 def _modes(run: RunResult) -> Iterable[tuple[Cell, ...]]:
@@ -132,7 +132,7 @@ def _gains(run: RunResult) -> Iterable[tuple[Cell, ...]]:
     for curve in run.gains:
         for o, output in enumerate(run.outputs):
             for i, name in enumerate(run.inputs):
-                for hz, value in zip(curve.hz, curve.running[:, o, i], strict=True):
+                for hz, value in zip(curve.kept.hz, curve.kept.running[:, o, i], strict=True):
                     yield curve.configuration, name, output, float(hz), float(value)
 
 
@@ -151,7 +151,3 @@ def _responses(run: RunResult, name: str, at: int, models: list[str]) -> CsvTabl
 
 def _known(value: float) -> float | None:
     return None if math.isnan(value) else float(value)
-
-
-def _safe(name: str) -> str:
-    return "".join(letter if letter.isalnum() or letter in "-=." else "_" for letter in name)

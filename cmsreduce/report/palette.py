@@ -1,4 +1,4 @@
-"""Colours and line styles of the models, told apart without colour too."""
+"""Colours and line styles of the models; they differ without colour, too."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LIMIT = "#6e7781"
 
 @dataclass(frozen=True)
 class LineStyle:
-    """How one model is drawn.
+    """Line style of one model.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class LineStyle:
 
 
 FULL = LineStyle("#333333", "solid", (), 4.0, "circle")
-"""The unreduced model."""
+"""The reference model."""
 
 _MODELS = (
     LineStyle("#E69F00", "dash", (4, 2), 2.2, "circle"),

@@ -1,4 +1,4 @@
-"""Error against speed: which points of a sweep are worth a look."""
+"""Error against cost: the points of a sweep on the Pareto fronts."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from cmsreduce.model import SweepResult, SweepRow
 
 __all__ = ["Cost", "Trade", "pareto_front", "trades"]
 
-# Errors below rounding are equal, and have a place on a logarithmic axis.
+# Errors below rounding count as equal; zero has no place on a logarithmic axis.
 _EXACT = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What a model costs.
+    """One cost of a model.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ COSTS = (
     Cost("n_reduced", "coordinates of the reduced system"),
     Cost("reduced_frf_s", "time of the reduced responses, s"),
 )
-"""What a smaller error is paid with: once, in memory and integration steps, at every use."""
+"""Costs of a model: once, in memory and integration steps, and at every use."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Trade:
     x, y : (k,) float64
         Their costs and errors.
     front : (k,) bool
-        Those that no other point betters.
+        Those on the Pareto front.
     """
 
     cost: Cost
@@ -62,18 +62,18 @@ class Trade:
 
     @property
     def steps(self) -> NDArray[np.int64]:
-        """Points of the front from the cheapest to the dearest."""
+        """Points of the front by rising cost."""
         found = np.flatnonzero(self.front)
         return np.asarray(found[np.lexsort((self.y[found], self.x[found]))], dtype=np.int64)
 
 
 def pareto_front(figures: ArrayLike) -> NDArray[np.bool_]:
-    """Points that no other point betters: none is as small in every figure and smaller in one.
+    """Points for which no other point is as small in every figure and smaller in one.
 
     Parameters
     ----------
     figures : (k, d) array_like
-        Smaller is better; a point with a figure that is no number is never on the front.
+        Smaller is better; a point with NaN is never on the front.
 
     Returns
     -------

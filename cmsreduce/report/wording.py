@@ -1,31 +1,48 @@
-"""The figures of a run in words, the same on the terminal and on the page."""
+"""Figures of a run in words, the same on the terminal and on the page."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from cmsreduce.model import Check, ProjectionRecord, RunResult
 
 __all__ = [
+    "CLOSE_MODES",
     "FIGURES",
     "Figure",
     "Worst",
     "broken",
     "checked",
     "compared",
+    "file_name",
     "headline",
     "measured",
     "number",
+    "numbers",
+    "per_cent",
+    "place",
     "plural",
     "seconds",
     "worst",
+    "worst_error",
 ]
+
+CLOSE_MODES = 0.1
+"""Half-power widths over distance above which a mode's own coefficient may mislead: neighbouring modes act together
+(Gregory's coefficient holds for spacing << 1)."""
+
+# A component of a vector below this share of the largest is rounding: a centre of mass on an axis is printed on it.
+_ZERO = 1e-12
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One of the errors a run is judged by.
+    """One of the errors that a run is judged by.
 
     Parameters
     ----------
@@ -56,7 +73,7 @@ class Figure:
 
 FIGURES = (
     Figure("frf_error", "response error", "%", 100.0, "relative error of the elastic response over the band"),
-    Figure("db_error", "decibel error", "dB", 1.0, "99 % of the points of a Bode plot lie closer than this"),
+    Figure("db_error", "decibel error", "dB", 1.0, "99 % of the points of a Bode plot have a smaller error"),
     Figure("frequency_error", "frequency error", "%", 100.0, "largest shift of a natural frequency in the band"),
     Figure("damping_error", "damping error", "%", 100.0, "largest error of a complex mode's damping ratio in the band"),
 )
@@ -64,22 +81,22 @@ FIGURES = (
 
 MORE_FIGURES = (
     Figure("peak_error", "peak height", "%", 100.0, "largest error of the height of a channel's highest peak"),
-    Figure("frac_error", "1 - FRAC", "", 1.0, "how unlike the response of a channel is in shape"),
+    Figure("frac_error", "shape error (FRAC)", "", 1.0, "1 - FRAC of a channel: 0 for a response of equal shape"),
     Figure("nrfd", "peak shift (NRFD)", "%", 100.0, "largest shift of a resonance that a channel shows as a peak"),
-    Figure("static_lack", "static energy lacking", "%", 100.0, "strain energy that a static load on a body misses"),
+    Figure("static_lack", "static energy error", "%", 100.0, "missing share of the strain energy of a static load"),
     Figure("gain_error", "static gain", "%", 100.0, "error of a static gain, relative to its modal gains together"),
     Figure("zero_error", "zeros", "%", 100.0, "largest shift of a transmission zero in the band"),
-    Figure("zeros_lost", "zeros lost", "", 1.0, "zeros in the band that the reduced system has not"),
+    Figure("zeros_lost", "zeros lost", "", 1.0, "zeros in the band that the reduced system does not have"),
     Figure("step_error", "step response", "%", 100.0, "root mean square error of a step response"),
     Figure("controller_ratio", "controller spillover", "", 1.0, "sigma_max(dG K) / sigma_min(I + G_R K); safe below 1"),
-    Figure("controller_unstable", "unstable loop roots", "", 1.0, "roots of the reduced closed loop that grow"),
+    Figure("controller_unstable", "unstable loop roots", "", 1.0, "unstable roots of the reduced closed loop"),
 )
-"""What is measured of the run's own model beside them, as far as it was asked for."""
+"""Further checks of the run's own model, as far as the run made them."""
 
 
 @dataclass(frozen=True)
 class Worst:
-    """The largest of one error of one model.
+    """The largest value of one error of one model.
 
     Parameters
     ----------
@@ -103,6 +120,14 @@ class Worst:
         """Whether the limit is met; None without one."""
         return None if self.limit is None else Check(self.figure.name, self.value, self.limit).passed
 
+    @property
+    def broken(self) -> str:
+        """The limit that is not met, in words; empty otherwise."""
+        if self.limit is None or self.met:
+            return ""
+        value, limit = self.figure.text(self.value), self.figure.text(self.limit)
+        return f"{self.figure.label} {value} {place(self.where)} is above its limit {limit}"
+
 
 def number(value: float, digits: int = 4) -> str:
     """Value to some significant digits, without an exponent where a person would write none.
@@ -119,8 +144,26 @@ def number(value: float, digits: int = 4) -> str:
     return f"{value:.0f}" if 10 ** (digits - 1) <= abs(value) < 1e7 else f"{value:.{digits}g}"
 
 
+def numbers(values: ArrayLike, digits: int = 6) -> str:
+    """Components of a vector, rounding shown as 0.
+
+    Examples
+    --------
+    >>> numbers([0.5, 1e-17, -2.0])
+    '0.5 0 -2'
+    """
+    array = np.asarray(values, dtype=np.float64)
+    size = float(abs(array).max(initial=0.0))
+    return " ".join(number(0.0 if abs(value) < _ZERO * size else float(value), digits) for value in array)
+
+
+def per_cent(share: float, digits: int = 3) -> str:
+    """A share in per cent; a dash for a share that was not measured."""
+    return "–" if math.isnan(share) else f"{number(100 * share, digits)} %"
+
+
 def seconds(value: float) -> str:
-    """Wall time, to the millisecond where that tells something."""
+    """Wall time, to the millisecond below ten seconds."""
     return f"{value:.3f} s" if value < 10 else f"{value:.1f} s"
 
 
@@ -129,32 +172,48 @@ def plural(count: int, thing: str) -> str:
     return f"{count} {thing}{'' if count == 1 else 's'}"
 
 
+def place(where: str) -> str:
+    """Configuration, body or channel of a figure, with its preposition.
+
+    Examples
+    --------
+    >>> place("spin=45"), place("as built")
+    ('at spin=45', 'in the scene as built')
+    """
+    return f"in the scene {where}" if where.startswith("as built") else f"at {where}"
+
+
+def file_name(name: str) -> str:
+    """Name of a body, a channel or a configuration as part of a file's name."""
+    return "".join(letter if letter.isalnum() or letter in "-=." else "_" for letter in name)
+
+
 def measured(run: RunResult) -> tuple[Figure, ...]:
-    """The errors that a run measured: one without damping has no damping error."""
+    """The errors that a run measured; a run without damping has no damping error."""
     errors = [found for result in run.configurations for found in result.errors.values()]
     return tuple(figure for figure in FIGURES if all(getattr(found, figure.name) is not None for found in errors))
 
 
 def compared(run: RunResult) -> tuple[str, ...]:
-    """Labels of the models the run's own is compared with."""
+    """Labels of the models that the run's own is compared with."""
     labels = dict.fromkeys(label for result in run.configurations for label in result.errors)
     return tuple(label for label in labels if label != run.model)
 
 
 def worst(run: RunResult, model: str) -> tuple[Worst, ...]:
-    """Largest of each error of a model over all configurations, and where; empty if nothing was verified."""
+    """Largest value of each error of a model, with its configuration; empty if nothing was verified."""
     found = [result for result in run.configurations if model in result.errors]
     rows = []
     for figure in measured(run) if found else ():
         values = [float(getattr(result.errors[model], figure.name)) for result in found]
-        # A value that is no number is worse than any that is one.
+        # NaN is worse than any number.
         at = max(range(len(values)), key=lambda k: math.inf if math.isnan(values[k]) else values[k])
         rows.append(Worst(figure, values[at], found[at].configuration.name, run.limits.get(figure.name)))
     return tuple(rows)
 
 
 def checked(run: RunResult) -> tuple[Worst, ...]:
-    """What was measured of the run's own model beside the errors of its responses."""
+    """Checks of the run's own model beside the errors of its responses."""
     found = run.figures
     return tuple(
         Worst(figure, found[figure.name].value, found[figure.name].where, found[figure.name].limit)
@@ -163,43 +222,35 @@ def checked(run: RunResult) -> tuple[Worst, ...]:
     )
 
 
+def worst_error(run: RunResult) -> str:
+    """The largest response error and its configuration, in words."""
+    found = worst(run, run.model)
+    if not found:
+        return "no response was verified"
+    return f"worst response error {found[0].figure.text(found[0].value)} {place(found[0].where)}"
+
+
 def headline(run: RunResult) -> str:
     """The run in one sentence."""
     elastic = sum(part.modes.elastic_count for part in run.components.values())
     kept = sum(part.kept_modes for part in run.components.values())
-    modes = f"{plural(elastic, 'elastic mode')} → {kept} kept"
-    found = worst(run, run.model)
-    if not found:
-        return f"{modes}; no response was verified"
-    return f"{modes}; worst response error {found[0].figure.text(found[0].value)} at {found[0].where}"
+    return f"{plural(elastic, 'elastic mode')} → {kept} kept; {worst_error(run)}"
 
 
 def broken(run: RunResult) -> tuple[str, ...]:
     """Every limit and check that is not met, in words."""
-    limits = [
-        f"{w.figure.label} {w.figure.text(w.value)} at {w.where} is above its limit {w.figure.text(w.limit)}"
-        for w in worst(run, run.model)
-        if w.limit is not None and not w.met
-    ]
-    limits += [
-        f"{w.figure.label} {w.figure.text(w.value)} at {w.where} is above its limit {w.figure.text(w.limit)}"
-        for w in checked(run)
-        if w.limit is not None and not w.met
-    ]
-    limits += _halfway(run.projection)
+    limits = [row.broken for row in (*worst(run, run.model), *checked(run), *_between_angles(run.projection))]
     checks = [
         f"{name}: {check.name} is {number(check.value)}, above its limit {number(check.limit)}"
         for name, part in run.components.items()
         for check in part.checks
         if not check.passed
     ]
-    return (*limits, *checks)
+    return (*filter(None, limits), *checks)
 
 
-def _halfway(record: ProjectionRecord | None) -> list[str]:
-    """The error halfway between angles, where it is above what was asked for."""
-    worst = None if record is None else record.worst_between
-    if record is None or worst is None or record.limit is None or record.passed:
-        return []
-    figure = FIGURES[0]
-    return [f"{figure.label} {figure.text(worst[1])} at {worst[0]} is above its limit {figure.text(record.limit)}"]
+def _between_angles(record: ProjectionRecord | None) -> Iterable[Worst]:
+    """The error at the configurations that the projection did not sample."""
+    found = None if record is None else record.worst_between
+    if record is not None and found is not None:
+        yield Worst(FIGURES[0], found[1], found[0], record.limit)

@@ -20,9 +20,9 @@ from cmsreduce.verify.body_matrices import (
     negative_directions,
     stiffness_contrast,
 )
+from cmsreduce.verify.constant_loads import gain_sum, static_completeness, step_errors, step_response
 from cmsreduce.verify.controller_stability import StabilityMargin, controller_response, stability_margin
 from cmsreduce.verify.costly_modes import costly_modes, single_precision
-from cmsreduce.verify.frequency_error import FrequencyPairs, pair_complex_modes, pair_frequencies
 from cmsreduce.verify.mass_properties import (
     REALISABLE,
     MassProperties,
@@ -43,7 +43,14 @@ from cmsreduce.verify.modal_identities import (
     momentum_residual,
     shape_momentum,
 )
-from cmsreduce.verify.mode_pairing import ModePairing, pair_modes, scaled_rows
+from cmsreduce.verify.mode_pairing import (
+    FrequencyPairs,
+    ModePairing,
+    pair_complex_modes,
+    pair_frequencies,
+    pair_modes,
+    scaled_rows,
+)
 from cmsreduce.verify.response_error import (
     channel_errors,
     channel_scales,
@@ -52,20 +59,17 @@ from cmsreduce.verify.response_error import (
     frac,
     frequency_grid,
     frf_error,
-    heard,
+    loud_channels,
     peak_errors,
     peak_shifts,
 )
 from cmsreduce.verify.rigid_motions import RigidMotions, rigid_motions
-from cmsreduce.verify.static_completeness import GainSum, gain_sum, static_completeness
-from cmsreduce.verify.step_response import step_errors, step_response
 from cmsreduce.verify.transmission_zeros import judged_zeros, visible_modes, zero_shifts, zeros_below
 
 __all__ = [
     "Contrast",
     "EffectiveMass",
     "FrequencyPairs",
-    "GainSum",
     "Grounding",
     "LightDofs",
     "MassProperties",
@@ -91,7 +95,7 @@ __all__ = [
     "frf_error",
     "gain_sum",
     "grounding",
-    "heard",
+    "loud_channels",
     "hinges_locked",
     "inertia_excess",
     "integral_change",

@@ -1,4 +1,4 @@
-"""Whether the modes of a system hold the inertia that its hinges feel: completeness axis by axis."""
+"""Completeness of a system's modes at its hinges: the share of the inertia at each axis that they represent."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ConstraintError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import DOF_NAMES, Channel, JointTerm, Scene, System
 
 __all__ = ["articulation_inertia", "articulation_sensors", "free_index", "hinges_locked", "locked_index"]
@@ -21,7 +21,7 @@ _INDEPENDENT = 1e-10
 
 
 def articulation_sensors(scene: Scene) -> tuple[Channel, ...]:
-    """One sensor for each free motion of each joint: the articulation axes.
+    """Make a sensor for each free motion of each joint: the articulation axes.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def articulation_sensors(scene: Scene) -> tuple[Channel, ...]:
 
 
 def hinges_locked(scene: Scene) -> Scene:
-    """The scene with every joint locked in all motions.
+    """Lock every joint of a scene in all motions.
 
     Parameters
     ----------
@@ -55,9 +55,9 @@ def hinges_locked(scene: Scene) -> Scene:
     Returns
     -------
     Scene
-        To be assembled in the configurations of the scene as given. What acts in a joint, and what measures there, is
-        left out: it would find nothing to move. A joint that slides is locked where it was built: a slide that is set
-        parts its interfaces, which the assembly refuses.
+        Assemble it in the configurations of the scene as given. Actuators and sensors in joints are left out, because
+        nothing moves there. A joint that slides is locked where it was built: a slide separates its interfaces, which
+        the assembly refuses.
     """
 
     def elsewhere(channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
@@ -66,7 +66,7 @@ def hinges_locked(scene: Scene) -> Scene:
     return replace(
         scene,
         joints=tuple(joint.locked() for joint in scene.joints),
-        # A locked joint cannot be set; the configuration that is passed to the assembly turns it all the same.
+        # A locked joint has no angle of its own; the configuration passed to the assembly turns it nevertheless.
         configurations=(replace(scene.configurations[0], angles={}),),
         actuators=elsewhere(scene.actuators),
         sensors=elsewhere(scene.sensors),
@@ -74,7 +74,7 @@ def hinges_locked(scene: Scene) -> Scene:
 
 
 def articulation_inertia(system: System) -> Array:
-    """Inertia J~ that the hinges feel of the rigid bodies they carry, everything else free to move.
+    """Inertia J~ of the rigid bodies at the hinges that carry them, everything else free to move.
 
     Parameters
     ----------
@@ -84,13 +84,13 @@ def articulation_inertia(system: System) -> Array:
     Returns
     -------
     (a, a) float64
-        Inverse of what efforts in the hinges accelerate: (c Phi_r Phi_r^T c^T)^-1 with the rigid motions Phi_r of the
-        system.
+        (c Phi_r Phi_r^T c^T)^-1 with the rigid motions Phi_r of the system: the inverse of the accelerations of the
+        hinges under unit efforts.
 
     Raises
     ------
     ConstraintError
-        If hinges cannot move by themselves, as those of a closed loop, without straining a body.
+        If a hinge cannot move by itself without straining a body, as in a closed loop.
     """
     motion = system.C1 @ system.rigid
     mobility = motion @ motion.T
@@ -119,17 +119,17 @@ def free_index(system: System, Phi: Array) -> Array:
     Returns
     -------
     (k, a) float64
-        e_kk = [(I + Phi_h^T Phi_h J~)^-1]_kk after 1, 2, .. k modes, Phi_h their hinge motions. What remains when all
-        are taken is the share of the inertia at the hinge nodes themselves.
+        e_kk = [(I + Phi_h^T Phi_h J~)^-1]_kk after 1, 2, .. k modes, Phi_h their hinge motions. With all modes it is
+        the share of the inertia at the hinge nodes themselves.
 
     Raises
     ------
     ConstraintError
-        As `articulation_inertia` does.
+        As in `articulation_inertia`.
 
     Notes
     -----
-    Source: Hablani, AIAA 89-0544 (1989). Frequencies may have converged long before this has.
+    Source: Hablani, AIAA 89-0544 (1989). Frequencies may converge long before this index does.
     """
     inertia, motion = articulation_inertia(system), system.C1 @ Phi
     mobility = np.cumsum(np.einsum("am,bm->mab", motion, motion), axis=0)
@@ -144,7 +144,7 @@ def locked_index(system: System, locked: System, Phi: Array) -> Array:
     system : System
         Hinges free; its displacement outputs are those of `articulation_sensors`, a of them.
     locked : System
-        The same bodies and configuration in the scene of `hinges_locked`.
+        The same bodies and configuration in the scene from `hinges_locked`.
     Phi : (N_l, k) float64
         Elastic modes of the locked system, orthonormal in its mass, in the order in which they are taken.
 
@@ -157,12 +157,12 @@ def locked_index(system: System, locked: System, Phi: Array) -> Array:
     Raises
     ------
     ConstraintError
-        As `articulation_inertia` does.
+        As in `articulation_inertia`.
 
     Notes
     -----
-    Of all modes h^T h is J~ but for the inertia at the hinge nodes, so that 1 - C and the index of the free modes meet
-    there. Source: Hablani, AIAA 89-0544 (1989).
+    With all modes h^T h is J~ without the inertia at the hinge nodes, so that 1 - C and the index of the free modes
+    converge to one value. Source: Hablani, AIAA 89-0544 (1989).
     """
     inertia = articulation_inertia(system)
     turn = system.rigid @ (system.C1 @ system.rigid).T @ inertia
@@ -174,7 +174,7 @@ def locked_index(system: System, locked: System, Phi: Array) -> Array:
 
 
 def _in_stack(system: System, locked: System, X: Array) -> Array:
-    """Motions of the locked bodies as those of the free ones: what strains a joint's spring is nothing then."""
+    """Motions of the locked bodies in the coordinates of the free ones, in which no spring of a joint is strained."""
     parts, at = [], 0
     for name, size in system.sizes.items():
         own = locked.sizes.get(name, 0)

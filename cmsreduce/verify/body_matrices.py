@@ -1,9 +1,4 @@
-"""Whether a matrix gives back no more energy than it is given.
-
-Forces that a body puts up against rigid motion, grid by grid: a free body puts up none.
-
-Dofs without mass, or with next to none, and how far apart the stiffest and the softest dof are.
-"""
+"""Checks of stiffness and mass matrices: negative energy, springs to ground, light dofs, contrast of stiffness."""
 
 from __future__ import annotations
 
@@ -13,21 +8,19 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.factorise import factorise
+from cmsreduce.linalg.sparse import factorise
 from cmsreduce.model import FEModel
 
-__all__ = [
-    "Contrast",
-    "Grounding",
-    "LightDofs",
-    "grounding",
-    "light_dofs",
-    "negative_directions",
-    "stiffness_contrast",
-]
+__all__ = ["Contrast", "Grounding", "LightDofs", "grounding", "light_dofs", "negative_directions", "stiffness_contrast"]
 
-# Condensation of a slender body leaves this share of a diagonal entry, printed digits ten of their roundings.
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Condensation of a slender body leaves errors of this share of a diagonal entry; printed digits leave ten roundings.
 _CONDENSED, _DIGITS = 1e-9, 10.0
+# Mass this far below the median of its kind moves by itself at ten thousand times the frequency of its neighbours: such
+# a number was added to make a matrix regular, and costs time steps.
+_NEARLY = 1e-8
 
 
 def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
@@ -43,8 +36,8 @@ def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
     Returns
     -------
     int or None
-        Negative pivots of the matrix scaled to a unit diagonal and raised by what rounding may take (Sylvester's law
-        of inertia); None where its factorisation does not tell.
+        Negative pivots of the matrix, scaled to a unit diagonal and raised by its rounding (Sylvester's law of
+        inertia); None where the factorisation does not count them.
     """
     own = abs(A.diagonal())
     scale = 1 / np.sqrt(np.where(own > 0, own, own.max(initial=0.0) or 1.0))
@@ -54,12 +47,9 @@ def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
     return int(factor.negative_pivots) if factor.inertia_known else None
 
 
-Array = NDArray[np.float64]
-
-
 @dataclass(frozen=True, eq=False)
 class Grounding:
-    """K R, and what it comes to at each node.
+    """Forces K R of rigid motions, and their resultants at each node.
 
     Parameters
     ----------
@@ -70,29 +60,29 @@ class Grounding:
     translation, rotation : (N,) float64
         Largest resultant force and moment at each node, over the motions; forces of scalar dofs count as forces.
     relative : (N,) float64
-        Largest force at a dof i of each node, relative to sqrt(K_ii) max_j sqrt(K_jj) |R_j|, which bounds each of the
-        parts that cancel in it, and of those that cancelled when the matrix was condensed.
+        Largest force at a dof i of each node, relative to sqrt(K_ii) max_j sqrt(K_jj) |R_j|. This bounds each of the
+        parts that cancel in the force, and each that cancelled when the matrix was condensed.
     """
 
     force: Array
-    node: NDArray[np.int64]
+    node: Indices
     translation: Array
     rotation: Array
     relative: Array
 
     @property
     def worst(self) -> int:
-        """Position of the node that is held most, relative to its stiffness."""
+        """Position of the node with the largest force relative to its stiffness."""
         return int(self.relative.argmax())
 
 
 def grounding(body: FEModel, shapes: Array) -> Grounding:
-    """Forces that hold a body against rigid motions, which are a spring to ground or an error in the matrix.
+    """Forces that resist rigid motions: a spring to ground, or an error in the matrix.
 
     Parameters
     ----------
     body : FEModel
-        Whose stiffness it is.
+        The body; a free one resists no rigid motion.
     shapes : (n, r) float64
         Rigid motions: unit translations and rotations from geometry, or any others.
     """
@@ -113,14 +103,9 @@ def grounding(body: FEModel, shapes: Array) -> Grounding:
     return Grounding(force, node, resultant(~rotational), resultant(rotational), relative)
 
 
-# Mass this far below the median of its kind moves by itself at ten thousand times the frequency of its neighbours: it
-# is a number put in to make a matrix regular, and costs time steps.
-_NEARLY = 1e-8
-
-
 @dataclass(frozen=True, eq=False)
 class LightDofs:
-    """Rows that carry no mass, and rows that nearly do not.
+    """Rows that carry no mass, and rows that carry hardly any.
 
     Parameters
     ----------
@@ -129,13 +114,13 @@ class LightDofs:
     nearly : (l,) int64
         Rows whose diagonal entry is far below the median of their kind, translations or rotations; lightest first.
     highest_hz : float
-        sqrt(K_ii / M_ii) / 2 pi of the row where it is highest: no time step can pass over it.
+        Largest sqrt(K_ii / M_ii) / 2 pi of any row, which limits the time step.
     highest : int
-        That row; -1 without any mass.
+        Its row; -1 without any mass.
     """
 
-    massless: NDArray[np.int64]
-    nearly: NDArray[np.int64]
+    massless: Indices
+    nearly: Indices
     highest_hz: float
     highest: int
 
@@ -149,7 +134,7 @@ class Contrast:
     kind : str
         ``translations``, ``rotations`` or ``scalars``.
     ratio : float
-        Of the diagonal entries of K; the softest is the smallest that is not zero.
+        Ratio of diagonal entries of K; the softest is the smallest that is not zero.
     stiffest, softest : int
         Rows.
     """
@@ -161,7 +146,7 @@ class Contrast:
 
 
 def light_dofs(body: FEModel) -> LightDofs:
-    """Find dofs without mass, and with next to none."""
+    """Find dofs without mass, and with hardly any."""
     empty = np.asarray(abs(body.M).sum(axis=0)).ravel() == 0
     own = body.M.diagonal()
     nearly = np.zeros(body.n, dtype=bool)
@@ -177,7 +162,7 @@ def light_dofs(body: FEModel) -> LightDofs:
 
 
 def stiffness_contrast(body: FEModel) -> list[Contrast]:
-    """Contrast of each kind of dof; a file of d digits keeps nothing of a spring that is 10^d times softer."""
+    """Contrast of each kind of dof; a file of d digits loses a spring that is 10^d times softer than another."""
     found = []
     own = body.K.diagonal()
     for kind, rows in _kinds(body).items():
@@ -188,7 +173,7 @@ def stiffness_contrast(body: FEModel) -> list[Contrast]:
     return found
 
 
-def _kinds(body: FEModel) -> dict[str, NDArray[np.int64]]:
+def _kinds(body: FEModel) -> dict[str, Indices]:
     c = body.dofs.component
     return {
         "translations": np.flatnonzero((c > 0) & (c <= 3)),

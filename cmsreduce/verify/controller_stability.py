@@ -1,4 +1,4 @@
-"""Whether a controller that was designed on a reduced model stays stable on the full one."""
+"""Stability on the full model of a controller that was designed on a reduced one."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from cmsreduce.model import Check
 __all__ = ["StabilityMargin", "controller_response", "stability_margin"]
 
 Complex = NDArray[np.complex128]
+Array = NDArray[np.float64]
 
 # Entries of the matrices that are solved at a time: 64 MiB.
 _BLOCK_ENTRIES = 2**22
@@ -20,25 +21,25 @@ _BLOCK_ENTRIES = 2**22
 
 @dataclass(frozen=True, eq=False)
 class StabilityMargin:
-    """Spillover of a loop against what it bears, frequency by frequency.
+    """Spillover of a loop against its distance from instability, frequency by frequency.
 
     Parameters
     ----------
     frequency_hz : (f,) float64
         Grid.
     spillover : (f,) float64
-        sigma_max(dG K): what the modes left out add to the loop.
+        sigma_max(dG K): the part of the loop gain from the modes left out.
     borne : (f,) float64
         sigma_min(I + G_R K): distance of the reduced loop from instability.
     """
 
-    frequency_hz: NDArray[np.float64]
-    spillover: NDArray[np.float64]
-    borne: NDArray[np.float64]
+    frequency_hz: Array
+    spillover: Array
+    borne: Array
 
     @property
-    def ratio(self) -> NDArray[np.float64]:
-        """Spillover over what is borne (f,); below 1 everywhere proves the full loop stable if the reduced one is."""
+    def ratio(self) -> Array:
+        """Spillover over the distance from instability (f,); below 1 the full loop is stable if the reduced one is."""
         return np.asarray(
             np.divide(self.spillover, self.borne, out=np.full(self.borne.size, np.inf), where=self.borne > 0)
         )
@@ -54,19 +55,13 @@ class StabilityMargin:
         return float(self.ratio.max(initial=0.0))
 
     def check(self) -> Check:
-        """The largest ratio, which must be below 1."""
-        # One itself proves nothing.
+        """Check that the largest ratio is below 1."""
+        # A ratio of exactly 1 proves nothing.
         below = float(np.nextafter(1.0, 0.0))
         return Check("stability of the controller: sigma_max(dG K) / sigma_min(I + G_R K)", self.worst, below)
 
 
-def controller_response(
-    A: NDArray[np.float64],
-    B: NDArray[np.float64],
-    C: NDArray[np.float64],
-    D: NDArray[np.float64],
-    frequency_hz: NDArray[np.float64],
-) -> Complex:
+def controller_response(A: Array, B: Array, C: Array, D: Array, frequency_hz: Array) -> Complex:
     """Frequency response of a controller in state space.
 
     Parameters
@@ -99,13 +94,14 @@ def controller_response(
             inner[part] = np.linalg.solve(s[part, None, None] * np.eye(n) - A, B[None])
     except np.linalg.LinAlgError:
         raise MatrixError(
-            "controller: one of the frequencies is a pole of it, such as an integrator at 0 Hz; start the grid above it"
+            "controller: one of the frequencies is a pole of the controller, such as 0 Hz of an integrator; start the "
+            "grid above it"
         ) from None
     return np.asarray(C @ inner + D, dtype=np.complex128)
 
 
-def stability_margin(frequency_hz: NDArray[np.float64], full: Complex, reduced: Complex, K: Complex) -> StabilityMargin:
-    """Compare the spillover of a loop with what the reduced loop bears.
+def stability_margin(frequency_hz: Array, full: Complex, reduced: Complex, K: Complex) -> StabilityMargin:
+    """Compare the spillover of a loop with the distance of the reduced loop from instability.
 
     Parameters
     ----------
@@ -119,16 +115,17 @@ def stability_margin(frequency_hz: NDArray[np.float64], full: Complex, reduced: 
     Raises
     ------
     MatrixError
-        If the controller has not as many inputs as there are outputs, and as many outputs as inputs.
+        If the inputs and outputs of the controller do not match the outputs and inputs of the responses.
 
     Notes
     -----
     Sufficient, by the small gain theorem: if the reduced loop is stable, G and G_R have the same unstable poles, and
-    sigma_max(dG K) < sigma_min(I + G_R K) at all frequencies, the full loop is stable. A grid finds what lies on it.
+    sigma_max(dG K) < sigma_min(I + G_R K) at all frequencies, the full loop is stable. The check covers the frequencies
+    of the grid only.
     """
     if K.shape[1:] != (full.shape[2], full.shape[1]):
         raise MatrixError(
-            f"controller: it takes {K.shape[2]} signals and gives {K.shape[1]}, but there are {full.shape[1]} sensors "
+            f"controller: it has {K.shape[2]} inputs and {K.shape[1]} outputs, but there are {full.shape[1]} sensors "
             f"and {full.shape[2]} actuators"
         )
     loop = np.eye(full.shape[1]) + reduced @ K

@@ -1,7 +1,4 @@
-"""Which modes of a body cost an integrator its step without serving the band.
-
-A reduced body with its numbers rounded to single precision, as many codes hold or read them.
-"""
+"""A reduced body in a multibody code: modes that shorten its time step, and numbers in single precision."""
 
 from __future__ import annotations
 
@@ -11,26 +8,35 @@ from numpy.typing import NDArray
 
 from cmsreduce.model import CostlyMode, CostlyModes, ModalComponent, RoundingEffect
 
-__all__ = [
-    "costly_modes",
-    "single_precision",
-]
+__all__ = ["costly_modes", "single_precision"]
+
+Array = NDArray[np.float64]
 
 # Below twice the band, a mode's mass changes its flexibility in the band by a third or more.
 _FACTOR = 2.0
 # A thousandth of a point's flexibility is a thousandth of a decade's response there, and 5e-4 of a frequency.
 _SHARE = 1e-3
+# Motions of the interface in the shapes below this share of the largest are none: rounding a dependent row to single
+# precision leaves less, a motion of a mode is larger.
+_MADE = 1e-5
+# A shape beyond 1e5 times the lowest frequency has no mass.
+_MASSLESS = 1e-10
+# A motion below a hundredth of the lowest elastic frequency is rigid.
+_RIGID = 1e-2
+# This share of the lowest frequency squared is negligible beside the stiffness of the held body; where the interface
+# does not hold the body, it keeps the free motions from being singular.
+_SHIFT = 1e-8
 
 
-def costly_modes(component: ModalComponent, points: NDArray[np.float64], band_hz: float) -> CostlyModes:
-    """Find the modes above all that serve the band.
+def costly_modes(component: ModalComponent, points: Array, band_hz: float) -> CostlyModes:
+    """Find the modes above the highest one that serves the band.
 
     Parameters
     ----------
     component : ModalComponent
         m modes.
     points : (p, m) float64
-        Motions of the points where the body is joined, driven and measured, in its modes.
+        Motions in the modes of the points where the body is joined, driven and measured.
     band_hz : float
         Upper end of the band in Hz.
 
@@ -41,9 +47,9 @@ def costly_modes(component: ModalComponent, points: NDArray[np.float64], band_hz
 
     Notes
     -----
-    A mode's flexibility is phi phi^T / (w_j^2 - w^2). Without its mass phi phi^T / w_j^2 stays; what goes is, at the
-    upper end of the band, phi phi^T / w_j^2 times r / (1 - r), r = (w_b / w_j)^2. That is measured, motion by motion of
-    the points, by the static flexibility of all modes there, so that units do not matter.
+    A mode's flexibility is phi phi^T / (w_j^2 - w^2). Without its mass phi phi^T / w_j^2 remains; at the upper end of
+    the band the loss is phi phi^T / w_j^2 times r / (1 - r), r = (w_b / w_j)^2. The loss in each motion of the points
+    is stated as a share of the static flexibility of all modes there, so that units do not matter.
     """
     band = 2 * np.pi * band_hz
     elastic = component.elastic
@@ -52,7 +58,7 @@ def costly_modes(component: ModalComponent, points: NDArray[np.float64], band_hz
     static = (points[:, elastic.stop :] ** 2).sum(axis=1)
     flexibility = compliance.sum(axis=1) + static
     felt = flexibility > 0
-    # Modes near the band serve it by their frequency alone; their share is not asked for.
+    # Modes near the band serve it by their frequency alone, whatever their share.
     beyond = omega >= _FACTOR * band
     lost = np.zeros_like(omega)
     lost[beyond] = 1 / ((omega[beyond] / band) ** 2 - 1)
@@ -72,22 +78,8 @@ def costly_modes(component: ModalComponent, points: NDArray[np.float64], band_hz
     )
 
 
-Array = NDArray[np.float64]
-
-# Motions of the interface that the shapes make to less than this, relative to their largest, are not made at all: what
-# single precision leaves of a row that depends on the others is smaller, a motion that a mode makes is not.
-_MADE = 1e-5
-# Beyond 1e5 times the lowest frequency a shape is one without mass.
-_MASSLESS = 1e-10
-# A motion below a hundredth of the lowest elastic frequency is a rigid one.
-_RIGID = 1e-2
-# Beside the stiffness of the body held, this much of its lowest frequency squared is nothing; where its interface does
-# not hold it, it keeps what is left free from being singular.
-_SHIFT = 1e-8
-
-
 def single_precision(M: Array, K: Array, shapes: Array, rigid_count: int, static_count: int) -> RoundingEffect:
-    """Round a reduced body to float32, in its modes and in its interface dofs, and see what its frequencies become.
+    """Change of the frequencies when a reduced body is rounded to float32, in its modes and in its interface dofs.
 
     Parameters
     ----------
@@ -101,11 +93,11 @@ def single_precision(M: Array, K: Array, shapes: Array, rigid_count: int, static
 
     Notes
     -----
-    In its modes a body loses next to nothing: each frequency is a quotient of two numbers of seven digits. Joints add
-    modal stiffnesses that all but cancel, and neighbours that move a statically indeterminate interface as one do not
-    quite meet the rounded shapes: the least strain energy under S q = s_j, s_j the j-th rigid mode at the interface, is
+    In its modes a free body loses hardly anything: each frequency is a quotient of two numbers of seven digits. Joints
+    add modal stiffnesses that nearly cancel. Neighbours that move a statically indeterminate interface rigidly do not
+    quite fit the rounded shapes: the least strain energy under S q = s_j, s_j the j-th rigid mode at the interface, is
     a false spring to its modal mass of one. In interface dofs the rigid motions are differences of large stiffnesses,
-    whose rounding is a spring to the ground of sqrt(6e-8 k).
+    whose rounding is a spring to ground of sqrt(6e-8 k).
     """
     r = rigid_count
     if K.shape[0] - static_count <= r:
@@ -127,7 +119,7 @@ def single_precision(M: Array, K: Array, shapes: Array, rigid_count: int, static
     lost = after.size < before.size
     held = float("inf") if lost else float(abs(after[: before.size] / before - 1).max(initial=0.0))
     false = _false_frequency(np.diag(_single(K)), rounded_S, S[:, :r], r) if r else 0.0
-    return RoundingEffect(free, held, false / (2 * np.pi), *_in_boundary(M, K, S, omega, r), hz)
+    return RoundingEffect(free, held, false / (2 * np.pi), *_in_interface_dofs(M, K, S, omega, r), hz)
 
 
 def _elastic(M: Array, K: Array, shift: float, r: int, count: int) -> Array:
@@ -141,10 +133,10 @@ def _single(A: Array) -> Array:
 
 
 def _held(M: Array, K: Array, shapes: Array, lowest: float) -> tuple[Array, Array]:
-    """Natural frequencies (rad per unit of time, ascending) with the interface held, and all shapes that it allows.
+    """Natural frequencies (rad per unit of time, ascending) with the interface held, and their shapes.
 
-    The pencil is inverted, so that shapes without mass are zeros, and shifted by the lowest frequency of the free body,
-    so that rigid motions which the interface leaves free are no infinities.
+    The pencil is inverted, so that shapes without mass have the eigenvalue zero, and shifted by the lowest frequency of
+    the free body, so that rigid motions that the interface leaves free have finite ones.
     """
     N = la.null_space(shapes, rcond=_MADE)
     if not N.shape[1]:
@@ -156,7 +148,7 @@ def _held(M: Array, K: Array, shapes: Array, lowest: float) -> tuple[Array, Arra
 
 
 def _false_frequency(stiffness: Array, shapes: Array, motions: Array, r: int) -> float:
-    """Largest frequency in rad per unit of time that a motion of the interface as one has by its strain energy."""
+    """Largest frequency in rad per unit of time of a rigid motion of the interface, from its false strain energy."""
     left = la.null_space(shapes[:, :r].T, rcond=_MADE)
     strained = (left.T @ shapes[:, r:]) / np.sqrt(stiffness[r:])
     if not strained.size:
@@ -167,7 +159,7 @@ def _false_frequency(stiffness: Array, shapes: Array, motions: Array, r: int) ->
     return float(np.sqrt((amplitudes**2).sum(axis=0).max(initial=0.0)))
 
 
-def _in_boundary(M: Array, K: Array, S: Array, omega: Array, r: int) -> tuple[float, float]:
+def _in_interface_dofs(M: Array, K: Array, S: Array, omega: Array, r: int) -> tuple[float, float]:
     """Change of the elastic frequencies, and highest frequency in Hz of a rigid motion, rounded in interface dofs."""
     i = S.shape[0]
     if np.linalg.matrix_rank(S, tol=_MADE * np.sqrt(i)) < i:

@@ -1,9 +1,4 @@
-"""Mass, centre of mass and inertia of a body, from its mass matrix and geometry.
-
-Mass properties of a body by rigid motions of any origin, and whether any distribution of mass has them.
-
-How far mass properties and modal integrals of two models of one body are apart, in units of what the mass allows.
-"""
+"""Mass, centre of mass and inertia of a body: from its mass matrix, against real bodies, and against another model."""
 
 from __future__ import annotations
 
@@ -28,6 +23,13 @@ __all__ = [
     "rigid_mass_properties",
 ]
 
+Array = NDArray[np.float64]
+
+REALISABLE = 1e-6
+"""Printed digits of a mass matrix may put a thin body's inertia this far beyond what mass can have, relative."""
+# The mass of a free body is the same in all directions, to the few digits that a condensed body keeps.
+_SAME_MASS = 1e-3
+
 
 @dataclass(frozen=True, eq=False)
 class MassProperties:
@@ -43,12 +45,12 @@ class MassProperties:
         Inertia tensor about the centre of mass.
     """
 
-    mass: NDArray[np.float64]
-    cg: NDArray[np.float64]
-    inertia: NDArray[np.float64]
+    mass: Array
+    cg: Array
+    inertia: Array
 
 
-def rigid_mass_properties(rigid: NDArray[np.float64]) -> MassProperties:
+def rigid_mass_properties(rigid: Array) -> MassProperties:
     """Mass properties from a rigid mass matrix.
 
     Parameters
@@ -73,10 +75,10 @@ def rigid_mass_properties(rigid: NDArray[np.float64]) -> MassProperties:
 
 
 def mass_disorder(body: FEModel) -> float:
-    """How far the mass matrix is from that of a body: the same mass in every direction, in one place.
+    """Distance of a mass matrix from that of a body, which has the same mass in every direction at one place.
 
-    Rows of a mass matrix that are in another order than those of the stiffness give other masses along x, y and z, or
-    a coupling of translations with rotations that no centre of mass has.
+    Rows of a mass matrix in another order than those of the stiffness give different masses along x, y and z, or a
+    coupling of translations with rotations that no centre of mass has.
 
     Parameters
     ----------
@@ -100,18 +102,9 @@ def mass_disorder(body: FEModel) -> float:
     return float(worst / mass) if mass > 0 else float("inf")
 
 
-Array = NDArray[np.float64]
-
-REALISABLE = 1e-6
-"""Printed digits of a mass matrix may put a thin body's inertia this far beyond what mass can have, relative."""
-
-# The mass of a free body is the same in all directions, to the few digits that a condensed body keeps.
-_SAME_MASS = 1e-3
-
-
 @dataclass(frozen=True, eq=False)
 class PrincipalInertia:
-    """Inertia about the centre of mass, as figures that a drawing or another model can be held against.
+    """Inertia about the centre of mass, in figures to compare with a drawing or another model.
 
     Parameters
     ----------
@@ -141,7 +134,7 @@ def principal_inertia(found: MassProperties) -> PrincipalInertia:
 
     Notes
     -----
-    A moment that rounding leaves below zero has a radius of 0.
+    A moment that is negative by rounding has a radius of 0.
     """
     mass = float(found.mass.max())
     moments, V = np.linalg.eigh((found.inertia + found.inertia.T) / 2)
@@ -150,7 +143,7 @@ def principal_inertia(found: MassProperties) -> PrincipalInertia:
 
 
 def inertia_excess(rigid_mass: Array) -> float | None:
-    """How far an inertia is beyond what a distribution of mass can have.
+    """Violation of the conditions that the inertia of every distribution of mass meets.
 
     Parameters
     ----------
@@ -160,8 +153,8 @@ def inertia_excess(rigid_mass: Array) -> float | None:
     Returns
     -------
     float or None
-        Largest violation of: principal moments that are not negative, none larger than the sum of the other two;
-        relative to the largest moment. 0 for every real body. None of a body that does not move freely in all
+        Conditions: no principal moment is negative or larger than the sum of the other two. The largest violation is
+        relative to the largest moment; 0 for every real body. None for a body that cannot move freely in all
         directions, whose inertia is not that of its mass.
     """
     found = rigid_mass_properties(rigid_mass)
@@ -205,7 +198,7 @@ def mass_change(old: Array, new: Array) -> dict[str, float]:
 
 
 def integral_change(old: Array, new: Array, axes: Sequence[int], turn: Array, bound: float) -> float:
-    """Largest change of an integral over modes, after the new modes are turned into the old ones.
+    """Largest change of an integral over modes, after the new modes are rotated into the old ones.
 
     Parameters
     ----------
@@ -214,7 +207,7 @@ def integral_change(old: Array, new: Array, axes: Sequence[int], turn: Array, bo
     axes : sequence of int
         Axes that count modes.
     turn : (k, k) float64
-        Turns new modes into old ones.
+        Rotates new modes into old ones.
     bound : float
         Largest value that the mass allows: sqrt(m) of int phi dm for modes of unit modal mass (Cauchy-Schwarz).
 

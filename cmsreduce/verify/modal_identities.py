@@ -1,9 +1,4 @@
-"""Whether the modes of a reduced body carry the momentum that its rigid mass says.
-
-Momentum of modes, and what it must come to: nothing for a free system, the mass of the body for all its modes.
-
-Effective modal mass: how much of a body's mass each mode moves along and about each axis.
-"""
+"""Momentum of modes: identities that it must meet, and the effective mass of each mode."""
 
 from __future__ import annotations
 
@@ -14,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.linalg.factorise import factorise
+from cmsreduce.linalg.sparse import factorise
 from cmsreduce.model import FEModel, Placement, RigidBody, cross_matrix, rigid_body_shapes
 
 __all__ = [
@@ -45,8 +40,8 @@ def momentum_balance(rigid_mass: Array, momentum: Array, rigid_count: int) -> tu
     Returns
     -------
     rigid : float
-        How far the rigid modes are from carrying all of the mass: |sum p p^T - R^T M R|, each entry relative to the
-        roots of the diagonal entries it joins.
+        Mass that the rigid modes do not carry: largest |sum p p^T - R^T M R|, each entry relative to the roots of its
+        two diagonal entries.
     elastic : float
         Largest momentum of any other mode, relative to the same roots; zero for a free body.
 
@@ -71,7 +66,7 @@ def shape_momentum(body: FEModel | RigidBody, shapes: Array) -> Array:
     body : FEModel or RigidBody
         With geometry, or rigid.
     shapes : (n, k) float64
-        Motion of every dof; of a rigid body translation of its centre of mass and rotation (6, k).
+        Motion of every dof; of a rigid body, translation of its centre of mass and rotation (6, k).
 
     Returns
     -------
@@ -85,8 +80,8 @@ def shape_momentum(body: FEModel | RigidBody, shapes: Array) -> Array:
 
     Notes
     -----
-    Source: Hughes, J. Applied Mechanics 47 (1980); Hablani, AIAA 89-0544 (1989). The integrals are those of the mass
-    matrix, so that they hold for a lumped one, too.
+    Source: Hughes, J. Applied Mechanics 47 (1980); Hablani, AIAA 89-0544 (1989). The integrals use the mass matrix, so
+    that they hold for a lumped one, too.
     """
     if isinstance(body, RigidBody):
         P = body.mass * shapes[:3]
@@ -95,7 +90,7 @@ def shape_momentum(body: FEModel | RigidBody, shapes: Array) -> Array:
 
 
 def coupled_momentum(body: FEModel, held: NDArray[np.int64]) -> Array:
-    """What the momentum of modes held at some dofs sums to: sum over all modes of p p^T, p = [P; H] of each.
+    """Sum of p p^T over all modes held at some dofs, p = [P; H] of each.
 
     Parameters
     ----------
@@ -107,7 +102,7 @@ def coupled_momentum(body: FEModel, held: NDArray[np.int64]) -> Array:
     Returns
     -------
     (6, 6) float64
-        (M R)_j^T M_jj^-1 (M R)_j over the other dofs j. The rigid mass matrix R^T M R is more by
+        (M R)_j^T M_jj^-1 (M R)_j over the other dofs j. The rigid mass matrix R^T M R is larger by
         R_i^T (M_ii - M_ij M_jj^-1 M_ji) R_i: the mass at the held dofs themselves, which no mode moves.
 
     Raises
@@ -119,7 +114,7 @@ def coupled_momentum(body: FEModel, held: NDArray[np.int64]) -> Array:
 
     Notes
     -----
-    All modes of unit modal mass have phi phi^T = M_jj^-1. Source: Hughes (1980), for what a mesh makes of it.
+    All modes of unit modal mass have phi phi^T = M_jj^-1. Source: Hughes (1980), here for the matrices of a mesh.
     """
     free = np.setdiff1d(np.arange(body.n), held)
     coupled = (body.M @ _rigid_shapes(body))[free]
@@ -127,13 +122,13 @@ def coupled_momentum(body: FEModel, held: NDArray[np.int64]) -> Array:
 
 
 def carried_momentum(momentum: Array, place: Placement) -> Array:
-    """Momentum (6, k) of a body, from its basic frame to the scene where it stands."""
+    """Momentum (6, k) of a body in the frame of the scene, from that in its basic frame."""
     P, H = (place.rotation @ part for part in (momentum[:3], momentum[3:]))
     return np.vstack([P, H + cross_matrix(place.translation) @ P])
 
 
 def momentum_residual(momentum: Mapping[str, Array]) -> Array:
-    """How far the bodies of a free system are from having no momentum together.
+    """Total momentum of the bodies of a free system, which must vanish in every elastic mode.
 
     Parameters
     ----------
@@ -144,7 +139,7 @@ def momentum_residual(momentum: Mapping[str, Array]) -> Array:
     -------
     (k,) float64
         The larger of the linear and the angular part of the sum, relative to the sum of the bodies' magnitudes; zero
-        but for rounding, hinges free or locked, as long as nothing is held to the ground.
+        but for rounding, with hinges free or locked, as long as nothing is held to the ground.
 
     Notes
     -----
@@ -171,10 +166,9 @@ class EffectiveMass:
     hz : (k,) float64
         Frequencies.
     mass : (k, 6) float64
-        Effective mass along x, y, z and moment of inertia about them, through the point that the rigid motions turn
-        about.
+        Effective mass along x, y, z and moment of inertia about them, through the centre of the rigid rotations.
     total : (6,) float64
-        Of the whole body. All modes together fall short of it by what the held nodes themselves carry.
+        Of the whole body. The sum over all modes is smaller by the mass at the held nodes themselves.
     """
 
     hz: Array
@@ -183,12 +177,12 @@ class EffectiveMass:
 
     @property
     def share(self) -> Array:
-        """Effective mass of each mode as a share of the whole body's (k, 6); 0 where that has none."""
+        """Effective mass of each mode as a share of the whole body's (k, 6); 0 where the body has none."""
         return np.asarray(self.mass / np.where(self.total > 0, self.total, 1.0))
 
     @property
     def running(self) -> Array:
-        """Share of the modes up to each one (k, 6)."""
+        """Running sum of the shares (k, 6)."""
         return np.asarray(np.cumsum(self.share, axis=0))
 
 
@@ -206,6 +200,6 @@ def effective_mass(hz: Array, momentum: Array, rigid_mass: Array) -> EffectiveMa
 
     Notes
     -----
-    Source: Wada, Bamford, Garba (1972). The square of a mode's participation in the rigid motion of its support.
+    The square of a mode's participation in the rigid motion of its support. Source: Wada, Bamford, Garba (1972).
     """
     return EffectiveMass(hz, (momentum**2).T, rigid_mass.diagonal().copy())

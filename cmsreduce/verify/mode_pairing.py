@@ -1,4 +1,4 @@
-"""Modes of two models of one body, paired by shape and frequency, and turned into each other."""
+"""Pairs of modes of two models: one to one by shape and frequency, or for each mode the one most alike."""
 
 from __future__ import annotations
 
@@ -8,25 +8,43 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-__all__ = ["ModePairing", "pair_modes", "scaled_rows"]
+from cmsreduce.model import DampedPairs
+
+__all__ = [
+    "FrequencyPairs",
+    "ModePairing",
+    "closest_pairs",
+    "pair_complex_modes",
+    "pair_frequencies",
+    "pair_modes",
+    "scaled_rows",
+]
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
-# Modes whose frequencies are this close, relative, may be any rotation of each other: a symmetric body's mesh parts a
-# pair by less. They are compared as a space.
+# Pairings whose sums differ by less than about this share of the largest distance are equal but for rounding.
+_TIE = 1e-13
+# Modes whose frequencies are this close, relative, may be any rotation of each other: the mesh of a symmetric body
+# separates a pair by less. They are compared as a space.
 _ALIKE = 1e-3
 # Two modes differ by 1 - MAC and by the logarithm of their frequency ratio. At a sum of 1 they have nothing in common:
-# no likeness at one frequency, or one shape at frequencies 2.7 apart.
+# a MAC of zero at one frequency, or one shape at frequencies 2.7 apart.
 _DIFFERENT = 1.0
-# A mode that moves the rows compared by less than this share of the one that moves them most is rounding there.
+# A mode that moves the compared rows by less than this share of the largest motion is rounding there.
 _UNSEEN = 1e-7
 # Directions of a group of shapes below this share of the largest are rounding.
 _DEPENDENT = 1e-8
+# A mode whose damping ratio is below this is damped by round-off or hardly at all: its ratio has no error.
+_UNDAMPED = 1e-9
+# Shapes with this share of the largest MAC look as much alike: where modes are repeated or damping mixes close ones, a
+# shape may be any mixture, and the partner is the nearest root among them.
+_AS_ALIKE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class ModePairing:
-    """Which mode became which.
+    """Pairs of an old and a new mode of one body.
 
     Parameters
     ----------
@@ -44,17 +62,64 @@ class ModePairing:
         modes of one frequency, can bring it.
     """
 
-    old: NDArray[np.int64]
-    new: NDArray[np.int64]
+    old: Indices
+    new: Indices
     shift: Array
     mac: Array
-    lost: NDArray[np.int64]
-    gained: NDArray[np.int64]
+    lost: Indices
+    gained: Indices
     turn: Array
 
 
-def scaled_rows(old: Array, new: Array, kind: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Shapes with rows of different kinds made comparable, so that units do not weigh.
+@dataclass(frozen=True, eq=False)
+class FrequencyPairs:
+    """Modes of the reduced system in the band, each with the full mode of the largest MAC.
+
+    Parameters
+    ----------
+    reduced_hz, full_hz : (k,) float64
+        Natural frequencies of the pairs.
+    mac : (k,) float64
+        Modal assurance criterion in the mass norm, 1 for the same shape.
+    error : (k,) float64
+        |reduced - full| / full.
+    """
+
+    reduced_hz: Array
+    full_hz: Array
+    mac: Array
+    error: Array
+
+    @property
+    def worst(self) -> float:
+        """Largest error; 0 if the band holds no mode."""
+        return float(self.error.max(initial=0.0))
+
+
+def closest_pairs(distance: Array) -> tuple[Indices, Indices]:
+    """Pair two lists one to one, with the least sum of distances.
+
+    Parameters
+    ----------
+    distance : (a, b) float64
+        Finite, not negative.
+
+    Returns
+    -------
+    i, j : (min(a, b),) int64
+        Members of the first list, ascending, and their partners in the second. Of pairings with equal sums, the one
+        that follows the order of both lists is chosen: ascending with ascending.
+    """
+    # Imported here because it takes 60 ms, and few runs need it.
+    from scipy.optimize import linear_sum_assignment
+
+    apart = np.subtract.outer(np.arange(distance.shape[0]), np.arange(distance.shape[1])) ** 2
+    i, j = linear_sum_assignment(distance + _TIE * (distance.max(initial=0.0) or 1.0) * apart)
+    return np.asarray(i, dtype=np.int64), np.asarray(j, dtype=np.int64)
+
+
+def scaled_rows(old: Array, new: Array, kind: Indices) -> tuple[Array, Array]:
+    """Make rows of different kinds comparable, so that units do not matter.
 
     Parameters
     ----------
@@ -71,7 +136,7 @@ def scaled_rows(old: Array, new: Array, kind: NDArray[np.int64]) -> tuple[Array,
 
 
 def pair_modes(old_omega: Array, new_omega: Array, old: Array, new: Array) -> ModePairing:
-    """Pair modes one to one, as alike as can be in shape and frequency together.
+    """Pair modes one to one by shape and frequency together.
 
     Parameters
     ----------
@@ -88,20 +153,20 @@ def pair_modes(old_omega: Array, new_omega: Array, old: Array, new: Array) -> Mo
     -----
     Sources: Allemang (MAC); D'Ambrogio, Fregolent (MAC of a space, for repeated frequencies).
     """
-    # Only here: loading it takes as long as a small body's whole reduction.
-    from scipy.optimize import linear_sum_assignment
-
-    group = _groups(old_omega)
-    mac = _likeness(old, new, group)
+    group = np.concatenate([[0], np.cumsum(np.diff(old_omega) > _ALIKE * old_omega[1:])])[: old_omega.size]
+    mac = _mac(old, new, group)
     distance = abs(np.log(new_omega)[None, :] - np.log(old_omega)[:, None])
-    # Capped: a mode without a partner must not push others apart to come by one.
+    # Capped: a mode without a partner must not separate others to get one.
     cost = np.minimum(1 - mac + distance, _DIFFERENT)
-    i, j = linear_sum_assignment(cost)
+    i, j = closest_pairs(cost)
     same = cost[i, j] < _DIFFERENT
     i, j = i[same], j[same]
+    # Signs of single modes, and the rotation of those that share a frequency.
+    turn = np.eye(i.size)
     for each in np.unique(group[i]):
-        # A group is as like to one new mode as to another: of equal sums rounding would choose.
-        j[group[i] == each] = np.sort(j[group[i] == each])
+        at = np.flatnonzero(group[i] == each)
+        u, _, vt = la.svd(new[:, j[at]].T @ old[:, i[at]])
+        turn[np.ix_(at, at)] = u @ vt
     return ModePairing(
         old=i,
         new=j,
@@ -109,16 +174,11 @@ def pair_modes(old_omega: Array, new_omega: Array, old: Array, new: Array) -> Mo
         mac=mac[i, j],
         lost=np.setdiff1d(np.arange(old_omega.size), i),
         gained=np.setdiff1d(np.arange(new_omega.size), j),
-        turn=_turn(old[:, i], new[:, j], group[i]),
+        turn=turn,
     )
 
 
-def _groups(omega: Array) -> NDArray[np.int64]:
-    """Number of the group of alike frequencies that each mode is in."""
-    return np.concatenate([[0], np.cumsum(np.diff(omega) > _ALIKE * omega[1:])])[: omega.size].astype(np.int64)
-
-
-def _likeness(old: Array, new: Array, group: NDArray[np.int64]) -> Array:
+def _mac(old: Array, new: Array, group: Indices) -> Array:
     """MAC of every new mode (columns) with the group of every old one (rows)."""
     if not old.shape[0]:
         return np.ones((old.shape[1], new.shape[1]))
@@ -137,11 +197,60 @@ def _likeness(old: Array, new: Array, group: NDArray[np.int64]) -> Array:
     return np.clip(mac, 0.0, 1.0)
 
 
-def _turn(old: Array, new: Array, group: NDArray[np.int64]) -> Array:
-    """Signs of single modes, and the rotation of those that share a frequency."""
-    turn = np.eye(old.shape[1])
-    for each in np.unique(group):
-        at = np.flatnonzero(group == each)
-        u, _, vt = la.svd(new[:, at].T @ old[:, at])
-        turn[np.ix_(at, at)] = u @ vt
-    return turn
+def pair_frequencies(full: Array, reduced: Array, cross: Array, band_hz: float) -> FrequencyPairs:
+    """Pair frequencies by cross-orthogonality.
+
+    Modes of the full system that the reduced one leaves out on purpose have no pair and do not count here: their effect
+    in the scene is part of the response errors.
+
+    Parameters
+    ----------
+    full, reduced : (f,), (k,) float64
+        Natural frequencies in rad/s.
+    cross : (f, k) float64
+        phi_full^T M phi_reduced, both orthonormal in M.
+    band_hz : float
+        Reduced modes above this frequency are left out.
+
+    Returns
+    -------
+    FrequencyPairs
+    """
+    inside = reduced <= 2 * np.pi * band_hz
+    if not full.size or not inside.any():
+        none = np.empty(0)
+        return FrequencyPairs(none, none, none, none)
+    mac = cross[:, inside] ** 2
+    best = mac.argmax(axis=0)
+    w, w_r = full[best], reduced[inside]
+    return FrequencyPairs(
+        w_r / (2 * np.pi), w / (2 * np.pi), mac[best, np.arange(best.size)], abs(w_r - w) / np.maximum(w, 1e-300)
+    )
+
+
+def pair_complex_modes(
+    full: NDArray[np.complex128], reduced: NDArray[np.complex128], cross: NDArray[np.complex128], band_hz: float
+) -> DampedPairs:
+    """Pair each oscillating mode of the reduced system in the band with a full one of like shape.
+
+    Parameters
+    ----------
+    full, reduced : (f,), (k,) complex128
+        Roots s in rad/s, Im s > 0.
+    cross : (f, k) complex128
+        x_full^H M x_reduced, both of unit length in M.
+    band_hz : float
+        Reduced modes with |s| above this frequency are left out.
+    """
+    inside = abs(reduced) <= 2 * np.pi * band_hz
+    if not full.size or not inside.any():
+        none = np.empty(0)
+        return DampedPairs(none.astype(np.complex128), none.astype(np.complex128), none, none)
+    there, mac = reduced[inside], abs(cross[:, inside]) ** 2
+    alike = mac >= _AS_ALIKE * mac.max(axis=0)
+    best = np.where(alike, abs(full[:, None] - there), np.inf).argmin(axis=0)
+    here = full[best]
+    zeta, zeta_r = -here.real / abs(here), -there.real / abs(there)
+    damped = zeta > _UNDAMPED
+    error = np.where(damped, abs(zeta_r - zeta) / np.where(damped, zeta, 1.0), np.nan)
+    return DampedPairs(here, there, mac[best, np.arange(best.size)], error)

@@ -1,9 +1,4 @@
-"""Frequencies at which two models are compared.
-
-Errors of a reduced model's frequency response (design: summary.json).
-
-How far the resonances that a channel shows are shifted.
-"""
+"""Errors of a reduced model's frequency response, and the frequencies at which two models are compared."""
 
 from __future__ import annotations
 
@@ -22,23 +17,40 @@ __all__ = [
     "frac",
     "frequency_grid",
     "frf_error",
-    "heard",
+    "loud_channels",
     "lowest_frequency",
     "peak_errors",
     "peak_shifts",
 ]
 
-# A band that starts at zero is looked at over this many decades: below, only rigid motion is left.
+Response = NDArray[np.complex128]
+Array = NDArray[np.float64]
+
+# A band that starts at zero is compared over this many decades: below, only rigid motion remains.
 _DECADES = 3.0
 # Distances from a resonance, in half-power half-widths zeta w, from well inside the peak to well outside.
 _OFFSETS = np.concatenate([[0.0], np.geomspace(0.05, 5000.0, 48)])
 _OUTSIDE = 40.0
-# Flanks of a sharper peak are followed further, to this share of its frequency, where the grid itself takes over.
+# Flanks of a sharper peak are refined further, to this share of its frequency, where the grid itself is fine enough.
 _FLANK = 0.05
 # Width given to the peak of a mode without damping.
 _NO_DAMPING = 1e-4
 # Points of the fixed grid of the decibel error.
 _DECIBEL_POINTS = 1000
+# A channel whose elastic response is below this share of its rigid one is round-off of the subtraction.
+_ROUND_OFF = 1e-10
+# A channel 120 dB below the strongest of its unit cannot be seen beside it.
+SILENT = 1e-6
+# Rounds of scaling rows and columns in turn. More rounds would raise a negligible coupling until outputs and inputs
+# agree in every unit.
+_ROUNDS = 4
+# Share of the points of a Bode plot that lie within the decibel error.
+_PERCENTILE = 99.0
+# A peak 60 dB below the highest of its channel cannot be seen beside it.
+_SEEN = 1e-3
+# A peak lies off its resonance by zeta^2, more where the slope of other modes tilts it; further off, it belongs to a
+# mode without a partner.
+_NEAR = 0.02
 
 
 def lowest_frequency(band: tuple[float, float]) -> float:
@@ -46,9 +58,7 @@ def lowest_frequency(band: tuple[float, float]) -> float:
     return band[0] if band[0] > 0 else float(band[1] / 10**_DECADES)
 
 
-def frequency_grid(
-    band: tuple[float, float], points: int, omega: NDArray[np.float64], zeta: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def frequency_grid(band: tuple[float, float], points: int, omega: Array, zeta: Array) -> Array:
     """Logarithmic grid over the band, refined at every resonance, so that no peak is missed.
 
     Parameters
@@ -77,37 +87,24 @@ def frequency_grid(
     return w[(w >= 2 * np.pi * low * (1 - 1e-12)) & (w <= 2 * np.pi * high * (1 + 1e-12))]
 
 
-def decibel_grid(band: tuple[float, float]) -> NDArray[np.float64]:
+def decibel_grid(band: tuple[float, float]) -> Array:
     """Fixed logarithmic grid of 1000 circular frequencies in the band, rad/s."""
     return 2 * np.pi * np.geomspace(lowest_frequency(band), band[1], _DECIBEL_POINTS)
 
 
-# A channel whose elastic response is below this share of its rigid one is round-off left by the subtraction.
-_ROUND_OFF = 1e-10
-# A channel 120 dB below the strongest of its unit is nothing that an eye sees beside it.
-SILENT = 1e-6
-# Rounds of scaling rows and columns in turn. More would raise a coupling that is next to nothing until outputs and
-# inputs agree in every unit.
-_ROUNDS = 4
-# Share of the points of a Bode plot that lie within the decibel error.
-_PERCENTILE = 99.0
-
-Response = NDArray[np.complex128]
-
-
 def channel_scales(
     inputs: Sequence[Channel], outputs: Sequence[Channel], elastic: Response, total: Response
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     """Scales that make channels of unlike units comparable.
 
     Channels of one unit keep their proportions; each unit is scaled to the same root mean square response, so that
-    neither radians against metres nor rates against displacements decide the error. Stating a unit in another (degrees
-    for radians) changes the factors, and no error measured with them.
+    neither radians against metres nor rates against displacements decide the error. Another unit (degrees for radians)
+    changes the factors, but no error measured with them.
 
     Parameters
     ----------
     inputs, outputs : sequence of Channel
-        What each column and row is.
+        Channels of the columns and rows.
     elastic, total : (f, outputs, inputs) complex128
         Response of the full model without and with its rigid-body part.
 
@@ -129,9 +126,7 @@ def channel_scales(
     return row[rows], column[columns]
 
 
-def frf_error(
-    omega: NDArray[np.float64], H: Response, H_r: Response, row: NDArray[np.float64], column: NDArray[np.float64]
-) -> float:
+def frf_error(omega: Array, H: Response, H_r: Response, row: Array, column: Array) -> float:
     """Relative error of the elastic response over the band.
 
     Parameters
@@ -156,15 +151,15 @@ def frf_error(
     return float(np.sqrt(miss / size))
 
 
-def db_error(H: Response, H_r: Response, row: NDArray[np.float64], column: NDArray[np.float64]) -> float:
-    """Decibels by which the reduced response leaves the full one, worst channel.
+def db_error(H: Response, H_r: Response, row: Array, column: Array) -> float:
+    """Difference in decibels of the reduced response from the full one, worst channel.
 
     Parameters
     ----------
     H, H_r : (f, outputs, inputs) complex128
         Responses with their rigid-body part, on `decibel_grid`.
     row, column : float64
-        From `channel_scales`; channels silent beside the strongest of their unit are passed over.
+        From `channel_scales`; channels silent beside the strongest of their unit do not count.
 
     Returns
     -------
@@ -173,19 +168,19 @@ def db_error(H: Response, H_r: Response, row: NDArray[np.float64], column: NDArr
     """
     worst = 0.0
     tiny = np.finfo(float).tiny
-    for i, j in zip(*np.nonzero(heard(H, row, column)), strict=True):
+    for i, j in zip(*np.nonzero(loud_channels(H, row, column)), strict=True):
         ratio = np.maximum(abs(H_r[:, i, j]), tiny) / np.maximum(abs(H[:, i, j]), tiny)
         worst = max(worst, float(np.percentile(abs(20 * np.log10(ratio)), _PERCENTILE)))
     return worst
 
 
-def heard(H: Response, row: NDArray[np.float64], column: NDArray[np.float64]) -> NDArray[np.bool_]:
+def loud_channels(H: Response, row: Array, column: Array) -> NDArray[np.bool_]:
     """Channels (outputs, inputs) that are not silent beside the strongest of their unit; arguments of `db_error`."""
     size = np.sqrt(np.mean(abs(H) ** 2, axis=0)) * row[:, None] * column[None, :]
     return np.asarray(size > SILENT * size.max(initial=0.0))
 
 
-def channel_errors(omega: NDArray[np.float64], H: Response, H_r: Response) -> NDArray[np.float64]:
+def channel_errors(omega: Array, H: Response, H_r: Response) -> Array:
     """Relative error of the response of each channel over the band.
 
     Returns
@@ -197,20 +192,20 @@ def channel_errors(omega: NDArray[np.float64], H: Response, H_r: Response) -> ND
     return np.asarray(np.where(size > 0, miss / np.where(size > 0, size, 1.0), np.nan))
 
 
-def peak_errors(H: Response, H_r: Response) -> NDArray[np.float64]:
+def peak_errors(H: Response, H_r: Response) -> Array:
     """Relative error of the height of the highest peak of each channel.
 
     Returns
     -------
     (outputs, inputs) float64
-        | max|H_r| - max|H| | / max|H| over the band; NaN for a silent channel. A peak that is shifted counts for
-        nothing here, and for much in `channel_errors`.
+        | max|H_r| - max|H| | / max|H| over the band; NaN for a silent channel. The shift of a peak does not count here;
+        in `channel_errors` it counts much.
     """
     high, high_r = (abs(X).max(axis=0, initial=0.0) for X in (H, H_r))
     return np.asarray(np.where(high > 0, abs(high_r - high) / np.where(high > 0, high, 1.0), np.nan))
 
 
-def frac(H: Response, H_r: Response) -> NDArray[np.float64]:
+def frac(H: Response, H_r: Response) -> Array:
     """Frequency response assurance criterion of each channel: 1 for equal shapes, 0 for unlike ones.
 
     Returns
@@ -229,13 +224,11 @@ def _units(channels: Sequence[Channel]) -> NDArray[np.int64]:
     return np.array([sorted(set(keys)).index(key) for key in keys], dtype=np.int64)
 
 
-def _equalised(
-    power: NDArray[np.float64], outputs: NDArray[np.int64], inputs: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Factors that bring input units, and output units nearly, to the same mean power per channel; zero if silent."""
+def _equalised(power: Array, outputs: NDArray[np.int64], inputs: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Factors that bring units of inputs, and nearly those of outputs, to one mean power a channel; zero if silent."""
     g, h = np.nonzero(power)
-    # Started from the least squares of the logarithms, which a change of units passes through unaltered; started from
-    # ones, the few rounds below would keep a memory of the units.
+    # The start is the least squares of the logarithms, which a change of units does not alter; after a start from ones,
+    # the result of the few rounds below would depend on the units.
     parts = np.zeros((g.size, sum(power.shape)))
     parts[np.arange(g.size), g] = parts[np.arange(g.size), power.shape[0] + h] = 1.0
     logarithms, *_ = np.linalg.lstsq(parts, -0.5 * np.log(power[g, h]), rcond=None)
@@ -246,23 +239,11 @@ def _equalised(
     return row, column
 
 
-def _inverse_root(mean: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverse_root(mean: Array) -> Array:
     return np.where(mean > 0, 1 / np.sqrt(np.where(mean > 0, mean, 1.0)), 0.0)
 
 
-# A peak so far below the highest of its channel, 60 dB, is nothing that an eye sees beside it.
-_SEEN = 1e-3
-# A peak stands beside its resonance by zeta^2, more where the slope of others tilts it; further off, it is of a mode
-# that has no partner.
-_NEAR = 0.02
-
-
-def peak_shifts(
-    omega: NDArray[np.float64],
-    H: NDArray[np.complex128],
-    full: NDArray[np.float64],
-    reduced: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def peak_shifts(omega: Array, H: Response, full: Array, reduced: Array) -> Array:
     """Largest normalised relative frequency difference (NRFD) of the modes that make a peak in each channel.
 
     Parameters
@@ -277,8 +258,8 @@ def peak_shifts(
     Returns
     -------
     (outputs, inputs) float64
-        |reduced - full| / full, the largest of the modes that the channel shows; NaN where it shows none. A mode of the
-        full system without a partner is not counted: the response error and FRAC tell of it.
+        |reduced - full| / full, the largest of the modes with a peak in the channel; NaN where there is none. A mode of
+        the full system without a partner does not count: it is in the response error and FRAC.
 
     Examples
     --------

@@ -10,19 +10,19 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.factorise import Factor, factorise
+from cmsreduce.linalg.sparse import Factor, factorise
 from cmsreduce.model import FEModel
 
 __all__ = ["RigidMotions", "rigid_motions"]
 
 Array = NDArray[np.float64]
 
-# Below this size the whole spectrum is quicker than a Lanczos run.
+# Below this size the whole spectrum takes less time than a Lanczos run.
 _DENSE_LIMIT = 600
-# The pencil is shifted below zero by this share of the lowest elastic eigenvalue, as far as static deflection knows it:
-# small enough to part rigid from elastic, large enough to leave the factor its digits.
+# The pencil is shifted below zero by this share of the lowest elastic eigenvalue, as estimated by static deflection:
+# small enough to separate rigid from elastic motion, large enough for the digits of the factor.
 _SHIFT = 1e-2
-# Elastic modes computed beside the rigid ones, which show the gap between them.
+# Elastic modes computed beside the rigid ones, to show the gap between them.
 _BESIDE = 4
 
 
@@ -37,7 +37,7 @@ class RigidMotions:
     geometry : (n, r) float64
         From coordinates.
     stiffness : (n, r) float64
-        What K makes of a motion of the reference dofs: -K_oo^-1 K_or.
+        From the stiffness: -K_oo^-1 K_or times the motion of the reference dofs.
     eigen : (n, r) float64
         Lowest modes of K and M, combined.
     rigid_hz : (r,) float64
@@ -54,7 +54,7 @@ class RigidMotions:
     elastic_hz: float
 
     def apart(self, M: sp.csc_array) -> tuple[float, float]:
-        """How far the motions from stiffness, and those from modes, are from those of the geometry.
+        """Distances of the motions from stiffness, and of those from modes, to those of the geometry.
 
         Parameters
         ----------
@@ -79,22 +79,22 @@ def rigid_motions(body: FEModel, geometry: Array) -> RigidMotions:
     body : FEModel
         Free in r ways.
     geometry : (n, r) float64
-        Its rigid motions as coordinates have them; each carries mass.
+        Its rigid motions from coordinates; each carries mass.
 
     Raises
     ------
     NotPositiveDefiniteError
-        If K resists not every other motion.
+        If K does not resist every other motion.
 
     Notes
     -----
-    Source: what pyYeti's ``cbcheck`` compares, for sparse matrices.
+    The comparison of pyYeti's ``cbcheck``, for sparse matrices.
     """
     K, M, r = body.K, body.M, geometry.shape[1]
     _, _, order = la.qr((geometry / np.linalg.norm(geometry, axis=0)).T, mode="economic", pivoting=True)
     reference, others = np.sort(order[:r]), np.sort(order[r:])
     if not others.size:
-        # A lump moves in no other way.
+        # A point mass has no other motion.
         return RigidMotions(reference, geometry, geometry, geometry, np.zeros(r), float("inf"))
     at = geometry[reference]
     held = factorise(sp.csc_array(K[others][:, others]), what="the stiffness held at the reference dofs")
@@ -111,7 +111,7 @@ def rigid_motions(body: FEModel, geometry: Array) -> RigidMotions:
 def _lowest_elastic(K: sp.csc_array, M: sp.csc_array, R: Array, held: Factor, others: NDArray[np.int64]) -> float:
     """Upper estimate of the lowest elastic eigenvalue: the softest deflection under the body's own inertia forces."""
     load = np.asarray(M @ R)
-    # Random loads beside: inertia of a symmetric body may leave its softest mode alone.
+    # Random loads are added because inertia forces of a symmetric body may not excite its softest mode.
     rng = np.random.default_rng(1)
     loads = np.hstack([load, M @ rng.standard_normal(R.shape)])
     U = np.zeros((R.shape[0], loads.shape[1]))
@@ -130,7 +130,7 @@ def _lowest_modes(K: sp.csc_array, M: sp.csc_array, shift: float, r: int) -> tup
     wanted = min(r + _BESIDE, n - 1)
     raised = sp.csc_array(K + shift * M)
     if n <= _DENSE_LIMIT:
-        # The inverted pencil: dofs without mass have an eigenvalue of zero in it, not an infinite one.
+        # In the inverted pencil dofs without mass have the eigenvalue zero, not infinity.
         _, X = la.eigh(M.toarray(), raised.toarray(), subset_by_index=[n - wanted, n - 1])
     else:
         solve = factorise(raised, what="the stiffness raised by mass")

@@ -9,7 +9,7 @@ import pytest
 
 from cmsreduce.assemble import assemble, closed_loop_modes, rigid_substructure
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import Channel, Configuration, JointElement, Scene, System
 from tests.assemble.rigs import at, in_joint, joint, modal, rigid_body
 from tests.frames import line

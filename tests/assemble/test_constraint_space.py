@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cmsreduce.assemble.constraint_space import connected_rows, constraint_space
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 
 
 def blocks(rng, sizes, rank_loss):

@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg as la
 
 from cmsreduce.assemble import PointStack, assemble, frequency_response, rigid_substructure, system_modes, wire
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import Configuration, Damping, JointElement, Point, Scene
 from tests.assemble.rigs import at, in_joint, joint, modal, physical, rigid_body
 from tests.frames import Section, frame

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.balance import cluster_groups, correlated_groups, correlation
-from cmsreduce.linalg.gramians import controllability, observability
+from cmsreduce.linalg.gramian import controllability, observability
 from cmsreduce.model import ModalChannels
 from tests.lyapunov import mixed, two_close_modes
 

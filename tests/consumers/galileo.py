@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cmsreduce.assemble import assemble, modal_substructure, physical_substructure, system_modes
+from cmsreduce.assemble import assemble, system_modes
 from cmsreduce.config import load_pipeline
 from cmsreduce.model import Configuration, ModalComponent
 from cmsreduce.pipeline import Run, Silent
@@ -92,9 +92,9 @@ class Galileo:
         parts = {}
         for name, part in self.run.bodies.items():
             if components is None:
-                parts[name] = physical_substructure(part.body, part.points(scene), part.rigid)
+                parts[name] = part.substructure(scene)
             else:
-                parts[name] = modal_substructure(components[name], part.points(scene))
+                parts[name] = part.substructure(scene, components[name])
         return system_modes(assemble(parts, scene, setting), ALL)[0]
 
     def mesh_node(self, name: str, node: int) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cmsreduce.assemble import modal_substructure, rigid_substructure
+from cmsreduce.assemble import rigid_substructure
 from cmsreduce.config import load_pipeline
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline import Run, Silent
@@ -35,7 +35,11 @@ def test_the_estimate_predicts_the_error_of_either_body(run: Run, name: str, met
     fixed = {other: rigid_substructure(body) for other, body in run.rigid_bodies.items()}
     loading = loading_by_neighbours(name, run.bodies, fixed, run.scene) if method == "benfield-hruda" else None
     # The other body as it is: the error is that of this one alone.
-    fixed |= {other: found.substructure for other, found in run.references.items() if other != name}
+    fixed |= {
+        other: run.bodies[other].substructure(run.scene, found.modes)
+        for other, found in run.references.items()
+        if other != name
+    }
     for cutoff in (1.0, 2.0, 4.0):
         found = reduction(method, cutoff * run.scene.band[1], None, loading).examine(
             flexible.body, flexible.ports.interface, flexible.ports.static_loads, flexible.rigid, enrich=True
@@ -43,7 +47,7 @@ def test_the_estimate_predicts_the_error_of_either_body(run: Run, name: str, met
         assert found.enriched is not None
         reduced, richer = orthogonalise(found.component), orthogonalise(found.enriched)
         estimate = neglected_errors({name: reduced}, {name: richer}, run.bodies, fixed, run.scene)[name]
-        subs = {**fixed, name: modal_substructure(reduced, flexible.points(run.scene))}
+        subs = {**fixed, name: flexible.substructure(run.scene, reduced)}
         model = AssembledModel({body: subs[body] for body in run.scene.bodies}, run.scene)
         true = run.comparison.candidate_error(ReducedModel(model, {name: reduced}))
         assert max(true, ROUNDING) / FACTOR <= max(estimate, ROUNDING) <= max(true, ROUNDING) * FACTOR, (cutoff, true)

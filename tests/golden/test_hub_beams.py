@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cmsreduce.assemble import assemble, physical_substructure, rigid_substructure, system_modes
+from cmsreduce.assemble import assemble, rigid_substructure, system_modes
 from cmsreduce.config import load_pipeline
 from cmsreduce.pipeline import Run, Silent, execute
 from cmsreduce.verify import articulation_inertia, articulation_sensors, free_index, hinges_locked, locked_index
@@ -31,7 +31,7 @@ def systems(run):
     """Hinges free and locked, unreduced, with all their elastic modes."""
     subs = {"hub": rigid_substructure(run.rigid_bodies["hub"])}
     for name, flexible in run.bodies.items():
-        subs[name] = physical_substructure(flexible.undamped, flexible.points(run.scene), flexible.rigid)
+        subs[name] = replace(flexible, body=flexible.undamped).substructure(run.scene)
     scene = replace(run.scene, actuators=(), sensors=articulation_sensors(run.scene))
     found = [assemble(subs, each, scene.configurations[0]) for each in (scene, hinges_locked(scene))]
     return [(system, *system_modes(system, np.inf)) for system in found]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cmsreduce.assemble import assemble, modal_substructure, system_modes
+from cmsreduce.assemble import assemble, system_modes
 from cmsreduce.config import load_pipeline
 from cmsreduce.pipeline import MODEL, Run, Silent, execute
 from cmsreduce.pipeline.system import AssembledModel, ReducedModel
@@ -21,7 +21,7 @@ WHOLE, FEWER, COSTED, NAIVE = "89 modes of each body", "12 + 22", "34 by cost", 
 
 
 def substructures(run, components):
-    return {name: modal_substructure(c, run.bodies[name].points(run.scene)) for name, c in components.items()}
+    return {name: run.bodies[name].substructure(run.scene, c) for name, c in components.items()}
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.linalg import mkl_product as module
-from cmsreduce.linalg.mkl_product import mkl_product
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from cmsreduce.linalg.blocks import products as module
+from cmsreduce.linalg.blocks.products import mkl_product
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
 
 pytestmark = pytest.mark.pardiso
 N = 400

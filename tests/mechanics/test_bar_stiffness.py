@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import DofMapError, MatrixError
-from cmsreduce.mechanics import bars_stiffness
+from cmsreduce.mechanics import Tie, bars_stiffness, tie_nodes
 from cmsreduce.mechanics.bars import BarStiffness
 from cmsreduce.model import Bars, DofTable, FEModel
-from cmsreduce.read import Tie, tie_nodes
 from tests.frames import BAR, line
 from tests.mechanics.test_geometric_stiffness import NONE, bars_of, chain, clamped
 

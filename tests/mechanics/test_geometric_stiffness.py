@@ -226,12 +226,12 @@ def test_the_verification_beam_diverges_without_stress_and_stands_with_it() -> N
     modes = modal_stiffening(bars_stiffness(body, chain(20, section=BEAM), held=held), Phi)
     phi_phi = modal_integrals(body, Phi).phi_phi
     w = np.array([0, 0, 10 * np.sqrt(BEAM.E * BEAM.Iy / (BEAM.rho * BEAM.A * LENGTH**4))])
-    assert spinning_modes(np.diag(values[:16]), phi_phi, w).growth > 1.0
-    stiff = spinning_modes(np.diag(values[:16]), phi_phi, w, modes.spinning(w))
-    assert stiff.growth == 0
+    assert spinning_modes(np.diag(values[:16]), phi_phi, w)[1] > 1.0
+    omega, growth = spinning_modes(np.diag(values[:16]), phi_phi, w, modes.spinning(w))
+    assert growth == 0
     weak, strong = 2.1209 / WRIGHT[0], 4.2418 / WRIGHT[0]
     expected = sorted([WRIGHT[10] * weak, np.sqrt(WRIGHT[5] ** 2 - 5**2) * strong])
-    np.testing.assert_allclose(stiff.omega[:2] / (2 * np.pi), expected, rtol=1e-3)
+    np.testing.assert_allclose(omega[:2] / (2 * np.pi), expected, rtol=1e-3)
 
 
 def test_loads_that_nothing_holds_are_refused() -> None:
@@ -240,5 +240,5 @@ def test_loads_that_nothing_holds_are_refused() -> None:
         bars_stiffness(body, chain(4, section=BAR), held=NONE)
     with pytest.raises(SceneError, match="no such motion"):
         unit_forces(body, [UnitLoad("force", "x", "99")], np.zeros(3))
-    with pytest.raises(SceneError, match="no unit load"):
+    with pytest.raises(SceneError, match="not a unit load"):
         UnitLoad.parse("centrifugal x")

@@ -11,9 +11,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from cmsreduce.errors import SceneError
-from cmsreduce.mechanics import rigid_mass
+from cmsreduce.mechanics import Tie, rigid_mass, tie_nodes
 from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Units, cross_matrix, in_units, rigid_body_shapes
-from cmsreduce.read import Tie, tie_nodes
 from cmsreduce.verify import rigid_mass_properties
 from tests.frames import line, rotation
 from tests.solids import RHO, E, block, face

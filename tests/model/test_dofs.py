@@ -22,7 +22,7 @@ def test_rows_are_found_in_any_order():
 @pytest.mark.parametrize(
     ("node", "component", "message"),
     [
-        ([1, 1], [2, 2], r"dof 1\.2 stands in two rows, 1 and 2"),
+        ([1, 1], [2, 2], r"dof 1\.2 is in two rows, 1 and 2"),
         ([1, 5], [1, 7], r"row 2: component 7 of node 5 is not 0\.\.6"),
         ([1, 2], [1], "one component for each node"),
     ],
@@ -51,7 +51,7 @@ def test_digits_refused(digits):
     ("change", "message"),
     [
         ({"id": [1, 1]}, "node 1 is defined twice"),
-        ({"xyz": [[0, 0, 0], [0, np.nan, 0]]}, "node 2 has a coordinate that is no number"),
+        ({"xyz": [[0, 0, 0], [0, np.nan, 0]]}, "node 2 has a coordinate that is not a number"),
         ({"frame": np.array([np.eye(3), np.diag([1, 1, 1.1])])}, "node 2: .* not orthonormal"),
         ({"xyz": [[0, 0, 0]]}, "2 nodes need"),
     ],

@@ -48,5 +48,5 @@ def test_no_truncated_ranking_is_smaller(
         for cut in fewer:
             assert judge.error(dict(zip(run.ranked, cut, strict=True)), asked) > asked
     # Its time is told where the notes of a run are: on the terminal, in the report, in the summary.
-    (note,) = (note for note in run.ledger.notes if note.startswith("search"))
+    (note,) = (note for note in run.stages.notes if note.startswith("search"))
     assert f"{search.candidates} candidates in {search.seconds:.1f} s" in note and search.seconds > 0

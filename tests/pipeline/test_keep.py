@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cmsreduce.assemble import modal_substructure, rigid_substructure
+from cmsreduce.assemble import rigid_substructure
 from cmsreduce.balance import elastic_norm, keep_bound, mode_bounds
 from cmsreduce.errors import ConfigError
 from cmsreduce.pipeline import Run, execute
@@ -22,7 +22,7 @@ from tests.pipeline.study import CANTILEVER
 def model(run: Run, selection: Mapping[str, np.ndarray]) -> ReducedModel:
     """The run's system with other modes kept."""
     components = truncate(run.ranked, dict(selection), dict.fromkeys(run.ranked, "trial"))
-    subs = {name: modal_substructure(c, run.bodies[name].points(run.scene)) for name, c in components.items()}
+    subs = {name: run.bodies[name].substructure(run.scene, c) for name, c in components.items()}
     every = {**subs, **{name: rigid_substructure(body) for name, body in run.rigid_bodies.items()}}
     return ReducedModel(AssembledModel({name: every[name] for name in run.pipeline.components}, run.scene), components)
 
@@ -81,7 +81,7 @@ def test_the_chosen_model_meets_the_error_on_a_finer_grid(opened: Callable[..., 
     coarse = opened("verify.frf.points=20", text=CANTILEVER)
     selection = coarse.selection
     fine = opened("verify.frf.points=5000", text=CANTILEVER)
-    results = fine.comparison.errors({"reduced": model(fine, selection)}, fine.ledger.progress)
+    results = fine.comparison.errors({"reduced": model(fine, selection)}, fine.stages.progress)
     assert max(result.errors["reduced"].frf_error for result in results) <= 0.01 * 1.05
 
 
@@ -100,8 +100,8 @@ def test_a_search_says_what_it_did(opened: Callable[..., Run], study: Path) -> N
     assert summary["search"]["modes"] == found.modes and summary["search"]["seconds"] == found.seconds
     # A run that goes on from a finished search says the same.
     again = opened(text=CANTILEVER)
-    assert again.choice.search == found and "balance system" in again.ledger.progress.reused_
-    assert note in again.ledger.notes
+    assert again.choice.search == found and "balance system" in again.stages.progress.reused_
+    assert note in again.stages.notes
 
 
 def test_modes_by_the_bound_of_their_body(opened: Callable[..., Run], study: Path) -> None:

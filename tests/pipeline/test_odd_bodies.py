@@ -40,7 +40,7 @@ def test_a_body_with_an_input_and_no_output(opened: Callable[..., Run], rank: st
     """It stays rigid by any rule that asks for what is needed, and is ranked where modes are asked for by number."""
     run = opened(f"balance={{rank: {rank}, keep: {{fraction: 0.1}}}}", text=ALONE)
     assert run.kept["panel"].elastic_count == 0 and run.kept["panel"].rigid_count == 6
-    assert any("panel: no chain of joints leads from it to a sensor" in note for note in run.ledger.notes)
+    assert any("panel: no chain of joints leads from it to a sensor" in note for note in run.stages.notes)
     run = opened(f"balance={{rank: {rank}, keep: {{modes: {{panel: 3}}}}}}", text=ALONE)
     sigma = run.ranked["panel"].sigma[6:]
     assert np.isfinite(sigma).all() and run.kept["panel"].elastic_count == 3

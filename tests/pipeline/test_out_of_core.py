@@ -6,10 +6,12 @@ import h5py
 import numpy as np
 import pytest
 
-from cmsreduce.linalg.solver_settings import SolverSettings
+from cmsreduce.linalg.machine import SolverSettings
 from cmsreduce.model import mapped_in
 from cmsreduce.pipeline import Run, execute
 from tests.pipeline.study import Log, write_study
+
+PHI = "component.modes.Phi"
 
 
 @pytest.fixture
@@ -41,8 +43,9 @@ def test_a_run_with_its_bases_on_disk(tmp_path, monkeypatch):
     stages = tmp_path / "disk" / "out" / "stages"
     assert not [path for path in stages.iterdir() if path.suffix == ".tmp"]
     with h5py.File(stages / "arm.reduce.h5") as file, h5py.File(tmp_path / "memory/out/stages/arm.reduce.h5") as own:
-        assert file["Phi"].chunks is None and file["Phi"].dtype == np.float64
-        np.testing.assert_allclose(file["Phi"][()].T, own["Phi"][()], rtol=0, atol=1e-12 * abs(own["Phi"][()]).max())
+        stored, kept = file[PHI], own[PHI][()]
+        assert stored.chunks is None and stored.dtype == np.float64
+        np.testing.assert_allclose(stored[()].T, kept, rtol=0, atol=1e-12 * abs(kept).max())
 
 
 def test_what_is_on_disk_is_reused_and_made_again_where_it_is_damaged(tmp_path, on_disk):
@@ -50,16 +53,16 @@ def test_what_is_on_disk_is_reused_and_made_again_where_it_is_damaged(tmp_path, 
     first = run(path).reduced("arm").modes.Phi.copy()
     again = run(path)
     np.testing.assert_array_equal(again.reduced("arm").modes.Phi, first)
-    assert not again.ledger.store.damaged
+    assert not again.stages.store.damaged
     stage = tmp_path / "out" / "stages" / "arm.reduce.h5"
     with h5py.File(stage) as file:
-        offset = file["Phi"].id.get_offset()
+        offset = file[PHI].id.get_offset()
     with stage.open("r+b") as file:
         file.seek(offset + 80)
         file.write(b"\x01" * 8)
     third = run(path)
     np.testing.assert_array_equal(third.reduced("arm").modes.Phi, first)
-    assert "checksum" in third.ledger.store.damaged[0]
+    assert "checksum" in third.stages.store.damaged[0]
 
 
 def test_a_stage_that_was_finished_with_more_memory_is_read_to_disk(tmp_path, monkeypatch):

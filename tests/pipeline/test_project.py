@@ -15,7 +15,7 @@ from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.model import Configuration, Joint, Point, Scene
 from cmsreduce.pipeline import execute
-from cmsreduce.pipeline.project.stage import halfway
+from cmsreduce.pipeline.project.stage import midpoint_configurations
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import Silent
 from tests.pipeline.study import Log, write_study
@@ -130,7 +130,7 @@ def test_one_configuration_is_not_enough_and_auto_adds_the_worst(summary):
     assert code == 0, output
     assert found["worst"]["frf_error"] <= 0.02
     assert max(found["projection"]["between"].values()) <= 0.02
-    assert [note for note in found["notes"] if "holds at all of them" in note]
+    assert [note for note in found["notes"] if "is met in all of them" in note]
     kept = sum(part["kept_modes"] for part in found["components"].values())
     code, _, everything = summary("project={modes: {cutoff: 4}}")
     assert code == 0 and kept < sum(part["kept_modes"] for part in everything["components"].values())
@@ -175,7 +175,7 @@ def test_a_large_tolerance_compresses_and_says_so(summary):
     code, output, found = summary("project={modes: {cutoff: 2}, tolerance: 0.05, between: false}", "verify.limits={}")
     assert code == 0 and "compressed to" in output
     worst = max(each["worst_return"] for each in found["projection"]["sampled"])
-    assert f"return to {worst:.2g} at worst" in " ".join(output.split())
+    assert f"after assembly {worst:.2g}" in " ".join(output.split())
     for name, rank in found["projection"]["rank"].items():
         assert rank == np.count_nonzero(np.array(exact["projection"]["singular_values"][name]) > 0.05)
     assert max(each["worst_return"] for each in found["projection"]["sampled"]) > RETURNED
@@ -238,10 +238,10 @@ def test_auto_needs_a_response(summary):
     ],
     ids=["three", "a slide", "one of two", "one", "none"],
 )
-def test_halfway(angles, expected):
+def test_midpoint_configurations(angles, expected):
     settings = tuple(Configuration(str(k), each) for k, each in enumerate(angles))
     joints = tuple(Joint(name, Point("body", "one"), Point("body", "two"), frozenset({0, 5})) for name in "ab")
-    found = halfway(Scene(("body",), (0.0, 1.0), joints=joints, configurations=settings))
+    found = midpoint_configurations(Scene(("body",), (0.0, 1.0), joints=joints, configurations=settings))
     assert sorted(setting.name for setting in found) == sorted(expected)
 
 
@@ -257,8 +257,8 @@ def test_a_finished_projection_is_reused_and_finds_the_same(study, tmp_path):
     execute(first, path, report=False)
     again = run()
     execute(again, path, report=False)
-    assert "project system" in first.ledger.progress.done and "project system" in again.ledger.progress.reused_
-    assert "project system" not in again.ledger.progress.done
+    assert "project system" in first.stages.progress.done and "project system" in again.stages.progress.reused_
+    assert "project system" not in again.stages.progress.done
     for name, component in first.final.items():
         other = again.final[name]
         np.testing.assert_array_equal(other.Phi, component.Phi)
@@ -269,15 +269,16 @@ def test_a_finished_projection_is_reused_and_finds_the_same(study, tmp_path):
     for a, b in zip(one.sampled, two.sampled, strict=True):
         np.testing.assert_array_equal(a.error, b.error)
     for a, b in zip(one.extraneous, two.extraneous, strict=True):
-        assert (a.configuration, a.hz, a.share, a.likeness) == (b.configuration, b.hz, b.share, b.likeness)
+        assert (a.configuration, a.hz, a.mac) == (b.configuration, b.hz, b.mac)
+        assert (a.body, a.energy, a.interface) == (b.body, b.energy, b.interface)
         np.testing.assert_array_equal(a.weight, b.weight)
     alone = run(only="project")
     execute(alone, path)
-    assert "project system" in alone.ledger.progress.done and "verify system" not in alone.ledger.progress.done
+    assert "project system" in alone.stages.progress.done and "verify system" not in alone.stages.progress.done
     other = run("project={modes: auto, frf_error: 0.2}")
     execute(other, path, report=False)
-    assert {"project system", "verify system"} <= set(other.ledger.progress.done)
-    assert "balance system" in other.ledger.progress.reused_
+    assert {"project system", "verify system"} <= set(other.stages.progress.done)
+    assert "balance system" in other.stages.progress.reused_
 
 
 def test_a_limit_that_projection_goes_for_is_part_of_its_key(study, tmp_path):
@@ -290,7 +291,7 @@ def test_a_limit_that_projection_goes_for_is_part_of_its_key(study, tmp_path):
 
     few, many = run(0.3), run(0.02)
     assert sum(few.projected.record.rank.values()) < sum(many.projected.record.rank.values())
-    assert "project system" in many.ledger.progress.done
+    assert "project system" in many.stages.progress.done
 
 
 def test_the_stage_has_a_verb(study, tmp_path):

@@ -23,7 +23,7 @@ LAST = ["balance system", "verify system"]
 
 def done(run: Run) -> list[str]:
     """Stages carried out, of those that are stored."""
-    stored = [entry for entry in run.ledger.progress.done if entry.split()[0] in STORED]
+    stored = [entry for entry in run.stages.progress.done if entry.split()[0] in STORED]
     return [entry for entry in stored if not entry.endswith("unreduced")]
 
 
@@ -52,7 +52,7 @@ def test_a_second_run_computes_nothing_and_finds_the_same(opened: Callable[..., 
     again = opened()
     result = execute(again, study, report=False)
     assert done(again) == []
-    assert {*MODAL, *LAST} <= set(again.ledger.progress.reused_)
+    assert {*MODAL, *LAST} <= set(again.stages.progress.reused_)
     assert summary(study) == found
     assert result is not None
     for name, modal in again.kept.items():
@@ -60,7 +60,7 @@ def test_a_second_run_computes_nothing_and_finds_the_same(opened: Callable[..., 
     for one, other in zip(first.verified.configurations, result.configurations, strict=True):
         np.testing.assert_array_equal(one.response.full, other.response.full)
     # What was reused keeps the time it took.
-    assert result.components["arm"].seconds["reduce"] == first.ledger.seconds["arm"]["reduce"]
+    assert result.components["arm"].seconds["reduce"] == first.stages.seconds["arm"]["reduce"]
 
 
 @pytest.mark.usefixtures("run_before")

@@ -30,10 +30,10 @@ def test_a_body_off_every_path_stays_rigid_at_no_cost(opened: Callable[..., Run]
     execute(run, study)
     assert run.modal("panel").elastic_count == 0 and run.modal("panel").rigid_count == 6
     assert run.modal("arm").elastic_count > 0
-    (note,) = [note for note in run.ledger.notes if note.startswith("panel: no chain of joints leads from it")]
+    (note,) = [note for note in run.stages.notes if note.startswith("panel: no chain of joints leads from it")]
     assert "an actuator or a sensor; it is kept rigid" in note and "error 0" in note
     # No eigenproblem, no factor: nothing is factorised to reduce it.
-    assert not run.ledger.factorised["panel"]["reduce"] and run.ledger.factorised["arm"]["reduce"]
+    assert not run.stages.factorised["panel"]["reduce"] and run.stages.factorised["arm"]["reduce"]
     # The mass properties are the body's own: its rigid modes are all of its momentum.
     part = json.loads((run.folder / "summary.json").read_text())["components"]["panel"]
     assert (part["kept_modes"], part["rigid_modes"]) == (0, 6)
@@ -111,7 +111,7 @@ def test_what_nobody_asked_for_is_not_formed(
         raise AssertionError("formed, although nothing asks for it")
 
     monkeypatch.setattr("cmsreduce.write.component.integrals.modal_integrals", refuse)
-    monkeypatch.setattr("cmsreduce.pipeline.run.run.Run.unreduced", refuse)
+    monkeypatch.setattr("cmsreduce.pipeline.run.run.Run.reference", refuse)
     settings = ("balance.keep={modes: 3}", "verify=null", "scene.articulation={hinge: [50 deg]}")
     run = opened("write=null", *settings)
     execute(run, study, report=False)

@@ -111,7 +111,8 @@ def test_a_factor_that_does_not_fit_is_refused(run):
 
 
 def test_a_solver_that_is_not_installed_is_refused(run, monkeypatch):
-    from cmsreduce.linalg import backends, factorise
+    from cmsreduce.linalg.sparse import factorisation as backends
+    from cmsreduce.linalg.sparse import factorise
 
     for module in (factorise, backends):
         monkeypatch.setattr(module, "installed", lambda backend: backend == "superlu")
@@ -126,5 +127,5 @@ def test_the_unreduced_body_is_represented_under_the_same_settings(files: Path, 
     path.write_text(BAR.format(output=tmp_path / "out", solver="backend: pardiso"))
     run = Run(load_pipeline(path), tmp_path / "out", Silent())
     assert run.references["bar"].label == "modes to 2 x cutoff"
-    done = run.ledger.factorised["bar, unreduced"]["verify"]
+    done = run.stages.factorised["bar"]["reference"]
     assert done and {each.backend for each in done} == {"pardiso"}

@@ -42,7 +42,7 @@ def test_until_a_stage(opened: Callable[..., Run], study: Path, stage: str) -> N
     result = execute(run, study, until=stage)
     assert files(study) == ORDER[stage]
     assert (result is not None) == (stage == "write")
-    assert {path.relative_to(study.parent / "out").as_posix() for path in run.ledger.written} <= ORDER[stage]
+    assert {path.relative_to(study.parent / "out").as_posix() for path in run.stages.written} <= ORDER[stage]
 
 
 def test_one_verb_after_the_other_makes_the_whole(study: Path) -> None:

@@ -71,7 +71,7 @@ def test_targets_need_the_component_file_alone(
         dialect = "by-mode" if name == "sid" else None
         for path in convert(tmp_path / "arm.h5", tmp_path / f"arm{target.suffix}", name, dialect):
             assert path.read_bytes() == (study.parent / "out" / path.name).read_bytes()
-            assert study.parent / "out" / path.name in run.ledger.written
+            assert study.parent / "out" / path.name in run.stages.written
 
 
 def test_no_component_file_is_left_where_none_was_asked_for(opened: Callable[..., Run], study: Path) -> None:

@@ -12,9 +12,9 @@ import scipy.sparse as sp
 
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import SceneError
+from cmsreduce.mechanics import Tie, tie_nodes
 from cmsreduce.model import FEModel, Interface, cross_matrix, rigid_body_shapes
 from cmsreduce.pipeline import Run, Silent
-from cmsreduce.read import Tie, tie_nodes
 from tests.frames import line, rotation
 from tests.pipeline.study import write_body
 from tests.solids import block, face

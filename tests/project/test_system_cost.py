@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from cmsreduce.assemble import assemble, elastic_states, modal_substructure, rigid_substructure
 from cmsreduce.balance import component_costs
 from cmsreduce.errors import DampingError, MatrixError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import Configuration, Damping, ModalChannels, Scene
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.project import SystemCost, cost_shares, costliest, system_cost

@@ -171,7 +171,7 @@ def test_a_damping_matrix_is_put_on_the_same_rows(tmp_path: Path) -> None:
     ("changes", "error", "message"),
     [
         ({"mass": 5}, MatrixError, r"different size: 'k' of .*k.mtx is 6 x 6, 'm' of .*m.mtx is 5 x 5"),
-        ({"geometry": None}, DofMapError, r"nothing says what the 6 rows of 'k' in .*k.mtx are; give `geometry:`"),
+        ({"geometry": None}, DofMapError, r"the dofs of the 6 rows of 'k' in .*k.mtx are unknown; give `geometry:`"),
         ({"stiffness": 7}, DofMapError, r"'k' of .*k.mtx has 7 rows, .*no dof set of .*a 12, f 12, n 12, g 12, transl"),
         ({"rows": "b"}, DofMapError, r"there is no dof set 'b'; its sets and their sizes are a \(12\)"),
         ({"rows": "asett"}, DofMapError, r"there is no dof set 'asett'; its sets and their sizes are a \(12\)"),
@@ -190,11 +190,11 @@ def test_what_does_not_fit_is_refused(
         B[: min(size, 6), : min(size, 6)] = A[:size, :size]
         return market(tmp_path / f"{name}.mtx", sp.csc_array(B))
 
-    asked: dict[str, object] = {"geometry": write(tmp_path / "b.bdf", ["GRID,1", "GRID,2,,4."]), **changes}
-    asked["stiffness"] = sized("k", ROD, changes.get("stiffness"))
-    asked["mass"] = sized("m", np.eye(6), changes.get("mass"))
+    given: dict[str, object] = {"geometry": write(tmp_path / "b.bdf", ["GRID,1", "GRID,2,,4."]), **changes}
+    given["stiffness"] = sized("k", ROD, changes.get("stiffness"))
+    given["mass"] = sized("m", np.eye(6), changes.get("mass"))
     with pytest.raises(error, match=message):
-        read_body("rod", **asked)  # type: ignore[arg-type]
+        read_body("rod", **given)  # type: ignore[arg-type]
 
 
 def test_a_rectangular_matrix_is_refused(tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ BAD = {
     "empty": ("", "k.txt", "empty"),
     "a word among numbers": ("D\n1 2 x\n", "line 2", "no row of numbers"),
     "a short row": ("A\n0 1\n1\n", "line 3", "has 1 numbers"),
-    "twice": ("A\n1\nA\n1\n", "line 3", "stands twice"),
+    "twice": ("A\n1\nA\n1\n", "line 3", "appears twice"),
     "no output matrix": (TEXT.partition("C\n")[0], "lacks C", "C (actuators x n)"),
     "a state matrix alone with a gain": ("A\n1\nD\n1 0 0\n0 1 0\n", "lacks B, C", "has states"),
     "too few inputs": ("D\n1 0\n0 1\n", "D is 2 x 2, but must be 2 x 3", "gyro.ry, gyro.rz, probe"),

@@ -65,16 +65,16 @@ REFUSED = {
     "too small": (lambda A, body: A[:-6, :-6], MatrixError, "24 x 24, but the stiffness has 30 rows"),
     "not symmetric": (lambda A, body: A + np.triu(A), MatrixError, "not symmetric"),
     "not finite": (lambda A, body: np.where(np.eye(body.n) > 0, np.nan, A), MatrixError, "not finite"),
-    "nodes in another order": (shuffled, DofMapError, "does not join"),
+    "nodes in another order": (shuffled, DofMapError, "does not couple"),
     "dofs in another order": (components_first, DofMapError, "another order"),
     "with the softening by spin": (lambda A, body: A - body.M.toarray(), DofMapError, "omega"),
 }
 
 
-@pytest.mark.parametrize("change, error, said", REFUSED.values(), ids=REFUSED.keys())
-def test_what_does_not_fit_the_stiffness_is_refused(
-    tmp_path: Path, body: FEModel, stress: np.ndarray, change, error: type[Exception], said: str
+@pytest.mark.parametrize("change, error, message", REFUSED.values(), ids=REFUSED.keys())
+def test_a_matrix_that_does_not_fit_the_stiffness_is_refused(
+    tmp_path: Path, body: FEModel, stress: np.ndarray, change, error: type[Exception], message: str
 ) -> None:
-    with pytest.raises(error, match=said) as caught:
+    with pytest.raises(error, match=message) as caught:
         read_differential_stiffness(stored(tmp_path, change(stress, body)), body, "centrifugal zz")
     assert "kg.op4 (centrifugal zz)" in str(caught.value)

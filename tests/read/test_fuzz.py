@@ -15,7 +15,7 @@ from cmsreduce.errors import CmsReduceError
 from cmsreduce.read import matrix_names, read_geometry, read_matrix
 from tests.read.mutations import damaged, samples
 
-# Files of a kilobyte: whatever a damaged size says, nothing of that size may be allocated.
+# The files have a kilobyte: a damaged size must not make the reader allocate memory of that size.
 MOST = 64 * 2**20
 CASES = 60
 GEOMETRY = ("deck.bdf", "mesh.inp", "mesh.frd")
@@ -50,7 +50,7 @@ def test_damaged_anywhere(name: str, good: dict[str, bytes], tmp_path: Path) -> 
             path.write_bytes(damaged(good[name], chance))
             try:
                 with warnings.catch_warnings():
-                    # Libraries may say that a file is odd; numbers that overflow are an error of ours.
+                    # Libraries may warn of odd files; numbers that overflow are an error of cmsreduce.
                     warnings.simplefilter("ignore", UserWarning)
                     read(path)
             except CmsReduceError as error:

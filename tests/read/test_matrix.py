@@ -80,8 +80,8 @@ def test_format_is_found_by_content(tmp_path: Path, format: str, suffix: str) ->
         (b"\x01\x02\x03\x04 and more", r"starts with b'\\x01\\x02\\x03\\x04 and more'"),
         (b"\x1f\x8b\x08\x00", "compressed with gzip"),
         (b"BEGIN BULK\nGRID,1,,0.,0.,0.\nENDDATA\n", "deck or listing without DMIG entries"),
-        (b"\xef\xbb\xbf", "the format cannot be told"),
-        (b"\n \n", "the format cannot be told"),
+        (b"\xef\xbb\xbf", "the format is not recognised"),
+        (b"\n \n", "the format is not recognised"),
         (b"PK\x03\x04 no archive", "the .npz file cannot be read"),
         (b"\x93NUMPY", "the .npy file cannot be read"),
         (b"MATLAB 5.0", "the MATLAB file is truncated"),
@@ -126,7 +126,7 @@ def test_file_that_is_not_there(tmp_path: Path) -> None:
 
 def test_format_that_is_not_known(tmp_path: Path) -> None:
     write(tmp_path / "k", "op4")
-    with pytest.raises(ReadError, match=r"no matrix format 'opt4'; did you mean 'op4'\? known are op4, op2, dmig"):
+    with pytest.raises(ReadError, match=r"no matrix format 'opt4'; did you mean 'op4'\? known are op4, op2, mat"):
         read_matrix(tmp_path / "k", format="opt4")
 
 
@@ -171,7 +171,7 @@ def test_dof_list_orders_a_matrix_that_has_labels(tmp_path: Path) -> None:
     assert found.dofs.labels == ["3.1", "9.2", "1.1", "2.1"]
     assert found.A.toarray().tolist() == [[1, 0, 0, -1], [0, 0, 0, 0], [0, 0, 2, -1], [-1, 0, -1, 2]]
     listed.write_text("3.1\n1.1\n")
-    with pytest.raises(ReadError, match=r"has 1 dofs that are not in the dof list asked for, the first is 2\.1"):
+    with pytest.raises(ReadError, match=r"has 1 dofs that the dof list lacks, the first is 2\.1"):
         read_matrix(tmp_path / "k.pch", dofs=listed)
 
 
@@ -187,7 +187,7 @@ def test_rows_of_another_table_need_labels(tmp_path: Path) -> None:
         ("1.1\n1.7\n", "line 2: '1.7' is not a dof"),
         ("1.1\nnode\n", "line 2: 'node' is not a dof"),
         ("# none\n", "the dof list is empty"),
-        ("1.1\n1.2\n1.1\n", "dof 1.1 stands in two rows, 1 and 3"),
+        ("1.1\n1.2\n1.1\n", "dof 1.1 is in two rows, 1 and 3"),
         ("99999999999999999999.1\n", "too large"),
     ],
 )

@@ -1,4 +1,4 @@
-"""How finely printed numbers were rounded."""
+"""Rounding of printed numbers."""
 
 import pytest
 

@@ -47,12 +47,12 @@ def test_fixed_interface_eigenvalues(reduced, sierra):
 
 
 @pytest.mark.parametrize("letter", ["K", "M"])
-def test_boundary_matrices(reduced, sierra, letter):
+def test_interface_matrices(reduced, sierra, letter):
     expected = sierra[f"{letter}bb"]
     np.testing.assert_allclose(getattr(reduced, letter)[:75, :75], expected, rtol=0, atol=1e-11 * abs(expected).max())
 
 
-def test_modes_couple_to_the_boundary_as_sierra_s_do(reduced, sierra):
+def test_modes_couple_to_the_interface_as_sierra_s_do(reduced, sierra):
     mine, theirs = reduced.M[75:105, :75], sierra["Mqb"]
     w = np.sqrt(sierra["fixed_interface_eigenvalues"])
     start, size = 0, abs(theirs).max()

@@ -1,4 +1,4 @@
-"""Characteristic constraint modes: the boundary pencil's own eigenvectors in place of one shape per dof."""
+"""Characteristic constraint modes: the eigenvectors of the interface pencil instead of one shape per dof."""
 
 from itertools import pairwise
 
@@ -32,7 +32,7 @@ def rigid(body: FEModel) -> np.ndarray:
     return rigid_body_modes(body.K, body.M, rigid_body_shapes(body.dofs, body.nodes), body.rounding, body.name)
 
 
-def boundary_pencil(body: FEModel, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def interface_pencil(body: FEModel, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Condensed K and M and the constraint modes (n, i), by dense algebra."""
     j = np.setdiff1d(np.arange(body.n), rows)
     K, M = body.K.toarray(), body.M.toarray()
@@ -59,10 +59,10 @@ def omega(body: FEModel, **options) -> np.ndarray:
     return orthogonalise(CraigBampton(EVERYTHING, **options).reduce(body, feet(body))).omega
 
 
-def test_they_are_the_eigenvectors_of_the_boundary_pencil():
+def test_they_are_the_eigenvectors_of_the_interface_pencil():
     body = table()
     rows = feet(body)
-    K, M, Psi = boundary_pencil(body, rows)
+    K, M, Psi = interface_pencil(body, rows)
     lam, U = la.eigh(K, M)
     kept = np.flatnonzero(lam <= (2 * np.pi * 120) ** 2)
     assert 8 < kept.size < 20
@@ -100,11 +100,11 @@ def test_frequencies_come_down_from_above_as_the_interface_cutoff_rises():
 
 
 def test_some_dofs_keep_a_shape_of_their_own():
-    """The boundary's Craig-Bampton: single dofs, and modes of the many with the single ones held."""
+    """Craig-Bampton of the interface: single dofs, and modes of the others with the single ones held."""
     body = table(feet=(1, 2, 3, 4), top=6)
     rows, single = feet(body), body.interface_rows("top")
     many = body.interface_rows("feet")
-    K, M, Psi = boundary_pencil(body, rows)
+    K, M, Psi = interface_pencil(body, rows)
     t, s = np.arange(24), np.arange(24, 30)
     component = CraigBampton(0.0, interface_reduction=InterfaceReduction(90.0, many)).reduce(body, rows)
     lam, U = la.eigh(K[np.ix_(t, t)], M[np.ix_(t, t)])
@@ -136,7 +136,7 @@ def test_rigid_motion_is_never_cut_off(cutoff):
         assert max(orthogonality_errors(modal)) < 1e-10
 
 
-def test_a_repeated_mode_of_the_boundary_is_not_split():
+def test_a_repeated_mode_of_the_interface_is_not_split():
     """Four equal masses on equal springs to a fifth: three times the same frequency, whatever the cutoff hits."""
     K = np.diag([4.0, 1.0, 1.0, 1.0, 1.0])
     K[0, 1:] = K[1:, 0] = -1.0
@@ -181,7 +181,7 @@ def test_given_shapes_belong_to_the_rows_in_their_order(seed):
 def test_shapes_of_another_interface_are_refused():
     body = table(feet=(1, 2, 3, 4), top=6)
     wrong = InterfaceReduction(0.0, body.interface_rows("feet"), np.ones((7, 2)))
-    with pytest.raises(MatrixError, match="its shapes have 7 rows, but 24 dofs are reduced"):
+    with pytest.raises(MatrixError, match="the shapes have 7 rows, but 24 dofs are reduced"):
         CraigBampton(0.0, interface_reduction=wrong).reduce(body, feet(body))
     with pytest.raises(ConfigError, match="macneal-rubin has no constraint modes"):
         reduction(MacNealRubin.method, 1.0, InterfaceReduction(1.0))
@@ -194,7 +194,7 @@ def test_guyan_takes_them_too():
     assert set(modes.kind) == {"constraint"} and 6 < modes.m < plain.m
 
 
-def test_a_massless_part_of_the_boundary_follows_the_dofs_that_stay():
+def test_a_massless_part_of_the_interface_follows_the_dofs_that_stay():
     """A clamped beam with a weightless lever at its tip; the lever's stiffness counts though it has no frequency."""
     body = line("bar", [0, 0, 0], [1.5, 0, 0], 6, held=(1,), interfaces={"tip": 7})
     n, k = body.n, 5e4

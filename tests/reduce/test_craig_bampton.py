@@ -62,7 +62,7 @@ def test_basis_is_that_of_the_definition(faces):
 
 
 @pytest.mark.parametrize("name", INTERFACES)
-def test_boundary_stiffness_vanishes_where_the_interface_is_determinate(name):
+def test_interface_stiffness_vanishes_where_the_interface_is_determinate(name):
     body = tower(INTERFACES[name])
     i = i_set(body)
     Kbb = CraigBampton(400.0).reduce(body, i).K[: i.size, : i.size]

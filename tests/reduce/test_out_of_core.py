@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
 from cmsreduce.model import mapped_in
 from cmsreduce.orthogonalise import ORTHOGONAL, orthogonalise, orthogonality_errors
 from cmsreduce.reduce import AugmentedBody, BenfieldHruda, CraigBampton, Guyan, InterfaceReduction, MacNealRubin

@@ -1,5 +1,6 @@
 """Projection and recovery, whatever the mode set; invariants over random bodies."""
 
+import traceback
 from dataclasses import replace
 
 import numpy as np
@@ -11,9 +12,10 @@ from hypothesis import strategies as st
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import rigid_body_modes
+from cmsreduce.linalg.sparse import factorise
 from cmsreduce.model import Damping, DofTable, FEModel, ModeSet, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
-from cmsreduce.reduce import CraigBampton, Guyan, project
+from cmsreduce.reduce import METHODS, CraigBampton, Guyan, project, reduction
 from tests.frames import Section, frame
 
 quick = settings(max_examples=25, deadline=None, derandomize=True)
@@ -150,3 +152,24 @@ def test_a_basis_that_misses_a_rigid_motion_is_refused():
     fewer = ModeSet("fewer", modes.Phi[:, 1:], modes.kind[1:], modes.source_hz[1:], modes.label[1:])
     with pytest.raises(MatrixError, match=r"'random'.* not in the span of its fewer basis"):
         project(body, fewer, rigid)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_body_by_itself_is_reduced_with_all_of_its_interfaces(method):
+    body = random_body(3)
+    given, found = reduction(method, 50.0).reduce(body, i_set(body)), reduction(method, 50.0).reduce(body)
+    assert found.modes.label == given.modes.label and found.modes.kind == given.modes.kind
+    for letter in ("M", "K"):
+        np.testing.assert_array_equal(getattr(found, letter), getattr(given, letter))
+
+
+def test_the_factorisation_is_two_calls_away_from_the_user(monkeypatch):
+    frames = []
+
+    def recorded(*arguments, **options):
+        frames.append([frame.name for frame in traceback.extract_stack() if "cmsreduce/reduce" in frame.filename])
+        return factorise(*arguments, **options)
+
+    monkeypatch.setattr("cmsreduce.reduce.craig_bampton.factorise", recorded)
+    CraigBampton(20.0).reduce(random_body(3))
+    assert frames == [["reduce", "basis"]]

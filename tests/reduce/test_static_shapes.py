@@ -6,7 +6,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.linalg.factorise import factorise
+from cmsreduce.linalg.sparse import factorise
 from cmsreduce.model import FEModel, rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise, orthogonality_errors
 from cmsreduce.reduce import CraigBampton, MacNealRubin

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cmsreduce.model import ChannelZeros, ControllerMargin, StepErrors, SystemChecks
+from cmsreduce.model import ChannelZeros, ControllerMargin, HealthFinding, StepErrors, SystemChecks
 
 __all__ = ["HEALTH", "SHIFT", "WORST_RATIO", "channel_zeros", "controller_margin", "step_of", "system_checks"]
 
@@ -14,24 +14,42 @@ SHIFT = 2e-4
 WORST_RATIO = 0.5
 """Of the controller, at its worst frequency."""
 
-_MASS = {"mass": [3.0, 3.0, 3.0], "centre": [0.5, 0.0, 1e-17], "inertia": np.diag([0.1, 0.2, 0.3]).tolist()}
-HEALTH = {
-    "mass_properties": {"geometry": _MASS, "stiffness": {**_MASS, "mass": [3.0, 3.0, 3.003]}},
-    "principal": {
-        "moments": [0.1, 0.2, 0.3],
-        "axes": np.eye(3).tolist(),
-        "radii": [1, 1, 1],
-        "gyration": [0.2, 0.3, 0.4],
-    },
-    "rigid_motions": {"stiffness_off": 1e-12, "modes_off": 1e-11, "rigid_hz": [1e-5, -2e-5], "first_elastic_hz": 0.5},
-    "grounding": {"node": 7, "force": 1e-9, "moment": 1e-9, "relative": 1e-13},
-    "massless": {"count": 0, "dofs": []},
-    "nearly_massless": {"count": 2, "dofs": ["3 rx", "4 rx"]},
-    "highest_dof": {"dof": "9 x", "hz": 1e4},
-    "stiffness_contrast": [{"kind": "translations", "ratio": 1e5, "softest": "1 x", "stiffest": "2 x"}],
-    "negative_motions": {"stiffness": 0, "mass": None},
-}
-"""Three findings: a mass that two sources put a thousandth apart, two dofs next to massless, untold definiteness."""
+HEALTH = (
+    HealthFinding(("mass_properties", "geometry", "centre"), "centre of mass", [0.5, 0.0, 0.0], "0.5 0 0"),
+    HealthFinding(
+        ("mass_properties", "stiffness"),
+        "mass by the rigid motions of stiffness",
+        {"mass": [3.0, 3.0, 3.003]},
+        "differs by 0.001, relative",
+        1e-3,
+        1e-5,
+        "the sources disagree",
+    ),
+    HealthFinding(("rigid_motions", "rigid_hz"), "rigid modes", [1e-5, -2e-5], "below 2e-05 Hz", 2e-5, 5e-3, "no gap"),
+    HealthFinding(
+        ("nearly_massless",),
+        "nearly massless dofs",
+        {"count": 2, "dofs": ["3 rx", "4 rx"]},
+        "2: 3 rx 4 rx",
+        2.0,
+        0.0,
+        "they cost time steps",
+    ),
+    HealthFinding(
+        ("stiffness_contrast",), "stiffness of translations", {"ratio": 1e5, "softest": "1 x"}, "ratio 1e+05", 1e5, 1e12
+    ),
+    HealthFinding(("stiffness_contrast",), "stiffness of rotations", {"ratio": 10.0}, "ratio 10", 10.0, 1e12),
+    HealthFinding(
+        ("negative_motions", "mass"),
+        "motions of negative energy, mass",
+        None,
+        "not determined",
+        np.nan,
+        0.0,
+        "a large body",
+    ),
+)
+"""Three limits not met: a mass that two sources put a thousandth apart, two nearly massless dofs, an unknown."""
 
 
 def channel_zeros(hz: np.ndarray, kept: int, outputs: int, inputs: int) -> tuple[ChannelZeros, ...]:

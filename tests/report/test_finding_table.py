@@ -10,19 +10,27 @@ import pytest
 from rich.console import Console
 
 from cmsreduce.model import Check, Finding
-from cmsreduce.report import Output, print_findings, print_inspected
+from cmsreduce.report import InspectedLine, Output, print_findings, print_inspected
 
 FINDINGS = (
     Finding("", Check("frf_error", 0.02, 0.01), "at spin=0 [x]"),
     Finding("rotor", Check("kept_modes", 19, 25)),
     Finding("rotor", Check("float32: change", 1e-5, math.inf)),
 )
+ROWS = [
+    InspectedLine("study.yaml:"),
+    InspectedLine("30 dofs", "arm", depth=1),
+    InspectedLine("mass 1.164, centre of mass 0.4 0 0", depth=2),
+    InspectedLine("    x      y      z", "effective mass, per cent", depth=2, in_columns=True),
+    InspectedLine("  0.0    2.0  100.0", "mode 1, 2.5 Hz", depth=3, in_columns=True),
+    InspectedLine("0 (limit 1)", "rows: same mass", "pass", depth=2),
+]
 LINES = [
     "study.yaml:",
     "  arm: 30 dofs",
     "    mass 1.164, centre of mass 0.4 0 0",
-    "    effective mass, per cent:     x      y      z",
-    "      mode 1, 2.5 Hz             0.0    2.0  100.0",
+    "    effective mass, per cent                     x      y      z",
+    "      mode 1, 2.5 Hz                           0.0    2.0  100.0",
     "    pass  rows: same mass: 0 (limit 1)",
 ]
 
@@ -76,7 +84,7 @@ def test_quietly_a_terminal_has_the_failed_lines_only(monkeypatch: pytest.Monkey
 
 def test_what_is_in_a_file_is_a_table_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = terminal_of(monkeypatch)
-    print_inspected(LINES, Output())
+    print_inspected(ROWS, Output())
     said = plain(terminal.getvalue())
     assert "study.yaml" in said and not re.search(r"study\.yaml:", said)
     assert re.search(r"^ +arm +30 dofs *$", said, re.M)
@@ -88,5 +96,5 @@ def test_what_is_in_a_file_is_a_table_on_a_terminal(monkeypatch: pytest.MonkeyPa
 
 
 def test_what_is_in_a_file_is_lines_in_a_log(capsys: pytest.CaptureFixture[str]) -> None:
-    print_inspected(LINES, Output())
+    print_inspected(ROWS, Output())
     assert capsys.readouterr().out.splitlines() == LINES

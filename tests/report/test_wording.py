@@ -4,7 +4,8 @@ from dataclasses import replace
 import pytest
 
 from cmsreduce.model import Check
-from cmsreduce.report.wording import FIGURES, broken, headline, number, worst
+from cmsreduce.report.wording import FIGURES, broken, headline, number, place, worst
+from tests.report.sweeps import made_sweep
 
 
 @pytest.mark.parametrize(
@@ -63,3 +64,15 @@ def test_broken_limits_and_checks_are_named(make_run) -> None:
         "rotor: orthogonality in M is 0.001, above its limit 1e-08",
     )
     assert broken(make_run()) == ()
+
+
+def test_the_scene_as_built_is_named_as_such(make_run) -> None:
+    assert place("spin=45") == "at spin=45"
+    assert headline(make_run(configurations=("as built",))).endswith("response error 1 % in the scene as built")
+
+
+def test_results_have_a_short_repr(make_run) -> None:
+    run, sweep = repr(make_run()), repr(made_sweep())
+    assert run.startswith("<RunResult oscillators: PASS, components 1, configurations 2, frf_error 0.02")
+    assert sweep.startswith("<SweepResult ") and "passed" in sweep
+    assert max(len(run), len(sweep)) < 200

@@ -1,14 +1,19 @@
-"""Modes find their partners whatever their signs, order, units, and rotations among equal frequencies."""
+"""Modes find their partners whatever their signs, order, units, damping, and rotations among equal frequencies."""
 
 import numpy as np
 import pytest
+from scipy.optimize import linear_sum_assignment
 
-from cmsreduce.verify import pair_modes, scaled_rows
+from cmsreduce.verify import pair_complex_modes, pair_frequencies, pair_modes, scaled_rows, zero_shifts
+from cmsreduce.verify.mode_pairing import closest_pairs
 from tests.frames import rotation
 
 RNG = np.random.default_rng(7)
 OMEGA = np.array([1.0, 3.0, 3.0, 5.0, 8.0])
 SHAPES = np.linalg.qr(RNG.standard_normal((12, 5)))[0]
+NATURAL = 2 * np.pi * np.array([1.0, 2.0, 2.01, 5.0])
+HZ = np.array([1.0, 2.0, 2.01, 5.0])
+ZETA = np.array([0.01, 0.02, 0.3, 1e-3])
 
 
 def test_the_same_modes_are_the_same():
@@ -77,3 +82,122 @@ def test_the_unit_of_length_does_not_weigh():
     millimetres = pair_modes(OMEGA, OMEGA, *scaled_rows(unit * SHAPES, unit * turned, kind))
     np.testing.assert_allclose(millimetres.mac, metres.mac, rtol=1e-12)
     assert metres.mac.min() < 0.9999
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_pairs_are_as_close_as_scipy_finds_them(seed):
+    random = np.random.default_rng(seed)
+    a, b = random.integers(1, 40, 2)
+    distance = random.random((a, b)) * 10.0 ** random.integers(-8, 8)
+    distance[random.random((a, b)) < 0.1 * (seed % 4)] = 0.0
+    i, j = closest_pairs(distance)
+    assert i.size == j.size == min(a, b) == np.unique(j).size
+    assert (np.diff(i) > 0).all()
+    least = distance[linear_sum_assignment(distance)].sum()
+    assert distance[i, j].sum() <= least + 1e-13 * distance.max()
+
+
+def test_nothing_pairs_with_nothing():
+    assert [part.size for part in closest_pairs(np.empty((0, 3)))] == [0, 0]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_equal_sums_follow_the_order_of_both_lists(seed):
+    random = np.random.default_rng(seed)
+    a, b = np.sort(random.random(6)), np.sort(1.0 + random.random(6))
+    # Every pairing of points on a line has one sum where one list lies beyond the other.
+    i, j = closest_pairs(abs(a[:, None] - b) * (1 + 1e-16 * random.standard_normal((6, 6))))
+    assert i.tolist() == j.tolist() == list(range(6))
+
+
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]], ids=str)
+def test_of_mirror_images_the_first_gets_the_only_partner(order):
+    shifts = zero_shifts(np.array([3.0, -3.0], complex)[order], np.array([3.0j]), (1.0, 10.0))
+    np.testing.assert_allclose(shifts, [np.sqrt(2.0), np.inf])
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2, 3], [0, 2, 1, 3], [3, 1, 0, 2]], ids=str)
+def test_permuted_frequencies_find_their_partners(order):
+    reduced = NATURAL[order] * np.array([1.001, 1.0, 1.002, 1.0])
+    cross = np.eye(4)[:, order] * np.array([1, -1, 1, -1])
+    pairs = pair_frequencies(NATURAL, reduced, cross, 100.0)
+    np.testing.assert_allclose(pairs.full_hz, NATURAL[order] / (2 * np.pi))
+    np.testing.assert_allclose(pairs.reduced_hz, reduced / (2 * np.pi))
+    np.testing.assert_allclose(pairs.mac, 1.0)
+    np.testing.assert_allclose(pairs.error, [0.001, 0.0, 0.002, 0.0], atol=1e-12)
+    assert pairs.worst == pytest.approx(0.002)
+
+
+def test_a_frequency_left_out_has_no_pair():
+    pairs = pair_frequencies(NATURAL, NATURAL[[0, 3]], np.eye(4)[:, [0, 3]], 100.0)
+    np.testing.assert_allclose(pairs.full_hz, [1.0, 5.0])
+    assert pairs.worst == 0.0
+
+
+def test_frequencies_above_the_band_are_left_out():
+    pairs = pair_frequencies(NATURAL, NATURAL * 1.1, np.eye(4), 2.2)
+    np.testing.assert_allclose(pairs.full_hz, [1.0, 2.0])
+
+
+def test_a_mixed_shape_says_so():
+    cross = np.array([[0.8], [0.6]])
+    pairs = pair_frequencies(NATURAL[:2], NATURAL[:1], cross, 100.0)
+    np.testing.assert_allclose(pairs.mac, [0.64])
+
+
+@pytest.mark.parametrize(("full", "reduced"), [(0, 2), (2, 0)])
+def test_no_frequencies_to_pair(full, reduced):
+    pairs = pair_frequencies(NATURAL[:full], NATURAL[:reduced], np.zeros((full, reduced)), 10.0)
+    assert (pairs.error.size, pairs.worst) == (0, 0.0)
+
+
+def roots(hz: np.ndarray, zeta: np.ndarray) -> np.ndarray:
+    return 2 * np.pi * hz * (-zeta + 1j * np.sqrt(1 - zeta**2))
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2, 3], [0, 2, 1, 3], [3, 1, 0, 2]], ids=str)
+def test_permuted_roots_find_their_partners(order):
+    reduced = roots(HZ[order] * np.array([1.001, 1.0, 1.002, 1.0]), ZETA[order] * np.array([1.0, 0.9, 1.2, 1.0]))
+    cross = np.eye(4)[:, order] * np.exp(1j * np.arange(4))
+    pairs = pair_complex_modes(roots(HZ, ZETA), reduced, cross, 100.0)
+    np.testing.assert_allclose(pairs.full_hz, HZ[order], rtol=1e-14)
+    np.testing.assert_allclose(pairs.full_zeta, ZETA[order], rtol=1e-12)
+    np.testing.assert_allclose(pairs.reduced_hz / pairs.full_hz, [1.001, 1.0, 1.002, 1.0], rtol=1e-12)
+    np.testing.assert_allclose(pairs.mac, 1.0)
+    np.testing.assert_allclose(pairs.error, [0.0, 0.1, 0.2, 0.0], atol=1e-11)
+    assert pairs.worst == pytest.approx(0.2)
+
+
+def test_a_root_left_out_has_no_pair():
+    pairs = pair_complex_modes(roots(HZ, ZETA), roots(HZ, ZETA)[[0, 3]], np.eye(4)[:, [0, 3]] + 0j, 100.0)
+    np.testing.assert_allclose(pairs.full_hz, [1.0, 5.0])
+    assert pairs.worst == 0.0
+
+
+def test_roots_above_the_band_are_left_out():
+    # The natural frequency counts, not that of the decaying oscillation.
+    pairs = pair_complex_modes(roots(HZ, ZETA), roots(HZ, ZETA), np.eye(4) + 0j, 2.005)
+    np.testing.assert_allclose(pairs.full_hz, [1.0, 2.0])
+
+
+def test_of_shapes_as_alike_the_nearest_root_is_the_partner():
+    """The modes of a repeated pair come in any mixture: each reduced one is half of either."""
+    full = roots(np.array([3.0, 3.0001]), np.array([0.01, 0.04]))
+    cross = np.sqrt(0.5) * np.array([[1, 1], [1j, -1j]]) * np.array([1.0, 1.01])
+    pairs = pair_complex_modes(full, full[[1, 0]], cross, 10.0)
+    np.testing.assert_allclose(pairs.full, full[[1, 0]])
+    assert pairs.worst == 0.0
+
+
+def test_a_mode_without_damping_has_no_error():
+    full, reduced = roots(HZ[:2], np.array([0.0, 0.02])), roots(HZ[:2], np.array([1e-14, 0.03]))
+    pairs = pair_complex_modes(full, reduced, np.eye(2) + 0j, 10.0)
+    assert np.isnan(pairs.error[0])
+    assert pairs.worst == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("full", "reduced"), [(0, 2), (2, 0)])
+def test_no_roots_to_pair(full, reduced):
+    s = roots(HZ, ZETA)
+    pairs = pair_complex_modes(s[:full], s[:reduced], np.zeros((full, reduced), complex), 10.0)
+    assert (pairs.error.size, pairs.worst) == (0, 0.0)

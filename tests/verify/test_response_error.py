@@ -14,7 +14,7 @@ from cmsreduce.verify import (
     frac,
     frequency_grid,
     frf_error,
-    heard,
+    loud_channels,
     peak_errors,
 )
 
@@ -213,4 +213,4 @@ def test_errors_of_single_channels() -> None:
     # Peaks are 1 / (2 zeta w0^2 sqrt(1 - zeta^2)) high.
     np.testing.assert_allclose(peaks[:2], [0.1, 1 - (w0 / w1) ** 2], rtol=1e-3)
     assert np.isnan(found[2]) and np.isnan(peaks[2])
-    assert heard(both, np.ones(3), ONE).ravel().tolist() == [True, True, False]
+    assert loud_channels(both, np.ones(3), ONE).ravel().tolist() == [True, True, False]

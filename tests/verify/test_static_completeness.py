@@ -6,8 +6,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.linalg.eigen import null_space, rigid_body_modes
-from cmsreduce.linalg.factorise import factorise
-from cmsreduce.linalg.flexibility import ElasticFlexibility
+from cmsreduce.linalg.sparse import ElasticFlexibility, factorise
 from cmsreduce.model import rigid_body_shapes
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton, MacNealRubin

@@ -13,18 +13,21 @@ from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.response.receptance import BRAKED, Receptance, add_between, frequencies_last, receptance
 from cmsreduce.assemble.response.residual_flexibility import JoinedRows, residual_flexibility
 from cmsreduce.assemble.system import Wiring, wire
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.response import frequency_blocks
 from cmsreduce.model import Configuration, Scene, Substructure, System
 
 __all__ = ["body_receptances", "couple", "frequency_response", "rigid_response"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 # Memory of the receptances and joined flexibilities of the frequencies coupled at a time: of 2^22 to 2^27, a face of 90
 # joint forces takes least time with 2^23 and 2^24, half of that with 2^27.
 _BLOCK_BYTES = 2**24
 
 
-def body_receptances(stack: PointStack, omega: NDArray[np.float64]) -> dict[str, Receptance]:
+def body_receptances(stack: PointStack, omega: Array) -> dict[str, Receptance]:
     """Prepare the receptances of all bodies over the motions that these have (`PointStack.moving`).
 
     Parameters
@@ -46,11 +49,8 @@ def body_receptances(stack: PointStack, omega: NDArray[np.float64]) -> dict[str,
 
 
 def couple(
-    receptances: Mapping[str, Receptance],
-    stack: PointStack,
-    wirings: Sequence[Wiring],
-    grids: Sequence[NDArray[np.float64]],
-) -> list[NDArray[np.complex128]]:
+    receptances: Mapping[str, Receptance], stack: PointStack, wirings: Sequence[Wiring], grids: Sequence[Array]
+) -> list[Complex]:
     """Responses of the joined bodies, in several configurations, from the receptances of the single ones.
 
     Parameters
@@ -100,11 +100,8 @@ def couple(
 
 
 def _from_receptances(
-    receptances: Mapping[str, Receptance],
-    stack: PointStack,
-    joined: Sequence[JoinedRows],
-    grids: Sequence[NDArray[np.float64]],
-) -> list[NDArray[np.complex128]]:
+    receptances: Mapping[str, Receptance], stack: PointStack, joined: Sequence[JoinedRows], grids: Sequence[Array]
+) -> list[Complex]:
     """Responses (f_k, outputs, inputs) of several configurations, by the forces in their joints."""
     every = np.unique(np.concatenate([np.empty(0), *grids]))
     places = [np.searchsorted(every, grid) for grid in grids]
@@ -142,7 +139,7 @@ def _alike(joined: Sequence[JoinedRows]) -> list[list[int]]:
     return list(groups.values())
 
 
-def rigid_response(system: System, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+def rigid_response(system: System, omega: Array) -> Complex:
     """Rigid-body part of a system's response: (f, outputs, inputs) complex128.
 
     Free motions that dampers of the joints, or of the ground, resist answer with their drag.
@@ -157,7 +154,7 @@ def rigid_response(system: System, omega: NDArray[np.float64]) -> NDArray[np.com
     return np.asarray(gain @ np.linalg.solve(1j * w * drag - w**2 * np.eye(drag.shape[0]), load[None] + 0j))
 
 
-def _drag(system: System) -> NDArray[np.float64]:
+def _drag(system: System) -> Array:
     """Damping of the rigid motions, without its round-off (R, R)."""
     Pr = system.rigid
     if system.D is None or not Pr.shape[1]:
@@ -169,8 +166,8 @@ def _drag(system: System) -> NDArray[np.float64]:
 
 
 def frequency_response(
-    substructures: Mapping[str, Substructure], scene: Scene, configuration: Configuration, omega: NDArray[np.float64]
-) -> NDArray[np.complex128]:
+    substructures: Mapping[str, Substructure], scene: Scene, configuration: Configuration, omega: Array
+) -> Complex:
     """Frequency response of the assembled bodies in one configuration.
 
     Parameters

@@ -21,7 +21,7 @@ from cmsreduce.assemble.response.modal_terms import (
 )
 from cmsreduce.assemble.response.receptance import Receptance, add_between, frequencies_last, modal_weights, resonant
 from cmsreduce.assemble.system import Wiring
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import row_basis
 from cmsreduce.linalg.response import ResonanceError, frequency_blocks
 from cmsreduce.model import Substructure
@@ -30,6 +30,7 @@ __all__ = ["ModalReceptance"]
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Indices = NDArray[np.int64]
 
 # Memory of the flexibilities of the frequencies taken at a time.
 _BLOCK_BYTES = 2**27
@@ -63,11 +64,7 @@ class ModalReceptance:
     """
 
     def __init__(
-        self,
-        substructures: Mapping[str, Substructure],
-        wiring: Wiring,
-        omega: Real,
-        whole: Mapping[str, Receptance],
+        self, substructures: Mapping[str, Substructure], wiring: Wiring, omega: Real, whole: Mapping[str, Receptance]
     ) -> None:
         self.omega, self._substructures = omega, substructures
         stack = PointStack(substructures)
@@ -99,7 +96,7 @@ class ModalReceptance:
         alone = self._row_basis({name: np.empty(0, dtype=np.int64) for name in substructures})
         self._same_joints = alone.shape[0] == self._basis.shape[0]
 
-    def response(self, kept: Kept, at: NDArray[np.int64] | None = None) -> Complex:
+    def response(self, kept: Kept, at: Indices | None = None) -> Complex:
         """Response with some of the modes, rigid-body part included.
 
         Parameters
@@ -120,9 +117,7 @@ class ModalReceptance:
             H[part] = CYB - CYA @ np.linalg.solve(AYA, AYB) if U.shape[0] else CYB
         return H
 
-    def effects(
-        self, kept: Kept, changes: Sequence[Change], at: NDArray[np.int64]
-    ) -> tuple[Complex, Complex, NDArray[np.bool_]]:
+    def effects(self, kept: Kept, changes: Sequence[Change], at: Indices) -> tuple[Complex, Complex, NDArray[np.bool_]]:
         """Response with some of the modes, and what each of many changes alone would add to it.
 
         Parameters
@@ -177,7 +172,7 @@ class ModalReceptance:
         dH[..., ~known] = np.nan
         return H, dH, known
 
-    def _blocks(self, points: NDArray[np.int64], more: int = 0) -> Iterator[tuple[slice, NDArray[np.int64]]]:
+    def _blocks(self, points: Indices, more: int = 0) -> Iterator[tuple[slice, Indices]]:
         entries = 3 * self._left.shape[0] * self._right.shape[0] + more
         entries += sum(3 * cluster.size**2 for body in self._coupled.values() for cluster in body.clusters)
         for part in frequency_blocks(points.size, 16 * entries, _BLOCK_BYTES):
@@ -215,7 +210,7 @@ class ModalReceptance:
         alike = present[body][columns]
         return _COUPLED if np.isin(columns, clusters[0]).all() and alike.all() == alike.any() else _MIXED
 
-    def _joined(self, kept: Kept, U: Real, points: NDArray[np.int64]) -> tuple[Complex, Complex, Complex, Complex]:
+    def _joined(self, kept: Kept, U: Real, points: Indices) -> tuple[Complex, Complex, Complex, Complex]:
         """Flexibilities between joint forces and inputs, and joint motions and outputs, at some frequencies."""
         last = self._base[..., points]
         presence = {name: self._present(name, kept) for name in self._tables}
@@ -230,7 +225,7 @@ class ModalReceptance:
         AYA, AYB = U @ G[:, :c, :c] @ U.T, U @ G[:, :c, c:]
         return np.asarray(AYA), np.asarray(AYB), np.asarray(C[:, :, :c] @ U.T), C[:, :, c:]
 
-    def _output_rows(self, rows: NDArray[np.float64] | Complex, points: NDArray[np.int64]) -> Complex:
+    def _output_rows(self, rows: Real | Complex, points: Indices) -> Complex:
         """Outputs from the rows that measure displacements and those that measure rates."""
         out = np.zeros((points.size, self._outputs, rows.shape[2]), dtype=np.complex128)
         d = self._displacement.size

@@ -14,20 +14,11 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from cmsreduce.assemble.response.receptance import resonant
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.response import ResonanceError
 from cmsreduce.model import Substructure
 
-__all__ = [
-    "Change",
-    "CoupledModes",
-    "CoupledTerms",
-    "Kept",
-    "ModalTable",
-    "ModalTerms",
-    "SINGULAR",
-    "add_terms",
-]
+__all__ = ["Change", "CoupledModes", "CoupledTerms", "Kept", "ModalTable", "ModalTerms", "SINGULAR", "add_terms"]
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -72,16 +63,14 @@ class ModalTerms:
 
     tables: tuple[ModalTable, ...]
     columns: tuple[Columns, ...]
-    which: NDArray[np.int64]
-    start: NDArray[np.int64]
+    which: Columns
+    start: Columns
     sign: Real
     left: Real
     right: Real
 
     @classmethod
-    def of(
-        cls, tables: Mapping[str, ModalTable], changes: Sequence[Change], which: NDArray[np.int64], kept: Kept
-    ) -> ModalTerms:
+    def of(cls, tables: Mapping[str, ModalTable], changes: Sequence[Change], which: Columns, kept: Kept) -> ModalTerms:
         """Lay those changes side by side that ``which`` numbers."""
         chosen = [changes[k] for k in which]
         sizes = [columns.size for _, columns in chosen]
@@ -95,7 +84,7 @@ class ModalTerms:
         start = np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)])
         return cls(found, columns, which, start, np.repeat(signs, sizes), left, right)
 
-    def weights(self, points: NDArray[np.int64]) -> Complex:
+    def weights(self, points: Columns) -> Complex:
         """Signed 1/Z of every mode at some frequencies (g, modes)."""
         out = np.empty((points.size, self.sign.size), dtype=np.complex128)
         for table, columns, start in zip(self.tables, self.columns, self.start[:-1], strict=True):
@@ -134,7 +123,7 @@ class ModalTerms:
                 dH[part, :, :, self.which[k]] = P[:, :, own] @ np.linalg.solve(pivots, Q[:, :, own].transpose(0, 2, 1))
 
 
-def add_terms(G: Complex, table: ModalTable, columns: Columns, points: NDArray[np.int64] | None = None) -> None:
+def add_terms(G: Complex, table: ModalTable, columns: Columns, points: Columns | None = None) -> None:
     """Add the terms of some modes to an array, in products of real matrices over all frequencies.
 
     Parameters
@@ -249,14 +238,14 @@ class CoupledTerms:
     left: Complex
     right: Complex
     N: Complex
-    change: NDArray[np.int64]
+    change: Columns
 
     @classmethod
     def of(
         cls,
         bodies: Mapping[str, CoupledModes],
         changes: Sequence[Change],
-        which: NDArray[np.int64],
+        which: Columns,
         present: Mapping[str, NDArray[np.bool_]],
         omega: Real,
     ) -> Iterator[CoupledTerms]:
@@ -290,14 +279,7 @@ class CoupledTerms:
                     yield cls(left, right, N, np.repeat(numbers, sizes))
 
     def update(
-        self,
-        dH: Complex,
-        known: NDArray[np.bool_],
-        part: slice,
-        alpha: Complex,
-        Sv: Complex,
-        P: Complex,
-        Q: Complex,
+        self, dH: Complex, known: NDArray[np.bool_], part: slice, alpha: Complex, Sv: Complex, P: Complex, Q: Complex
     ) -> None:
         """Set what each change adds to the response at a block of frequencies.
 

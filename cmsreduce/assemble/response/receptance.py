@@ -12,8 +12,7 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.dense import dense
-from cmsreduce.linalg.factorise import InsufficientMemoryError
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.response import (
     RESPONSE_TOLERANCE,
     DynamicStiffness,
@@ -22,6 +21,7 @@ from cmsreduce.linalg.response import (
     adaptive_flexibility,
     frequency_blocks,
 )
+from cmsreduce.linalg.sparse import InsufficientMemoryError
 from cmsreduce.model import Matrix, Substructure
 
 __all__ = [

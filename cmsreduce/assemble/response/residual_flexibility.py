@@ -35,16 +35,29 @@ from numpy.typing import NDArray
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.response.receptance import is_diagonal, modal_weights
 from cmsreduce.assemble.system import Wiring
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import null_space, row_basis
 from cmsreduce.linalg.response import frequency_blocks
 from cmsreduce.model import Matrix, Substructure
 
-__all__ = [
-    "JoinedRows",
-    "ResidualFlexibility",
-    "residual_flexibility",
-]
+__all__ = ["JoinedRows", "ResidualFlexibility", "residual_flexibility"]
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Ints = NDArray[np.int64]
+
+# Modes with a root nearer to zero than this many times the top of the band are near it.
+_BEYOND = 1.5
+_NODES = 24
+# To fewer forces or frequencies the receptances are coupled as quickly: 12 forces and 21 modes near the band take as
+# long either way, 90 forces and 21 modes a sixteenth.
+_FEWEST_FORCES = 12
+_FEWEST_POINTS = 4 * _NODES
+# Least eigenvalue of A Y A^T, scaled to ones on its diagonal: below it the residual modes do not span the joints, and S
+# would have fewer than six digits. Where they do it was 3e-3 and more, where they do not it is rounding, 1e-16.
+_SPANNED = 1e-10
+# Memory of the matrices of the frequencies solved at a time, which stay in the cache.
+_BLOCK_BYTES = 2**22
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +76,8 @@ class JoinedRows:
         Which outputs the last rows on the left are.
     """
 
-    left: NDArray[np.float64]
-    right: NDArray[np.float64]
+    left: Real
+    right: Real
     c: int
     outputs: int
     displacement: tuple[int, ...]
@@ -85,7 +98,7 @@ class JoinedRows:
         """Rows on the left and on the right."""
         return self.left.shape[0], self.right.shape[0]
 
-    def response(self, G: NDArray[np.complex128], omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def response(self, G: Complex, omega: Real) -> Complex:
         """Outputs under unit inputs (f, outputs, inputs), from the flexibility of the bodies between all rows."""
         c = self.c
         both = G[:, c:, c:]
@@ -93,31 +106,13 @@ class JoinedRows:
             both = both - G[:, c:, :c] @ np.linalg.solve(G[:, :c, :c], G[:, :c, c:])
         return self.measured(both, omega)
 
-    def measured(self, both: NDArray[np.complex128], omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def measured(self, both: Complex, omega: Real) -> Complex:
         """Outputs (f, outputs, inputs), from what the rows that measure anything answer: rates are i w times these."""
         H = np.zeros((omega.size, self.outputs, both.shape[2]), dtype=np.complex128)
         d = len(self.displacement)
         H[:, self.displacement] = both[:, :d]
         H[:, self.rate] += 1j * omega[:, None, None] * both[:, d:]
         return H
-
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Ints = NDArray[np.int64]
-
-# Modes with a root nearer to zero than this many times the top of the band are near it.
-_BEYOND = 1.5
-_NODES = 24
-# To fewer forces or frequencies the receptances are coupled as quickly: 12 forces and 21 modes near the band take as
-# long either way, 90 forces and 21 modes a sixteenth.
-_FEWEST_FORCES = 12
-_FEWEST_POINTS = 4 * _NODES
-# Least eigenvalue of A Y A^T, scaled to ones on its diagonal: below it the residual modes do not span the joints, and S
-# would have fewer than six digits. Where they do it was 3e-3 and more, where they do not it is rounding, 1e-16.
-_SPANNED = 1e-10
-# Memory of the matrices of the frequencies solved at a time, which stay in the cache.
-_BLOCK_BYTES = 2**22
 
 
 @dataclass(frozen=True, eq=False)

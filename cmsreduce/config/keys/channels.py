@@ -22,22 +22,15 @@ from cmsreduce.config.keys.mapping import (
 )
 from cmsreduce.config.keys.quantities import parse_quantity
 from cmsreduce.errors import SceneError, UnitsError
-from cmsreduce.model import DOF_NAMES, Channel, Point, Units, dof_index
+from cmsreduce.model import DOF_NAMES, Channel, Point, Units, dof_index, units_of
 
 __all__ = ["ActuatorKeys", "ChannelSize", "DofName", "Kind", "Pair", "SensorKeys", "Size", "channel_kind", "parse_row"]
 
 Kind = Literal["force", "torque", "length", "angle", "velocity", "angular velocity"]
 
-# Value of each unit of effort in N or N m.
 _EFFORTS: dict[str, tuple[Kind, float]] = {
-    "N": ("force", 1.0),
-    "mN": ("force", 1e-3),
-    "kN": ("force", 1e3),
-    "lbf": ("force", 4.4482216152605),
-    "Nm": ("torque", 1.0),
-    "mNm": ("torque", 1e-3),
-    "kNm": ("torque", 1e3),
-    "Nmm": ("torque", 1e-3),
+    **{name: ("force", value) for name, value in units_of("force").items()},
+    **{name: ("torque", value) for name, value in units_of("torque").items()},
 }
 _EXAMPLE: dict[Kind, str] = {
     "force": "5 N",

@@ -15,7 +15,7 @@ from cmsreduce.config.keys.mapping import Count, DataPath, Keys, Name, OneOrMore
 from cmsreduce.config.keys.scene import SceneKeys
 from cmsreduce.config.keys.stages import NO_PARTS, ProjectKeys, ReduceKeys, VerifyKeys
 from cmsreduce.config.keys.write import BodyWriteKeys, WriteKeys
-from cmsreduce.linalg.solver_settings import Backend, Precision
+from cmsreduce.linalg.machine import Backend, Precision
 from cmsreduce.model import Units
 
 __all__ = ["Pipeline", "SolverKeys", "json_schema"]

@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from cmsreduce.errors import UnitsError
-from cmsreduce.model import Units
+from cmsreduce.model import UnitKind, Units, units_of
 
 __all__ = [
     "Compound",
@@ -37,36 +37,7 @@ _KIND: dict[Dimension, str] = {
 
 # Value of each unit in Hz, rad, m or s.
 _UNITS: dict[str, tuple[Dimension, float]] = {
-    "Hz": ("frequency", 1.0),
-    "mHz": ("frequency", 1e-3),
-    "kHz": ("frequency", 1e3),
-    "MHz": ("frequency", 1e6),
-    "rpm": ("frequency", 1 / 60),
-    "rad/s": ("frequency", 1 / (2 * math.pi)),
-    "deg/s": ("frequency", 1 / 360),
-    "rev/s": ("frequency", 1.0),
-    "deg": ("angle", math.pi / 180),
-    "degree": ("angle", math.pi / 180),
-    "degrees": ("angle", math.pi / 180),
-    "°": ("angle", math.pi / 180),
-    "rad": ("angle", 1.0),
-    "mrad": ("angle", 1e-3),
-    "rev": ("angle", 2 * math.pi),
-    "arcmin": ("angle", math.pi / 180 / 60),
-    "arcsec": ("angle", math.pi / 180 / 3600),
-    "m": ("length", 1.0),
-    "dm": ("length", 0.1),
-    "cm": ("length", 1e-2),
-    "mm": ("length", 1e-3),
-    "um": ("length", 1e-6),
-    "km": ("length", 1e3),
-    "in": ("length", 0.0254),
-    "ft": ("length", 0.3048),
-    "s": ("time", 1.0),
-    "ms": ("time", 1e-3),
-    "us": ("time", 1e-6),
-    "min": ("time", 60.0),
-    "h": ("time", 3600.0),
+    name: (dimension, value) for dimension in get_args(Dimension) for name, value in units_of(dimension).items()
 }
 
 _FORM = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.+-][^\s]*)?\s*")
@@ -77,32 +48,15 @@ ElementFigure = Literal["stiffness", "damping", "inertia"]
 Powers = tuple[int, int, int]
 """Exponents of length, mass and time; an angle has none."""
 
-_FORCE: Powers = (1, 1, -2)
-_POUND_FORCE = 4.4482216152605  # N, by definition
-_POUND = 0.45359237  # kg, by definition
-# Value of each unit in m, kg, s and rad.
+_POWERS: dict[UnitKind, Powers] = {
+    "force": (1, 1, -2),
+    "length": (1, 0, 0),
+    "mass": (0, 1, 0),
+    "time": (0, 0, 1),
+    "angle": (0, 0, 0),
+}
 _COMPOUND_UNITS: dict[str, tuple[Powers, float]] = {
-    "N": (_FORCE, 1.0),
-    "mN": (_FORCE, 1e-3),
-    "kN": (_FORCE, 1e3),
-    "MN": (_FORCE, 1e6),
-    "lbf": (_FORCE, _POUND_FORCE),
-    "m": ((1, 0, 0), 1.0),
-    "cm": ((1, 0, 0), 1e-2),
-    "mm": ((1, 0, 0), 1e-3),
-    "in": ((1, 0, 0), 0.0254),
-    "ft": ((1, 0, 0), 0.3048),
-    "kg": ((0, 1, 0), 1.0),
-    "g": ((0, 1, 0), 1e-3),
-    "t": ((0, 1, 0), 1e3),
-    "lb": ((0, 1, 0), _POUND),
-    "slug": ((0, 1, 0), _POUND_FORCE / 0.3048),
-    "slinch": ((0, 1, 0), _POUND_FORCE / 0.0254),
-    "s": ((0, 0, 1), 1.0),
-    "ms": ((0, 0, 1), 1e-3),
-    "rad": ((0, 0, 0), 1.0),
-    "mrad": ((0, 0, 0), 1e-3),
-    "deg": ((0, 0, 0), math.pi / 180),
+    name: (powers, value) for kind, powers in _POWERS.items() for name, value in units_of(kind).items()
 }
 _DIMENSION: dict[tuple[ElementFigure, bool], tuple[Powers, str]] = {
     ("stiffness", True): ((2, 1, -2), "120 N*m/rad"),

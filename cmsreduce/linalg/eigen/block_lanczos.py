@@ -9,9 +9,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.layout import by_rows
-from cmsreduce.linalg.search_space import SearchSpace
-from cmsreduce.linalg.tall_products import column_products, inner, inner_of_all, less, less_all, times
+from cmsreduce.linalg.blocks import SearchSpace, by_rows, column_products, inner, inner_of_all, less, less_all, times
 
 __all__ = ["BlockLanczos", "Operator", "Ritz"]
 

@@ -15,9 +15,9 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen.pencil import elastic_and_massless
-from cmsreduce.linalg.factorise import factorise
+from cmsreduce.linalg.sparse import factorise
 from cmsreduce.model import Matrix
 
 __all__ = [

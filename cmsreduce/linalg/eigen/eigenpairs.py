@@ -9,16 +9,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.blocks import column_products, symmetric_product
 from cmsreduce.linalg.eigen.inverse_iteration import eigen_residuals
 from cmsreduce.linalg.eigen.mixed_precision import corrected_modes
 from cmsreduce.linalg.eigen.pencil import REPEATED, UndeterminedError, elastic_pairs, repeated_groups
 from cmsreduce.linalg.eigen.shift_invert import CONVERGED
 from cmsreduce.linalg.eigen.spectrum_slicing import SLICED, STEPPED, counted_modes, sturm_count
-from cmsreduce.linalg.factorise import BLOCK, factorise
-from cmsreduce.linalg.flexibility import ElasticFlexibility, Solve
-from cmsreduce.linalg.products import symmetric_product
-from cmsreduce.linalg.refined_factor import RefinedFactor
-from cmsreduce.linalg.tall_products import column_products
+from cmsreduce.linalg.sparse import BLOCK, ElasticFlexibility, RefinedFactor, Solve, factorise
 
 __all__ = ["CertifiedModes", "beside_modes", "certified_modes", "count_below", "modes_below"]
 

@@ -11,13 +11,11 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.blocks import by_rows, inner, less, put, times
 from cmsreduce.linalg.eigen.block_lanczos import Operator
 from cmsreduce.linalg.eigen.pencil import refine
-from cmsreduce.linalg.factor import BLOCK
-from cmsreduce.linalg.layout import by_rows, put
-from cmsreduce.linalg.row_shares import share_rows
-from cmsreduce.linalg.solver_settings import current_settings
-from cmsreduce.linalg.tall_products import inner, less, times
+from cmsreduce.linalg.machine import current_settings, share_rows
+from cmsreduce.linalg.sparse import BLOCK
 
 __all__ = [
     "ShiftedModes",

@@ -10,14 +10,10 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.linalg.blocks import SearchSpace, column_products, inner, put, symmetric_product, times
 from cmsreduce.linalg.eigen.block_lanczos import BlockLanczos, Operator
 from cmsreduce.linalg.eigen.inverse_iteration import ShiftedModes, eigen_residuals
-from cmsreduce.linalg.factor import BLOCK
-from cmsreduce.linalg.layout import put
-from cmsreduce.linalg.products import symmetric_product
-from cmsreduce.linalg.refined_factor import RefinedFactor
-from cmsreduce.linalg.search_space import SearchSpace
-from cmsreduce.linalg.tall_products import column_products, inner, times
+from cmsreduce.linalg.sparse import BLOCK, RefinedFactor
 
 __all__ = ["corrected_modes"]
 

@@ -9,7 +9,7 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.factorise import Factor, NotPositiveDefiniteError, factorise
+from cmsreduce.linalg.sparse import Factor, NotPositiveDefiniteError, factorise
 
 __all__ = [
     "DEPENDENT",

@@ -13,13 +13,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.blocks import symmetric_product, times
 from cmsreduce.linalg.eigen.block_lanczos import Operator
 from cmsreduce.linalg.eigen.inverse_iteration import ShiftedModes, refined
 from cmsreduce.linalg.eigen.shift_invert import CONVERGED, Window, modes_about
-from cmsreduce.linalg.factor import BLOCK
-from cmsreduce.linalg.factorise import Factor, NotPositiveDefiniteError, factorise
-from cmsreduce.linalg.products import symmetric_product
-from cmsreduce.linalg.tall_products import times
+from cmsreduce.linalg.sparse import BLOCK, Factor, NotPositiveDefiniteError, factorise
 
 __all__ = [
     "SLICED",

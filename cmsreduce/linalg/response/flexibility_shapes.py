@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import modes_below
-from cmsreduce.linalg.factorise import factorise
-from cmsreduce.linalg.flexibility import ElasticFlexibility, Solve
 from cmsreduce.linalg.response.dynamic_stiffness import DynamicStiffness
 from cmsreduce.linalg.response.flexibility_model import FlexibilityModel, Residual, frequency_blocks
+from cmsreduce.linalg.sparse import ElasticFlexibility, Solve, factorise
 
 __all__ = [
     "FlexibilityShapes",

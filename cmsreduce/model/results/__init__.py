@@ -1,15 +1,13 @@
 """Findings of a run as plain data: checks, errors, choices, drawings, sweeps.
 
 Frozen dataclasses that the summary, the report and the terminal share belong here.
-Nothing here computes or prints.
+Code that measures, prints or draws belongs elsewhere.
 """
 
-from cmsreduce.model.results.check import Check, Finding
 from cmsreduce.model.results.choices import (
     BoundRecord,
     CutoffRecord,
     ExtraneousMode,
-    ModeShare,
     ProjectionRecord,
     SampledModes,
     SearchRecord,
@@ -21,19 +19,28 @@ from cmsreduce.model.results.component import (
     AxisCompleteness,
     CostlyMode,
     CostlyModes,
+    EffectiveMassCurve,
     Factorisation,
     RoundingEffect,
 )
 from cmsreduce.model.results.drawing import BodyDrawing, JointDrawing, PortDrawing, SceneDrawing, SystemShapes
-from cmsreduce.model.results.errors import ERRORS, DampedPairs, EffectiveMassCurve, GainCurve, ModelErrors, ModeLikeness
+from cmsreduce.model.results.errors import (
+    ERRORS,
+    Check,
+    DampedPairs,
+    Finding,
+    MacMatrix,
+    ModelErrors,
+)
+from cmsreduce.model.results.health import HealthFinding, health_data
 from cmsreduce.model.results.reduction_checks import (
     CHECKS,
     ChannelZeros,
     ControllerMargin,
+    GainCurve,
     GainSum,
     HighGain,
     ReductionChecks,
-    StaticLack,
     StepErrors,
     SystemChecks,
 )
@@ -69,11 +76,11 @@ __all__ = [
     "Finding",
     "GainCurve",
     "GainSum",
+    "HealthFinding",
     "HighGain",
     "JointDrawing",
     "MISSING_INERTIA",
-    "ModeLikeness",
-    "ModeShare",
+    "MacMatrix",
     "ModelErrors",
     "PortDrawing",
     "ProjectionRecord",
@@ -88,12 +95,12 @@ __all__ = [
     "SensitivityCase",
     "SensitivityRecord",
     "Speed",
-    "StaticLack",
     "StepErrors",
     "SweepResult",
     "SweepRow",
     "SystemChecks",
     "SystemModes",
     "SystemShapes",
+    "health_data",
     "short_keys",
 ]

@@ -1,7 +1,4 @@
-"""How the modes of a model were chosen, and how good the means of choosing were.
-
-What projection and assembly did: modes chosen, shapes of each body, modes that came along.
-"""
+"""Choice of the modes of a model: search, cutoffs, bounds, sensitivity, projection of system modes."""
 
 from __future__ import annotations
 
@@ -15,13 +12,16 @@ __all__ = [
     "BoundRecord",
     "CutoffRecord",
     "ExtraneousMode",
-    "ModeShare",
     "ProjectionRecord",
     "SampledModes",
     "SearchRecord",
     "SensitivityCase",
     "SensitivityRecord",
 ]
+
+
+# Smallest MAC at which an extraneous mode is a mode of the reference model.
+_ALIKE = 0.9
 
 
 @dataclass(frozen=True)
@@ -31,16 +31,16 @@ class SearchRecord:
     Parameters
     ----------
     asked, frf_error : float
-        Error to meet, and error met, at the worst configuration.
+        Largest error allowed, and error reached, in the worst configuration.
     modes, of : int
-        Elastic modes kept, and those there were to choose from.
+        Elastic modes kept, and elastic modes of the mode sets.
     candidates : int
-        Selections whose error was looked at.
+        Selections whose error was computed.
     seconds : float
-        Wall time of the search, tables and references included.
+        Wall time of the search, including tables and reference models.
     truncated : mapping of ranking to int
-        Elastic modes that a ranking needs by itself, cut off where it first meets the error; those that need more than
-        one before them are missing.
+        Elastic modes that a ranking alone needs to meet the error. Rankings that need more modes than one listed before
+        them are missing.
     """
 
     asked: float
@@ -54,21 +54,21 @@ class SearchRecord:
 
 @dataclass(frozen=True)
 class CutoffRecord:
-    """The cutoff that was found for a body whose cutoff is ``auto``.
+    """Cutoff found for a body whose cutoff is ``auto``.
 
     Parameters
     ----------
-    multiple : float
-        Of the upper end of the band.
+    cutoff_bands : float
+        Cutoff as a multiple of the upper end of the band.
     estimate : float
-        Estimated frf_error that the body's modes above the cutoff cost.
+        Estimated frf_error of leaving out the body's modes above the cutoff.
     allowed : float
-        What they may cost.
+        Largest estimate allowed.
     tried : tuple of (float, float)
-        Multiples before it, with their estimates.
+        Cutoffs tried before, with their estimates.
     """
 
-    multiple: float
+    cutoff_bands: float
     estimate: float
     allowed: float
     tried: tuple[tuple[float, float], ...] = ()
@@ -76,16 +76,16 @@ class CutoffRecord:
 
 @dataclass(frozen=True)
 class BoundRecord:
-    """A body truncated by a bound of its own, known before anything is assembled.
+    """Truncation of a body by a bound on its own error, known before the assembly.
 
     Parameters
     ----------
     asked : float
         Largest H-infinity error of the body alone, relative to the H-infinity norm of its elastic response.
     bound : float
-        Sum of the H-infinity norms of the modes left out, relative to the same.
+        Sum of the H-infinity norms of the modes left out, relative to the same norm.
     error : float
-        H-infinity norm of all that was left out, sampled, relative to the same: never above the bound.
+        Sampled H-infinity norm of all modes left out together, relative to the same norm: never above the bound.
     """
 
     asked: float
@@ -94,22 +94,22 @@ class BoundRecord:
 
     @property
     def tightness(self) -> float:
-        """Error as a share of its bound; 1 where nothing is left out."""
+        """Error over its bound; 1 if nothing is left out."""
         return self.error / self.bound if self.bound > 0 else 1.0
 
 
 @dataclass(frozen=True)
 class SensitivityCase:
-    """What a run would keep if one thing were otherwise.
+    """Modes that a run would keep after one change of its input.
 
     Parameters
     ----------
     change : str
-        In words: ``damping x 0.2``, ``without gyro``.
+        Change in words: ``damping x 0.2``, ``without gyro``.
     kept : mapping of body to tuple of int, optional
-        Elastic modes kept, numbered from 1 as in the tables of modes; None if no set of modes keeps the rule.
+        Elastic modes kept, numbered from 1 as in the tables of modes; None if no set of modes meets the rule.
     failure : str
-        Why none does.
+        Reason if there is none.
     """
 
     change: str
@@ -117,7 +117,7 @@ class SensitivityCase:
     failure: str = ""
 
     def against(self, chosen: Mapping[str, tuple[int, ...]]) -> tuple[dict[str, list[int]], dict[str, list[int]]]:
-        """Modes that are kept beyond those of the run, and modes that are not kept although the run does."""
+        """Modes kept here and not by the run, and modes kept by the run and not here."""
         kept = chosen if self.kept is None else self.kept
         more = {body: sorted(set(kept[body]) - set(own)) for body, own in chosen.items()}
         less = {body: sorted(set(own) - set(kept[body])) for body, own in chosen.items()}
@@ -126,21 +126,21 @@ class SensitivityCase:
 
 @dataclass(frozen=True)
 class SensitivityRecord:
-    """How the modes kept hang on the damping and on each sensor.
+    """Effect of the damping and of each sensor on the modes kept.
 
     Parameters
     ----------
     chosen : mapping of body to tuple of int
         Elastic modes that the run keeps, numbered from 1 as in the tables of modes.
     cases : tuple of SensitivityCase
-        What it would keep otherwise.
+        Modes that it would keep after each change.
     """
 
     chosen: Mapping[str, tuple[int, ...]]
     cases: tuple[SensitivityCase, ...]
 
     def edge(self, body: str) -> dict[int, tuple[str, ...]]:
-        """Modes on the edge: those that some cases keep and the run does not, or the reverse, with the cases."""
+        """Modes that only the run or only some of the cases keep, each with these cases."""
         found: dict[int, tuple[str, ...]] = {}
         for case in self.cases:
             more, less = case.against(self.chosen)
@@ -150,7 +150,7 @@ class SensitivityRecord:
 
     @property
     def note(self) -> str:
-        """The cases and the modes on the edge, in one line."""
+        """The cases and the modes on the edge of the choice, in one line."""
         parts = []
         for case in self.cases:
             more, less = (sum(map(len, each.values())) for each in case.against(self.chosen))
@@ -162,76 +162,59 @@ class SensitivityRecord:
         return f"sensitivity of the {total} modes kept: {'; '.join(parts)}. On the edge: {listed or 'none'}"
 
 
-# A mode is one of the system when it shares this part of its modal mass with it.
-_ALIKE = 0.9
-
-
-@dataclass(frozen=True)
-class ModeShare:
-    """Where a mode lives.
+@dataclass(frozen=True, eq=False)
+class ExtraneousMode:
+    """A mode of the reassembled system that was not chosen.
 
     Parameters
     ----------
+    configuration : str
+        Name of the configuration.
+    hz : float
+        Frequency.
     body : str
         Body with the largest part of its energy.
     energy : mapping of body to float
         Share of each body in the mode's kinetic and strain energy, which sum to one.
     interface : str
-        Interface that moves most in it, each motion measured against that of all modes there; empty without interfaces.
-    """
-
-    body: str
-    energy: Mapping[str, float]
-    interface: str
-
-
-@dataclass(frozen=True, eq=False)
-class ExtraneousMode:
-    """A mode of the reassembled system that nobody chose.
-
-    Parameters
-    ----------
-    configuration : str
-        Where it was found.
-    hz : float
-        Its frequency.
-    share : ModeShare
-        Where it lives.
+        Interface with the largest motion, relative to the motion of all modes there; empty without interfaces.
     weight : (outputs,) float64
-        Largest peak, over the inputs, that it adds to each output, relative to the largest of any mode there.
-    likeness : float
-        Largest share of its modal mass that one mode of the system holds which was not chosen: near one, it is that
-        mode; well below, there is none like it in the system.
+        Largest peak, over the inputs, in each output, relative to the largest peak of any mode there.
+    mac : float
+        Largest MAC with a mode of the reference model that was not chosen: near one, it is this mode; well below one,
+        the reference model has no such mode.
     """
 
     configuration: str
     hz: float
-    share: ModeShare
+    body: str
+    energy: Mapping[str, float]
+    interface: str
     weight: NDArray[np.float64]
-    likeness: float = 0.0
+    mac: float = 0.0
 
     @property
     def spurious(self) -> bool:
-        """Whether no mode of the system is like it."""
-        return self.likeness < _ALIKE
+        """True if the reference model has no such mode."""
+        return self.mac < _ALIKE
 
 
 @dataclass(frozen=True, eq=False)
 class SampledModes:
-    """System modes that were projected in one configuration, and how they returned.
+    """System modes projected in one configuration, and their errors after reassembly.
 
     Parameters
     ----------
     configuration : str
-        Where they were taken.
+        Name of the configuration.
     hz : (n_R,) float64
         Chosen natural frequencies.
     error : (n_R,) float64
         Relative error of each in the reassembled system.
     extraneous : int
-        Modes that came along: elastic modes of the reassembled system, less those that were chosen.
+        Number of elastic modes of the reassembled system that were not chosen.
     predicted : int, optional
-        The same number by sum r_i - rank(A_R) - n_R, with a rank of the reduced constraints that is found by itself.
+        The same number by sum r_i - rank(A_R) - n_R, with a separately computed rank of the reduced constraints.
     """
 
     configuration: str
@@ -248,23 +231,23 @@ class ProjectionRecord:
     Parameters
     ----------
     sampled : tuple of SampledModes
-        By configuration.
+        Projected modes, configuration by configuration.
     singular : mapping of body to (k,) float64
-        Singular values of all that was projected on it, in the norm of its mass, the largest first.
+        Singular values of all shapes projected on the body, in the norm of its mass, the largest first.
     rank : mapping of body to int
-        Shapes it keeps of them.
+        Number of shapes kept.
     extraneous : tuple of ExtraneousMode
-        Those in the band, in every sampled configuration; by no means all of them are foreign to the system.
+        Extraneous modes in the band, in every sampled configuration; many of them are modes of the reference model.
     suppressed : mapping of body to int
-        Static shapes that were added to move them out; empty if none were.
+        Number of static shapes added to move extraneous modes out of the band; empty if none were added.
     between : mapping of str to float
-        frf_error where no modes were taken, if measured: at other configurations, halfway between neighbouring angles.
+        frf_error at the midpoint configurations, if measured.
     limit : float, optional
-        frf_error that was asked for there.
+        Largest frf_error allowed there.
     tolerance : float
-        Singular values up to this were taken for dependent.
+        Largest singular value of a dependent shape.
     outputs : tuple of str
-        What the weights of extraneous modes belong to.
+        Names of the outputs of ``ExtraneousMode.weight``.
     """
 
     sampled: tuple[SampledModes, ...]
@@ -284,11 +267,11 @@ class ProjectionRecord:
 
     @property
     def worst_between(self) -> tuple[str, float] | None:
-        """Where the error between the angles sampled is largest, and how large; None if it was not measured."""
+        """Midpoint configuration with the largest error, and this error; None if not measured."""
         return max(self.between.items(), key=lambda each: each[1], default=None)
 
     @property
     def passed(self) -> bool:
-        """Whether the error asked for holds between the angles sampled, as far as it was measured."""
+        """True if the limit is met at all midpoint configurations that were measured."""
         worst = self.worst_between
         return self.limit is None or worst is None or worst[1] <= self.limit

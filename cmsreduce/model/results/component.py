@@ -1,34 +1,42 @@
-"""A sparse factorisation that was done, in figures.
-
-How much of the inertia that a hinge feels the modes of a model carry.
-
-Modes that set an integrator's step and do not serve the band.
-
-What rounding the numbers of a reduced body to single precision does to it.
-"""
+"""Findings about one body: solver work, effective mass, inertia at hinges, costly modes, single precision."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 __all__ = [
     "AxisCompleteness",
     "CostlyMode",
     "CostlyModes",
+    "EffectiveMassCurve",
     "Factorisation",
     "MISSING_INERTIA",
     "RoundingEffect",
 ]
 
 
+Array = NDArray[np.float64]
+
+MISSING_INERTIA = 0.05
+"""Share of a hinge's inertia that may be lost with the modes left out: the load on its motor changes by this share."""
+
+# Usual limit of a run for a relative change of a frequency.
+_FREQUENCY = 1e-3
+# Frequency of a rigid motion relative to the lowest elastic one: such a false spring moves the latter by 5e-5.
+_RIGID = 1e-2
+
+
 @dataclass(frozen=True)
 class Factorisation:
-    """A sparse factorisation that a stage did.
+    """A sparse factorisation done by a stage.
 
     Parameters
     ----------
     backend : str
-        Solver that did it.
+        Solver.
     rows, entries : int
         Rows of the matrix, entries of a triangular factor.
     gflop, mib : float
@@ -48,8 +56,27 @@ class Factorisation:
     precision: str = "double"
 
 
-MISSING_INERTIA = 0.05
-"""Share of a hinge's inertia that may stay rigid with the modes left out: a motor feels a load that much too heavy."""
+@dataclass(frozen=True, eq=False)
+class EffectiveMassCurve:
+    """Running sum of the effective mass of a body's modes, with its interfaces held.
+
+    Parameters
+    ----------
+    held : str
+        Interfaces that are held.
+    hz : (k,) float64
+        Frequencies of all modes of the mode set with these interfaces held.
+    running : (k, 6) float64
+        Sum over the modes up to each one: share of the body's mass along x y z, and of its inertia about them.
+    kept_hz, kept_running : (c,), (c, 6) float64
+        The same for the modes that are kept.
+    """
+
+    held: str
+    hz: Array
+    running: Array
+    kept_hz: Array
+    kept_running: Array
 
 
 @dataclass(frozen=True)
@@ -61,16 +88,17 @@ class AxisCompleteness:
     axis : str
         JOINT.DOF.
     configuration : str
-        Setting of the joints.
+        Configuration of the joints.
     band : float
-        Share of the inertia at the hinge that the modes in the band leave rigid: 1 without any mode.
+        Share of the inertia at the hinge that the modes in the band do not represent: 1 without any mode.
     kept : float
-        What all modes of the reduced model leave.
+        The same share for all modes of the reduced model.
     whole : float
-        What all modes of the mode sets leave: the inertia of the hinge nodes themselves, and what the cutoff left out.
+        The same share for all modes of the mode sets: the inertia of the hinge nodes themselves, and of the modes above
+        the cutoff.
     locked : float
-        Share of the inertia at the hinge that all modes of the reduced model hold with every hinge locked: 0 without
-        any mode; NaN if it was not measured.
+        Share of the inertia at the hinge that all modes of the reduced model represent with every hinge locked:
+        0 without any mode; NaN if it was not measured.
     """
 
     axis: str
@@ -87,25 +115,25 @@ class AxisCompleteness:
 
     @property
     def poor(self) -> bool:
-        """Whether that is more than `MISSING_INERTIA`."""
+        """True if the missing share is above `MISSING_INERTIA`."""
         return self.missing > MISSING_INERTIA
 
 
 @dataclass(frozen=True)
 class CostlyMode:
-    """One of them.
+    """A mode that sets the step of an integrator without serving the band.
 
     Parameters
     ----------
     mode : int
         Column of the body's shapes, from 0.
     hz : float
-        Its frequency.
+        Frequency.
     kind : str
         Kind of basis shape with most of its kinetic energy.
     share : float
-        What its mass changes of the flexibility in the band, of the static flexibility of the point and direction where
-        that is most.
+        Change of the flexibility in the band by the mass of the mode, relative to the static flexibility, at the point
+        and in the direction where this is largest.
     """
 
     mode: int
@@ -116,17 +144,17 @@ class CostlyMode:
 
 @dataclass(frozen=True)
 class CostlyModes:
-    """The modes of a body above all that serve the band.
+    """Modes of a body with frequencies above those of all modes that serve the band.
 
     Parameters
     ----------
     modes : tuple of CostlyMode
         By frequency.
     serving_hz : float
-        Highest frequency of the others; the upper end of the band if there are none.
+        Highest frequency of the modes that serve the band; the upper end of the band if there are none.
     factor, share : float
-        A mode serves the band if its frequency is below ``factor`` times the upper end of the band, or its share above
-        ``share``.
+        A mode serves the band if its frequency is below ``factor`` times the upper end of the band, or its share is
+        above ``share``.
     """
 
     modes: tuple[CostlyMode, ...]
@@ -136,36 +164,30 @@ class CostlyModes:
 
     @property
     def gain(self) -> float:
-        """How many times longer the step may be where they are treated statically."""
+        """Factor by which the step may grow if these modes are treated statically."""
         return self.modes[-1].hz / self.serving_hz if self.modes else 1.0
-
-
-# What the limits of a run usually allow a frequency.
-_FREQUENCY = 1e-3
-# A false spring that moves the lowest elastic frequency by 5e-5.
-_RIGID = 1e-2
 
 
 @dataclass(frozen=True)
 class RoundingEffect:
-    """Largest changes of a body in two forms; zero where there is nothing to change.
+    """Effect of single precision on a body, in modal form and in the form of a superelement.
 
     Parameters
     ----------
     free : float
-        Relative, of the natural frequencies, modal mass and stiffness rounded.
+        Largest relative change of a natural frequency with rounded modal mass and stiffness.
     held : float
-        Relative, of those with every interface held, the shapes at the interfaces rounded, too: what joints lead to.
-        Infinite if a frequency is lost.
+        The same with every interface held, as joints hold it, and with rounded shapes at the interfaces. Infinite if a
+        frequency is lost.
     rigid_hz : float
-        Frequency that a rigid motion gets where neighbours move all interfaces as one.
+        Frequency of a rigid motion, which is 0 without rounding, if neighbours move all interfaces as one.
     boundary_free : float
-        Relative, of the natural frequencies, mass and stiffness rounded in interface dofs and modes with them held: a
-        superelement. 0 for a body that cannot be one.
+        Largest relative change of a natural frequency of a superelement: mass and stiffness are rounded in interface
+        dofs and fixed-interface modes. 0 for a body that cannot be one.
     boundary_rigid_hz : float
-        Frequency that a rigid motion gets in that form.
+        Frequency of a rigid motion of the superelement.
     lowest_hz : float
-        Lowest elastic frequency, by which to judge the rigid motions.
+        Lowest elastic frequency, for comparison with those of rigid motions.
     """
 
     free: float = 0.0
@@ -177,10 +199,10 @@ class RoundingEffect:
 
     @property
     def modal_matters(self) -> bool:
-        """Whether the modal form loses what an engineer would see."""
+        """True if the modal form changes by more than an engineer accepts."""
         return max(self.free, self.held) > _FREQUENCY or self.rigid_hz > _RIGID * self.lowest_hz
 
     @property
     def boundary_matters(self) -> bool:
-        """Whether the form of interface dofs does."""
+        """True if the superelement changes by more than an engineer accepts."""
         return self.boundary_free > _FREQUENCY or self.boundary_rigid_hz > _RIGID * self.lowest_hz

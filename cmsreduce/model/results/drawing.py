@@ -1,4 +1,4 @@
-"""What a scene looks like: bodies as points and lines, joints, channels, and how modes move them."""
+"""Drawing of a scene: bodies as points and lines, joints, channels, and mode shapes."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ class BodyDrawing:
     xyz : (p, 3) float64
         Points.
     lines : (l, 2) int64
-        Points that a line joins.
+        Ends of each line.
     shapes : (p, 3, m) float64
-        Motion of each point under each mode: of the mode set for a flexible body, six rigid motions for a rigid one.
+        Motion of each point: under each mode of a flexible body, or under six rigid motions of a rigid one.
     kept : (k,) int64
         Columns of ``shapes`` that are coordinates of the reduced system.
     flexible : bool
-        Whether it has elastic modes.
+        True for a body with elastic modes.
     labelled : bool
-        Whether the lines are elements of its mesh; else they join nodes that the stiffness couples.
+        True if the lines are elements of its mesh; otherwise they join nodes that the stiffness couples.
     left_out : int
-        Nodes of the mesh that are not drawn, because there are too many.
+        Number of nodes that are not drawn, because there are too many.
     """
 
     name: str
@@ -56,11 +56,11 @@ class JointDrawing:
     name : str
         Name of the joint.
     bodies : (str, str)
-        Bodies it connects; it stands on the first.
+        Bodies that it connects; the joint is drawn on the first.
     position : (3,) float64
-        In the first body's basic frame.
+        Place in the first body's basic frame.
     axes : (f, 3) float64
-        Directions of its free motions there.
+        Directions of its free motions in this frame.
     free : tuple of str
         Names of these motions; empty for a joint that is locked.
     """
@@ -74,18 +74,18 @@ class JointDrawing:
 
 @dataclass(frozen=True, eq=False)
 class PortDrawing:
-    """A place where an actuator or a sensor acts.
+    """The place of an actuator or of a sensor.
 
     Parameters
     ----------
     name : str
         Name of the channel.
     kind : {"actuator", "sensor"}
-        Which it is.
+        Kind of the channel.
     body : str
-        Body it stands on.
+        Body of the place.
     position : (3,) float64
-        In the body's basic frame.
+        Place in the body's basic frame.
     """
 
     name: str
@@ -105,7 +105,7 @@ class SystemShapes:
     amplitudes : mapping of body to (m, k) float64
         Amplitude of each kept mode of each body.
     placements : mapping of body to Placement
-        Where the bodies stand.
+        Places of the bodies.
     """
 
     hz: NDArray[np.float64]
@@ -116,12 +116,12 @@ class SystemShapes:
 
 @dataclass(frozen=True, eq=False)
 class SceneDrawing:
-    """The whole scene.
+    """Drawing of a scene.
 
     Parameters
     ----------
     bodies : mapping of name to BodyDrawing
-        Those that have a geometry.
+        Bodies that have a geometry.
     joints : tuple of JointDrawing
         Joints between bodies that are drawn.
     ports : tuple of PortDrawing

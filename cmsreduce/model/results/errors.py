@@ -1,87 +1,96 @@
-"""What modes carry, for plots: effective mass at an interface, gains between channels, likeness of full and reduced.
-
-Errors of one reduced model in one configuration.
-"""
+"""Checks with their limits, and errors of one reduced model in one configuration."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "DampedPairs",
-    "ERRORS",
-    "EffectiveMassCurve",
-    "GainCurve",
-    "ModeLikeness",
-    "ModelErrors",
-]
+__all__ = ["ERRORS", "Check", "DampedPairs", "Finding", "MacMatrix", "ModelErrors"]
 
 Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True, eq=False)
-class EffectiveMassCurve:
-    """Running effective mass of a body's modes, held at its interfaces.
-
-    Parameters
-    ----------
-    held : str
-        Interfaces that are held.
-    hz : (k,) float64
-        Frequencies of all modes of the mode set, so held.
-    running : (k, 6) float64
-        Share of the body's mass along x y z, and of its inertia about them, of the modes up to each one.
-    kept_hz, kept_running : (c,), (c, 6) float64
-        The same of the modes kept.
-    """
-
-    held: str
-    hz: Array
-    running: Array
-    kept_hz: Array
-    kept_running: Array
+ERRORS = ("frf_error", "db_error", "frequency_error", "damping_error")
+"""Errors of a reduced model that can have a limit, by their names in `ModelErrors`."""
 
 
-@dataclass(frozen=True, eq=False)
-class GainCurve:
-    """Running sum of modal gains c b / w^2 of a system in one configuration, pair by pair.
+@dataclass(frozen=True)
+class Check:
+    """A measured quantity and its limit.
 
     Parameters
     ----------
-    configuration : str
-        Setting of the joints.
-    hz : (k,) float64
-        Frequencies of the reduced system's elastic modes.
-    running : (k, outputs, inputs) float64
-        Sum of the gains up to each mode.
-    total : (outputs, inputs) float64
-        Elastic static gain, static modes included.
-    whole_hz, whole_running, whole_total : float64 arrays
-        The same with every mode of the mode sets, before truncation.
+    name : str
+        Quantity.
+    value : float
+        Measured value.
+    limit : float
+        Largest value that passes.
     """
 
-    configuration: str
-    hz: Array
-    running: Array
-    total: Array
-    whole_hz: Array
-    whole_running: Array
-    whole_total: Array
+    name: str
+    value: float
+    limit: float
+
+    @property
+    def passed(self) -> bool:
+        """True if the value meets the limit; NaN does not."""
+        return bool(self.value <= self.limit)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A check of a component or of a whole run, with its place.
+
+    Parameters
+    ----------
+    subject : str
+        Name of the component; empty for the run.
+    check : Check
+        Quantity and limit; with an infinite limit the quantity is only shown.
+    note : str
+        Place of the largest value, or the change, in words.
+    """
+
+    subject: str
+    check: Check
+    note: str = ""
+
+    @property
+    def name(self) -> str:
+        """Component and quantity: ``rotor: orthogonality in M``."""
+        return f"{self.subject}: {self.check.name}" if self.subject else self.check.name
+
+    @property
+    def judged(self) -> bool:
+        """True if there is a limit."""
+        return not math.isinf(self.check.limit)
+
+    @property
+    def passed(self) -> bool:
+        """True if the limit is met, or there is none."""
+        return self.check.passed or not self.judged
+
+    @property
+    def verdict(self) -> str:
+        """``pass``, ``FAIL`` or, without a limit, ``info``."""
+        if not self.judged:
+            return "info"
+        return "pass" if self.passed else "FAIL"
 
 
 @dataclass(frozen=True, eq=False)
-class ModeLikeness:
-    """Modal assurance criterion between modes of the full and of a reduced system, in the mass norm.
+class MacMatrix:
+    """Modal assurance criterion (MAC) between the modes of the reference and of a reduced model, in the mass norm.
 
     Parameters
     ----------
     full_hz, reduced_hz : (f,), (k,) float64
-        Natural frequencies up to a little above the band.
+        Natural frequencies of the reference and of the reduced model, up to a little above the band.
     mac : (f, k) float64
-        1 for the same shape.
+        1 for equal shapes, 0 for orthogonal ones.
     """
 
     full_hz: Array
@@ -89,22 +98,18 @@ class ModeLikeness:
     mac: Array
 
 
-ERRORS = ("frf_error", "db_error", "frequency_error", "damping_error")
-"""Errors of a reduced model that a limit can be set on, by their names in `ModelErrors`."""
-
-
 @dataclass(frozen=True, eq=False)
 class DampedPairs:
-    """Complex modes of a damped reduced system in the band, each with the full one that it looks like.
+    """Complex modes of a damped reduced model in the band, each paired with the mode of the reference by its shape.
 
     Parameters
     ----------
     full, reduced : (k,) complex128
         Roots -zeta w + i w sqrt(1 - zeta^2) in rad/s.
     mac : (k,) float64
-        Modal assurance criterion of the complex shapes in the mass norm.
+        MAC of the complex shapes in the mass norm.
     error : (k,) float64
-        |zeta_reduced - zeta_full| / zeta_full; NaN where the full mode has no damping.
+        |zeta_reduced - zeta_full| / zeta_full; NaN where the reference mode has no damping.
     """
 
     full: NDArray[np.complex128]
@@ -114,7 +119,7 @@ class DampedPairs:
 
     @property
     def full_hz(self) -> NDArray[np.float64]:
-        """Natural frequencies |s| / 2 pi of the full modes."""
+        """Natural frequencies |s| / 2 pi of the reference modes."""
         return np.asarray(abs(self.full) / (2 * np.pi))
 
     @property
@@ -124,7 +129,7 @@ class DampedPairs:
 
     @property
     def full_zeta(self) -> NDArray[np.float64]:
-        """Damping ratios of the full modes."""
+        """Damping ratios of the reference modes."""
         return np.asarray(-self.full.real / abs(self.full))
 
     @property
@@ -134,7 +139,7 @@ class DampedPairs:
 
     @property
     def worst(self) -> float:
-        """Largest error; 0 if the band holds no damped mode."""
+        """Largest error; 0 if no mode in the band is damped."""
         return float(np.nanmax(self.error, initial=0.0))
 
 
@@ -145,7 +150,7 @@ class ModelErrors:
     Parameters
     ----------
     frf_error : float
-        Relative error of the elastic response over the band.
+        Relative error of the elastic response over the band, against the reference model.
     db_error : float
         99th percentile of the decibel error, worst channel.
     frequency_error : float
@@ -153,26 +158,26 @@ class ModelErrors:
     frac : (outputs, inputs) float64
         Frequency response assurance criterion per channel, NaN where silent.
     full_hz, reduced_hz, mac : (k,) float64
-        Paired natural frequencies and how alike their shapes are.
+        Paired natural frequencies of the reference and of the reduced model, and the MAC of their shapes.
     damped : DampedPairs, optional
         Paired complex modes; None for a system without damping.
-    likeness : ModeLikeness, optional
-        Of every full and every reduced mode.
+    mac_matrix : MacMatrix, optional
+        MAC between all reference modes and all reduced modes.
     coordinates : int, optional
-        Of the assembled reduced system.
+        Number of coordinates of the assembled reduced model.
     seconds : float, optional
         Wall time of its responses.
     peak_error : float, optional
-        Largest relative error of the height of a channel's highest peak; channels that are silent beside the strongest
-        of their unit are passed over.
+        Largest relative error of the height of a channel's highest peak, without the channels that are silent beside
+        the strongest one of their unit.
     frac_error : float, optional
-        1 less the smallest criterion of those channels.
+        1 less the smallest criterion of the same channels.
     channel_error, channel_peak : (outputs, inputs) float64, optional
         Relative error of the elastic response, and of its highest peak, channel by channel; NaN where silent.
     channel_shift : (outputs, inputs) float64, optional
-        Largest relative shift of a natural frequency that makes a peak in the channel; NaN where none does.
+        Largest relative shift of a natural frequency with a peak in the channel; NaN where there is no peak.
     nrfd : float, optional
-        The largest of these, of the channels that are not silent.
+        Largest ``channel_shift`` of the channels that are not silent.
     """
 
     frf_error: float
@@ -183,7 +188,7 @@ class ModelErrors:
     reduced_hz: NDArray[np.float64]
     mac: NDArray[np.float64]
     damped: DampedPairs | None = None
-    likeness: ModeLikeness | None = None
+    mac_matrix: MacMatrix | None = None
     coordinates: int | None = None
     seconds: float | None = None
     peak_error: float | None = None

@@ -1,7 +1,4 @@
-"""Modal gains between channels, and which modes above the band are a large part of them.
-
-What was found of a reduction beside the errors of its responses: statics, gains, zeros, steps, control.
-"""
+"""Findings about a reduction beside the errors of its responses: statics, gains, zeros, steps, control."""
 
 from __future__ import annotations
 
@@ -15,35 +12,38 @@ __all__ = [
     "CHECKS",
     "ChannelZeros",
     "ControllerMargin",
+    "GainCurve",
     "GainSum",
     "HighGain",
     "ReductionChecks",
-    "StaticLack",
     "StepErrors",
     "SystemChecks",
 ]
 
 Array = NDArray[np.float64]
 
-# A mode above the band that makes up this share of all gains is no detail: without it every zero moves, the lowest
-# most (Haugse, Jones, Salus).
+CHECKS = ("static", "gains", "zeros", "step")
+"""Checks of a reduction that can be chosen by name."""
+
+# A mode above the band with this share of all gains matters: without it every zero moves, the lowest one most (Haugse,
+# Jones, Salus).
 _HIGH = 0.1
 
 
 @dataclass(frozen=True)
 class HighGain:
-    """A mode above the band that a pair of channels cannot do without.
+    """A mode above the band with a large part of the gain between two channels.
 
     Parameters
     ----------
     mode, output, input : int
-        Position among the modes, and of the channels.
+        Positions of the mode and of the channels.
     hz : float
-        Its frequency.
+        Frequency.
     gain : float
         c b / w^2.
     share : float
-        Its part of the sum of |gains| of this pair.
+        |gain| over the sum of the |gains| of this pair.
     """
 
     mode: int
@@ -63,9 +63,9 @@ class GainSum:
     hz : (k,) float64
         Frequencies, ascending.
     gain : (k, outputs, inputs) float64
-        Of each mode.
+        Gain of each mode.
     static : (outputs, inputs) float64
-        Of what has no frequency: static modes.
+        Gain of the static modes, which have no frequency.
     """
 
     hz: Array
@@ -95,7 +95,7 @@ class GainSum:
         band_hz : float
             Highest frequency of interest.
         share : float
-            Part of the sum of magnitudes, static modes included, from which a mode counts as high.
+            Smallest part of the sum of magnitudes, static modes included, for which a mode is listed.
         """
         size = self.size
         part = abs(self.gain) / np.where(size > 0, size, 1.0)
@@ -104,29 +104,28 @@ class GainSum:
             yield HighGain(k, y, u, float(self.hz[k]), float(self.gain[k, y, u]), float(part[k, y, u]))
 
 
-CHECKS = ("static", "gains", "zeros", "step")
-"""Checks of a reduction that can be asked for by name."""
-
-
-@dataclass(frozen=True)
-class StaticLack:
-    """Strain energy that a reduced body lacks under one static load.
+@dataclass(frozen=True, eq=False)
+class GainCurve:
+    """Modal gains of a system in one configuration, before and after the choice of modes.
 
     Parameters
     ----------
-    load : str
-        ``interface 'tip'`` or ``actuator 'motor'``.
-    lack : float
-        |u - u_r|_K^2 / |u|_K^2, the largest of the loads of this name.
+    configuration : str
+        Name of the configuration.
+    kept : GainSum
+        Of the reduced model.
+    all_modes : GainSum
+        Of the model with every mode of the mode sets.
     """
 
-    load: str
-    lack: float
+    configuration: str
+    kept: GainSum
+    all_modes: GainSum
 
 
 @dataclass(frozen=True, eq=False)
 class ChannelZeros:
-    """Zeros between two channels, in the full and in the reduced system.
+    """Zeros between two channels, in the reference and in the reduced model.
 
     Parameters
     ----------
@@ -135,10 +134,10 @@ class ChannelZeros:
     full, reduced : (z,), (y,) complex128
         In rad/s, undamped, up to a little above the band.
     shift : (m,) float64
-        Of each zero of the full system in the band that damping does not hide, relative; infinite where the reduced
-        system has none.
+        Relative shift of each zero of the reference in the band that damping does not hide; infinite where the reduced
+        model has no such zero.
     judged : (m,) int64, optional
-        Which zeros of the full system these are.
+        Positions of these zeros in ``full``.
     """
 
     output: int
@@ -150,29 +149,29 @@ class ChannelZeros:
 
     @property
     def worst(self) -> float:
-        """Largest shift of a zero that the reduced system has, too."""
+        """Largest shift of a zero that the reduced model has, too."""
         return float(self.shift[np.isfinite(self.shift)].max(initial=0.0))
 
     @property
     def lost(self) -> int:
-        """Zeros that the reduced system has not."""
+        """Number of zeros that the reduced model lacks."""
         return int(np.isinf(self.shift).sum())
 
 
 @dataclass(frozen=True, eq=False)
 class StepErrors:
-    """Elastic response to a unit step on each input, full beside reduced.
+    """Elastic response to a unit step on each input, of the reference and of the reduced model.
 
     Parameters
     ----------
     time : (t,) float64
         In seconds.
     full, reduced : (t, outputs, inputs) float64
-        Responses without rigid motion, thinned to what a screen shows.
+        Responses without rigid motion, at as many times as a screen shows.
     peak : (outputs, inputs) float64
-        Largest difference over the largest full response; NaN for a silent pair.
+        Largest difference over the largest reference response; NaN for a silent pair.
     rms : (outputs, inputs) float64
-        Root mean square of the difference over that of the full response; NaN for a silent pair.
+        Root mean square of the difference over that of the reference response; NaN for a silent pair.
     """
 
     time: Array
@@ -184,12 +183,12 @@ class StepErrors:
 
 @dataclass(frozen=True, eq=False)
 class SystemChecks:
-    """What was found of the system in one configuration; None where it was not asked for, or the system is too large.
+    """Checks of the system in one configuration; None where not chosen, or the system is too large.
 
     Parameters
     ----------
     configuration : str
-        Setting of the joints.
+        Name of the configuration.
     full_gains, reduced_gains : GainSum, optional
         Modal gains between all channels.
     zeros : tuple of ChannelZeros, optional
@@ -216,20 +215,20 @@ class SystemChecks:
 
 @dataclass(frozen=True, eq=False)
 class ControllerMargin:
-    """Whether a controller that is stable on the reduced system is stable on the full one, in one configuration.
+    """Proof that a controller that is stable on the reduced model is stable on the reference, in one configuration.
 
     Parameters
     ----------
     configuration : str
-        Setting of the joints.
+        Name of the configuration.
     frequency_hz, spillover, borne : (f,) float64
         sigma_max(dG K) and sigma_min(I + G_R K) over the band.
     ratio : float
-        Largest quotient of the two; below 1 proves it.
+        Largest spillover / borne; below 1 proves stability.
     worst_hz : float
-        Where that is.
+        Frequency of the largest quotient.
     unstable : int, optional
-        Roots of the reduced loop that grow; None where it has no real state space.
+        Number of growing roots of the reduced loop; None where it has no real state space.
     """
 
     configuration: str
@@ -243,24 +242,25 @@ class ControllerMargin:
 
 @dataclass(frozen=True, eq=False)
 class ReductionChecks:
-    """All of it.
+    """All checks of a reduction.
 
     Parameters
     ----------
-    static : mapping of body to tuple of StaticLack
-        Load by load.
+    static : mapping of body to mapping of load to float
+        Strain energy that the reduced body lacks under static loads, |u - u_r|_K^2 / |u|_K^2, the largest under the
+        loads of each name, such as ``interface 'tip'`` or ``actuator 'motor'``.
     systems : tuple of SystemChecks
         Configuration by configuration.
     left_out : tuple of str
-        What was asked for and could not be had, with the reason.
+        Checks that were chosen and not possible, with the reason.
     """
 
-    static: Mapping[str, tuple[StaticLack, ...]] = field(default_factory=dict)
+    static: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     systems: tuple[SystemChecks, ...] = ()
     left_out: tuple[str, ...] = ()
 
     def figures(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> dict[str, tuple[float, str]]:
-        """Worst of each figure, and where.
+        """Largest value of each finding, with its place.
 
         Parameters
         ----------
@@ -278,10 +278,11 @@ class ReductionChecks:
             found.setdefault(name, []).append((value, where))
 
         for body, loads in self.static.items():
-            for each in loads:
-                add("static_lack", each.lack, f"{body}, {each.load}")
+            for load, lack in loads.items():
+                add("static_lack", lack, f"{body}, {load}")
         for system in self.systems:
-            for name, values in (("gain_error", system.gain_errors), ("step_error", _step(system))):
+            rms = None if system.step is None else system.step.rms
+            for name, values in (("gain_error", system.gain_errors), ("step_error", rms)):
                 if values is not None and values.size:
                     y, u = np.unravel_index(int(np.nan_to_num(values).argmax()), values.shape)
                     where = f"{system.configuration}, {inputs[int(u)]} to {outputs[int(y)]}"
@@ -291,7 +292,3 @@ class ReductionChecks:
                 add("zero_error", pair.worst, where)
                 add("zeros_lost", float(pair.lost), where)
         return {name: max(values, key=lambda each: each[0]) for name, values in found.items()}
-
-
-def _step(system: SystemChecks) -> Array | None:
-    return None if system.step is None else system.step.rms

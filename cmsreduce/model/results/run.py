@@ -1,7 +1,4 @@
-"""The worst of one figure of a run, with its limit.
-
-What a run found out: everything the summary, the report and the terminal show.
-"""
+"""Result of a run: everything that the summary, the report and the terminal show."""
 
 from __future__ import annotations
 
@@ -14,18 +11,23 @@ from numpy.typing import NDArray
 
 from cmsreduce.model.body import Source
 from cmsreduce.model.reduced import ModalComponent
-from cmsreduce.model.results.check import Check
 from cmsreduce.model.results.choices import BoundRecord, CutoffRecord, ProjectionRecord, SearchRecord, SensitivityRecord
-from cmsreduce.model.results.component import AxisCompleteness, CostlyModes, Factorisation, RoundingEffect
+from cmsreduce.model.results.component import (
+    AxisCompleteness,
+    CostlyModes,
+    EffectiveMassCurve,
+    Factorisation,
+    RoundingEffect,
+)
 from cmsreduce.model.results.drawing import SceneDrawing
-from cmsreduce.model.results.errors import ERRORS, EffectiveMassCurve, GainCurve, ModelErrors
-from cmsreduce.model.results.reduction_checks import ControllerMargin, ReductionChecks
+from cmsreduce.model.results.errors import ERRORS, Check, ModelErrors
+from cmsreduce.model.results.health import HealthFinding
+from cmsreduce.model.results.reduction_checks import ControllerMargin, GainCurve, ReductionChecks
 from cmsreduce.model.scene import Configuration
 
 __all__ = [
     "ComponentResult",
     "ConfigurationResult",
-    "OF_A_CONTROLLER",
     "Response",
     "RunFigure",
     "RunResult",
@@ -33,21 +35,20 @@ __all__ = [
     "SystemModes",
 ]
 
-OF_A_CONTROLLER = {"controller_ratio": float(np.nextafter(1.0, 0.0)), "controller_unstable": 0.0}
-"""Limits of every controller that a scene names: a ratio of one proves nothing, and a reduced loop that is not stable
-has nothing to keep."""
+# Limits of every controller of a scene: a ratio of one proves nothing, and the reduced loop must be stable.
+_CONTROLLER_LIMITS = {"controller_ratio": float(np.nextafter(1.0, 0.0)), "controller_unstable": 0.0}
 
 
 @dataclass(frozen=True)
 class RunFigure:
-    """An error or a check of the run's own model at its worst.
+    """Largest value of an error or of a check of the run's own model.
 
     Parameters
     ----------
     value : float
-        Largest.
+        Largest value.
     where : str
-        Where it was found.
+        Place of the largest value.
     limit : float, optional
         Largest value that passes.
     """
@@ -58,22 +59,22 @@ class RunFigure:
 
     @property
     def met(self) -> bool | None:
-        """Whether the limit is met; None without one."""
+        """True if the limit is met; None without one."""
         return None if self.limit is None else bool(self.value <= self.limit)
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """Responses of the full and of the reduced models in one configuration.
+    """Responses of the reference and of the reduced models in one configuration.
 
     Parameters
     ----------
     frequency_hz : (f,) float64
         Refined grid.
     full : (f, outputs, inputs) complex128
-        Rigid-body part included.
+        Response of the reference model, including its rigid-body part.
     reduced : mapping of model to (f, outputs, inputs) complex128
-        The run's own model first, then those it is compared with.
+        Responses of the run's own model, then of the models that it is compared with.
     """
 
     frequency_hz: NDArray[np.float64]
@@ -83,20 +84,20 @@ class Response:
 
 @dataclass(frozen=True, eq=False)
 class ConfigurationResult:
-    """One setting of the joints.
+    """Findings in one configuration.
 
     Parameters
     ----------
     configuration : Configuration
-        Angles.
+        Name and angles.
     n_full, n_reduced : int
-        Coordinates of the assembled full and reduced systems.
+        Coordinates of the assembled reference model and of the reduced model.
     modes_full, modes_reduced : int
-        Elastic modes of either in the band.
+        Elastic modes of either model in the band.
     errors : mapping of model to ModelErrors
-        The run's own model first.
+        Errors of the run's own model first, then of the others.
     response : Response
-        Curves.
+        Response curves.
     """
 
     configuration: Configuration
@@ -110,7 +111,7 @@ class ConfigurationResult:
 
 @dataclass(frozen=True, eq=False)
 class ComponentResult:
-    """One flexible body, before and after.
+    """Findings about one flexible body.
 
     Parameters
     ----------
@@ -119,31 +120,31 @@ class ComponentResult:
     full_dofs : int
         Dofs of the unreduced body.
     modes : ModalComponent
-        All modes of the mode set, ranked if they were.
+        All modes of the mode set, with their ranking if there is one.
     kept : (k,) int64
         Columns of ``modes`` that the run keeps, rigid and static ones included.
     seconds : mapping of stage to float
-        Wall time of each stage, when it was run; a finished stage that is reused keeps its figure.
+        Wall time of each stage when it was run; a finished stage that is reused keeps its time.
     peak_mib : float
-        Peak memory of the process when the body was done.
+        Peak memory of the process after the stages of the body.
     checks : tuple of Check
-        What was checked on the body.
+        Checks of the body.
     sources : tuple of Source
-        Files it was read from.
+        Files that the body was read from.
     factorised : tuple of Factorisation
-        Sparse factorisations that its stages did.
+        Sparse factorisations done by its stages.
     bound : BoundRecord, optional
-        Of a body truncated by a bound of its own.
+        Bound on the error of the body alone, if it was truncated by one.
     cutoff : CutoffRecord, optional
-        Of a body whose cutoff was found.
+        Cutoff found for a body whose cutoff is ``auto``.
     scaling : str
-        How its inputs and outputs were made comparable for the ranking, in words; empty without one.
+        Scaling of its inputs and outputs for the ranking, in words; empty without a ranking.
     costly : CostlyModes, optional
-        Modes that set an integrator's step in vain.
+        Modes that set the step of an integrator without serving the band.
     rounding : RoundingEffect, optional
-        What single precision does to the body.
-    health : mapping, optional
-        What its matrices and its geometry say of it, as plain values.
+        Effect of single precision on the body.
+    health : tuple of HealthFinding
+        Quantities measured on its matrices and its geometry before the reduction.
     """
 
     name: str
@@ -160,13 +161,13 @@ class ComponentResult:
     scaling: str = ""
     costly: CostlyModes | None = None
     rounding: RoundingEffect | None = None
-    health: Mapping[str, Any] | None = None
+    health: tuple[HealthFinding, ...] = ()
 
     @property
     def highest_hz(self) -> float:
-        """Highest frequency of the modes kept; 0 for none."""
+        """Highest frequency of the elastic modes kept; 0 without any."""
         elastic = np.arange(self.modes.omega.size)[self.modes.elastic]
-        return float(self.modes.omega[np.intersect1d(self.kept, elastic)].max(initial=0.0)) / (2 * np.pi)
+        return float(self.modes.frequencies_hz[np.intersect1d(self.kept, elastic)].max(initial=0.0))
 
     @property
     def kept_modes(self) -> int:
@@ -181,15 +182,15 @@ class SystemModes:
     Parameters
     ----------
     configuration : Configuration
-        Setting of the joints.
+        Name and angles.
     rigid_count : int
         Rigid-body motions of the system and free motions of its joints.
     frequencies_hz : (k,) float64
         Elastic modes up to a little above the band, undamped.
     highest_hz : float, optional
-        Highest of all its frequencies; absent for a system too large for all its modes.
+        Highest of all its frequencies; None for a system too large for all its modes.
     treated_hz : float, optional
-        The same with the modes that set an integrator's step in vain treated statically; absent if there are none.
+        The same with costly modes treated statically; None if there are no costly modes.
     """
 
     configuration: Configuration
@@ -210,7 +211,7 @@ class Speed:
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """A whole run.
+    """Result of a run.
 
     Parameters
     ----------
@@ -223,7 +224,7 @@ class RunResult:
     configurations : tuple of ConfigurationResult
         Empty if nothing was verified.
     limits : mapping of str to float
-        Limits of the run: frf_error, db_error, frequency_error, damping_error as far as given.
+        Limits that the run sets, by the names of errors and checks.
     model : str
         Label of the run's own model in ``errors`` and ``reduced``.
     inputs, outputs : tuple of str
@@ -233,31 +234,31 @@ class RunResult:
     speed : Speed, optional
         Wall times, if verified.
     reference : mapping of body to str
-        What stands for the unreduced body in the response: ``all modes``, ``sparse dofs`` or ``modes to 2 x cutoff``.
+        Form of the body in the reference model: ``all modes``, ``sparse dofs`` or ``modes to 2 x cutoff``.
     settings : mapping
-        The whole pipeline file as it was understood.
+        All keys of the pipeline file with their defaults.
     notes : tuple of str
-        Warnings a reader must see.
+        Warnings for the reader.
     systems : tuple of SystemModes
         Natural frequencies of the assembled reduced system, configuration by configuration.
     projection : ProjectionRecord, optional
-        What projection and assembly did.
+        Record of the project stage.
     search : SearchRecord, optional
-        How the modes kept were found, if by the error of the system.
+        Search for the modes kept, if they were found by the error of the system.
     sensitivity : SensitivityRecord, optional
-        What would be kept with another damping and without each sensor, if asked for.
+        Modes kept with another damping and without each sensor, if the run has this key.
     completeness : tuple of AxisCompleteness
-        What the modes hold of the inertia at each hinge, if verified.
+        Share of the inertia at each hinge that the modes represent, if verified.
     drawing : SceneDrawing, optional
-        What the scene looks like, and its modes.
+        Drawing of the scene and of its modes.
     effective_mass : mapping of body to EffectiveMassCurve
-        Of bodies with a geometry that their interfaces hold.
+        Effective mass of bodies with a geometry whose interfaces hold them.
     gains : tuple of GainCurve
-        Running sums of modal gains, configuration by configuration.
+        Modal gains, configuration by configuration.
     checks : ReductionChecks, optional
         Static completeness, gains, zeros and steps, if verified.
     margins : tuple of ControllerMargin
-        Of the scene's controller, configuration by configuration; empty without one.
+        Margins of the scene's controller, configuration by configuration; empty without one.
     """
 
     name: str
@@ -284,17 +285,24 @@ class RunResult:
     checks: ReductionChecks | None = None
     margins: tuple[ControllerMargin, ...] = ()
 
+    def __repr__(self) -> str:
+        """Name, verdict, sizes and worst errors."""
+        errors = "".join(f", {name} {value:.3g}" for name, value in self.worst().items())
+        verdict = "PASS" if self.passed else "FAIL"
+        sizes = f"components {len(self.components)}, configurations {len(self.configurations)}"
+        return f"<RunResult {self.name}: {verdict}, {sizes}{errors}>"
+
     def worst(self, model: str | None = None) -> dict[str, float]:
-        """Largest errors over all configurations, of those that were measured; empty if nothing was verified."""
+        """Largest errors over all configurations, as far as measured; empty if nothing was verified."""
         label = self.model if model is None else model
         found = [c.errors[label] for c in self.configurations if label in c.errors]
         values = {name: [value for e in found if (value := getattr(e, name)) is not None] for name in ERRORS}
-        # A figure that is no number is worse than any: max() alone would pass over it.
+        # NaN is worse than any number: max() alone would ignore it.
         return {name: max(each, key=_badness) for name, each in values.items() if each}
 
     @property
     def figures(self) -> dict[str, RunFigure]:
-        """Every error and check of the run's own model by name, the worst of each with its place and its limit."""
+        """Largest value of every error and check of the run's own model, with its place and its limit, by name."""
         found: dict[str, tuple[float, str]] = {}
         results = [(c.configuration.name, c.errors[self.model]) for c in self.configurations if self.model in c.errors]
         for name in (*ERRORS, "peak_error", "frac_error", "nrfd"):
@@ -309,12 +317,12 @@ class RunResult:
             growing = max(self.margins, key=lambda each: each.unstable or 0)
             if growing.unstable is not None:
                 found["controller_unstable"] = float(growing.unstable), growing.configuration
-        limits = {**(OF_A_CONTROLLER if self.margins else {}), **self.limits}
+        limits = {**(_CONTROLLER_LIMITS if self.margins else {}), **self.limits}
         return {name: RunFigure(value, where, limits.get(name)) for name, (value, where) in found.items()}
 
     @property
     def passed(self) -> bool:
-        """Whether every limit and every check of a body is met."""
+        """True if all limits of the run and all checks of its bodies are met."""
         limits = all(figure.met is not False for figure in self.figures.values())
         between = self.projection is None or self.projection.passed
         return limits and between and all(check.passed for c in self.components.values() for check in c.checks)

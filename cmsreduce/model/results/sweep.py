@@ -1,20 +1,20 @@
-"""What a sweep found: a row for each point."""
+"""Result of a sweep: one row for each point."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 __all__ = ["SweepResult", "SweepRow", "SweepStatus", "short_keys"]
 
 SweepStatus = Literal["passed", "limit broken", "failed"]
-"""``failed``: the point could not be run; its message says why."""
+"""``failed``: the point was not run; its message gives the reason."""
 
 
 @dataclass(frozen=True)
 class SweepRow:
-    """One point of a sweep. Figures that a point has not got are NaN, counts 0.
+    """One point of a sweep. Missing numbers are NaN, missing counts 0.
 
     Parameters
     ----------
@@ -23,19 +23,19 @@ class SweepRow:
     folder : str
         Run directory, relative to the sweep's.
     overrides : mapping of key to str
-        What was set, as YAML.
-    status : str
+        Keys of the point with their values, as YAML.
+    status : {"passed", "limit broken", "failed"}
+        Outcome.
     message : str
-        Why a point failed, or what was found damaged and made again on the way; mostly empty.
+        Reason of a failure, or files that were damaged and made again; mostly empty.
     kept_modes, basis_size : int
         Elastic modes kept, and columns of the mode sets, of all bodies together.
     n_reduced, n_full : int
-        Coordinates of the reduced and of the full system, in the configuration that has most.
+        Coordinates of the reduced and of the reference model, in the configuration with the most.
     frf_error, db_error, frequency_error, damping_error : float
-        Worst over all configurations.
+        Largest value over all configurations.
     reduce_s : float
-        Wall time of reducing all bodies, measured when it was done: a point that takes the result from another has its
-        time, too.
+        Wall time of reducing all bodies. A point that reuses the result of another point has the time of that point.
     full_frf_s, reduced_frf_s : float
         Wall times of the responses over the same grids.
     point_s : float
@@ -68,7 +68,7 @@ class SweepRow:
 
 @dataclass(frozen=True)
 class SweepResult:
-    """A whole sweep.
+    """Result of a sweep.
 
     Parameters
     ----------
@@ -90,18 +90,23 @@ class SweepResult:
     seconds: float
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """Name, swept keys, and number of points by status."""
+        counts = ", ".join(f"{count} {status}" for status in get_args(SweepStatus) if (count := self.count(status)))
+        return f"<SweepResult {self.name} over {', '.join(self.axes)}: {counts or 'no point'}>"
+
     @property
     def passed(self) -> bool:
-        """Whether every point was run and kept its limits."""
+        """True if every point was run and met its limits."""
         return all(row.status == "passed" for row in self.rows)
 
     def count(self, status: SweepStatus) -> int:
-        """Points of one status."""
+        """Number of points with a status."""
         return sum(row.status == status for row in self.rows)
 
 
 def short_keys(keys: Sequence[str]) -> list[str]:
-    """Last words of dotted keys, as many as tell them apart.
+    """Shortest endings of dotted keys that are all different.
 
     Examples
     --------

@@ -13,10 +13,9 @@ from cmsreduce.config import Pipeline, load_pipeline
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.model import ConfigurationResult
 from cmsreduce.pipeline.batch.dask_workers import chosen_workers
-from cmsreduce.pipeline.batch.sweep_run import CommonWork, SweepRun
 from cmsreduce.pipeline.batch.workers import Workers
 from cmsreduce.pipeline.run import Run
-from cmsreduce.pipeline.store import Progress, Silent
+from cmsreduce.pipeline.store import CommonWork, Progress, Silent
 from cmsreduce.pipeline.system import ReducedModel
 
 __all__ = ["ParallelRun", "opened_run"]
@@ -39,7 +38,7 @@ class _Part(NamedTuple):
     reduced_s: float
 
 
-class ParallelRun(SweepRun):
+class ParallelRun(Run):
     """A run that lets other processes finish the stages of its bodies, and measure its configurations.
 
     They leave finished stages where the run finds them. What a process could not do, because it was killed or found
@@ -69,7 +68,7 @@ class ParallelRun(SweepRun):
         workers: Workers,
         pool: Executor,
     ) -> None:
-        super().__init__(pipeline, folder, progress, CommonWork())
+        super().__init__(pipeline, folder, progress, common=CommonWork())
         self._workers, self._pool = workers, pool
         self._task = _Task(source.resolve(), tuple(overrides), folder.resolve(), workers.memory)
 
@@ -77,7 +76,7 @@ class ParallelRun(SweepRun):
         """Let every body be reduced and orthonormalised, the ones beside the others."""
         names = [name for name, part in self.pipeline.components.items() if part.rigid is None]
         if len(names) > 1:
-            self.ledger.progress.stage("reduce", f"{len(names)} bodies in {self._workers.count} processes")
+            self.stages.progress.stage("reduce", f"{len(names)} bodies in {self._workers.count} processes")
             for _ in self._outcomes(_finish_body, [(name,) for name in names]):
                 pass
 
@@ -112,7 +111,7 @@ class ParallelRun(SweepRun):
                 outcome = future.result()
             except self._workers.lost:
                 outcome = None
-            self.ledger.progress.advance(number, len(arguments))
+            self.stages.progress.advance(number, len(arguments))
             if outcome is not None:
                 yield futures[future], outcome
 
@@ -169,9 +168,9 @@ def _common() -> CommonWork:
     return CommonWork()
 
 
-def _opened(task: _Task) -> SweepRun:
-    run = SweepRun(load_pipeline(task.source, task.overrides), task.folder, Silent(), _common())
-    run.ledger.share_memory(task.memory)
+def _opened(task: _Task) -> Run:
+    run = Run(load_pipeline(task.source, task.overrides), task.folder, Silent(), common=_common())
+    run.stages.share_memory(task.memory)
     return run
 
 
@@ -181,7 +180,7 @@ def _finish_body(task: _Task, name: str) -> bool | None:
         if name in run.reduced_names:
             run.modal(name)
         if run.pipeline.verify is not None and name not in run.mode_sets.unneeded:
-            run.unreduced(name)
+            run.reference(name)
     except CmsReduceError:
         # The run that gave the task meets it, too, and says it.
         return None
@@ -192,6 +191,8 @@ def _measure(task: _Task, numbers: Sequence[int]) -> _Part | None:
     try:
         run = _opened(task)
         models, comparison = run.models(), run.comparison
+        # Another task of this process may have used the same model.
+        comparison.full_seconds = comparison.reduced_seconds = 0.0
         results = comparison.at([run.scene.configurations[number] for number in numbers], models)
     except CmsReduceError:
         return None

@@ -21,14 +21,14 @@ from typing import Any, NamedTuple
 
 from cmsreduce import __version__
 from cmsreduce.errors import CmsReduceError, ConfigError
-from cmsreduce.linalg.factorise import InsufficientMemoryError
+from cmsreduce.linalg.sparse import InsufficientMemoryError
 from cmsreduce.model import RunResult, SweepResult, SweepRow
 from cmsreduce.pipeline.batch.dask_workers import chosen_workers
 from cmsreduce.pipeline.batch.sweep_points import SweepAxis, SweepPoint, sweep_points
-from cmsreduce.pipeline.batch.sweep_run import CommonWork, SweepRun
 from cmsreduce.pipeline.batch.workers import Workers
 from cmsreduce.pipeline.execute import execute
-from cmsreduce.pipeline.store import STAGES_FOLDER, Progress, Silent, code_version, share_stages
+from cmsreduce.pipeline.run import Run
+from cmsreduce.pipeline.store import STAGES_FOLDER, CommonWork, Progress, Silent, code_version, share_stages
 from cmsreduce.report import sweep_page, sweep_picture, trades
 from cmsreduce.write import atomic_path, write_sweep_csv, write_sweep_table
 
@@ -215,8 +215,8 @@ def _run_point(point: SweepPoint, path: Path, folder: Path, common: CommonWork, 
         share_stages(own, folder / STAGES_FOLDER)
         # What an earlier sweep found here must not stand beside a point that now fails.
         (own / "summary.json").unlink(missing_ok=True)
-        run = SweepRun(point.pipeline, own, Silent(), common)
-        run.ledger.share_memory(memory)
+        run = Run(point.pipeline, own, Silent(), common=common)
+        run.stages.share_memory(memory)
         result = execute(run, path, point.overrides, report=False)
     except CmsReduceError as error:
         if memory is not None and _lacks_memory(error):
@@ -226,7 +226,7 @@ def _run_point(point: SweepPoint, path: Path, folder: Path, common: CommonWork, 
         # Hours of other points must not be lost for one that nobody thought of.
         return _Outcome(point, _failed(point, f"{type(error).__name__}: {error}", started))
     assert result is not None
-    said = "; ".join(run.ledger.store.damaged)
+    said = "; ".join(run.stages.store.damaged)
     return _Outcome(point, replace(_measured(point, result), message=said, point_s=time.perf_counter() - started))
 
 

@@ -12,7 +12,7 @@ from multiprocessing import get_context, parent_process
 from threading import Lock, Thread
 from typing import Any
 
-from cmsreduce.linalg.solver_settings import allowed_threads, available_memory, usable_cores
+from cmsreduce.linalg.machine import allowed_threads, available_memory, usable_cores
 
 __all__ = ["Workers", "local_workers"]
 

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import Ports, body_points, body_ports
+from cmsreduce.assemble import Ports, body_points, body_ports, modal_substructure, physical_substructure
 from cmsreduce.config import Component, InterfaceKeys, MatrixFile, Pipeline
 from cmsreduce.errors import SceneError
 from cmsreduce.linalg.eigen import motions_held, only_motions, rigid_body_modes
@@ -26,8 +26,10 @@ from cmsreduce.model import (
     FEModel,
     GeometricStiffness,
     Interface,
+    ModalComponent,
     RigidBody,
     Scene,
+    Substructure,
     Units,
     in_units,
     rigid_body_shapes,
@@ -111,9 +113,12 @@ class FlexibleBody:
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
 
-    def points(self, scene: Scene) -> list[str]:
-        """Points the scene refers to."""
-        return body_points(scene, self.body)
+    def substructure(self, scene: Scene, modes: ModalComponent | None = None) -> Substructure:
+        """The body as it is assembled, in the amplitudes of some modes or in its dofs."""
+        points = body_points(scene, self.body)
+        if modes is None:
+            return physical_substructure(self.body, points, self.rigid)
+        return modal_substructure(modes, points)
 
 
 def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:

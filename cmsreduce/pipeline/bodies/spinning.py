@@ -9,9 +9,9 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.config import SpinKeys
-from cmsreduce.linalg.basis_store import combined
+from cmsreduce.linalg.blocks import combined
 from cmsreduce.linalg.eigen import motions_held, null_space
-from cmsreduce.mechanics import SpinningModes, modal_integrals, modal_stiffening, spinning_modes
+from cmsreduce.mechanics import modal_integrals, modal_stiffening, spinning_modes
 from cmsreduce.model import ModalComponent
 from cmsreduce.pipeline.bodies.bodies import FlexibleBody
 
@@ -68,16 +68,16 @@ def _of_body(name: str, spin: SpinKeys, flexible: FlexibleBody, component: Modal
         w = rate * np.asarray(axis) / np.linalg.norm(axis)
         stress = None if stiffening is None else stiffening.spinning(w)
         if stress is not None:
-            found = spinning_modes(K, phi_phi, w, stress)
+            spun = spinning_modes(K, phi_phi, w, stress)
             yield (
-                f"{name}: spinning at {spin.rate:.4g} Hz about {label}, stress included, {_frequencies(found)}; "
+                f"{name}: spinning at {spin.rate:.4g} Hz about {label}, stress included, {_frequencies(*spun)}; "
                 f"at rest {_listed(omega)} ({support})"
             )
         elif rate >= SLENDER * omega[0]:
             yield (
                 f"{name}: spins at {spin.rate:.4g} Hz about {label}, {rate / omega[0]:.0%} of its lowest frequency "
                 f"({omega[0] / (2 * np.pi):.4g} Hz {support}), and has no geometric stiffness for it: its modes alone "
-                f"{_without(spinning_modes(K, phi_phi, w))}; give it `geometric_stiffness`"
+                f"{_without(*spinning_modes(K, phi_phi, w))}; give it `geometric_stiffness`"
             )
 
 
@@ -115,12 +115,12 @@ def _listed(omega: Array) -> str:
     return ", ".join(f"{value:.4g}" for value in omega[:_TOLD] / (2 * np.pi)) + " Hz"
 
 
-def _frequencies(found: SpinningModes) -> str:
-    told = f"it vibrates at {_listed(found.omega)}"
-    return f"{told}, and is unstable" if found.growth else told
+def _frequencies(omega: Array, growth: float) -> str:
+    vibrates = f"it vibrates at {_listed(omega)}"
+    return f"{vibrates}, and is unstable" if growth else vibrates
 
 
-def _without(found: SpinningModes) -> str:
-    if found.growth:
+def _without(omega: Array, growth: float) -> str:
+    if growth:
         return "diverge"
-    return f"give {_listed(found.omega)}, where stress would raise them"
+    return f"give {_listed(omega)}, where stress would raise them"

@@ -103,8 +103,8 @@ def _hidden(path: Path, body: FEModel, as_read: FEModel, bars: Bars) -> Recovery
     followers = read_followers(path, as_read.nodes)
     condensed = len(condensed_dofs(as_read, followers, end_dofs(bars)))
     found = hidden_motion(as_read, followers, read_members(path, as_read.nodes) if condensed else None)
-    restated = recovery_in_units(found, as_read.dofs, as_read.units, body.units)
-    return Recovery(restated.dofs, restated.T @ _of_rows(body, as_read))
+    restated = recovery_in_units(found, as_read.units, body.units)
+    return Recovery(restated.dofs, body.dofs, restated.T @ _of_rows(body, as_read))
 
 
 def _computed(

@@ -5,7 +5,21 @@ Shapes from system modes belong in `pipeline.project`.
 """
 
 from cmsreduce.pipeline.choose.balancing import Balancing
+from cmsreduce.pipeline.choose.cutoff import CutoffChoice, CutoffSearch, asked_error, cutoff_key
 from cmsreduce.pipeline.choose.mode_sets import ModeSets
-from cmsreduce.pipeline.choose.selection import Choice
+from cmsreduce.pipeline.choose.ranked import ranked, ranking_channels
+from cmsreduce.pipeline.choose.selection import Choice, select, truncate
 
-__all__ = ["Balancing", "Choice", "ModeSets"]
+__all__ = [
+    "Balancing",
+    "Choice",
+    "CutoffChoice",
+    "CutoffSearch",
+    "ModeSets",
+    "asked_error",
+    "cutoff_key",
+    "ranked",
+    "ranking_channels",
+    "select",
+    "truncate",
+]

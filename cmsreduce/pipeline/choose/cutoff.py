@@ -6,18 +6,21 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from cmsreduce import __version__
-from cmsreduce.assemble import modal_substructure
+from cmsreduce.assemble import rigid_substructure
 from cmsreduce.config import Pipeline, ReduceKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import ModalComponent, Scene, Substructure
-from cmsreduce.pipeline.bodies import FlexibleBody
+from cmsreduce.model import ModalComponent, RigidBody, Scene, Substructure
+from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.pipeline.bodies import FlexibleBody, reference
 from cmsreduce.pipeline.store import stage_key
 from cmsreduce.pipeline.system import AssembledModel, Comparison, ReducedModel
+from cmsreduce.reduce import Examined
 
 __all__ = [
     "MOST",
     "START",
     "CutoffChoice",
+    "CutoffSearch",
     "asked_error",
     "check_measurable",
     "choose_cutoffs",
@@ -26,16 +29,16 @@ __all__ = [
 ]
 
 START, MOST = 1.5, 8.0
-"""Multiples of the band at which the search for a cutoff starts and ends."""
+"""Multiples of the band's upper end at which the search for a cutoff starts and ends."""
 DEFAULT_ERROR = 0.01
 """The frf_error asked for where neither balance nor verify states one."""
-# Part of the error asked for that the cutoffs of all bodies together may take; the choice of modes needs the rest.
+# Share of that error that the cutoffs of all bodies together may take; the choice of modes needs the rest.
 _SHARE = 0.5
-# A cutoff is raised by the fourth root of the error's excess, for the inertia of modes left out acts with w^4, and a
-# little beyond; within these factors, because modes come in lumps.
+# A cutoff is raised by the fourth root of the error's excess, because the inertia of modes left out acts with w^4, and
+# a little more; within these factors, because modes come in groups.
 _BEYOND = 1.02
 _LEAST_STEP, _LARGEST_STEP = 1.25, 1.5
-# Of a cutoff raised to the end, it is worth saying that it was in vain if this share of the first error is left.
+# If this share of the first error is left at the highest cutoff, raising it was in vain, and the note says so.
 _IN_VAIN = 0.5
 # Points of the grid before it is refined at resonances, where all error is.
 _POINTS = 100
@@ -43,48 +46,48 @@ _POINTS = 100
 
 @dataclass(frozen=True)
 class CutoffChoice:
-    """The cutoff of a body, and why.
+    """The cutoff found for a body, and why.
 
     Parameters
     ----------
     body : str
         Its name.
-    cutoff : float
+    cutoff_bands : float
         Multiple of the upper end of the band.
     error : float
         Estimated frf_error that the body's modes above the cutoff cost.
     limit : float
-        What they may cost.
+        Largest error that they may cost.
     tried : tuple of (float, float)
-        Cutoffs before it, with their errors.
+        Cutoffs tried before, with their errors.
     """
 
     body: str
-    cutoff: float
+    cutoff_bands: float
     error: float
     limit: float
     tried: tuple[tuple[float, float], ...] = ()
 
     @property
     def note(self) -> str:
-        """What was chosen and why, in words."""
+        """The choice and its reason, in words."""
         cost = f"its modes above cost an estimated frf_error of {self.error:.1e}, {self.limit:.1e} is allowed"
         if self.error > self.limit:
             remedy = "static shapes are what it lacks: try method macneal-rubin, or residuals, or allow a larger error"
             vain = bool(self.tried) and self.error > _IN_VAIN * self.tried[0][1]
             rest = remedy if vain else "state a higher cutoff, or allow a larger error"
-            return f"{self.body}: cutoff auto stopped at {self.cutoff:.3g} x the band; {cost}; {rest}"
+            return f"{self.body}: cutoff auto stopped at {self.cutoff_bands:.3g} x the band; {cost}; {rest}"
         if not self.tried:
-            return f"{self.body}: cutoff auto stays at {self.cutoff:.3g} x the band; {cost}"
+            return f"{self.body}: cutoff auto stays at {self.cutoff_bands:.3g} x the band; {cost}"
         start, error = self.tried[0]
         return (
-            f"{self.body}: cutoff auto raised from {start:.3g} to {self.cutoff:.3g} x the band, where {cost} "
+            f"{self.body}: cutoff auto raised from {start:.3g} to {self.cutoff_bands:.3g} x the band, where {cost} "
             f"({error:.1e} before)"
         )
 
 
 def asked_error(pipeline: Pipeline) -> float:
-    """The frf_error that a run is to meet: that of balance, or of verify's limits, or the usual one."""
+    """The frf_error that a run is to meet: of balance, else of verify's limits, else the usual one."""
     balance, verify = pipeline.balance, pipeline.verify
     stated = [balance.keep.frf_error if balance else None, verify.limits.frf_error if verify else None]
     return next((error for error in stated if error is not None), DEFAULT_ERROR)
@@ -111,12 +114,9 @@ def check_measurable(bodies: Mapping[str, FlexibleBody], scene: Scene) -> None:
 
 
 def cutoff_key(
-    pipeline: Pipeline,
-    bodies: Mapping[str, FlexibleBody],
-    stated: Callable[[str], ReduceKeys],
-    unneeded: Iterable[str],
+    pipeline: Pipeline, bodies: Mapping[str, FlexibleBody], stated: Mapping[str, ReduceKeys], unneeded: Iterable[str]
 ) -> str:
-    """Hash of everything the choice of the cutoffs depends on.
+    """Hash of everything that the choice of the cutoffs depends on.
 
     Parameters
     ----------
@@ -124,8 +124,8 @@ def cutoff_key(
         Scene, rigid bodies, and the error asked for.
     bodies : mapping of name to FlexibleBody
         As read.
-    stated : callable
-        Keys of a body's reduction, in which a cutoff may be ``auto``.
+    stated : mapping of name to ReduceKeys
+        Keys of the bodies that are reduced, in which a cutoff may be ``auto``.
     unneeded : iterable of str
         Bodies kept rigid.
     """
@@ -133,7 +133,7 @@ def cutoff_key(
         name: part.model_dump(mode="json", include={"place", "rigid", "interfaces"})
         for name, part in pipeline.components.items()
     }
-    reduced = {name: stated(name).model_dump(mode="json") for name in bodies if pipeline.reduce_of(name) is not None}
+    reduced = {name: keys.model_dump(mode="json") for name, keys in stated.items()}
     prints = {name: (flexible.fingerprint, repr(flexible.body.damping)) for name, flexible in bodies.items()}
     scene = pipeline.scene.model_dump(mode="json")
     return stage_key("cutoff", __version__, scene, parts, reduced, prints, asked_error(pipeline), sorted(unneeded))
@@ -142,7 +142,7 @@ def cutoff_key(
 def choose_cutoffs(
     names: Iterable[str], asked: float, errors_at: Callable[[Mapping[str, float]], Mapping[str, float]]
 ) -> dict[str, CutoffChoice]:
-    """Raise the cutoff of each body until what its missing modes cost is small, and of no other.
+    """Raise the cutoff of each body until its missing modes cost little error.
 
     Parameters
     ----------
@@ -171,6 +171,64 @@ def choose_cutoffs(
             step = min(max(_BEYOND * (errors[name] / limit) ** 0.25, _LEAST_STEP), _LARGEST_STEP)
             cutoffs[name] = min(cutoffs[name] * step, MOST)
     return {name: CutoffChoice(name, cutoffs[name], errors[name], limit, tuple(tried[name])) for name in cutoffs}
+
+
+class CutoffSearch:
+    """Search for the cutoffs of some bodies; it keeps the last reduction of each.
+
+    Parameters
+    ----------
+    bodies : mapping of name to FlexibleBody
+        Flexible bodies, as read.
+    rigid_bodies : mapping of name to RigidBody
+        The others.
+    scene : Scene
+        With actuators and sensors.
+    examine : callable
+        Reduces a body up to a frequency in Hz, and enriches its basis.
+    """
+
+    def __init__(
+        self,
+        bodies: Mapping[str, FlexibleBody],
+        rigid_bodies: Mapping[str, RigidBody],
+        scene: Scene,
+        examine: Callable[[str, float], Examined],
+    ) -> None:
+        self._bodies, self._rigid_bodies, self._scene, self._examine = bodies, rigid_bodies, scene, examine
+        self._last: dict[str, tuple[float, Examined]] = {}
+
+    def found(self, name: str, cutoff_hz: float) -> Examined | None:
+        """The last reduction of a body, if it was up to this frequency."""
+        last_hz, examined = self._last.get(name, (None, None))
+        return examined if last_hz == cutoff_hz else None
+
+    def choose(
+        self, names: Iterable[str], asked: float, others: Mapping[str, ModalComponent]
+    ) -> dict[str, CutoffChoice]:
+        """Choose the cutoffs of bodies for an frf_error of the system, beside bodies whose cutoff is stated.
+
+        Raises
+        ------
+        ConfigError
+            If the scene has no response to measure, or nothing in it is damped.
+        """
+        check_measurable(self._bodies, self._scene)
+        return choose_cutoffs(names, asked, lambda cutoffs: self._errors_at(cutoffs, others))
+
+    def _errors_at(self, cutoffs: Mapping[str, float], others: Mapping[str, ModalComponent]) -> dict[str, float]:
+        top_hz = self._scene.band[1]
+        for name, cutoff_bands in cutoffs.items():
+            if self.found(name, cutoff_bands * top_hz) is None:
+                self._last[name] = (cutoff_bands * top_hz, self._examine(name, cutoff_bands * top_hz))
+        enriched = {name: orthogonalise(last.enriched) for name, (_, last) in self._last.items() if last.enriched}
+        components = {name: orthogonalise(self._last[name][1].component) for name in cutoffs} | dict(others)
+        rest = {name: rigid_substructure(body) for name, body in self._rigid_bodies.items()}
+        for name, flexible in self._bodies.items():
+            if name not in components:
+                own = reference(flexible.body, flexible.ports, flexible.rigid, START * top_hz)
+                rest[name] = flexible.substructure(self._scene, own.modes)
+        return neglected_errors(components, enriched, self._bodies, rest, self._scene)
 
 
 def neglected_errors(
@@ -208,16 +266,13 @@ def neglected_errors(
     models = {name: bodies[name].body for name in components}
 
     def model(parts: Mapping[str, ModalComponent]) -> ReducedModel:
-        subs = dict(others) | {
-            name: modal_substructure(part, bodies[name].points(scene)) for name, part in parts.items()
-        }
+        subs = dict(others) | {name: bodies[name].substructure(scene, part) for name, part in parts.items()}
         shapes: dict[str, ModalComponent | None] = dict(parts)
         return ReducedModel(AssembledModel({name: subs[name] for name in scene.bodies}, scene), shapes)
 
     base = model(components)
     found = {}
-    for name, richer in enriched.items():
-        whole = model({**components, name: richer})
-        compared = Comparison(whole.assembled, whole.shapes, models, scene, _POINTS)
-        found[name] = compared.candidate_error(base)
+    for name, part in enriched.items():
+        richer = model({**components, name: part})
+        found[name] = Comparison(richer.assembled, richer.shapes, models, scene, _POINTS).candidate_error(base)
     return found

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cmsreduce.assemble import Ports
 from cmsreduce.balance import (
@@ -24,11 +22,11 @@ from cmsreduce.balance import (
 )
 from cmsreduce.config import RankingKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.linalg.basis_store import observed
+from cmsreduce.linalg.blocks import observed
 from cmsreduce.model import BoundRecord, ModalChannels, ModalComponent, SearchRecord
 from cmsreduce.pipeline.system import SystemErrors
 
-__all__ = ["Choice", "choice_from", "choice_to", "modal_channels", "select", "truncate"]
+__all__ = ["Choice", "modal_channels", "select", "truncate"]
 
 # The search runs on frequencies that the model with all modes set; a model that fails on its own is searched anew, to a
 # limit smaller by what it missed, and by this share of it, so that the same model does not come back.
@@ -63,7 +61,7 @@ def modal_channels(component: ModalComponent, ports: Ports) -> ModalChannels:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """What a keep rule chose, and what it can say for it.
+    """Modes chosen by a keep rule, and how they were chosen.
 
     Parameters
     ----------
@@ -80,7 +78,7 @@ class Choice:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a reader must know of it."""
+        """Facts that a reader must know."""
         notes = []
         if self.search is not None:
             s = self.search
@@ -101,23 +99,6 @@ class Choice:
         return Choice(
             {**self.selection, **other.selection}, self.search or other.search, {**self.bounds, **other.bounds}
         )
-
-
-def choice_to(choice: Choice) -> tuple[dict[str, NDArray[np.int64]], dict[str, Any]]:
-    """Arrays and facts of a choice, for the stage store."""
-    facts: dict[str, Any] = {"bounds": {name: asdict(bound) for name, bound in choice.bounds.items()}}
-    if choice.search is not None:
-        facts["search"] = asdict(choice.search)
-    return dict(choice.selection), facts
-
-
-def choice_from(names: Iterable[str], arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]) -> Choice:
-    """A choice from its arrays and facts."""
-    return Choice(
-        {name: arrays[name] for name in names},
-        SearchRecord(**facts["search"]) if "search" in facts else None,
-        {name: BoundRecord(**bound) for name, bound in facts.get("bounds", {}).items()},
-    )
 
 
 def select(

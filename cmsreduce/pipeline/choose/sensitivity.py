@@ -1,4 +1,4 @@
-"""How far the choice of modes hangs on the damping that is stated, and on each sensor."""
+"""Sensitivity of the choice of modes to the stated damping and to each sensor."""
 
 from __future__ import annotations
 
@@ -9,21 +9,28 @@ import numpy as np
 
 from cmsreduce.assemble import body_ports
 from cmsreduce.balance import Selection
-from cmsreduce.config import ModeSetKeys
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.model import ModalComponent, Scene, SensitivityCase, SensitivityRecord, Substructure
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.system import AssembledModel, Comparison, ReducedModel
 
-__all__ = ["Change", "ChangedBodies", "changed_comparison", "changed_model", "changes", "sensitivity"]
+__all__ = [
+    "Change",
+    "changed_bodies",
+    "changed_component",
+    "changed_comparison",
+    "changed_model",
+    "changes",
+    "sensitivity",
+]
 
 DAMPING = (0.2, 5.0)
-"""Factors on the damping of every body: what a ratio that was never measured may be off by."""
+"""Factors on the damping of every body: the error of a ratio that was never measured."""
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """One thing that may be otherwise than a run has it.
+    """One change of a run.
 
     Parameters
     ----------
@@ -40,49 +47,32 @@ class Change:
     damping: float = 1.0
 
 
-class ChangedBodies:
-    """The bodies of a run in the modes that it has them in, with another damping, or without a sensor.
-
-    Parameters
-    ----------
-    bodies : mapping of name to FlexibleBody
-        As the run reads them.
-    modal : callable
-        Gives a body of the run in orthonormal modes.
-    change : Change
-        What is otherwise.
-    """
-
-    def __init__(
-        self,
-        bodies: Mapping[str, FlexibleBody],
-        modal: Callable[[str, ModeSetKeys | None], ModalComponent],
-        change: Change,
-    ) -> None:
-        self._modal, self._damping = modal, change.damping
-        self._bodies = {name: _measured(flexible, change.scene) for name, flexible in bodies.items()}
-
-    @property
-    def bodies(self) -> Mapping[str, FlexibleBody]:
-        """Bodies with the sensors that are left."""
-        return self._bodies
-
-    def modal(self, name: str, other: ModeSetKeys | None = None) -> ModalComponent:
-        """One body in orthonormal modes: shapes and frequencies are the run's."""
-        component, factor = self._modal(name, other), self._damping
-        body = component.body
-        return replace(
-            component,
-            body=replace(body, damping=body.damping.scaled(factor), D=None if body.D is None else factor * body.D),
-            zeta=factor * component.zeta,
-            D=None if component.D is None else factor * component.D,
+def changed_bodies(bodies: Mapping[str, FlexibleBody], scene: Scene) -> dict[str, FlexibleBody]:
+    """The bodies of a run with the sensors of a changed scene."""
+    found = {}
+    for name, flexible in bodies.items():
+        left = body_ports(flexible.body, scene)
+        found[name] = replace(
+            flexible, ports=replace(flexible.ports, displacements=left.displacements, rates=left.rates)
         )
+    return found
+
+
+def changed_component(component: ModalComponent, damping: float) -> ModalComponent:
+    """A body of the run with its damping multiplied by a factor; shapes and frequencies stay."""
+    body = component.body
+    return replace(
+        component,
+        body=replace(body, damping=body.damping.scaled(damping), D=None if body.D is None else damping * body.D),
+        zeta=damping * component.zeta,
+        D=None if component.D is None else damping * component.D,
+    )
 
 
 def changes(scene: Scene) -> list[Change]:
-    """What is tried: the damping times 0.2 and 5, and the scene without each of its sensors.
+    """All changes: the damping times 0.2 and 5, and the scene without each of its sensors.
 
-    A sensor of several outputs goes as a whole; where it is the only one, each of its outputs goes by itself.
+    A sensor of several outputs is removed as a whole; if it is the only one, each of its outputs is removed by itself.
     """
     found = [Change(f"damping x {factor:g}", scene, factor) for factor in DAMPING]
     outputs = [channel.name for channel in scene.sensors]
@@ -107,37 +97,35 @@ def changed_model(model: ReducedModel, reduced: Mapping[str, ModalComponent], ch
     return ReducedModel(AssembledModel(subs, scene), model.shapes)
 
 
-def changed_comparison(whole: Comparison, change: Change) -> Comparison:
-    """The full system in a changed scene, with another damping."""
-    scene = change.scene
-    subs = {
-        name: _damped(sub, change.damping) for name, sub in whole.full.substructures.items() if name in scene.bodies
-    }
-    return Comparison(AssembledModel(subs, scene), whole.full_shapes, whole.bodies, scene, whole.points)
+def changed_comparison(comparison: Comparison, change: Change) -> Comparison:
+    """The reference model in a changed scene, with another damping."""
+    scene, full = change.scene, comparison.full.substructures
+    subs = {name: _damped(sub, change.damping) for name, sub in full.items() if name in scene.bodies}
+    return Comparison(AssembledModel(subs, scene), comparison.full_shapes, comparison.bodies, scene, comparison.points)
 
 
 def sensitivity(
     chosen: Selection, scene: Scene, choose: Callable[[Change], Selection], advance: Callable[[int, int], None]
 ) -> SensitivityRecord:
-    """Choose again with every change there is.
+    """Choose again with every change.
 
     Parameters
     ----------
     chosen : Selection
-        What the run keeps.
+        Modes that the run keeps.
     scene : Scene
         Of the run.
     choose : callable
         Applies the run's rules to changed bodies.
     advance : callable
-        Told after each change how many are done, and of how many.
+        Called after each change with their number and the number of all.
     """
     cases, tried = [], changes(scene)
     for number, change in enumerate(tried):
         try:
             cases.append(SensitivityCase(change.name, _numbered(choose(change))))
         except CmsReduceError as error:
-            # A rule that cannot be met with another damping is a finding, and no reason to stop.
+            # A rule that cannot be met with another damping is a finding, and does not stop the run.
             cases.append(SensitivityCase(change.name, None, str(error)))
         advance(number + 1, len(tried))
     return SensitivityRecord(_numbered(chosen), tuple(cases))
@@ -145,11 +133,6 @@ def sensitivity(
 
 def _numbered(selection: Selection) -> dict[str, tuple[int, ...]]:
     return {name: tuple((np.sort(columns) + 1).tolist()) for name, columns in selection.items()}
-
-
-def _measured(flexible: FlexibleBody, scene: Scene) -> FlexibleBody:
-    left = body_ports(flexible.body, scene)
-    return replace(flexible, ports=replace(flexible.ports, displacements=left.displacements, rates=left.rates))
 
 
 def _damped(sub: Substructure, factor: float) -> Substructure:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.assemble import Ports, physical_substructure
 from cmsreduce.balance import Sized
 from cmsreduce.config import ScalingKeys, Size, channel_kind
-from cmsreduce.linalg.basis_store import observed
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense, observed
 from cmsreduce.model import Channel, Configuration, ModalComponent, PointTerm, Scene, Units
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.system import AssembledModel

@@ -4,7 +4,7 @@ Steps of this stage belong here.
 Its mathematics belongs in `cmsreduce.project`.
 """
 
-from cmsreduce.pipeline.project.projected import Projected, projected_from, projected_to
+from cmsreduce.pipeline.project.projected_bodies import Projected
 from cmsreduce.pipeline.project.stage import PROJECTED_ERROR, Measures, ProjectStage
 
-__all__ = ["Measures", "PROJECTED_ERROR", "ProjectStage", "Projected", "projected_from", "projected_to"]
+__all__ = ["Measures", "PROJECTED_ERROR", "ProjectStage", "Projected"]

@@ -1,4 +1,4 @@
-"""Modes of the reassembled system beside those that were chosen: which came back, and which came along."""
+"""Modes of the reassembled system: errors of the chosen ones, and extraneous ones."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import ExtraneousMode, Matrix, SampledModes, Scene
-from cmsreduce.pipeline.project.system_projection import ModesOfSystem, SystemModes, all_modes
+from cmsreduce.pipeline.project.system_modes import ModesOfSystem, SystemModes, all_modes
 from cmsreduce.pipeline.system import ReducedModel, cross_orthogonality, mass_products
 from cmsreduce.project import extraneous_count, extraneous_modes, project_shapes, returned
 
@@ -18,21 +18,21 @@ __all__ = ["extraneous_in_band", "sampled_modes"]
 
 Real = NDArray[np.float64]
 
-# Rows of constraints of unit length are dependent below this; those of a loop that closes round to 1e-15.
+# Constraints of unit length are dependent below this share of the largest singular value; a closed loop has 1e-15.
 _DEPENDENT = 1e-9
 
 
 def sampled_modes(
     model: ReducedModel, source: ModesOfSystem, chosen: Mapping[str, SystemModes]
 ) -> tuple[SampledModes, ...]:
-    """How the chosen modes return in each configuration that was sampled.
+    """Errors of the chosen modes after reassembly, in each sampled configuration.
 
     Parameters
     ----------
     model : ReducedModel
         Of the bodies after projection.
     source : ModesOfSystem
-        Where the modes were taken from.
+        Of the system before.
     chosen : mapping of configuration to SystemModes
         The modes.
     """
@@ -61,7 +61,7 @@ def sampled_modes(
 def extraneous_in_band(
     model: ReducedModel, source: ModesOfSystem, chosen: Mapping[str, SystemModes], scene: Scene
 ) -> tuple[ExtraneousMode, ...]:
-    """Modes in the band that nobody chose, in every configuration that was sampled."""
+    """Modes in the band that were not chosen, in each sampled configuration."""
     undriven, masses = ModesOfSystem(source.model, source.omega), _masses(model, source.model)
     found: list[ExtraneousMode] = []
     for name, modes in chosen.items():
@@ -85,16 +85,16 @@ def extraneous_in_band(
 
 
 def _predicted(model: ReducedModel, modes: SystemModes, chosen: int) -> int:
-    """Modes that come along by counting the shapes of the bodies, their constraints, and what was asked for."""
+    """Number of extraneous modes from the counts of shapes, constraints and chosen modes."""
     system, stack = modes.system, model.assembled.stack
     A = dense(stack.spread(model.assembled.wiring(modes.configuration).A))
     size = np.linalg.norm(A, axis=1, keepdims=True)
     singular = la.svdvals(A / np.where(size > 0, size, 1.0)) if A.size else np.zeros(1)
     constrained = int(np.count_nonzero(singular > _DEPENDENT * singular.max()))
     rigid = system.rigid.shape[1]
-    # Shapes without mass follow the others and make no modes.
-    followers = system.N - rigid - modes.count
-    return int(extraneous_count(list(system.sizes.values()), constrained, chosen + rigid) - followers)
+    # Shapes without mass make no modes.
+    massless = system.N - rigid - modes.count
+    return int(extraneous_count(list(system.sizes.values()), constrained, chosen + rigid) - massless)
 
 
 def _masses(model: ReducedModel, source: ReducedModel) -> dict[str, Matrix]:
@@ -104,7 +104,7 @@ def _masses(model: ReducedModel, source: ReducedModel) -> dict[str, Matrix]:
 
 
 def _gram(modes: SystemModes) -> Real | None:
-    """Mass products of the chosen shapes among each other; None for modes, which are orthonormal."""
+    """Mass products of the chosen shapes; None for real modes, which are orthonormal."""
     return None if modes.s is None else np.asarray(modes.Phi.T @ (modes.system.M @ modes.Phi))
 
 
@@ -119,7 +119,7 @@ def _energy(model: ReducedModel, modes: SystemModes) -> dict[str, Real]:
 
 
 def _motion(model: ReducedModel, modes: SystemModes) -> dict[str, Real]:
-    """Motion of each interface in each mode, every one of its directions measured against all modes."""
+    """Motion of each interface in each mode, each direction relative to its motion in all modes."""
     found = {}
     for name, X in modes.by_body.items():
         sub = model.assembled.substructures[name]
@@ -131,7 +131,7 @@ def _motion(model: ReducedModel, modes: SystemModes) -> dict[str, Real]:
 
 
 def _peaks(modes: SystemModes) -> Real:
-    """Static gain of each mode from the strongest input to each output (outputs, k): its peak but for its damping."""
+    """Static gain of each mode from the strongest input to each output (outputs, k)."""
     B, w = modes.Phi.T @ modes.system.B, modes.omega
     C = abs(modes.system.C1 @ modes.Phi) + abs(modes.system.C2 @ modes.Phi) * w
     return np.asarray(C * abs(B).max(axis=1, initial=0.0) / w**2)

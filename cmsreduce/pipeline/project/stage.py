@@ -1,7 +1,4 @@
-"""Settings of the joints between those that a scene names.
-
-The project stage: choose modes of the system in some configurations, project them on the bodies, join them again.
-"""
+"""The project stage: choose modes of the system in some configurations, project them on the bodies, join these."""
 
 from __future__ import annotations
 
@@ -15,63 +12,30 @@ from cmsreduce.config import ProjectKeys
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import DOF_NAMES, Configuration, ExtraneousMode, ModalComponent, ProjectionRecord, Scene
 from cmsreduce.pipeline.bodies import FlexibleBody
-from cmsreduce.pipeline.project.projected import Projected
-from cmsreduce.pipeline.project.projected_body import attachment_amplitudes, remade
+from cmsreduce.pipeline.project.projected_bodies import Projected, attachment_amplitudes, projected_body
 from cmsreduce.pipeline.project.returned_modes import extraneous_in_band, sampled_modes
-from cmsreduce.pipeline.project.system_mode_choice import POOL, SystemModeChoice
-from cmsreduce.pipeline.project.system_projection import ModesOfSystem, SystemModes, feedback_gain
+from cmsreduce.pipeline.project.system_modes import (
+    CANDIDATE_BANDS,
+    ModesOfSystem,
+    SystemModeChoice,
+    SystemModes,
+    feedback_gain,
+)
 from cmsreduce.pipeline.system import ReducedModel
 from cmsreduce.project import Projection
 
-__all__ = [
-    "Measures",
-    "PROJECTED_ERROR",
-    "ProjectStage",
-    "halfway",
-]
-
-_ROTATIONS = 3
-
-
-def halfway(scene: Scene) -> list[Configuration]:
-    """Configurations midway between those of the scene that differ in one angle and are neighbours in it.
-
-    Parameters
-    ----------
-    scene : Scene
-        Its configurations need not fill a grid.
-    """
-    found: dict[tuple[float, ...], Configuration] = {}
-    axes = sorted({axis for setting in scene.configurations for axis in setting.angles})
-    settings = [tuple(setting.angles.get(axis, 0.0) for axis in axes) for setting in scene.configurations]
-    for here in settings:
-        for k, _ in enumerate(axes):
-            others = [there[k] for there in settings if there[:k] + there[k + 1 :] == here[:k] + here[k + 1 :]]
-            beyond = [angle for angle in others if angle > here[k]]
-            if beyond:
-                middle = (*here[:k], (here[k] + min(beyond)) / 2, *here[k + 1 :])
-                label = " ".join(_shown(axis, value) for axis, value in zip(axes, middle, strict=True))
-                angles = dict(zip(axes, middle, strict=True))
-                found.setdefault(middle, Configuration(f"halfway {label}", angles))
-    return list(found.values())
-
-
-def _shown(axis: tuple[str, int], value: float) -> str:
-    joint, dof = axis
-    size = f"{np.degrees(value):.4g}" if dof >= _ROTATIONS else f"{value:.4g}"
-    return f"{joint}.{DOF_NAMES[dof]}={size}"
-
+__all__ = ["Measures", "PROJECTED_ERROR", "ProjectStage", "midpoint_configurations"]
 
 PROJECTED_ERROR = 0.01
-"""frf_error that auto goes for where neither the stage, nor balance, nor verify names one."""
+"""frf_error that ``auto`` reaches where neither the stage, nor balance, nor verify gives one."""
 
-# So many modes that came along are named in notes; the summary has them all.
+# Extraneous modes named in notes; summary.json has them all.
 _EXTRANEOUS_SHOWN = 8
 
 
 @dataclass(frozen=True, eq=False)
 class Measures:
-    """How the stage makes models of bodies, and measures them.
+    """Functions that make models of bodies and measure them, and the error to reach.
 
     Parameters
     ----------
@@ -80,11 +44,11 @@ class Measures:
     error : callable, optional
         Response error of a model in a configuration; absent without actuators or sensors.
     limit : float
-        Error that ``auto`` goes for.
+        Error that ``auto`` must reach.
     asked : bool
-        Whether the user named that error.
+        Whether the pipeline gives that error.
     advance : callable
-        Told how many configurations of how many are done.
+        Called with the number of finished configurations and the number of all.
     """
 
     model: Callable[[Mapping[str, ModalComponent]], ReducedModel]
@@ -100,17 +64,16 @@ class ProjectStage:
     Parameters
     ----------
     keys : ProjectKeys
-        Which modes, where.
+        Rules for modes and configurations.
     scene : Scene
         Configurations, band.
     bodies : mapping of name to FlexibleBody
-        Those to be projected on.
+        Bodies to project on.
     kept : mapping of name to ModalComponent
-        The bodies as the stages before left them.
+        The bodies after the stages before.
     source : ReducedModel
-        The system whose modes are taken: of ``kept``, or unreduced.
+        System whose modes are projected: of ``kept``, or of unreduced bodies.
     measures : Measures
-        Makes and measures models.
     """
 
     def __init__(
@@ -124,20 +87,20 @@ class ProjectStage:
     ) -> None:
         self.keys, self.scene, self.bodies, self.kept = keys, scene, bodies, kept
         self.source, self.measures = source, measures
-        omega = 2 * np.pi * scene.band[1] * (keys.modes.cutoff_bands or POOL)
+        omega = 2 * np.pi * scene.band[1] * (keys.modes.cutoff_bands or CANDIDATE_BANDS)
         gain = feedback_gain(keys.feedback, scene) if keys.feedback or keys.damped else None
         self._modes = ModesOfSystem(source, omega, gain)
         self._choice = SystemModeChoice(keys, self._modes, measures.limit)
 
     def run(self) -> Projected:
-        """Choose, project, join, and look at what came along.
+        """Choose modes, project them, join the bodies again, and find extraneous modes.
 
         Raises
         ------
         ConfigError
-            If configurations or modes are asked for that there are not, or the error cannot be met.
+            If a configuration or a mode of the keys does not exist, or the error cannot be met.
         DampingError
-            If modes are to be ranked and one has no damping.
+            If modes are ranked and one has no damping.
         """
         rule = self.keys.modes.rule
         if (rule == "auto" or self.keys.configurations == "auto") and self.measures.error is None:
@@ -193,8 +156,8 @@ class ProjectStage:
     def _greedy(
         self, notes: list[str]
     ) -> tuple[dict[str, SystemModes], dict[str, ModalComponent], dict[str, Projection]]:
-        """Add the worst configuration until the limit holds at all of the scene's, or all are added."""
-        every = [*self.scene.configurations, *(halfway(self.scene) if self.keys.between else [])]
+        """Add the worst configuration until the limit holds in all of them, or the worst one is sampled."""
+        every = [*self.scene.configurations, *(midpoint_configurations(self.scene) if self.keys.between else [])]
         sampled = every[:1]
         while True:
             chosen = self._chosen(sampled)
@@ -203,11 +166,11 @@ class ProjectStage:
             if error <= self.measures.limit or worst in sampled:
                 break
             sampled.append(worst)
-        held = "holds" if error <= self.measures.limit else "does not hold"
+        met = "is met" if error <= self.measures.limit else "is not met"
         notes.append(
             f"project: system modes of {len(sampled)} of {len(every)} configurations "
-            f"({', '.join(c.name for c in sampled)}); frf_error {self.measures.limit:g} {held} at all of them, the "
-            f"worst is {error:.3g} at '{worst.name}'"
+            f"({', '.join(c.name for c in sampled)}); the limit frf_error {self.measures.limit:g} {met} in all of "
+            f"them: the worst is {error:.3g} at '{worst.name}'"
         )
         return chosen, components, parts
 
@@ -217,7 +180,7 @@ class ProjectStage:
         components, parts = {}, {}
         by_body = [found.by_body for found in chosen.values()]
         for name in self.kept:
-            components[name], parts[name] = remade(
+            components[name], parts[name] = projected_body(
                 self.bodies[name],
                 self.kept[name],
                 self.source.shapes[name],
@@ -235,24 +198,24 @@ class ProjectStage:
         found: tuple[ExtraneousMode, ...],
         notes: list[str],
     ) -> tuple[dict[str, ModalComponent], ReducedModel, dict[str, int]]:
-        """The bodies with static shapes of their interfaces, unless these make the response worse."""
+        """The bodies with static shapes of their interfaces added, unless these make the response worse."""
         shapes = {name: attachment_amplitudes(c, self.bodies[name].ports.interface) for name, c in self.kept.items()}
         fuller, _ = self._bodies(chosen, shapes)
         other = self.measures.model(fuller)
         left = _spurious(extraneous_in_band(other, self._modes, chosen, self.scene))
         added = {name: fuller[name].omega.size - components[name].omega.size for name in fuller}
-        said = (
-            f"{len(_spurious(found))} modes in the band that the system does not have before "
-            f"{sum(added.values())} static shapes of the interfaces, {len(left)} with them"
+        effect = (
+            f"{len(_spurious(found))} extraneous modes in the band without {sum(added.values())} static shapes of the "
+            f"interfaces, {len(left)} with them"
         )
         if self.measures.error is not None:
             before = self._worst(model, self.scene.configurations)[0]
             after = self._worst(other, self.scene.configurations)[0]
-            said += f"; frf_error {before:.3g} before, {after:.3g} with them"
+            effect += f"; frf_error {before:.3g} without, {after:.3g} with them"
             if after > max(before, self.measures.limit):
-                notes.append(f"project: {said}: the response would get worse, so they were not added")
+                notes.append(f"project: {effect}: they would make the response worse, so they were not added")
                 return components, model, {}
-        notes.append(f"project: {said}")
+        notes.append(f"project: {effect}")
         return fuller, other, added
 
     def _worst(self, model: ReducedModel, configurations: Sequence[Configuration]) -> tuple[float, Configuration]:
@@ -265,14 +228,14 @@ class ProjectStage:
         return errors[k], configurations[k]
 
     def _between(self, model: ReducedModel, chosen: Mapping[str, SystemModes], notes: list[str]) -> dict[str, float]:
-        """Errors where no modes were taken: at configurations left out, and halfway between neighbouring angles."""
+        """Errors in configurations that were not sampled: others of the scene, and midpoint configurations."""
         if self.measures.error is None:
             return {}
-        settings = [configuration for configuration in self.scene.configurations if configuration.name not in chosen]
-        settings += halfway(self.scene) if self.keys.between else []
-        errors = {setting.name: self.measures.error(setting, model) for setting in settings}
+        others = [configuration for configuration in self.scene.configurations if configuration.name not in chosen]
+        others += midpoint_configurations(self.scene) if self.keys.between else []
+        errors = {each.name: self.measures.error(each, model) for each in others}
         if errors:
-            name = max(errors, key=lambda each: errors[each])
+            name = max(errors, key=errors.__getitem__)
             notes.append(f"project: between the angles sampled, the worst frf_error is {errors[name]:.3g} at '{name}'")
         return errors
 
@@ -283,18 +246,18 @@ class ProjectStage:
         for name, part in parts.items():
             if part.left_out > self.keys.tolerance / 10 and self.keys.tolerance > ProjectKeys().tolerance:
                 notes.append(
-                    f"{name}: compressed to {part.rank} shapes; what was left out holds {part.left_out:.2g} of the "
-                    f"amplitude of a system mode, and the chosen modes return to {worst_return:.2g} at worst"
+                    f"{name}: compressed to {part.rank} shapes; the shapes left out hold {part.left_out:.2g} of the "
+                    f"amplitude of a system mode, and the largest error of a chosen frequency is {worst_return:.2g}"
                 )
         foreign = _spurious(found)
         for mode in foreign[:_EXTRANEOUS_SHOWN]:
-            where = f", at {mode.share.interface}" if mode.share.interface else ""
+            where = f", at {mode.interface}" if mode.interface else ""
             weights = zip((sensor.name for sensor in self.scene.sensors), mode.weight, strict=True)
             peaks = ", ".join(f"{name} {weight:.2g}" for name, weight in weights)
             notes.append(
                 f"project: extraneous mode at {mode.hz:.4g} Hz in '{mode.configuration}', in the band: "
-                f"{mode.share.energy[mode.share.body]:.0%} of its energy in {mode.share.body}{where}; its peaks, of "
-                f"the largest of any mode: {peaks or 'no output'}"
+                f"{mode.energy[mode.body]:.0%} of its energy in {mode.body}{where}; its peaks, "
+                f"relative to the largest of all modes: {peaks or 'no output'}"
             )
         if len(foreign) > _EXTRANEOUS_SHOWN:
             notes.append(
@@ -302,12 +265,41 @@ class ProjectStage:
             )
         if len(found) > len(foreign):
             notes.append(
-                f"project: {len(found) - len(foreign)} times a mode of the system that was not chosen came along in "
-                "the band: see summary.json"
+                f"project: {len(found) - len(foreign)} times the reassembled system has a mode of the system in the "
+                "band that was not chosen: see summary.json"
             )
         return notes
 
 
 def _spurious(found: Sequence[ExtraneousMode]) -> list[ExtraneousMode]:
-    """Those that no mode of the system is like, the strongest first."""
+    """Extraneous modes that resemble no mode of the system, the strongest first."""
     return sorted((mode for mode in found if mode.spurious), key=lambda mode: -mode.weight.max(initial=0.0))
+
+
+def midpoint_configurations(scene: Scene) -> list[Configuration]:
+    """Configurations midway between neighbouring ones of the scene that differ in one angle only.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its configurations need not fill a grid.
+    """
+    found: dict[tuple[float, ...], Configuration] = {}
+    axes = sorted({axis for configuration in scene.configurations for axis in configuration.angles})
+    sampled = [tuple(each.angles.get(axis, 0.0) for axis in axes) for each in scene.configurations]
+    for here in sampled:
+        for k, _ in enumerate(axes):
+            others = [there[k] for there in sampled if there[:k] + there[k + 1 :] == here[:k] + here[k + 1 :]]
+            beyond = [angle for angle in others if angle > here[k]]
+            if beyond:
+                middle = (*here[:k], (here[k] + min(beyond)) / 2, *here[k + 1 :])
+                label = " ".join(_shown(axis, value) for axis, value in zip(axes, middle, strict=True))
+                angles = dict(zip(axes, middle, strict=True))
+                found.setdefault(middle, Configuration(f"halfway {label}", angles))
+    return list(found.values())
+
+
+def _shown(axis: tuple[str, int], value: float) -> str:
+    joint, dof = axis
+    size = f"{np.degrees(value):.4g}" if dof >= len(DOF_NAMES) // 2 else f"{value:.4g}"
+    return f"{joint}.{DOF_NAMES[dof]}={size}"

@@ -5,13 +5,19 @@ Rendering belongs in `report`, file formats in `write`.
 """
 
 from cmsreduce.pipeline.results.checking import check_result, write_junit, write_markdown
-from cmsreduce.pipeline.results.exports import export_pictures, export_shapes, export_tables
-from cmsreduce.pipeline.results.framing import frame_of, integral_frame_of, outboard_of
-from cmsreduce.pipeline.results.health import effective_mass_data, effective_mass_lines, health_data, health_lines
+from cmsreduce.pipeline.results.exports import export_pictures, export_shapes, export_tables, write_system_states
+from cmsreduce.pipeline.results.health import effective_mass_data, effective_mass_lines, health_table
 from cmsreduce.pipeline.results.limits import read_limits
-from cmsreduce.pipeline.results.mass_totals import body_totals, file_totals, total_data, total_lines
-from cmsreduce.pipeline.results.matlab import write_system_states
-from cmsreduce.pipeline.results.reduction_text import frame_lines, run_lines
+from cmsreduce.pipeline.results.mass_and_frame import (
+    body_totals,
+    file_totals,
+    frame_lines,
+    frame_of,
+    integral_frame_of,
+    outboard_of,
+    total_data,
+    total_lines,
+)
 from cmsreduce.pipeline.results.result import component_checks, run_result
 from cmsreduce.pipeline.results.run_difference import run_difference
 from cmsreduce.pipeline.results.step_advice import body_costly_modes, file_rounding
@@ -30,13 +36,11 @@ __all__ = [
     "file_totals",
     "frame_lines",
     "frame_of",
-    "health_data",
-    "health_lines",
+    "health_table",
     "integral_frame_of",
     "outboard_of",
     "read_limits",
     "run_difference",
-    "run_lines",
     "run_result",
     "total_data",
     "total_lines",

@@ -1,7 +1,4 @@
-"""A finished run, or one component file, as it lies on the disk.
-
-What changed between two results: frequencies, shapes, mass, integrals, modes kept.
-"""
+"""Stored results, and the changes between two of them: frequencies, shapes, mass, integrals, kept modes."""
 
 from __future__ import annotations
 
@@ -17,30 +14,40 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ConfigError, ReadError
 from cmsreduce.model import Check, Finding
 from cmsreduce.pipeline.results.limits import Tolerances
+from cmsreduce.report import place
 from cmsreduce.verify import ModePairing, integral_change, mass_change, pair_modes, scaled_rows
 from cmsreduce.write import ComponentFile, read_component
 
-__all__ = [
-    "StoredResult",
-    "compare",
-    "open_result",
-]
+__all__ = ["StoredResult", "compare", "open_result"]
+
+Array = NDArray[np.float64]
 
 _COMPONENT_KEYS = {"checks", "frequencies_hz", "kept_modes"}
+# Modes named in a note; more do not fit a line.
+_NAMED = 4
+# Integrals over modes: axes that count modes, and the rigid mass whose square root bounds them.
+_INTEGRALS: Mapping[str, tuple[tuple[int, ...], str]] = {
+    "int_phi": ((1,), "mass"),
+    "int_r_x_phi": ((1,), "inertia"),
+    "phi": ((1,), "mass"),
+    "r_cross_phi": ((1,), "inertia"),
+    "r_phi": ((2,), "inertia"),
+    "phi_phi": ((2, 3), "one"),
+}
 
 
 @dataclass(frozen=True, eq=False)
 class StoredResult:
-    """What is left of a run.
+    """A run directory or a component file on disk.
 
     Parameters
     ----------
     path : Path
         As the user named it.
     summary : mapping, optional
-        summary.json of a run; None of a component file alone.
+        summary.json of a run; None for a component file alone.
     files : mapping of component to ComponentFile
-        Component files there are.
+        Existing component files.
     """
 
     path: Path
@@ -53,7 +60,7 @@ class StoredResult:
         return list(self.files if self.summary is None else self.summary["components"])
 
     def component(self, name: str) -> Mapping[str, Any] | None:
-        """Summary of a component; None of a component file alone."""
+        """Summary of a component; None for a component file alone."""
         if self.summary is None:
             return None
         found: Mapping[str, Any] = self.summary["components"][name]
@@ -89,33 +96,18 @@ def open_result(path: Path) -> StoredResult:
 
 
 def _figures(facts: Mapping[str, Any]) -> dict[str, Any]:
-    """Figures of a summary, or what its errors and limits say of them."""
+    """Figures of a summary, or of an early version its errors with their limits."""
     if "figures" in facts:
         return dict(facts["figures"])
     limits, rows = facts.get("limits", {}), facts.get("configurations", [])
     found = {}
     for name, value in (facts.get("worst") or {}).items():
-        # A system without damping has no such error.
+        # A system without damping has no damping error.
         if name == "damping_error" and value is None:
             continue
         where = next((row["name"] for row in rows if value is not None and row.get(name) == value), "")
         found[name] = {"value": value, "where": where, "limit": limits.get(name)}
     return found
-
-
-Array = NDArray[np.float64]
-
-# Modes named in a note; more do not fit a line.
-_NAMED = 4
-# Integrals over modes: axes that count modes, and which root of the rigid mass bounds them.
-_INTEGRALS: Mapping[str, tuple[tuple[int, ...], str]] = {
-    "int_phi": ((1,), "mass"),
-    "int_r_x_phi": ((1,), "inertia"),
-    "phi": ((1,), "mass"),
-    "r_cross_phi": ((1,), "inertia"),
-    "r_phi": ((2,), "inertia"),
-    "phi_phi": ((2, 3), "one"),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +131,7 @@ def compare(old: StoredResult, new: StoredResult, tolerances: Tolerances) -> lis
     Returns
     -------
     list of Finding
-        One for each kind of change of each component, with the worst place in words.
+        One for each kind of change of each component, with the largest change in words.
 
     Raises
     ------
@@ -192,7 +184,7 @@ def _run(old: Mapping[str, Any], new: Mapping[str, Any], tolerances: Tolerances)
         pairs = pair_modes(w, v, np.empty((0, w.size)), np.empty((0, v.size)))
         shift, text = _worst_shift(pairs, w, v)
         if shift >= worst:
-            worst, note = shift, f"{text} at {row['name']}" if text else ""
+            worst, note = shift, f"{text} {place(row['name'])}" if text else ""
     if shared:
         yield Finding("", Check("baseline: frequencies of the system", worst, tolerances.frequency), note)
 

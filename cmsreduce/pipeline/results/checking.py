@@ -1,4 +1,4 @@
-"""Whether a finished run, or a component file, meets its limits and is what it was."""
+"""Check of a finished run or a component file against its limits and a baseline."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 from cmsreduce.model import Check, Finding
 from cmsreduce.pipeline.results.baseline import StoredResult, compare, open_result
 from cmsreduce.pipeline.results.limits import Limits, limited
-from cmsreduce.pipeline.results.mass_totals import file_totals, total_findings
+from cmsreduce.pipeline.results.mass_and_frame import file_totals, total_findings
 from cmsreduce.pipeline.results.step_advice import file_rounding
-from cmsreduce.report import junit_xml, markdown_summary
+from cmsreduce.report import junit_xml, markdown_summary, place
 from cmsreduce.verify import REALISABLE, inertia_excess, momentum_balance
 from cmsreduce.write import ComponentFile, atomic_path
 
@@ -31,23 +31,23 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> li
     Parameters
     ----------
     path : Path
-        What to check.
+        Run directory, summary.json or component file.
     limits : Limits
-        Over those that are stored with it.
+        They replace the limits that are stored with the result.
     baseline : Path, optional
         Run directory or component file to compare with.
 
     Returns
     -------
     list of Finding
-        The run's errors, the checks of each component, what its file says of itself, changes from the baseline.
+        Errors of the run, checks of each component, checks of its file alone, changes from the baseline.
 
     Raises
     ------
     ReadError
         If a path holds no result.
     ConfigError
-        If a limit is on no figure there is.
+        If a limit is on a figure that does not exist.
     """
     result = open_result(path)
     findings = list(_errors(result))
@@ -56,7 +56,7 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> li
         findings += _checks(result, name)
         unlisted += _sizes(result, name)
         if name in result.files:
-            findings += _own_word(name, result.files[name])
+            findings += _file_alone(name, result.files[name])
             findings += _rounding(name, result.files[name])
             findings += total_findings(name, file_totals(result.files[name]))
     if baseline is not None:
@@ -81,7 +81,7 @@ def _errors(result: StoredResult) -> Iterator[Finding]:
     if facts is None:
         return
     for name, figure in facts["figures"].items():
-        yield Finding("", Check(name, _number(figure["value"]), _number(figure["limit"])), f"at {figure['where']}")
+        yield Finding("", Check(name, _number(figure["value"]), _number(figure["limit"])), place(figure["where"]))
 
 
 def _checks(result: StoredResult, name: str) -> Iterator[Finding]:
@@ -94,8 +94,8 @@ def _checks(result: StoredResult, name: str) -> Iterator[Finding]:
             yield Finding(name, stored)
 
 
-def _own_word(name: str, file: ComponentFile) -> Iterator[Finding]:
-    """What a component file can be asked without the body it came from."""
+def _file_alone(name: str, file: ComponentFile) -> Iterator[Finding]:
+    """Checks of a component file that do not need its body."""
     arrays = file.arrays
     if "integrals/rigid_mass" not in arrays:
         return
@@ -107,7 +107,7 @@ def _own_word(name: str, file: ComponentFile) -> Iterator[Finding]:
         # A static mode has no modal mass to measure its momentum by.
         massive = slice(0, file.elastic.stop)
         momentum = np.vstack([arrays["integrals/int_phi"], arrays["integrals/int_r_x_phi"]])[:, massive]
-        # What a floating frame took off the others is what the mass matrix couples them with the rigid modes by.
+        # A floating frame couples the elastic modes with the rigid ones in the mass matrix.
         coupled = arrays["modes/mass"][: file.rigid_count, massive].copy()
         coupled[:, : file.rigid_count] = 0.0
         momentum = momentum - momentum[:, : file.rigid_count] @ coupled
@@ -117,7 +117,7 @@ def _own_word(name: str, file: ComponentFile) -> Iterator[Finding]:
 
 
 def _rounding(name: str, file: ComponentFile) -> Iterator[Finding]:
-    """What single precision would do to the body: shown, and judged where a limit is set on it."""
+    """Effect of single precision on the body; judged only where a limit is set on it."""
     effect = file_rounding(file)
     if effect is None:
         return
@@ -159,5 +159,5 @@ def _speed(result: StoredResult) -> Iterator[Finding]:
 
 
 def _number(value: float | None) -> float:
-    # JSON has no infinity: what the summary writes as null has no bound.
+    # JSON has no infinity: the summary writes null for it.
     return float("inf") if value is None else float(value)

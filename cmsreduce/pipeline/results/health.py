@@ -1,7 +1,4 @@
-"""The health of a body as plain values, for summary.json and `inspect --json`.
-
-The health of a body in lines.
-"""
+"""The health of a body: the table of what was measured before its reduction, and its effective masses."""
 
 from __future__ import annotations
 
@@ -11,66 +8,168 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import FEModel
+from cmsreduce.model import FEModel, HealthFinding
 from cmsreduce.pipeline.bodies import BodyHealth
+from cmsreduce.report import InspectedLine, number, numbers
 from cmsreduce.verify import EffectiveMass, MassProperties
 
-__all__ = [
-    "effective_mass_data",
-    "effective_mass_lines",
-    "health_data",
-    "health_lines",
-]
+__all__ = ["effective_mass_data", "effective_mass_lines", "health_table"]
 
-# Dofs named of a kind; the count tells of the others.
-_NAMED = 20
+# Largest relative difference of the mass between two directions: files of six digits have as much.
+_ONE_MASS = 1e-6
+# Two sources of a body's mass that differ by more disagree: a file of six digits gives as much.
+_DISAGREE = 1e-5
+# Rigid modes above this share of the first elastic one leave no gap between them.
+_NO_GAP = 1e-2
+# Double precision keeps four digits of a spring that much softer.
+_CONTRAST = 1e12
+# Dofs named in summary.json, and in words.
+_STORED, _NAMED = 20, 5
+# Modes with less than this share of the mass in every direction have no line of their own.
+_SHOWN = 0.05
+_AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
-def health_data(body: FEModel, health: BodyHealth) -> dict[str, Any]:
-    """What was found of a body, in the scene's units; None for what was not looked at."""
-    light, motions, held, principal = health.light, health.motions, health.grounding, health.principal
-    return {
-        "mass_properties": {source: _mass(found) for source, found in health.mass.items()},
-        "principal": principal
-        and {
-            "moments": principal.moments.tolist(),
-            "axes": principal.axes.tolist(),
-            "radii": principal.radii.tolist(),
-            "gyration": principal.gyration.tolist(),
-        },
-        "rigid_motions": motions
-        and {
-            **dict(zip(("stiffness_off", "modes_off"), motions.apart(body.M), strict=True)),
-            "rigid_hz": motions.rigid_hz.tolist(),
-            "first_elastic_hz": motions.elastic_hz,
-        },
-        "grounding": held
-        and {
-            "node": int(held.node[held.worst]),
-            "force": float(held.translation[held.worst]),
-            "moment": float(held.rotation[held.worst]),
-            "relative": float(held.relative[held.worst]),
-        },
-        "massless": _named(body, light.massless),
-        "nearly_massless": _named(body, light.nearly),
-        "highest_dof": None
-        if light.highest < 0
-        else {"dof": body.dofs.labels[light.highest], "hz": float(light.highest_hz)},
-        "stiffness_contrast": [
-            {
-                "kind": each.kind,
-                "ratio": each.ratio,
-                "softest": body.dofs.labels[each.softest],
-                "stiffest": body.dofs.labels[each.stiffest],
-            }
-            for each in health.contrast
-        ],
-        "negative_motions": dict(health.negative),
-    }
+def health_table(body: FEModel, health: BodyHealth) -> tuple[HealthFinding, ...]:
+    """Findings of a body as it was read, in the scene's units."""
+    return (*_mass(health), *_motions(body, health), *_dofs(body, health))
+
+
+def _mass(health: BodyHealth) -> Iterator[HealthFinding]:
+    section = "mass_properties"
+    own = health.mass.get("geometry")
+    if own is None:
+        return
+    spread = float(np.ptp(own.mass) / max(abs(own.mass).max(), 1e-300))
+    mass = " / ".join(dict.fromkeys(number(each, 9) for each in own.mass))
+    at = (section, "geometry")
+    yield HealthFinding(
+        (*at, "mass"), "mass", own.mass.tolist(), mass, spread, _ONE_MASS, "not the same in all directions"
+    )
+    yield HealthFinding((*at, "centre"), "centre of mass", own.cg.tolist(), numbers(own.cg))
+    diagonal = numbers(own.inertia.diagonal())
+    yield HealthFinding((*at, "inertia"), "inertia about it, xx yy zz", own.inertia.tolist(), diagonal)
+    for source, other in health.mass.items():
+        if source != "geometry":
+            yield _other_source((section, source), source, own, other)
+    if health.principal is not None:
+        found = health.principal
+        axes = "; ".join(" ".join(f"{x:.4f}" for x in axis + 0.0) for axis in np.round(found.axes, 4))
+        for key, name, values, words in (
+            ("moments", "principal moments", found.moments, numbers(found.moments)),
+            ("axes", "principal axes", found.axes, axes),
+            ("radii", "principal radii of gyration", found.radii, numbers(found.radii)),
+            ("gyration", "radii of gyration", found.gyration, numbers(found.gyration)),
+        ):
+            yield HealthFinding(("principal", key), name, values.tolist(), words)
+
+
+def _other_source(key: tuple[str, ...], source: str, own: MassProperties, other: MassProperties) -> HealthFinding:
+    """Mass properties by the rigid motions of another source, as differences from those of the geometry."""
+    mass, inertia = (
+        float(abs(b - a).max() / max(abs(a).max(), 1e-300))
+        for a, b in ((own.mass, other.mass), (own.inertia, other.inertia))
+    )
+    moved = float(np.linalg.norm(other.cg - own.cg))
+    return HealthFinding(
+        key,
+        f"mass by the rigid motions of {source}",
+        {"mass": other.mass.tolist(), "centre": other.cg.tolist(), "inertia": other.inertia.tolist()},
+        f"differs by {number(mass, 2)}, relative; its centre by {number(moved, 2)}, its inertia by "
+        f"{number(inertia, 2)}, relative",
+        max(mass, inertia),
+        _DISAGREE,
+        "the sources disagree",
+    )
+
+
+def _motions(body: FEModel, health: BodyHealth) -> Iterator[HealthFinding]:
+    section = "rigid_motions"
+    if health.motions is not None:
+        stiffness, modes = health.motions.apart(body.M)
+        rigid, elastic = float(abs(health.motions.rigid_hz).max()), health.motions.elastic_hz
+        of_geometry = "from those of the geometry, relative"
+        yield HealthFinding(
+            (section, "stiffness_off"),
+            "rigid motions of the stiffness",
+            stiffness,
+            f"differ by {number(stiffness, 2)} {of_geometry}",
+        )
+        yield HealthFinding(
+            (section, "modes_off"),
+            "rigid motions of the lowest modes",
+            modes,
+            f"differ by {number(modes, 2)} {of_geometry}",
+        )
+        yield HealthFinding(
+            (section, "rigid_hz"),
+            "rigid modes",
+            health.motions.rigid_hz.tolist(),
+            f"below {number(rigid, 2)} Hz",
+            rigid,
+            _NO_GAP * elastic,
+            "no gap to the first elastic mode: the body is grounded, or its file has too few digits",
+        )
+        yield HealthFinding((section, "first_elastic_hz"), "first elastic mode", elastic, f"{number(elastic, 6)} Hz")
+    if health.grounding is not None:
+        held, at = health.grounding, health.grounding.worst
+        value = {
+            "node": int(held.node[at]),
+            "force": float(held.translation[at]),
+            "moment": float(held.rotation[at]),
+            "relative": float(held.relative[at]),
+        }
+        yield HealthFinding(
+            ("grounding",),
+            "grounding",
+            value,
+            f"node {value['node']} is held most: force {number(value['force'], 3)} and moment "
+            f"{number(value['moment'], 3)} under unit motions, {number(value['relative'], 2)} of the terms that cancel",
+        )
+
+
+def _dofs(body: FEModel, health: BodyHealth) -> Iterator[HealthFinding]:
+    light, labels = health.light, body.dofs.labels
+    for key, name, rows, limit, advice in (
+        ("massless", "massless dofs", light.massless, None, ""),
+        ("nearly_massless", "nearly massless dofs", light.nearly, 0.0, "they cost time steps"),
+    ):
+        named = " ".join(labels[row] for row in rows[:_NAMED]) + (" ..." if rows.size > _NAMED else "")
+        value = {"count": int(rows.size), "dofs": [labels[row] for row in rows[:_STORED]]}
+        yield HealthFinding(
+            (key,), name, value, f"{rows.size}: {named}" if named else "0", float(rows.size), limit, advice
+        )
+    if light.highest >= 0:
+        label, hz = labels[light.highest], float(light.highest_hz)
+        yield HealthFinding(
+            ("highest_dof",), "highest dof by itself", {"dof": label, "hz": hz}, f"{label}: {number(hz)} Hz"
+        )
+    for each in health.contrast:
+        softest, stiffest = labels[each.softest], labels[each.stiffest]
+        yield HealthFinding(
+            ("stiffness_contrast",),
+            f"stiffness of {each.kind}",
+            {"kind": each.kind, "ratio": each.ratio, "softest": softest, "stiffest": stiffest},
+            f"ratio {number(each.ratio, 3)} of the stiffest dof {stiffest} to the softest {softest}",
+            each.ratio,
+            _CONTRAST,
+            "few digits are left of the softest dof",
+        )
+    for matrix, count in health.negative.items():
+        unknown = "a large body, or a factorisation that needs pivots off the diagonal"
+        yield HealthFinding(
+            ("negative_motions", matrix),
+            f"motions of negative energy, {matrix}",
+            count,
+            "not determined" if count is None else str(count),
+            np.nan if count is None else float(count),
+            0.0,
+            unknown if count is None else "the matrix is not definite",
+        )
 
 
 def effective_mass_data(found: EffectiveMass, faces: str) -> dict[str, Any]:
-    """Effective masses of the modes held at interfaces."""
+    """Effective masses of the modes with the interfaces held, as plain values."""
     return {
         "held": faces,
         "hz": found.hz.tolist(),
@@ -79,94 +178,17 @@ def effective_mass_data(found: EffectiveMass, faces: str) -> dict[str, Any]:
     }
 
 
-def _mass(found: MassProperties) -> dict[str, Any]:
-    return {"mass": found.mass.tolist(), "centre": found.cg.tolist(), "inertia": found.inertia.tolist()}
-
-
-def _named(body: FEModel, rows: NDArray[np.int64]) -> dict[str, Any]:
-    return {"count": int(rows.size), "dofs": [body.dofs.labels[row] for row in rows[:_NAMED]]}
-
-
-_AXES = ("x", "y", "z", "rx", "ry", "rz")
-# Modes with less than this share of the mass in every direction have no line of their own.
-_SHOWN = 0.05
-# A coordinate below this share of the largest is rounding: a centre of mass on an axis is printed on it.
-_ZERO = 1e-12
-# Dofs named in a line.
-_LISTED = 5
-
-
-def health_lines(body: FEModel, health: BodyHealth) -> Iterator[str]:
-    """State what was found, one thing a line."""
-    if health.mass:
-        yield from _mass_line(health)
-    if health.motions is not None:
-        stiffness, eigen = health.motions.apart(body.M)
-        hz = abs(health.motions.rigid_hz).max()
-        yield f"rigid motions: those of K are {stiffness:.1e} off those of the geometry, the lowest modes {eigen:.1e}"
-        yield f"rigid modes below {hz:.2g} Hz, first elastic mode at {health.motions.elastic_hz:.6g} Hz"
-    if health.grounding is not None:
-        found, at = health.grounding, health.grounding.worst
-        yield (
-            f"grounding: node {found.node[at]} is held most: force {found.translation[at]:.2e}, moment "
-            f"{found.rotation[at]:.2e} under unit motions, {found.relative[at]:.1e} of the parts that cancel there"
-        )
-    light = health.light
-    yield f"{light.massless.size} massless dofs{_listed(body, light.massless)}"
-    if light.nearly.size:
-        yield f"{light.nearly.size} nearly massless dofs{_listed(body, light.nearly)}"
-    if light.highest >= 0:
-        yield f"dof {body.dofs.labels[light.highest]} by itself: {light.highest_hz:.4g} Hz, the highest"
-    for each in health.contrast:
-        yield (
-            f"stiffness of {each.kind}: {each.ratio:.2e} from dof {body.dofs.labels[each.softest]} to "
-            f"{body.dofs.labels[each.stiffest]}"
-        )
-    for what, count in health.negative.items():
-        if count is None:
-            yield f"whether the {what} is definite cannot be told: its factorisation needs pivots off the diagonal"
-
-
-def effective_mass_lines(found: EffectiveMass, faces: str) -> Iterator[str]:
+def effective_mass_lines(found: EffectiveMass, faces: str) -> Iterator[InspectedLine]:
     """Modes that carry mass, and how much they carry together."""
     if not found.hz.size:
-        yield f"held at {faces}: no mode below the cutoff"
+        yield InspectedLine("no mode below the cutoff", f"effective mass held at {faces}")
         return
-    yield f"effective mass held at {faces}, per cent: {'  '.join(f'{axis:>5}' for axis in _AXES)}"
+    heads = "  ".join(f"{axis:>5}" for axis in _AXES)
+    yield InspectedLine(heads, f"effective mass held at {faces}, per cent", in_columns=True)
     for k in np.flatnonzero((found.share >= _SHOWN).any(axis=1)):
-        yield _row(f"mode {k + 1}, {found.hz[k]:.6g} Hz", found.share[k])
-    yield _row(f"{found.hz.size} modes to {found.hz[-1]:.6g} Hz", found.running[-1])
+        yield _shares(f"mode {k + 1}, {found.hz[k]:.6g} Hz", found.share[k])
+    yield _shares(f"{found.hz.size} modes to {found.hz[-1]:.6g} Hz", found.running[-1])
 
 
-def _row(name: str, share: NDArray[np.float64]) -> str:
-    return f"  {name:<30} {'  '.join(f'{100 * value:5.1f}' for value in share)}"
-
-
-def _mass_line(health: BodyHealth) -> Iterator[str]:
-    found = health.mass["geometry"]
-    masses = list(dict.fromkeys(f"{mass:.9g}" for mass in found.mass))
-    yield f"mass {' / '.join(masses)}, centre of mass " + _numbers(found.cg)
-    xx, yy, zz = found.inertia.diagonal()
-    yield f"inertia about it {xx:.6g} {yy:.6g} {zz:.6g}"
-    if health.principal is not None:
-        yield f"radii of gyration {_numbers(health.principal.gyration)}, principal {_numbers(health.principal.radii)}"
-        axes = "; ".join(" ".join(f"{x:.4f}" for x in axis + 0.0) for axis in np.round(health.principal.axes, 4))
-        yield f"principal moments {_numbers(health.principal.moments)} about {axes}"
-    for source, other in health.mass.items():
-        if source != "geometry":
-            apart = abs(other.mass - found.mass).max() / found.mass.max()
-            moved = float(np.linalg.norm(other.cg - found.cg))
-            turned = abs(other.inertia - found.inertia).max() / abs(found.inertia).max()
-            yield f"by the rigid motions of {source}: mass {apart:.1e}, centre {moved:.1e}, inertia {turned:.1e} off"
-
-
-def _numbers(values: NDArray[np.float64]) -> str:
-    size = float(abs(values).max(initial=0.0))
-    return " ".join(f"{0.0 if abs(x) < _ZERO * size else x:.6g}" for x in values)
-
-
-def _listed(body: FEModel, rows: NDArray[np.int64]) -> str:
-    if not rows.size:
-        return ""
-    more = " ..." if rows.size > _LISTED else ""
-    return f": {' '.join(body.dofs.labels[row] for row in rows[:_LISTED])}{more}"
+def _shares(name: str, share: NDArray[np.float64]) -> InspectedLine:
+    return InspectedLine("  ".join(f"{100 * value:5.1f}" for value in share), name, depth=1, in_columns=True)

@@ -1,4 +1,4 @@
-"""Limits of a check: from a file, from the command line, and those a result was made with."""
+"""Limits of a check from a file, from the command line, and from the result itself."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["Limits", "Tolerances", "limited", "read_limits"]
 
 @dataclass(frozen=True)
 class Tolerances:
-    """How far a result may be from its baseline.
+    """Largest allowed changes of a result from its baseline.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Tolerances:
     modes : float
         Kept modes lost and gained.
     errors : float
-        Growth of an error of the run, absolute: what the run's own limits allow is not judged again by default.
+        Growth of an error of the run, absolute; unlimited by default, as the run has limits of its own.
     """
 
     frequency: float = 1e-4
@@ -51,9 +51,10 @@ class Limits:
     Parameters
     ----------
     maxima : mapping of figure to (float, str)
-        Limit, and where it was written. A figure is named alone, for all components, or as ``rotor.kept_modes``.
+        Limit, and the place where it is written. A figure is named alone, for all components, or as
+        ``rotor.kept_modes``.
     tolerances : Tolerances
-        Of a comparison with a baseline.
+        For the comparison with a baseline.
     """
 
     maxima: Mapping[str, tuple[float, str]] = field(default_factory=dict)
@@ -61,7 +62,7 @@ class Limits:
 
 
 def read_limits(file: Path | None, maxima: Sequence[str] = (), tolerances: Sequence[str] = ()) -> Limits:
-    """Put the limits together; the command line wins over the file.
+    """Read limits from a file and from the command line, which wins.
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ def read_limits(file: Path | None, maxima: Sequence[str] = (), tolerances: Seque
     ReadError
         If the file is missing or cannot be read.
     ConfigError
-        If a key is unknown or a value is no number, with the place.
+        If a key is unknown or a value is not a number, with the place.
     """
     limits = Limits() if file is None else _from_file(file)
     found = dict(limits.maxima)
@@ -90,23 +91,23 @@ def read_limits(file: Path | None, maxima: Sequence[str] = (), tolerances: Seque
 
 
 def limited(findings: Sequence[Finding], limits: Limits, unlisted: Sequence[Finding], where: Path) -> list[Finding]:
-    """Put limits on findings.
+    """Apply limits to findings.
 
     Parameters
     ----------
     findings : sequence of Finding
-        With the limits they were stored with, over which others win.
+        With their stored limits, which the limits of the check replace.
     limits : Limits
         Of the check. A figure named with its component wins over the figure alone.
     unlisted : sequence of Finding
-        Figures that are shown only if they are given a limit: sizes, wall times.
+        Figures that are shown only with a limit: sizes, wall times.
     where : Path
-        What was checked, for messages.
+        Checked path, for messages.
 
     Raises
     ------
     ConfigError
-        If a limit is on a figure that there is none of.
+        If a limit is on a figure that does not exist.
     """
     every = [*findings, *unlisted]
     names = {name for found in every for name in _names(found)}
@@ -120,8 +121,7 @@ def limited(findings: Sequence[Finding], limits: Limits, unlisted: Sequence[Find
                 "component is COMPONENT.FIGURE"
             )
     result = [_with_limit(found, limits) for found in findings]
-    asked = (_with_limit(found, limits) for found in unlisted)
-    return result + [found for found in asked if found.judged]
+    return result + [found for each in unlisted if (found := _with_limit(each, limits)).judged]
 
 
 def _with_limit(found: Finding, limits: Limits) -> Finding:
@@ -132,7 +132,7 @@ def _with_limit(found: Finding, limits: Limits) -> Finding:
 
 
 def _names(found: Finding) -> list[str]:
-    """Names that a limit may be given under, the most special last."""
+    """Names under which a limit may be given, the most specific last."""
     own = [f"{found.subject}.{found.check.name}", found.name] if found.subject else []
     return [found.check.name, *own]
 

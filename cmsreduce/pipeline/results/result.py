@@ -1,4 +1,4 @@
-"""Collect what a run found out."""
+"""The result of a run: everything that the summary, the report and the terminal show."""
 
 from __future__ import annotations
 
@@ -19,10 +19,8 @@ from cmsreduce.model import (
     SystemModes,
 )
 from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
-from cmsreduce.pipeline.results.drawing import scene_drawing
-from cmsreduce.pipeline.results.framing import frame_checks, frame_of
-from cmsreduce.pipeline.results.health import health_data
-from cmsreduce.pipeline.results.mode_views import effective_mass_curves, gain_curves
+from cmsreduce.pipeline.results.health import health_table
+from cmsreduce.pipeline.results.mass_and_frame import frame_checks, frame_of
 from cmsreduce.pipeline.results.step_advice import (
     advice_notes,
     body_costly_modes,
@@ -30,20 +28,23 @@ from cmsreduce.pipeline.results.step_advice import (
     highest_frequency,
     treated_model,
 )
+from cmsreduce.pipeline.results.views import effective_mass_curves, gain_curves, scene_drawing
 from cmsreduce.pipeline.run import MODEL, Run
 from cmsreduce.pipeline.system import AssembledModel
 
 __all__ = ["component_checks", "run_result"]
 
-# Roundings of the file that the mass of a massless shape amounts to, relative to its parts.
+# Mass of a massless shape, in roundings of the file.
 _MASSLESS = 10.0
 _LEFT_OUT = "left out"
+# The stage that makes the model a body is compared with; its work is no part of the body's reduction.
+_REFERENCE = "reference"
 
 
 def component_checks(run: Run, name: str) -> tuple[Check, ...]:
-    """What was checked on one body: its rows when it was read, its modes when they were made."""
+    """Checks of one body: of its matrices as read, of its modes, and of its frame."""
     mass, stiffness = orthogonality_errors(run.final[name])
-    # A static mode has no mass to the rounding of the file.
+    # The mass of a static mode is rounding of the file.
     rounding = _MASSLESS * run.bodies[name].body.rounding if run.final[name].static_count else 0.0
     return (
         *run.bodies[name].checks,
@@ -55,38 +56,39 @@ def component_checks(run: Run, name: str) -> tuple[Check, ...]:
 
 
 def run_result(run: Run, *, views: bool = False) -> RunResult:
-    """Everything the summary, the report and the terminal show of a run.
+    """Collect the result of a run.
 
     Parameters
     ----------
     run : Run
-        Stages that the pipeline asks for and that were not run yet are run.
+        Stages of the pipeline that are not finished are run.
     views : bool
-        Whether what only pictures show is wanted, too: drawing, effective masses, gains.
+        Whether to add the drawing, the effective masses and the gains, which only pictures and the page show.
     """
     verified = run.verified if run.pipeline.verify is not None else None
-    seconds = run.ledger.seconds
-    cutoffs = run.mode_sets.cutoffs
+    seconds = run.stages.seconds
+    cutoffs = run.cutoffs
     components = {}
     for name in run.reduced_names:
         flexible = run.bodies[name]
         modes, kept = _modes_shown(run, name)
+        factorised = run.stages.factorised.get(name, {})
         components[name] = ComponentResult(
             name=name,
             full_dofs=flexible.body.n,
             modes=modes,
             kept=kept,
-            seconds=dict(seconds.get(name, {})),
-            peak_mib=run.ledger.peak_mib.get(name, 0.0),
+            seconds={stage: s for stage, s in seconds.get(name, {}).items() if stage != _REFERENCE},
+            peak_mib=run.stages.peak_mib.get(name, 0.0),
             checks=component_checks(run, name),
             sources=flexible.body.sources,
             bound=run.choice.bounds.get(name),
             scaling=run.balancing.scaling(name),
-            cutoff=CutoffRecord(c.cutoff, c.error, c.limit, c.tried) if (c := cutoffs.get(name)) else None,
-            factorised=tuple(each for stage in run.ledger.factorised.get(name, {}).values() for each in stage),
+            cutoff=CutoffRecord(c.cutoff_bands, c.error, c.limit, c.tried) if (c := cutoffs.get(name)) else None,
+            factorised=tuple(each for stage, done in factorised.items() if stage != _REFERENCE for each in done),
             costly=body_costly_modes(run, name),
             rounding=body_rounding(run.final[name]),
-            health=health_data(flexible.body, flexible.health),
+            health=health_table(flexible.body, flexible.health),
         )
     treated = treated_model(run, {name: part.costly for name, part in components.items() if part.costly is not None})
     systems = tuple(_system_modes(run, configuration, treated) for configuration in run.scene.configurations)
@@ -108,10 +110,10 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
         reference=verified.reference if verified else {},
         settings=run.pipeline.model_dump(mode="json", exclude_none=True),
         systems=systems,
-        notes=(*run.ledger.notes, *advice_notes(components, systems, run.scene.band[1])),
+        notes=(*run.stages.notes, *advice_notes(components, systems, run.scene.band[1])),
         projection=None if run.projected is None else run.projected.record,
         search=run.choice.search,
-        sensitivity=run.balancing.sensitivity,
+        sensitivity=run.sensitivity,
         completeness=run.completeness if verified is not None else (),
         drawing=scene_drawing(run) if views else None,
         effective_mass=effective_mass_curves(run) if views else {},
@@ -122,7 +124,7 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
 
 
 def _modes_shown(run: Run, name: str) -> tuple[ModalComponent, NDArray[np.int64]]:
-    """The modes of a body with the reason of each, and which are kept; those it is projected on are all kept."""
+    """The modes of a body with the reason of each, and the columns kept; after projection all are kept."""
     if run.projected is not None:
         return run.final[name], np.arange(run.final[name].omega.size)
     ranked = run.ranked[name]
@@ -131,7 +133,7 @@ def _modes_shown(run: Run, name: str) -> tuple[ModalComponent, NDArray[np.int64]
     why = [_LEFT_OUT] * ranked.omega.size
     for column, reason in zip(kept, run.kept[name].why, strict=True):
         why[column] = reason
-    if (sensitivity := run.balancing.sensitivity) is not None:
+    if (sensitivity := run.sensitivity) is not None:
         for number, cases in sensitivity.edge(name).items():
             turned = "kept" if why[number - 1] == _LEFT_OUT else "left out"
             why[number - 1] += f"; on the edge: {turned} {', '.join(map(_with, cases))}"

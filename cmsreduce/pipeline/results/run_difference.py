@@ -1,4 +1,4 @@
-"""Two runs beside each other, from their summaries."""
+"""Differences between two runs, from their summaries."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class DifferenceRow:
     what : str
         Such as ``rotor: kept_modes``.
     a, b : float, int, str, bool or None
-        None where a run has no such figure.
+        None for a run without this figure.
     """
 
     what: str
@@ -35,12 +35,12 @@ class DifferenceRow:
 
     @property
     def same(self) -> bool:
-        """Whether both runs have the same."""
+        """Whether the values are equal."""
         return self.a == self.b
 
     @property
     def change(self) -> float | None:
-        """Relative change from the first to the second; None where it means nothing."""
+        """Relative change from the first to the second; None for words and for a first value of zero."""
         numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (self.a, self.b))
         if not numbers or not self.a:
             return None
@@ -60,8 +60,8 @@ def run_difference(a: Path, b: Path) -> list[DifferenceRow]:
     Returns
     -------
     list of DifferenceRow
-        Verdict, errors, sizes and times; of each body, and of the system in each configuration, how many natural
-        frequencies there are, the lowest and the highest.
+        Verdict, errors, sizes and times; number of natural frequencies of each body and of the system in each
+        configuration, with the lowest and the highest.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def _figures(path: Path) -> dict[str, Any]:
 
 
 def _frequencies(name: str, hz: list[float]) -> dict[str, Any]:
-    """The frequencies at the ends; those between follow the count."""
+    """Number of frequencies, the lowest and the highest."""
     finite = [value for value in hz if value is not None]
     ends = {"lowest": min(finite, default=None), "highest": max(finite, default=None)}
     return {f"{name}: modes": len(hz), **{f"{name}: {end} Hz": value for end, value in ends.items()}}

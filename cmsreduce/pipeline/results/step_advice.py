@@ -1,4 +1,4 @@
-"""What the modes of a run cost an integrator in time, and single precision them."""
+"""Advice on time steps and on single precision for the reduced bodies of a run."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import modal_substructure, system_modes
-from cmsreduce.linalg.dense import dense
+from cmsreduce.assemble import system_modes
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import ComponentResult, CostlyModes, ModalComponent, RoundingEffect, System, SystemModes
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.system import AssembledModel
@@ -20,13 +20,13 @@ __all__ = ["advice_notes", "body_costly_modes", "body_rounding", "file_rounding"
 
 Array = NDArray[np.float64]
 
-# All modes of so many coordinates are a matter of seconds.
+# Coordinates of a system whose modes dense algebra finds in seconds.
 _DENSE = 1500
-# Single precision takes a dozen decompositions of the modes.
+# Modes of a body for which the effect of single precision is computed: it takes a dozen decompositions.
 _FEW = 600
-# A step half as long again is worth a line.
-_WORTH_SAYING = 1.5
-# Modes named one by one in a note; the summary has them all.
+# Ratio of two time steps from which a note is worth its line.
+_LONGER_STEP = 1.5
+# Modes named one by one in a note; summary.json has them all.
 _NAMED = 3
 
 
@@ -39,13 +39,13 @@ def highest_frequency(system: System) -> float | None:
 
 
 def body_costly_modes(run: Run, name: str) -> CostlyModes:
-    """Modes of a body above all that serve the band, at the points where the scene meets it."""
+    """Modes of a body that do not serve the band at the points of the scene, and limit the time step."""
     points = dense(run.model.assembled.stack.motions(name))
     return costly_modes(run.final[name], points, run.scene.band[1])
 
 
 def body_rounding(component: ModalComponent) -> RoundingEffect | None:
-    """What single precision does to a reduced body; None if it has too many modes for all of this."""
+    """Effect of single precision on a reduced body; None for a body with many modes."""
     if component.omega.size > _FEW:
         return None
     body = component.body
@@ -60,7 +60,7 @@ def body_rounding(component: ModalComponent) -> RoundingEffect | None:
 
 
 def file_rounding(file: ComponentFile) -> RoundingEffect | None:
-    """The same of a component file."""
+    """Effect of single precision on a component file; None for a file with many modes."""
     m = file.omega.size
     if m > _FEW:
         return None
@@ -80,7 +80,7 @@ def file_rounding(file: ComponentFile) -> RoundingEffect | None:
 
 
 def treated_model(run: Run, costly: Mapping[str, CostlyModes]) -> AssembledModel | None:
-    """The run's system with all these modes treated statically; None if there are none."""
+    """The system of a run with its costly modes treated statically; None without costly modes."""
     named = {name: found for name, found in costly.items() if found.modes}
     if not named:
         return None
@@ -88,19 +88,19 @@ def treated_model(run: Run, costly: Mapping[str, CostlyModes]) -> AssembledModel
     band = run.scene.band[1]
     for name, found in named.items():
         component = run.final[name].static_above(2 * np.pi * band * static_above(found, band))
-        substructures[name] = modal_substructure(component, run.bodies[name].points(run.scene))
+        substructures[name] = run.bodies[name].substructure(run.scene, component)
     return AssembledModel(substructures, run.scene)
 
 
 def advice_notes(
     components: Mapping[str, ComponentResult], systems: Sequence[SystemModes], band_hz: float
 ) -> Iterator[str]:
-    """Say which modes cost the step in vain, with the key that treats them statically, and where seven digits are few.
+    """Name costly modes, with the key that treats them statically, and bodies that single precision would change.
 
     Parameters
     ----------
     components : mapping of name to ComponentResult
-        Whose costly modes and rounding are known.
+        With their costly modes and rounding effects.
     systems : sequence of SystemModes
         With the highest frequencies before and after static treatment.
     band_hz : float
@@ -109,14 +109,14 @@ def advice_notes(
     keys = []
     for name, part in components.items():
         found = part.costly
-        if found is not None and found.gain >= _WORTH_SAYING:
+        if found is not None and found.gain >= _LONGER_STEP:
             named = ", ".join(
                 f"{each.mode} ({each.hz:.4g} Hz, {each.kind})" for each in reversed(found.modes[-_NAMED:])
             )
             more = f" and {len(found.modes) - _NAMED} more" if len(found.modes) > _NAMED else ""
             yield (
-                f"{name}: modes {named}{more} set the step of an integrator of this body and change less than "
-                f"{found.share:g} of any flexibility in the band"
+                f"{name}: modes {named}{more} limit the time step of this body, and each changes its flexibility in "
+                f"the band by less than {100 * found.share:g} %"
             )
             keys.append(f"components.{name}.reduce.static_above: {static_above(found, band_hz):g}")
     highest, treated = (
@@ -124,17 +124,19 @@ def advice_notes(
         for values in ([each.highest_hz for each in systems], [each.treated_hz for each in systems])
     )
     if keys and highest and treated:
-        said = f"static treatment ({', '.join(keys)}) brings the assembly's highest frequency from {highest:.4g} Hz to"
-        if highest >= _WORTH_SAYING * treated:
+        effect = (
+            f"static treatment ({', '.join(keys)}) changes the assembly's highest frequency from {highest:.4g} Hz to"
+        )
+        if highest >= _LONGER_STEP * treated:
             yield (
-                f"{said} {treated:.4g} Hz, for steps {highest / treated:.3g} times as long. It is at the cost of "
-                "accuracy: flexibility without mass answers at once, and response errors in the band may grow several "
-                "times; the run measures them, so compare frf_error before and after"
+                f"{effect} {treated:.4g} Hz, for steps {highest / treated:.3g} times as long. It costs accuracy: "
+                "flexibility without mass responds at once, and response errors in the band may grow several times; "
+                "the run measures them, so compare frf_error before and after"
             )
         else:
             yield (
-                f"{said} {treated:.4g} Hz: joints then pull on springs without mass, and the step is no longer one; "
-                "keep the step, or leave such modes out (`balance.keep`)"
+                f"{effect} {treated:.4g} Hz: joints then act on springs without mass, and the step is not longer; keep "
+                "the modes and the step, or leave such modes out (`balance.keep`)"
             )
     for name, part in components.items():
         yield from _rounding_notes(name, part.rounding)
@@ -146,7 +148,7 @@ def _rounding_notes(name: str, effect: RoundingEffect | None) -> Iterator[str]:
     lowest = f"lowest elastic frequency: {effect.lowest_hz:.4g} Hz"
     if effect.modal_matters:
         yield (
-            f"{name}: rounded to single precision it is not the same body: its frequencies change by "
+            f"{name}: single precision changes this body: its frequencies change by "
             f"{max(effect.free, effect.held):.1e}, a rigid motion gets {effect.rigid_hz:.3g} Hz ({lowest}); read its "
             "file in double precision"
         )
@@ -154,12 +156,12 @@ def _rounding_notes(name: str, effect: RoundingEffect | None) -> Iterator[str]:
         yield (
             f"{name}: as a superelement in single precision its frequencies would change by "
             f"{effect.boundary_free:.1e}, and a rigid motion would get {effect.boundary_rigid_hz:.3g} Hz ({lowest}); "
-            "take double precision, or its modes"
+            "use double precision, or its modes"
         )
 
 
 def static_above(found: CostlyModes, band_hz: float) -> float:
-    """Multiple of the band between the modes that serve it and those that do not, with as few digits as tell them."""
+    """Multiple of the band's top between the modes that serve the band and the others, with few digits."""
     low, high = found.serving_hz / band_hz, found.modes[0].hz / band_hz
     middle = float(np.sqrt(low * high))
     for digits in range(2, 17):

@@ -1,28 +1,50 @@
-"""Run a pipeline: each stage once, in order, reusing what is finished."""
+"""One run of a pipeline: its stages in the order data flows, each done once whoever asks for it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-from functools import cached_property, partial
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
 
-from cmsreduce.balance import Selection
-from cmsreduce.config import ProjectKeys, VerifyKeys
+import numpy as np
+
+from cmsreduce.assemble import rigid_substructure
+from cmsreduce.balance import Selection, keep_all
+from cmsreduce.config import ModeSetKeys, Pipeline, VerifyKeys, build_scene
 from cmsreduce.errors import ConfigError, ConstraintError
-from cmsreduce.model import AxisCompleteness, ConfigurationResult, ControllerMargin, ModalComponent, ReductionChecks
-from cmsreduce.pipeline.bodies import spin_notes
-from cmsreduce.pipeline.choose import Balancing, Choice
-from cmsreduce.pipeline.project import PROJECTED_ERROR, Measures, Projected, ProjectStage, projected_from, projected_to
-from cmsreduce.pipeline.run.bodies_run import BodiesRun
-from cmsreduce.pipeline.run.system_key import projected_error
-from cmsreduce.pipeline.run.verified import Verified, verified_from, verified_to
+from cmsreduce.linalg.machine import SolverSettings
+from cmsreduce.model import (
+    AxisCompleteness,
+    Configuration,
+    ConfigurationResult,
+    Controller,
+    ControllerMargin,
+    FEModel,
+    ModalComponent,
+    ReducedComponent,
+    ReductionChecks,
+    RigidBody,
+    Scene,
+    SensitivityRecord,
+)
+from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.pipeline.bodies import FlexibleBody, Reference, read_flexible, read_rigid, reference, spin_notes
+from cmsreduce.pipeline.choose import Balancing, Choice, CutoffChoice, CutoffSearch, ModeSets, asked_error, cutoff_key
+from cmsreduce.pipeline.project import PROJECTED_ERROR, Measures, Projected, ProjectStage
+from cmsreduce.pipeline.run.keys import projected_error, read_key, reference_key, reference_model_key, system_key
+from cmsreduce.pipeline.store import CommonWork, Progress, Stages, stage
 from cmsreduce.pipeline.system import (
+    AssembledModel,
+    Comparison,
     ReducedModel,
     axis_completeness,
     completeness_note,
     controller_margins,
     reduction_checks,
 )
+from cmsreduce.read import read_controller
+from cmsreduce.reduce import Examined
 
 __all__ = ["MODEL", "STAGES", "Run"]
 
@@ -32,61 +54,370 @@ STAGES = ("read", "reduce", "orthogonalise", "balance", "project", "assemble", "
 MODEL = "reduced"
 """Label of the run's own model among those it is compared with."""
 
+# Name of the search for the cutoffs in the cache of stages; no component's name holds a dot.
+_CUTOFFS = "auto.cutoff"
+# Sets of bodies as read and of references that points of a sweep hold together: those before and after a change.
+_BODIES = 16
 
-class Run(BodiesRun):
-    """One run of a pipeline, made as a `BodiesRun` is: every stage is done once, whoever asks for it."""
+
+@dataclass(frozen=True, eq=False)
+class _Reduced:
+    """A reduced body, and the shares of the static flexibility under loads of the scene that its basis misses."""
+
+    component: ReducedComponent
+    missed: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Verified:
+    """Findings of the verify stage.
+
+    Parameters
+    ----------
+    configurations : tuple of ConfigurationResult
+        Errors and curves, one for each configuration.
+    reference : mapping of body to str
+        Representation of each unreduced body.
+    full_s, reduced_s : float
+        Wall times of the full and of the reduced responses over the same grids.
+    checks : ReductionChecks
+        Of the run's own model.
+    """
+
+    configurations: tuple[ConfigurationResult, ...]
+    reference: Mapping[str, str]
+    full_s: float
+    reduced_s: float
+    checks: ReductionChecks = field(default_factory=ReductionChecks)
+
+
+class Run:
+    """One run of a pipeline.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+        The pipeline file, validated.
+    folder : Path
+        Run directory.
+    progress : Progress
+        Listener.
+    only : str, optional
+        The one stage to run; those before it must be finished.
+    common : CommonWork, optional
+        Work shared with other runs of this process, such as other points of a sweep.
+    """
+
+    def __init__(
+        self,
+        pipeline: Pipeline,
+        folder: Path,
+        progress: Progress,
+        only: str | None = None,
+        common: CommonWork | None = None,
+    ) -> None:
+        self.pipeline, self.folder = pipeline, folder
+        self.stages = Stages(folder, progress, only, SolverSettings(**pipeline.solver.model_dump()), common)
+        self.scene: Scene = build_scene(pipeline)
+        self.rigid_bodies: dict[str, RigidBody] = {
+            name: read_rigid(pipeline, name, self.scene)
+            for name, part in pipeline.components.items()
+            if part.rigid is not None
+        }
+        # Read first: a wrong file is found before anything is computed.
+        self.controller: Controller | None = None
+        if (controller := pipeline.scene.controller) is not None:
+            names = (tuple(channel.name for channel in group) for group in (self.scene.sensors, self.scene.actuators))
+            self.controller = read_controller(controller.file, *names)
+
+    # Read.
+
+    @property
+    def flexible_names(self) -> list[str]:
+        """Flexible bodies."""
+        return [name for name, part in self.pipeline.components.items() if part.rigid is None]
+
+    @property
+    def reduced_names(self) -> list[str]:
+        """Flexible bodies that are reduced; the others enter the system as they were read."""
+        return [name for name in self.flexible_names if self.pipeline.reduce_of(name) is not None]
+
+    @property
+    def has_response(self) -> bool:
+        """The scene has an input and an output to compare."""
+        return bool(self.scene.actuators and self.scene.sensors)
+
+    @stage(
+        "read",
+        key=lambda run, name: read_key(run.pipeline, name),
+        notes=lambda run, found, name: found.notes,
+        stored="never",
+        common=_BODIES,
+    )
+    def flexible(self, name: str) -> FlexibleBody:
+        """Read one flexible body and check it."""
+        return read_flexible(self.pipeline, name, self.scene)
+
+    @cached_property
+    def bodies(self) -> dict[str, FlexibleBody]:
+        """Flexible bodies, read and checked; joints, actuators and sensors are tried on them at once."""
+        found = {}
+        for name in self.flexible_names:
+            found[name] = self.flexible(name)
+            # Before anything is reduced: a body that is not sound shows in the results, whatever comes of it.
+            _ = found[name].health
+        bare = {name: replace(each, body=each.undamped).substructure(self.scene) for name, each in found.items()}
+        rigid = {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
+        model = AssembledModel({name: (bare | rigid)[name] for name in self.pipeline.components}, self.scene)
+        for configuration in self.scene.configurations:
+            for note in model.wiring(configuration).notes:
+                self.stages.note(note)
+        return found
+
+    @property
+    def given(self) -> Mapping[str, Mapping[str, object]]:
+        """Bodies and configurations, which stored results refer to by name."""
+        return {
+            FEModel.__name__: {name: flexible.body for name, flexible in self.bodies.items()},
+            Configuration.__name__: {each.name: each for each in self.scene.configurations},
+        }
+
+    # Reduce.
+
+    @cached_property
+    def mode_sets(self) -> ModeSets:
+        """Mode set of each body."""
+        return ModeSets(self.bodies, self.rigid_bodies, self.pipeline, self.scene, lambda: self.cutoffs)
+
+    @cached_property
+    def _cutoff_search(self) -> CutoffSearch:
+        def examine(name: str, cutoff_hz: float) -> Examined:
+            with self.stages.timed("reduce", name):
+                return self.mode_sets.examine(name, cutoff_hz, enrich=True)
+
+        return CutoffSearch(self.bodies, self.rigid_bodies, self.scene, examine)
+
+    @cached_property
+    def _searched_cutoffs(self) -> dict[str, CutoffChoice]:
+        searched = self.mode_sets.searched
+        others = {name: self.modal(name) for name in self.reduced_names if name not in searched}
+        return self._cutoff_search.choose(searched, asked_error(self.pipeline), others)
+
+    def _cutoffs_key(self) -> str | None:
+        sets = self.mode_sets
+        if not sets.searched:
+            return None
+        return cutoff_key(self.pipeline, self.bodies, {name: sets.stated(name) for name in sets.names}, sets.unneeded)
+
+    @property
+    @stage(
+        "reduce",
+        what=_CUTOFFS,
+        key=_cutoffs_key,
+        # The search counts its time under the bodies that it reduces.
+        needs=["_searched_cutoffs"],
+        notes=lambda run, found: [choice.note for choice in found.values()],
+    )
+    def cutoffs(self) -> dict[str, CutoffChoice]:
+        """Cutoffs found for the bodies whose cutoff is ``auto``."""
+        return self._searched_cutoffs if self.mode_sets.searched else {}
+
+    def _label(self, name: str, other: ModeSetKeys | None = None) -> str:
+        return self.mode_sets.label(name, other)
+
+    @stage("reduce", what=_label, key=lambda run, name, other=None: run.mode_sets.reduce_key(name, other))
+    def _reduction(self, name: str, other: ModeSetKeys | None = None) -> _Reduced:
+        sets, cutoff_hz = self.mode_sets, self.mode_sets.cutoff_hz(name, other)
+        found = self._cutoff_search.found(name, cutoff_hz) if other is None else None
+        if found is None:
+            found = sets.examine(name, cutoff_hz, other)
+        return _Reduced(found.component, sets.missed(name, found, other))
+
+    def reduced(self, name: str, other: ModeSetKeys | None = None) -> ReducedComponent:
+        """Reduce one body to its mode set, or to another one.
+
+        Raises
+        ------
+        ConfigError
+            If the body is not to be reduced.
+        """
+        return self._reduction(name, other).component
+
+    # Orthogonalise.
+
+    def _mode_set_notes(self, found: ModalComponent, name: str, other: ModeSetKeys | None = None) -> Iterator[str]:
+        sets = self.mode_sets
+        key = sets.reduce_key(name, other)
+        yield from sets.notes(name, self.stages.recall("reduce", sets.label(name, other), key, "missed") or {}, other)
+
+    @stage(
+        "orthogonalise",
+        what=_label,
+        key=lambda run, name, other=None: run.mode_sets.modal_key(name, other),
+        needs=["_reduction"],
+        notes=_mode_set_notes,
+    )
+    def modal(self, name: str, other: ModeSetKeys | None = None) -> ModalComponent:
+        """Bring one reduced body to orthonormal modes; those that lose their mass become static."""
+        found = orthogonalise(self.reduced(name, other))
+        static_above_hz = self.mode_sets.static_above_hz(name, other)
+        return found if static_above_hz is None else found.static_above(2 * np.pi * static_above_hz)
+
+    def joined(self, components: Mapping[str, ModalComponent]) -> ReducedModel:
+        """The system of some reduced bodies; a body that is not among them enters as it was read."""
+        shapes: dict[str, ModalComponent | None] = dict(components)
+        for name in self.bodies:
+            if name not in components:
+                shapes[name] = self.references[name].modes
+                self.stages.note(f"{name}: not reduced; it enters the system as it was read")
+        return self._assembled(shapes)
+
+    def _assembled(self, shapes: Mapping[str, ModalComponent | None]) -> ReducedModel:
+        subs = {name: self.bodies[name].substructure(self.scene, modes) for name, modes in shapes.items()}
+        subs |= {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
+        return ReducedModel(AssembledModel({name: subs[name] for name in self.pipeline.components}, self.scene), shapes)
+
+    @cached_property
+    def whole(self) -> ReducedModel:
+        """The system with every mode of the mode sets, before truncation."""
+        return self.joined({name: self.modal(name) for name in self.reduced_names})
+
+    # The reference model, against which reduced ones are measured.
+
+    @stage(
+        "reference",
+        key=lambda run, name: reference_key(run.bodies[name], run.mode_sets.cutoff_hz(name)),
+        stored="in common",
+        common=_BODIES,
+    )
+    def reference(self, name: str) -> Reference:
+        """Representation of one unreduced body."""
+        flexible = self.bodies[name]
+        return reference(flexible.body, flexible.ports, flexible.rigid, self.mode_sets.cutoff_hz(name))
+
+    @cached_property
+    def references(self) -> dict[str, Reference]:
+        """The unreduced bodies, as they enter the reference model."""
+        return {
+            # No response depends on the elasticity of a body that is off every path.
+            name: Reference(self.modal(name), "rigid: off every path")
+            if name in self.mode_sets.unneeded
+            else self.reference(name)
+            for name in self.bodies
+        }
+
+    def _comparison_key(self) -> str:
+        labels = {name: found.label for name, found in self.references.items()}
+        keys = {name: reference_key(self.bodies[name], self.mode_sets.cutoff_hz(name)) for name in labels}
+        return reference_model_key(self.pipeline, self._points, keys | {f"{n}.label": t for n, t in labels.items()})
+
+    @property
+    @stage("", key=_comparison_key, stored="never", common=1)
+    def comparison(self) -> Comparison:
+        """The reference model, and the measure of errors against it."""
+        full = self._assembled({name: found.modes for name, found in self.references.items()})
+        bodies = {name: flexible.body for name, flexible in self.bodies.items()}
+        return Comparison(full.assembled, full.shapes, bodies, self.scene, self._points)
+
+    @property
+    def _points(self) -> int:
+        return (self.pipeline.verify or VerifyKeys()).frf.points
+
+    # Balance.
 
     @cached_property
     def balancing(self) -> Balancing:
-        """The bodies ranked and cut down, as the pipeline asks or otherwise."""
-        return Balancing(
-            self.pipeline,
-            self.scene,
-            self.mode_sets,
-            self.ledger,
-            self.joined,
-            lambda: self.comparison,
-            partial(self.key_of, "balance"),
-        )
+        """Ranking and choice of modes, as the pipeline asks or otherwise."""
+        return Balancing(self.pipeline, self.scene, self.bodies, self.modal, self.joined, lambda: self.comparison)
+
+    def _system_key(self, stage: str) -> str:
+        bodies = {name: self.mode_sets.modal_key(name) for name in self.bodies}
+        return system_key(stage, self.pipeline, self._points, bodies)
+
+    @property
+    def _ranks(self) -> bool:
+        return any(self.pipeline.balance_of(name) for name in self.reduced_names)
 
     @property
     def ranked(self) -> dict[str, ModalComponent]:
-        """Everything that may be kept of every body, with coefficients; unranked where no balance is asked for."""
+        """Every mode that may be kept of every body, with coefficients; unranked where no balance is asked for."""
         return self.balancing.ranked
 
     @property
+    @stage(
+        "balance",
+        key=lambda run: run._system_key("balance") if run._ranks else None,
+        needs=["ranked"],
+        notes=lambda run, found: found.notes,
+    )
+    def choice(self) -> Choice:
+        """Modes that the run keeps, and how they were chosen."""
+        return self.balancing.choose() if self._ranks else Choice(keep_all(self.ranked))
+
+    @property
     def selection(self) -> Selection:
-        """What the run keeps of that."""
+        """Modes that the run keeps."""
         return self.choice.selection
 
     @property
-    def choice(self) -> Choice:
-        """What the run keeps, and how it was chosen."""
-        return self.balancing.choice
+    def _tries_changes(self) -> bool:
+        return self.pipeline.balance is not None and self.pipeline.balance.sensitivity
 
     @property
+    @stage(
+        "balance",
+        what="system.sensitivity",
+        key=lambda run: run._system_key("balance") if run._tries_changes else None,
+        needs=["choice"],
+        notes=lambda run, found: [] if found is None else [found.note],
+    )
+    def sensitivity(self) -> SensitivityRecord | None:
+        """Modes that the run would keep with another damping, and without each sensor; None if not asked for."""
+        if not self._tries_changes:
+            return None
+        return self.balancing.sensitivity(self.selection, self.stages.progress.advance)
+
+    @cached_property
     def kept(self) -> dict[str, ModalComponent]:
-        """The reduced bodies of the run."""
-        return self.balancing.kept
+        """The bodies with the modes that the run keeps."""
+        return self.balancing.kept(self.ranked, self.selection)
+
+    # Project.
+
+    @property
+    def _projection_source(self) -> ReducedModel:
+        """The system whose modes are projected."""
+        if self.pipeline.project is not None and self.pipeline.project.of == "full":
+            return ReducedModel(self.comparison.full, self.comparison.full_shapes)
+        return self.joined(self.kept)
+
+    @stage(
+        "project",
+        key=lambda run: run._system_key("project"),
+        needs=["_projection_source"],
+        notes=lambda run, found: found.notes,
+    )
+    def _projection(self) -> Projected:
+        asked, keys = projected_error(self.pipeline), self.pipeline.project
+        assert keys is not None
+        measures = Measures(
+            self.joined,
+            self.comparison.error_at if self.has_response else None,
+            asked or PROJECTED_ERROR,
+            asked is not None,
+            self.stages.progress.advance,
+        )
+        found = ProjectStage(keys, self.scene, self.bodies, self.kept, self._projection_source, measures).run()
+        # Their coefficients are those of the modes before.
+        bare = {name: replace(each, rankings={}, cluster=None) for name, each in found.components.items()}
+        return replace(found, components=bare)
 
     @cached_property
     def projected(self) -> Projected | None:
-        """The reduced bodies after projection of system modes; None where the pipeline asks for none."""
-        keys = self.pipeline.project
-        if keys is None:
+        """The reduced bodies after projection of system modes, ranked again; None if the pipeline asks for none."""
+        if self.pipeline.project is None:
             return None
-        bodies = {name: flexible.body for name, flexible in self.bodies.items()}
-        found = self.ledger.once(
-            "project",
-            "system",
-            self.key_of("project"),
-            partial(self._project, keys),
-            projected_to,
-            partial(projected_from, bodies),
-            prepare=lambda: (self.kept, self.comparison if keys.of == "full" else None),
-        )
-        for note in found.notes:
-            self.ledger.note(note)
+        found = self._projection()
         return replace(found, components=self.balancing.again(found.components))
 
     @property
@@ -94,60 +425,34 @@ class Run(BodiesRun):
         """The bodies as they are assembled and written."""
         return self.kept if self.projected is None else self.projected.components
 
-    @cached_property
+    # Assemble.
+
+    @property
+    @stage(
+        "assemble",
+        needs=["final"],
+        notes=lambda run, found: spin_notes(run.pipeline.scene.spin, run.bodies, run.final),
+    )
     def model(self) -> ReducedModel:
         """The reduced system of the run, assembled in every configuration."""
-        final = self.final
-        for note in spin_notes(self.pipeline.scene.spin, self.bodies, final):
-            self.ledger.note(note)
-
-        def work() -> ReducedModel:
-            model = self.joined(final)
-            for number, configuration in enumerate(self.scene.configurations):
-                model.assembled.system(configuration)
-                self.ledger.progress.advance(number + 1, len(self.scene.configurations))
-            return model
-
-        return self.ledger.timed("assemble", "system", work)
+        model = self.joined(self.final)
+        for number, configuration in enumerate(self.scene.configurations):
+            model.assembled.system(configuration)
+            self.stages.progress.advance(number + 1, len(self.scene.configurations))
+        return model
 
     @cached_property
     def completeness(self) -> tuple[AxisCompleteness, ...]:
-        """What the modes hold of the inertia at each hinge; empty where hinges move each other, as in a loop."""
+        """Share of the inertia at each hinge that the modes hold; empty where hinges move each other, as in a loop."""
         try:
             return axis_completeness(self.model.assembled, self.whole.assembled)
         except ConstraintError:
             return ()
 
-    @cached_property
-    def verified(self) -> Verified:
-        """Errors and curves of the reduced models in every configuration."""
-        if (poor := completeness_note(self.completeness)) is not None:
-            self.ledger.note(poor)
-        if not self.has_response:
-            self.ledger.note("nothing was verified: the scene names no actuator or no sensor")
-            return Verified((), {}, 0.0, 0.0, self._checked())
-        found = self.ledger.once(
-            "verify",
-            "system",
-            self.key_of("verify"),
-            self._verify,
-            verified_to,
-            partial(verified_from, self.scene.configurations),
-            prepare=lambda: (self.model, self.comparison),
-        )
-        for missing in found.checks.left_out if self.pipeline.verify and self.pipeline.verify.required_checks else ():
-            self.ledger.note(f"not checked: {missing}")
-        for name, label in found.reference.items():
-            if label.startswith("modes"):
-                n = self.bodies[name].body.n
-                self.ledger.note(
-                    f"{name}: {n} dofs are too many for all modes or for a solve per frequency; the full system is "
-                    f"represented by {label} and all static shapes"
-                )
-        return found
+    # Verify.
 
     def models(self) -> dict[str, ReducedModel]:
-        """The reduced models that are compared with the full one, the run's own first."""
+        """The reduced models that are compared with the reference model, the run's own first."""
         models = {MODEL: self.model}
         keys = self.pipeline.verify
         for label, ranking in (keys.compare if keys else {}).items():
@@ -158,16 +463,42 @@ class Run(BodiesRun):
 
     def measured(self, models: Mapping[str, ReducedModel]) -> tuple[ConfigurationResult, ...]:
         """Errors and curves of reduced models in every configuration."""
-        return self.comparison.errors(models, self.ledger.progress)
+        return self.comparison.errors(models, self.stages.progress)
 
-    def _verify(self) -> Verified:
+    def _verify_notes(self, found: Verified) -> Iterator[str]:
+        if (poor := completeness_note(self.completeness)) is not None:
+            yield poor
+        if not self.has_response:
+            yield "nothing was verified: the scene names no actuator or no sensor"
+            return
+        for missing in found.checks.left_out if self.pipeline.verify and self.pipeline.verify.required_checks else ():
+            yield f"not checked: {missing}"
+        for name, label in found.reference.items():
+            if label.startswith("modes"):
+                yield (
+                    f"{name}: {self.bodies[name].body.n} dofs are too many for all modes or for a solve per frequency; "
+                    f"the full system is represented by {label} and all static shapes"
+                )
+
+    @property
+    @stage(
+        "verify",
+        key=lambda run: run._system_key("verify") if run.has_response else None,
+        needs=["model", "comparison"],
+        notes=_verify_notes,
+    )
+    def verified(self) -> Verified:
+        """Errors and curves of the reduced models in every configuration."""
+        if not self.has_response:
+            return Verified((), {}, 0.0, 0.0, self._checked())
+        comparison = self.comparison
+        # Another point of a sweep may have used the same model.
+        comparison.full_seconds = comparison.reduced_seconds = 0.0
         results = self.measured(self.models())
         labels = {name: found.label for name, found in self.references.items()}
-        seconds = self.comparison.full_seconds, self.comparison.reduced_seconds
-        return Verified(results, labels, *seconds, self._checked())
+        return Verified(results, labels, comparison.full_seconds, comparison.reduced_seconds, self._checked())
 
     def _checked(self) -> ReductionChecks:
-        """Checks of the reduction beside the errors of its responses."""
         keys, reduced = self.pipeline.verify or VerifyKeys(), {name: self.final[name] for name in self.reduced_names}
         return reduction_checks(
             keys.required_checks,
@@ -181,29 +512,12 @@ class Run(BodiesRun):
 
     @cached_property
     def checks(self) -> ReductionChecks:
-        """Checks of the reduction beside its errors: those that verify made, or made now where it is not asked for."""
+        """Checks of the reduction beside its errors: those of verify, or made now where verify is not asked for."""
         return self.verified.checks if self.pipeline.verify is not None else self._checked()
 
     @cached_property
     def margins(self) -> tuple[ControllerMargin, ...]:
-        """What the scene's controller has to spare in every configuration; empty without one."""
-        if self.controller is None:
-            return ()
-        if self.pipeline.verify is None:
+        """Margins of the scene's controller in every configuration; empty without a controller or without verify."""
+        if self.controller is None or self.pipeline.verify is None:
             return ()
         return controller_margins(self.controller, self.verified.configurations, self.model.assembled, MODEL)
-
-    def _project(self, keys: ProjectKeys) -> Projected:
-        if keys.of == "full":
-            source = ReducedModel(self.comparison.full, self.comparison.full_shapes)
-        else:
-            source = self.joined(self.kept)
-        asked = projected_error(self.pipeline)
-        measures = Measures(
-            self.joined,
-            self.comparison.error_at if self.has_response else None,
-            asked or PROJECTED_ERROR,
-            asked is not None,
-            self.ledger.progress.advance,
-        )
-        return ProjectStage(keys, self.scene, self.bodies, self.kept, source, measures).run()

@@ -5,24 +5,24 @@ What a stage computes belongs in the other rooms of `pipeline`.
 """
 
 from cmsreduce.pipeline.store.stage_cache import cache_entries, clear_cache, sole_use
-from cmsreduce.pipeline.store.stage_data import modal_from, modal_to, reduced_from, reduced_to
+from cmsreduce.pipeline.store.stage_data import decode, encode
 from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER, code_version, share_stages, stage_key
-from cmsreduce.pipeline.store.stages import REPORT, Ledger, Progress, Silent
+from cmsreduce.pipeline.store.stages import REPORT, CommonWork, Progress, Silent, Stages, stage
 
 __all__ = [
-    "Ledger",
+    "CommonWork",
     "Progress",
     "REPORT",
     "STAGES_FOLDER",
     "Silent",
+    "Stages",
     "cache_entries",
     "clear_cache",
     "code_version",
-    "modal_from",
-    "modal_to",
-    "reduced_from",
-    "reduced_to",
+    "decode",
+    "encode",
     "share_stages",
     "sole_use",
+    "stage",
     "stage_key",
 ]

@@ -1,108 +1,102 @@
-"""Reduced bodies as arrays for the stage store, and back."""
+"""Results of stages as arrays and JSON facts, and back: one encoding for every frozen dataclass.
+
+Arrays are named by their path inside the result, such as ``modes.Phi``; everything else is JSON. Bodies and
+configurations are not stored: they are part of what a stage is made from, and are named instead.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from importlib import import_module
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import FEModel, ModalComponent, ModeCertificate, ModeSet, ReducedComponent
+from cmsreduce.model import Configuration, FEModel
 
-__all__ = ["modal_from", "modal_to", "reduced_from", "reduced_to"]
+__all__ = ["Arrays", "Given", "decode", "encode"]
 
 Arrays = dict[str, NDArray[Any]]
+Given = Mapping[str, Mapping[str, Any]]
+"""Objects that are named instead of stored: class name, name, object."""
+
+_GIVEN = (FEModel, Configuration)
+_PLAIN = (str, int, float, bool, type(None))
+_PACKAGE = "cmsreduce."
 
 
-def reduced_to(component: ReducedComponent, missed: Mapping[str, float]) -> tuple[Arrays, dict[str, Any]]:
-    """Arrays and facts of a reduced body, and the shares of static flexibility that its basis misses."""
-    arrays = {
-        "Phi": component.modes.Phi,
-        "source_hz": component.modes.source_hz,
-        "M": component.M,
-        "K": component.K,
-        "rigid": component.rigid,
-    }
-    if component.D is not None:
-        arrays["D"] = component.D
-    facts = {
-        "method": component.modes.method,
-        "kind": component.modes.kind,
-        "label": component.modes.label,
-        "missed": missed,
-    }
-    return _with_certificate(arrays, facts, component.modes.certificate)
+def encode(value: Any) -> tuple[Arrays, Any]:
+    """Arrays of a value by their paths, and the rest as JSON.
+
+    Raises
+    ------
+    TypeError
+        If the value holds something else than dataclasses, tuples, lists, mappings, arrays, text and numbers.
+
+    Examples
+    --------
+    >>> encode({"a": (1.5, None)})
+    ({}, {'map': [['a', {'tuple': [1.5, None]}]]})
+    """
+    arrays: Arrays = {}
+    return arrays, _encoded(value, "", arrays)
 
 
-def reduced_from(body: FEModel, arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]) -> ReducedComponent:
-    """Reduced body from its arrays."""
-    modes = ModeSet(
-        facts["method"],
-        arrays["Phi"],
-        tuple(facts["kind"]),
-        arrays["source_hz"],
-        tuple(facts["label"]),
-        _certificate(arrays, facts),
-    )
-    return ReducedComponent(body, modes, arrays["M"], arrays["K"], arrays.get("D"), arrays["rigid"])
+def decode(arrays: Mapping[str, NDArray[Any]], facts: Any, given: Given) -> Any:
+    """The value that `encode` was given.
+
+    Parameters
+    ----------
+    arrays : mapping of str to array
+        Arrays by their paths.
+    facts : JSON
+        The rest.
+    given : mapping of class name to mapping of name to object
+        Bodies and configurations that the value refers to.
+    """
+    if isinstance(facts, list):
+        return [decode(arrays, each, given) for each in facts]
+    if not isinstance(facts, dict):
+        return facts
+    if "array" in facts:
+        return arrays[facts["array"]]
+    if "given" in facts:
+        return given[facts["given"]][facts["name"]]
+    if "tuple" in facts:
+        return tuple(decode(arrays, each, given) for each in facts["tuple"])
+    if "map" in facts:
+        return {decode(arrays, key, given): decode(arrays, each, given) for key, each in facts["map"]}
+    module, _, name = facts["class"].partition(":")
+    kind = getattr(import_module(module), name) if module.startswith(_PACKAGE) else None
+    if not (isinstance(kind, type) and is_dataclass(kind)):
+        raise TypeError(f"a stage holds a '{facts['class']}', which is no dataclass of this package")
+    return kind(**{name: decode(arrays, each, given) for name, each in facts["fields"].items()})
 
 
-_MODAL = ("Phi", "omega", "zeta", "source_hz", "sigma", "spacing")
+def _encoded(value: Any, path: str, arrays: Arrays) -> Any:
+    def inside(each: Any, step: object) -> Any:
+        return _encoded(each, f"{path}.{step}" if path else str(step), arrays)
 
-
-def modal_to(component: ModalComponent) -> tuple[Arrays, dict[str, Any]]:
-    """Arrays and facts of a body in orthonormal modes."""
-    arrays = {name: getattr(component, name) for name in _MODAL}
-    if component.D is not None:
-        arrays["D"] = component.D
-    facts = {
-        "method": component.method,
-        "rigid_count": component.rigid_count,
-        "static_count": component.static_count,
-        "neglected_count": component.neglected_count,
-        "kind": component.kind,
-        "why": component.why,
-        "basis_size": component.basis_size,
-        "basis_rank": component.basis_rank,
-        "basis_condition": component.basis_condition,
-    }
-    return _with_certificate(arrays, facts, component.certificate)
-
-
-def modal_from(body: FEModel, arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]) -> ModalComponent:
-    """Body in orthonormal modes from its arrays."""
-    return ModalComponent(
-        body=body,
-        method=facts["method"],
-        rigid_count=facts["rigid_count"],
-        # Stages that were finished before static modes were known have none.
-        static_count=facts.get("static_count", 0),
-        neglected_count=facts.get("neglected_count", 0),
-        kind=tuple(facts["kind"]),
-        why=tuple(facts["why"]),
-        basis_size=facts["basis_size"],
-        basis_rank=facts["basis_rank"],
-        basis_condition=facts["basis_condition"],
-        D=arrays.get("D"),
-        certificate=_certificate(arrays, facts),
-        # Modes are stored before they are ranked.
-        rankings={},
-        **{name: arrays[name] for name in _MODAL},
-    )
-
-
-def _with_certificate(
-    arrays: Arrays, facts: dict[str, Any], certificate: ModeCertificate | None
-) -> tuple[Arrays, dict[str, Any]]:
-    """The same with a certificate beside them."""
-    if certificate is None:
-        return arrays, facts
-    own = {"certified_hz": certificate.frequency_hz, "bound": certificate.bound}
-    return {**arrays, **own}, {**facts, "cutoff_hz": certificate.cutoff_hz, "counted": certificate.counted}
-
-
-def _certificate(arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]) -> ModeCertificate | None:
-    """The certificate beside the arrays; None in stages that were finished before there was one."""
-    if "bound" not in arrays:
-        return None
-    return ModeCertificate(facts["cutoff_hz"], facts["counted"], arrays["certified_hz"], arrays["bound"])
+    if isinstance(value, np.ndarray):
+        arrays[path or "value"] = value
+        return {"array": path or "value"}
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, _PLAIN):
+        return value
+    if isinstance(value, _GIVEN):
+        return {"given": type(value).__name__, "name": value.name}
+    if isinstance(value, tuple):
+        return {"tuple": [inside(each, number) for number, each in enumerate(value)]}
+    if isinstance(value, list):
+        return [inside(each, number) for number, each in enumerate(value)]
+    if isinstance(value, Mapping):
+        # As pairs: JSON keeps neither the order nor the type of keys. Names may hold what a dataset's may not.
+        return {"map": [[key, inside(each, number)] for number, (key, each) in enumerate(value.items())]}
+    if is_dataclass(value) and not isinstance(value, type):
+        kind = type(value)
+        parts = {field.name: inside(getattr(value, field.name), field.name) for field in fields(value)}
+        return {"class": f"{kind.__module__}:{kind.__name__}", "fields": parts}
+    raise TypeError(f"{path or 'a result'} is a {type(value).__name__}, which no stage can store")

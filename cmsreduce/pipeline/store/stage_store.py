@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce import __version__
-from cmsreduce.linalg.basis_store import new_basis, outgrows, row_blocks
+from cmsreduce.linalg.blocks import new_basis, outgrows, row_blocks
 from cmsreduce.model import CHECKSUM, checksum, map_dataset, mapped_in
 from cmsreduce.write import atomic_path, hdf5_file, put_texts
 

@@ -1,31 +1,34 @@
-"""What a run tells whoever watches it.
-
-What has been done, how long it took, and what need not be done again.
-"""
+"""The cache of stages: a stage is done once, and remembered in memory, on disk, and by other points of a sweep."""
 
 from __future__ import annotations
 
 import resource
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import asdict, replace
+from functools import wraps
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, Concatenate, Literal, NamedTuple, ParamSpec, Protocol, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError, StageError
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
 from cmsreduce.model import Factorisation, mapped_in
+from cmsreduce.pipeline.store.stage_data import Arrays, Given, decode, encode
 from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER, StageStore
 
-__all__ = [
-    "Ledger",
-    "Progress",
-    "REPORT",
-    "Silent",
-]
+__all__ = ["REPORT", "CommonWork", "Progress", "Silent", "Stages", "stage"]
+
+REPORT = "report"
+"""Not a stage: where it is the only one allowed, nothing is computed."""
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+_MISSING = object()
+_KIB = 1024
 
 
 class Progress(Protocol):
@@ -38,14 +41,14 @@ class Progress(Protocol):
         """Report that a finished stage was found and is not run again."""
 
     def advance(self, done: int, total: int) -> None:
-        """Report how far the current piece of work is."""
+        """Report the progress of the current piece of work."""
 
     def note(self, text: str) -> None:
         """Report something the reader must know."""
 
 
 class Silent:
-    """A listener that says nothing."""
+    """A listener that prints nothing."""
 
     def stage(self, stage: str, what: str) -> None:
         """Ignore."""
@@ -60,150 +63,247 @@ class Silent:
         """Ignore."""
 
 
-REPORT = "report"
-"""Not a stage: named as the only one, it lets nothing be computed."""
+class CommonWork:
+    """Results that points of a sweep share in memory, by stage and key; the oldest ones go."""
 
-Arrays = Mapping[str, NDArray[Any]]
-T = TypeVar("T")
+    def __init__(self) -> None:
+        self._held: dict[str, dict[Hashable, Any]] = {}
+
+    def get(self, kind: str, key: Hashable, default: object = None) -> Any:
+        """Result under a key."""
+        return self._held.get(kind, {}).get(key, default)
+
+    def hold(self, kind: str, key: Hashable, value: object, most: int) -> None:
+        """Hold a result, and let go of the oldest of its kind beyond ``most``."""
+        held = self._held.setdefault(kind, {})
+        held.pop(key, None)
+        held[key] = value
+        while len(held) > most:
+            del held[next(iter(held))]
 
 
-class Ledger:
-    """Runs a piece of work, or takes it from the store if it is finished.
+class _Entry(NamedTuple):
+    """One stage of one body or of the system."""
+
+    function: str
+    stage: str
+    what: str
+    key: str
+    stored: bool
+    common: int
+
+
+class Stages:
+    """The cache of stages of one run, with times, factorisations and notes.
 
     Parameters
     ----------
     folder : Path
         Run directory.
     progress : Progress
-        Told what happens.
+        Listener.
     only : str, optional
-        The one stage that may be run; every other must be finished.
+        The one stage that may be run; every other stage that is stored must be finished.
     solver : SolverSettings, optional
-        How work factorises its matrices.
+        Settings under which stages factorise matrices.
+    common : CommonWork, optional
+        Results shared with other runs of this process.
     """
 
     def __init__(
-        self, folder: Path, progress: Progress, only: str | None = None, solver: SolverSettings | None = None
+        self,
+        folder: Path,
+        progress: Progress,
+        only: str | None = None,
+        solver: SolverSettings | None = None,
+        common: CommonWork | None = None,
     ) -> None:
         # What outgrows memory while it is made lies beside the finished stages, on the same disk.
         self.solver = replace(SolverSettings() if solver is None else solver, scratch=folder / STAGES_FOLDER)
+        self.store, self.progress, self.only, self.common = StageStore(folder, progress.note), progress, only, common
+        self.memory: dict[tuple[str, str], Any] = {}
         self.factorised: dict[str, dict[str, list[Factorisation]]] = {}
-        self.store, self.progress, self.only = StageStore(folder, progress.note), progress, only
         self.seconds: dict[str, dict[str, float]] = {}
         self.peak_mib: dict[str, float] = {}
         self.written: list[Path] = []
         self.notes: list[str] = []
 
-    def once(
-        self,
-        stage: str,
-        what: str,
-        key: str,
-        work: Callable[[], T],
-        pack: Callable[[T], tuple[Arrays, Mapping[str, Any]]],
-        unpack: Callable[[Arrays, Mapping[str, Any]], T],
-        prepare: Callable[[], object] = lambda: None,
-    ) -> T:
-        """Do a stage, or read it back if the store has it under the same key.
+    def note(self, text: str) -> None:
+        """Keep something that a reader must know, and report it once."""
+        if text not in self.notes:
+            self.notes.append(text)
+            self.progress.note(text)
 
-        Parameters
-        ----------
-        stage, what : str
-            Such as ``reduce`` and ``rotor``.
-        key : str
-            Hash of everything the stage depends on.
-        work : callable
-            Does it.
-        pack, unpack : callable
-            To arrays and facts, and back.
-        prepare : callable, optional
-            Sees to the earlier stages the work needs, so that their time is not counted here.
+    def share_memory(self, most: float | None) -> None:
+        """Limit the bytes of a factor, unless the pipeline states a limit: other processes work beside this one."""
+        if self.solver.memory is None and most is not None:
+            self.solver = replace(self.solver, memory=most)
 
-        Raises
-        ------
-        StageError
-            If another stage alone was asked for and this one is not finished.
-        """
-        if (found := self._finished(stage, what, key)) is not None:
-            return unpack(*found)
-        if self.only not in (None, stage):
-            whole = "" if self.only == REPORT else f" --until {self.only}"
-            raise StageError(
-                f"stage '{stage}' of '{what}' is not finished for these inputs and settings; run `cmsreduce {stage}` "
-                f"on this pipeline first, or `cmsreduce run{whole}`"
-            )
-        with self.store.claimed(stage, what, key) as shared:
-            if shared and (found := self._finished(stage, what, key)) is not None:
-                return unpack(*found)
-            prepare()
-            packed, described = pack(self.timed(stage, what, work))
-            # Laid out as what is read back, so that a run that goes on from here rounds as one that was never stopped.
-            arrays: Arrays = {
-                name: array if mapped_in(array) is not None else np.asarray(array, order="C")
-                for name, array in packed.items()
-            }
-            del packed
-            done = [asdict(each) for each in self.factorised[what][stage]]
-            facts = {**described, "seconds": self.seconds[what][stage], "factorised": done}
-            self.written.append(self.store.save(stage, what, key, arrays, facts))
-            if any(mapped_in(array) is not None for array in arrays.values()):
-                # From the finished file, so that the other one goes.
-                arrays = (self._load(stage, what, key) or (arrays, facts))[0]
-        return unpack(arrays, facts)
-
-    def recall(self, stage: str, what: str, key: str) -> None:
-        """Take the time of a finished stage that a later one made needless to read."""
-        if stage not in self.seconds.get(what, {}):
-            facts = self.store.facts(stage, what, key)
-            if facts is not None:
-                self._recall(stage, what, facts)
-
-    def timed(self, stage: str, what: str, work: Callable[[], T]) -> T:
-        """Do a piece of work and note how long it took, and what it factorised."""
+    @contextmanager
+    def timed(self, stage: str, what: str) -> Iterator[None]:
+        """Announce a piece of work, apply the solver settings to it, and count its time and factorisations."""
         self.progress.stage(stage, what)
         settings = replace(self.solver, work=[])
         started = time.perf_counter()
         try:
             with solver_settings(settings):
-                result = work()
+                yield
         except MatrixError as error:
             # Linear algebra does not know whose matrices it is given.
             if f"'{what}'" in str(error):
                 raise
             raise MatrixError(f"{stage} of '{what}': {error}") from error
-        self._add(stage, what, time.perf_counter() - started, settings.work)
-        return result
+        self._count(stage, what, time.perf_counter() - started, settings.work)
 
-    def share_memory(self, most: float | None) -> None:
-        """Let a factor take no more than so many bytes, unless the pipeline says how many: others work beside."""
-        if self.solver.memory is None and most is not None:
-            self.solver = replace(self.solver, memory=most)
-
-    def note(self, text: str) -> None:
-        """Keep something a reader must know, and say it."""
-        if text not in self.notes:
-            self.notes.append(text)
-            self.progress.note(text)
-
-    def _finished(self, stage: str, what: str, key: str) -> tuple[Arrays, Mapping[str, Any]] | None:
-        """Take a stage from the store, unless it is the one to be done."""
-        if self.only == stage or (found := self._load(stage, what, key)) is None:
+    def recall(self, stage: str, what: str, key: str, field: str) -> Any:
+        """Count the time of a finished stage that a later one made needless to read; give one field without arrays."""
+        facts = self.store.facts(stage, what, key)
+        if facts is None:
             return None
-        self._recall(stage, what, found[1])
-        self.progress.reused(stage, what)
-        return found
+        if stage not in self.seconds.get(what, {}):
+            self._count_stored(stage, what, facts)
+        return decode({}, facts["value"]["fields"][field], {})
 
-    def _load(self, stage: str, what: str, key: str) -> tuple[Arrays, Mapping[str, Any]] | None:
+    def find(self, entry: _Entry, run: Any, claim: ExitStack) -> Any:
+        """Result of a finished stage, else ``_MISSING``; then no other process works on it until the claim ends.
+
+        Raises
+        ------
+        StageError
+            If the run may do another stage only, and this one is not finished.
+        """
+        if self.common is not None and entry.common:
+            found = self.common.get(entry.function, entry.key, _MISSING)
+            if found is not _MISSING:
+                if entry.stage:
+                    self._count(entry.stage, entry.what, 0.0, [])
+                return found
+        if not entry.stored:
+            return _MISSING
+        if (found := self._stored(entry, run)) is not _MISSING:
+            return found
+        if self.only not in (None, entry.stage):
+            until = "" if self.only == REPORT else f" --until {self.only}"
+            raise StageError(
+                f"stage '{entry.stage}' of '{entry.what}' is not finished for these inputs and settings; run "
+                f"`cmsreduce {entry.stage}` on this pipeline first, or `cmsreduce run{until}`"
+            )
+        if claim.enter_context(self.store.claimed(entry.stage, entry.what, entry.key)):
+            return self._stored(entry, run)
+        return _MISSING
+
+    def keep(self, entry: _Entry, run: Any, value: Any) -> Any:
+        """Store a result, and give it as a later run will read it."""
+        stage, what, key = entry.stage, entry.what, entry.key
+        if entry.stored:
+            encoded, facts = encode(value)
+            del value
+            # Laid out as what is read back, so that a run that goes on from here rounds as one that was never stopped.
+            arrays: Arrays = {
+                name: array if mapped_in(array) is not None else np.asarray(array, order="C")
+                for name, array in encoded.items()
+            }
+            del encoded
+            done = [asdict(each) for each in self.factorised[what][stage]]
+            counted = {"value": facts, "seconds": self.seconds[what][stage], "factorised": done}
+            self.written.append(self.store.save(stage, what, key, arrays, counted))
+            if any(mapped_in(array) is not None for array in arrays.values()):
+                # From the finished file, so that the other one goes.
+                with solver_settings(self.solver):
+                    arrays = (self.store.load(stage, what, key) or (arrays, counted))[0]
+            value = decode(arrays, facts, run.given)
+        if self.common is not None and entry.common:
+            self.common.hold(entry.function, key, value, entry.common)
+        return value
+
+    def _stored(self, entry: _Entry, run: Any) -> Any:
+        """Result of a stage from disk, unless it is the one to be done."""
+        if self.only == entry.stage:
+            return _MISSING
         with solver_settings(self.solver):
-            return self.store.load(stage, what, key)
+            found = self.store.load(entry.stage, entry.what, entry.key)
+        if found is None:
+            return _MISSING
+        arrays, facts = found
+        self._count_stored(entry.stage, entry.what, facts)
+        self.progress.reused(entry.stage, entry.what)
+        given: Given = run.given
+        return decode(arrays, facts["value"], given)
 
-    def _recall(self, stage: str, what: str, facts: Mapping[str, Any]) -> None:
-        done = [Factorisation(**each) for each in facts.get("factorised", ())]
-        self._add(stage, what, float(facts["seconds"]), done)
+    def _count_stored(self, stage: str, what: str, facts: dict[str, Any]) -> None:
+        done = [Factorisation(**each) for each in facts["factorised"]]
+        self._count(stage, what, float(facts["seconds"]), done)
 
-    def _add(self, stage: str, what: str, seconds: float, done: list[Factorisation]) -> None:
+    def _count(self, stage: str, what: str, seconds: float, done: list[Factorisation]) -> None:
         self.factorised.setdefault(what, {}).setdefault(stage, []).extend(done)
         spent = self.seconds.setdefault(what, {})
         spent[stage] = spent.get(stage, 0.0) + seconds
         # ru_maxrss is in KiB on Linux.
-        self.peak_mib[what] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        self.peak_mib[what] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / _KIB
+
+
+def stage(
+    name: str,
+    *,
+    what: str | Callable[..., str] = "",
+    key: Callable[..., str | None] | None = None,
+    needs: Sequence[str] = (),
+    notes: Callable[..., Iterable[str]] | None = None,
+    stored: Literal["always", "in common", "never"] = "always",
+    common: int = 0,
+) -> Callable[[Callable[Concatenate[Any, P], T]], Callable[Concatenate[Any, P], T]]:
+    """Make a method of a run a stage that is done once.
+
+    The run has ``stages``, its cache, and ``given``, the bodies and configurations that stored results refer to.
+
+    Parameters
+    ----------
+    name : str
+        Stage that time is counted under, such as ``reduce``; empty for what is only remembered.
+    what : str or callable, optional
+        Body or part that the stage is of, under which it is remembered and stored; by default the first argument, or
+        ``system``. A callable takes the run and the arguments.
+    key : callable, optional
+        Takes the run and the arguments, gives the hash of everything that the result depends on; without it nothing
+        is stored. Where it gives None, nobody asks for the stage: the method is called without announcement and time.
+    needs : sequence of str
+        Earlier stages, so that their time is not counted here: properties, or methods that take the same arguments.
+    notes : callable, optional
+        Takes the run, the result and the arguments, gives what a reader must know, also of a stage that is reused.
+    stored : str
+        ``always``, ``never``, or ``in common``: on disk only where work is shared with other runs.
+    common : int
+        Number of results that runs of a sweep hold together in memory.
+    """
+
+    def decorated(work: Callable[Concatenate[Any, P], T]) -> Callable[Concatenate[Any, P], T]:
+        @wraps(work)
+        def once(run: Any, *args: P.args, **named: P.kwargs) -> T:
+            stages: Stages = run.stages
+            about = what(run, *args, **named) if callable(what) else what or (str(args[0]) if args else "system")
+            result: Any = stages.memory.get((work.__name__, about), _MISSING)
+            if result is not _MISSING:
+                return result  # type: ignore[no-any-return]
+            digest = "" if key is None else key(run, *args, **named)
+            if digest is None:
+                result = work(run, *args, **named)
+            else:
+                on_disk = stored == "always" or (stored == "in common" and stages.common is not None)
+                entry = _Entry(work.__name__, name, about, digest, on_disk and key is not None, common)
+                with ExitStack() as claim:
+                    result = stages.find(entry, run, claim)
+                    if result is _MISSING:
+                        for need in needs:
+                            if callable(earlier := getattr(run, need)):
+                                earlier(*args, **named)
+                        with stages.timed(name, about) if name else nullcontext():
+                            result = work(run, *args, **named)
+                        result = stages.keep(entry, run, result)
+            stages.memory[work.__name__, about] = result
+            for text in () if notes is None else notes(run, result, *args, **named):
+                stages.note(text)
+            return result  # type: ignore[no-any-return]
+
+        return cast(Callable[Concatenate[Any, P], T], once)
+
+    return decorated

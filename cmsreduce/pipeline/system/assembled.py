@@ -1,4 +1,4 @@
-"""A model of the whole scene, full or reduced, asked for its behaviour in any configuration."""
+"""A model of the whole scene, full or reduced: its matrices, modes and responses in any configuration."""
 
 from __future__ import annotations
 
@@ -28,10 +28,8 @@ from cmsreduce.assemble import (
     wire,
     with_joint_bodies,
 )
-from cmsreduce.linalg.congruence import column_blocks
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import column_blocks, dense, symmetric_product
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless
-from cmsreduce.linalg.products import symmetric_product
 from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System
 from cmsreduce.verify import decibel_grid
 
@@ -39,13 +37,13 @@ __all__ = ["AssembledModel", "DampedModes", "Resonances", "cross_orthogonality",
 
 Number = TypeVar("Number", np.float64, np.complex128)
 
-# Modes a little above the band still shape the response at its edge.
-_BEYOND_BAND = 1.25
-# A full mode whose reduced one lies in the band may lie a little above it. Nearer to the undamped modes' limit there
-# are too few of these to start from.
-_PARTNER_BEYOND_BAND = 1.1
-# All modes of a system of so many coordinates are kept: three megabytes a configuration.
-_KEPT_WHOLE = 600
+# Undamped modes up to this multiple of the band's top: a mode a little above it still acts at the edge of the band.
+_UNDAMPED_BANDS = 1.25
+# Complex modes up to this multiple: the partner of a mode in the band may lie a little above it. They start from the
+# undamped ones, so that their limit is lower.
+_DAMPED_BANDS = 1.1
+# Coordinates of a system whose modes are all kept in memory: three megabytes a configuration.
+_KEPT_IN_MEMORY = 600
 # Grids of one band end at the same frequency to rounding.
 _SAME_BAND = 1e-9
 
@@ -69,7 +67,7 @@ class Resonances:
 
 @dataclass(frozen=True, eq=False)
 class DampedModes:
-    """Complex modes of a system, those of overdamped motions left out.
+    """Complex modes of a system without its overdamped motions.
 
     Parameters
     ----------
@@ -84,12 +82,12 @@ class DampedModes:
 
 
 class AssembledModel:
-    """Substructures in a scene; what is asked twice is computed once.
+    """Substructures in a scene; every result is computed once.
 
     Parameters
     ----------
     substructures : mapping of name to Substructure
-        Bodies in order; those that joints own are added.
+        Bodies in order; the bodies of joints are added.
     scene : Scene
         Joints, configurations, actuators, sensors, band.
     """
@@ -100,7 +98,7 @@ class AssembledModel:
         self._systems: dict[str, System] = {}
         self._wirings: dict[str, Wiring] = {}
         self._undamped: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
-        self._whole: dict[str, tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]] = {}
+        self._every_mode: dict[str, tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]] = {}
         self._resonances: dict[str, Resonances] = {}
         self._damped: dict[str, DampedModes | None] = {}
         self._receptances: Mapping[str, Receptance] = {}
@@ -108,7 +106,7 @@ class AssembledModel:
 
     @cached_property
     def held(self) -> HeldBodies:
-        """The bodies that responses are taken of: those in their dofs are held where the ground holds them."""
+        """The bodies for responses: a body in its dofs is held where the ground holds it."""
         return held_bodies(self.stack, self.scene)
 
     def wiring(self, configuration: Configuration) -> Wiring:
@@ -142,7 +140,7 @@ class AssembledModel:
         """Complex modes up to just above the band; None without damping."""
         if configuration.name not in self._damped:
             system = self.system(configuration)
-            top = 2 * np.pi * self.scene.band[1] * _PARTNER_BEYOND_BAND
+            top = 2 * np.pi * self.scene.band[1] * _DAMPED_BANDS
             found = damped_modes(system, top, self._modes(configuration))
             modes = None if found is None else DampedModes(found.s, _by_body(system, found.X))
             self._damped[configuration.name] = modes
@@ -162,23 +160,23 @@ class AssembledModel:
         static : (N, s) float64
             Shapes without mass, orthonormal in K.
         """
-        if configuration.name in self._whole:
-            return self._whole[configuration.name]
+        if configuration.name in self._every_mode:
+            return self._every_mode[configuration.name]
         system = self.system(configuration)
         try:
             lam, Phi, static = elastic_and_massless(dense(system.K), dense(system.M), system.rigid, system.rounding)
         except UndeterminedError as error:
             raise undetermined(system, error) from None
         found = np.sqrt(lam), Phi, static
-        if system.N <= _KEPT_WHOLE:
-            self._whole[configuration.name] = found
+        if system.N <= _KEPT_IN_MEMORY:
+            self._every_mode[configuration.name] = found
         return found
 
     def _modes(self, configuration: Configuration) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         if configuration.name not in self._undamped:
-            top = 2 * np.pi * self.scene.band[1] * _BEYOND_BAND
+            top = 2 * np.pi * self.scene.band[1] * _UNDAMPED_BANDS
             system = self.system(configuration)
-            if isinstance(system.K, np.ndarray) and system.N <= _KEPT_WHOLE:
+            if isinstance(system.K, np.ndarray) and system.N <= _KEPT_IN_MEMORY:
                 w, Phi, _ = self.every_mode(configuration)
                 self._undamped[configuration.name] = w[w <= top], Phi[:, w <= top]
             else:
@@ -186,10 +184,10 @@ class AssembledModel:
         return self._undamped[configuration.name]
 
     def receptances(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
-        """Dynamic flexibilities of the ``held`` bodies, good for every configuration and any grid within the band."""
+        """Dynamic flexibilities of the ``held`` bodies for every configuration and any grid within the band."""
         top = float(omega.max(initial=0.0))
         if not self._receptances or top > self._prepared_to * (1 + _SAME_BAND):
-            # Prepared for the band, not for the grid that happens to come first: a run resumed answers the same.
+            # Prepared for the band, not for the first grid: a resumed run gives the same numbers.
             prepared = decibel_grid(self.scene.band)
             prepared = prepared if top <= prepared[-1] * (1 + _SAME_BAND) else omega
             self._receptances = body_receptances(self.held.stack, prepared)
@@ -197,7 +195,7 @@ class AssembledModel:
         return self._receptances
 
     def tables(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
-        """Receptances at frequencies that are asked for in every configuration."""
+        """Receptances at frequencies that every configuration needs."""
         return {
             name: tabulated(source, omega, self.held.stack.moving(name).size)
             for name, source in self.receptances(omega).items()
@@ -236,9 +234,9 @@ def mass_products(
     bodies : mapping of name to FEModel
         Mass matrices of the flexible bodies.
     full, reduced : mapping of name to ModalComponent or None
-        Modes that the coordinates of either model are amplitudes of; None where they are dofs.
+        Modes whose amplitudes are the coordinates of either model; None where these are dofs.
     substructures : mapping of name to Substructure
-        Bodies of the full model, for the masses of the rigid ones.
+        Bodies of the full model; the rigid ones have their mass here.
     """
     found: dict[str, Matrix] = {}
     for name, sub in substructures.items():

@@ -1,4 +1,4 @@
-"""Errors of candidates: reduced systems that differ in nothing but which modes of one pool they keep."""
+"""Errors of selections: reduced systems that keep different modes of the same candidates."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel, Targe
 
 __all__ = ["Candidates", "SystemErrors", "system_errors"]
 
-# Points of a configuration that are looked at first: those that the last candidate refused there missed most.
+# Frequencies that are computed first: those with the largest errors of the last refused selection.
 _HARDEST = 96
-# Effects of single modes are predictions: every so many points of the grid will do.
+# Step through the grid for the effects of single modes, which are predictions.
 _EVERY = 3
 
 
 @dataclass(frozen=True, eq=False)
 class SystemErrors:
-    """How selections are measured by the response of the assembled system.
+    """Error of a selection by the response of the assembled system.
 
     Parameters
     ----------
     judge : Judge
-        On a fixed grid.
+        Error on a fixed grid.
     exact : callable
-        On a grid refined for the selection.
+        Error on a grid refined for the selection.
     """
 
     judge: Judge
@@ -41,10 +41,10 @@ class SystemErrors:
 
 @dataclass(eq=False)
 class _Trial:
-    """One configuration: what is aimed at, and what makes the square of a candidate's error a sum of squares."""
+    """One configuration: the target response, and the scales that make a squared error a sum of squares."""
 
     response: ModalReceptance
-    aim: NDArray[np.complex128]
+    target: NDArray[np.complex128]
     size: float
     channel: NDArray[np.float64]
     hardest: NDArray[np.int64]
@@ -52,40 +52,40 @@ class _Trial:
     def __post_init__(self) -> None:
         self.weight = _trapezoid(self.response.omega) * self.size
 
-    def misses(self, kept: Selection, at: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
-        """Share of each frequency in the square of the error (g,)."""
+    def squares(self, kept: Selection, at: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
+        """Contribution of each frequency to the squared error (g,)."""
         points = slice(None) if at is None else at
-        missed = (self.response.response(kept, at) - self.aim[points]) * self.channel
-        return np.asarray(self.weight[points] * np.sum(missed.real**2 + missed.imag**2, axis=(1, 2)))
+        error = (self.response.response(kept, at) - self.target[points]) * self.channel
+        return np.asarray(self.weight[points] * np.sum(error.real**2 + error.imag**2, axis=(1, 2)))
 
 
 class Candidates:
-    """Errors of a system that keeps some of a pool of modes, over all configurations.
+    """Errors of a system that keeps some of the candidate modes, over all configurations.
 
-    The receptances of all modes are tabulated once for every configuration. A candidate that exceeds a limit already
-    at the frequencies that its predecessors failed at is refused there: the error is an integral over squares, and a
-    part of it is a lower bound.
+    The receptances of all modes are tabulated once for every configuration. A selection is refused as soon as its
+    error at the frequencies where the selections before failed exceeds the limit: the squared error is an integral,
+    and a part of it is a lower bound.
 
     Parameters
     ----------
-    pool : AssembledModel
-        The system with every mode that may be kept.
+    model : AssembledModel
+        The system with every candidate.
     targets : sequence of Target
-        The full response in every configuration, on a grid of the pool.
+        The reference response in every configuration, on a grid for this model.
     """
 
-    def __init__(self, pool: AssembledModel, targets: Sequence[Target]) -> None:
+    def __init__(self, model: AssembledModel, targets: Sequence[Target]) -> None:
         self._trials = []
-        held = held_bodies(pool.stack, pool.scene, in_modes=False)
+        held = held_bodies(model.stack, model.scene, in_modes=False)
         for target in targets:
-            wiring = held.wiring(pool.wiring(target.configuration))
-            table = ModalReceptance(held.substructures, wiring, target.omega, pool.receptances(target.omega))
+            wiring = held.wiring(model.wiring(target.configuration))
+            table = ModalReceptance(held.substructures, wiring, target.omega, model.receptances(target.omega))
             channel = target.row[:, None] * target.column[None, :]
             power = _trapezoid(target.omega) * np.sum(abs(target.elastic * channel) ** 2, axis=(1, 2))
-            # Where the full model is silent, every channel's scale is zero, and so is every error.
+            # Without any response in the reference model, all scales and all errors are zero.
             size = 1 / power.sum() if power.any() else 0.0
-            aim = target.elastic + target.rigid
-            self._trials.append(_Trial(table, aim, size, channel, np.argsort(-power, kind="stable")[:_HARDEST]))
+            response = target.elastic + target.rigid
+            self._trials.append(_Trial(table, response, size, channel, np.argsort(-power, kind="stable")[:_HARDEST]))
 
     def error(self, selection: Selection, limit: float = np.inf) -> float:
         """Worst error over all configurations.
@@ -95,26 +95,26 @@ class Candidates:
         selection : Selection
             Elastic columns kept.
         limit : float
-            Beyond it a lower bound of the error is all that is computed.
+            Above this limit the result may be a lower bound of the error.
         """
         if limit < np.inf:
             first = self._trials[0]
-            least = float(np.sqrt(np.sum(first.misses(selection, first.hardest))))
+            least = float(np.sqrt(np.sum(first.squares(selection, first.hardest))))
             if least > limit:
                 return least
         worst = 0.0
         for number, trial in enumerate(self._trials):
-            misses = trial.misses(selection)
-            worst = max(worst, float(np.sqrt(np.sum(misses))))
+            squares = trial.squares(selection)
+            worst = max(worst, float(np.sqrt(np.sum(squares))))
             if worst > limit:
-                # The next candidate probably fails where this one does.
-                trial.hardest = np.argsort(-misses, kind="stable")[:_HARDEST]
+                # The next selection probably fails at the same frequencies.
+                trial.hardest = np.argsort(-squares, kind="stable")[:_HARDEST]
                 self._trials.insert(0, self._trials.pop(number))
                 break
         return worst
 
     def effects(self, selection: Selection, changes: Sequence[Change]) -> Effects:
-        """Effects of putting in columns that are left out, and of leaving out such as are in."""
+        """Effects of adding columns that are left out, and of removing columns that are kept."""
         return Effects(np.array([_gram(trial, selection, changes) for trial in self._trials]))
 
 
@@ -123,19 +123,19 @@ def system_errors(
     model: Callable[[Mapping[str, ModalComponent]], ReducedModel],
     comparison: Callable[[], Comparison],
 ) -> SystemErrors:
-    """Make what measures selections of modes by the response of the assembled system.
+    """Errors of selections of modes by the response of the assembled system.
 
     Parameters
     ----------
     components : mapping of name to ModalComponent
-        Every body, with all modes that may be kept.
+        Every body with all its candidates.
     model : callable
         Assembles bodies.
     comparison : callable
-        Gives the full system, which is made only now.
+        Makes the comparison with the reference model.
     """
-    pool, full = model(components), comparison()
-    targets = full.targets(full.scene.configurations, pool)
+    candidates, full = model(components), comparison()
+    targets = full.targets(full.scene.configurations, candidates)
 
     def exact(selection: Selection) -> float:
         kept = {
@@ -143,7 +143,7 @@ def system_errors(
         }
         return full.candidate_error(model(kept))
 
-    return SystemErrors(Candidates(pool.assembled, targets), exact)
+    return SystemErrors(Candidates(candidates.assembled, targets), exact)
 
 
 def _gram(trial: _Trial, selection: Selection, changes: Sequence[Change]) -> NDArray[np.float64]:
@@ -157,7 +157,7 @@ def _gram(trial: _Trial, selection: Selection, changes: Sequence[Change]) -> NDA
             body, columns = changes[k]
             changed = {**selection, body: np.setxor1d(selection[body], columns)}
             dH[..., k] = trial.response.response(changed, at) - H
-        effects = np.concatenate([(H - trial.aim[at])[..., None], dH], axis=3) * scale[part, ..., None]
+        effects = np.concatenate([(H - trial.target[at])[..., None], dH], axis=3) * scale[part, ..., None]
         rows = effects.reshape(-1, len(gram))
         real, imaginary = np.ascontiguousarray(rows.real), np.ascontiguousarray(rows.imag)
         gram += real.T @ real + imaginary.T @ imaginary

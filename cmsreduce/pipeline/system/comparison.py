@@ -1,4 +1,4 @@
-"""Reduced models against the full one, in every configuration."""
+"""Errors of reduced models against the reference model, in every configuration."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from cmsreduce.model import (
     ConfigurationResult,
     DampedPairs,
     FEModel,
+    MacMatrix,
     Matrix,
     ModalComponent,
     ModelErrors,
-    ModeLikeness,
     Response,
     Scene,
     Speed,
@@ -35,7 +35,7 @@ from cmsreduce.verify import (
     frac,
     frequency_grid,
     frf_error,
-    heard,
+    loud_channels,
     pair_complex_modes,
     pair_frequencies,
     peak_errors,
@@ -47,22 +47,22 @@ __all__ = ["Comparison", "ReducedModel", "Target"]
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# Configurations answered together: what the bodies and the solver do for one they do for all. Each of them is another
-# share of the memory of a block of frequencies, and the reader waits for news until all are done.
+# Configurations whose responses are computed together: the work for the bodies is shared. More of them need more memory
+# for a block of frequencies, and delay the report of progress.
 _TOGETHER = 16
 # Points nearer than this share of a resonance's half-width add nothing to an integral over it.
 _THINNING = 0.02
 
 
 class ReducedModel:
-    """A reduced model of the scene with the modes its coordinates are amplitudes of.
+    """A reduced model of the scene with the modes of its coordinates.
 
     Parameters
     ----------
     assembled : AssembledModel
         The model.
     shapes : mapping of name to ModalComponent or None
-        Modes that the coordinates of each flexible body are amplitudes of; None where they are its dofs.
+        Modes whose amplitudes are the coordinates of each flexible body; None where these are its dofs.
     """
 
     def __init__(self, assembled: AssembledModel, shapes: Mapping[str, ModalComponent | None]) -> None:
@@ -71,7 +71,7 @@ class ReducedModel:
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """The full model's response in one configuration.
+    """Response of the reference model in one configuration.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class Target:
     omega : (f,) float64
         Circular frequencies in rad/s.
     elastic, rigid : (f, outputs, inputs) complex128
-        Response without its rigid-body part, and that.
+        Response without its rigid-body part, and the rigid-body part.
     row, column : float64
         Scales of the channels.
     """
@@ -93,14 +93,14 @@ class Target:
 
 
 class Comparison:
-    """The full model, and the errors of reduced ones against it.
+    """The reference model, and the errors of reduced models against it.
 
     Parameters
     ----------
     full : AssembledModel
-        Unreduced bodies.
+        The reference model.
     full_shapes : mapping of name to ModalComponent or None
-        Modes the full model's coordinates are amplitudes of, None where they are dofs.
+        Modes whose amplitudes are its coordinates; None where these are dofs.
     bodies : mapping of name to FEModel
         Flexible bodies.
     scene : Scene
@@ -125,7 +125,7 @@ class Comparison:
         self.reduced_seconds = 0.0
 
     def grid(self, configuration: Configuration, models: Sequence[ReducedModel]) -> NDArray[np.float64]:
-        """Frequencies refined at the resonances of the full model and of every reduced one, rad/s."""
+        """Frequencies in rad/s, refined at the resonances of the reference model and of every reduced one."""
         found = [model.resonances(configuration) for model in (self.full, *(m.assembled for m in models))]
         omega = np.concatenate([r.omega for r in found])
         zeta = np.concatenate([r.zeta for r in found])
@@ -140,7 +140,7 @@ class Comparison:
         models : mapping of label to ReducedModel
             The run's own model first.
         progress : Progress
-            Told after each few configurations.
+            Reported after each group of configurations.
         """
         results: list[ConfigurationResult] = []
         for some in self._groups():
@@ -149,7 +149,7 @@ class Comparison:
         return tuple(results)
 
     def targets(self, configurations: Sequence[Configuration], model: ReducedModel) -> tuple[Target, ...]:
-        """What reduced models aim at, on grids refined at the resonances of the full model and of one reduced."""
+        """Reference responses on grids refined at the resonances of the reference model and of one reduced model."""
         grids = [self.grid(configuration, [model]) for configuration in configurations]
         full = self.full.responses(configurations, grids)
         return tuple(self._target(*each) for each in zip(configurations, grids, full, strict=True))
@@ -172,16 +172,16 @@ class Comparison:
         return (every[start : start + _TOGETHER] for start in range(0, len(every), _TOGETHER))
 
     def _errors(self, configurations: Sequence[Configuration], model: ReducedModel) -> list[float]:
-        aims = self.targets(configurations, model)
-        responses = model.assembled.responses(configurations, [aim.omega for aim in aims])
-        # Every reduced model keeps the rigid modes, so its rigid part is the full one's.
+        targets = self.targets(configurations, model)
+        responses = model.assembled.responses(configurations, [target.omega for target in targets])
+        # Every reduced model keeps the rigid modes, so that its rigid part is that of the reference model.
         return [
-            frf_error(aim.omega, aim.elastic, H_r - aim.rigid, aim.row, aim.column)
-            for aim, H_r in zip(aims, responses, strict=True)
+            frf_error(target.omega, target.elastic, H_r - target.rigid, target.row, target.column)
+            for target, H_r in zip(targets, responses, strict=True)
         ]
 
     def speed(self, reduce_s: float) -> Speed:
-        """Wall times of the responses so far, full and of the run's own reduced model over the same grids."""
+        """Wall times of the responses so far, of the reference model and of the run's own model over the same grids."""
         return Speed(reduce_s, self.full_seconds, self.reduced_seconds)
 
     def at(
@@ -193,7 +193,7 @@ class Comparison:
         full = self.full.responses(configurations, grids)
         self.full_seconds += time.perf_counter() - started
         full_db = self._decibels(self.full, configurations)
-        aims = [self._target(*each) for each in zip(configurations, grids, full, strict=True)]
+        targets = [self._target(*each) for each in zip(configurations, grids, full, strict=True)]
         errors: list[dict[str, ModelErrors]] = [{} for _ in configurations]
         curves: list[dict[str, Complex]] = [{} for _ in configurations]
         for number, (label, model) in enumerate(models.items()):
@@ -204,9 +204,9 @@ class Comparison:
                 self.reduced_seconds += seconds
             each = seconds / sum(omega.size for omega in grids)
             reduced_db = self._decibels(model.assembled, configurations)
-            for k, (aim, H_r) in enumerate(zip(aims, responses, strict=True)):
-                in_db = db_error(full_db[k], reduced_db[k], aim.row, aim.column)
-                errors[k][label] = self._model_errors(aim, model, H_r, in_db, each * aim.omega.size)
+            for k, (target, H_r) in enumerate(zip(targets, responses, strict=True)):
+                in_db = db_error(full_db[k], reduced_db[k], target.row, target.column)
+                errors[k][label] = self._model_errors(target, model, H_r, in_db, each * target.omega.size)
                 curves[k][label] = H_r
         own = next(iter(models.values())).assembled
         top = 2 * np.pi * self.scene.band[1]
@@ -224,15 +224,16 @@ class Comparison:
         )
 
     def _model_errors(
-        self, aim: Target, model: ReducedModel, H_r: Complex, in_db: float, seconds: float
+        self, target: Target, model: ReducedModel, H_r: Complex, in_db: float, seconds: float
     ) -> ModelErrors:
         """Errors of a model by its response on the grid of the target, beside those in decibels."""
-        configuration, omega, H, row, column = aim.configuration, aim.omega, aim.elastic, aim.row, aim.column
+        configuration, omega, H = target.configuration, target.omega, target.elastic
+        row, column = target.row, target.column
         elastic = H_r - model.assembled.rigid_response(configuration, omega)
-        pairs, likeness = self._pairs(configuration, model)
+        pairs, mac = self._pairs(configuration, model)
         shape, peak = frac(H, elastic), peak_errors(H, elastic)
         shift = peak_shifts(omega / (2 * np.pi), H, pairs.full_hz, pairs.reduced_hz)
-        loud = heard(H, row, column)
+        loud = loud_channels(H, row, column)
         return ModelErrors(
             frf_error=frf_error(omega, H, elastic, row, column),
             db_error=in_db,
@@ -248,13 +249,13 @@ class Comparison:
             channel_peak=peak,
             channel_shift=shift,
             nrfd=float(np.nanmax(shift[loud], initial=0.0)),
-            likeness=likeness,
+            mac_matrix=mac,
             coordinates=model.assembled.system(configuration).N,
             seconds=seconds,
         )
 
     def _decibels(self, model: AssembledModel, configurations: Sequence[Configuration]) -> list[Complex]:
-        """Responses on the decibel grid; of many configurations, the full bodies' receptances are wanted repeatedly."""
+        """Responses on the decibel grid; for many configurations, receptances of the reference bodies are tabulated."""
         flexibility = None
         if model is self.full and len(self.scene.configurations) > _TOGETHER:
             if self._decibel_flexibility is None:
@@ -262,12 +263,12 @@ class Comparison:
             flexibility = self._decibel_flexibility
         return model.responses(configurations, [self._decibel] * len(configurations), flexibility)
 
-    def _pairs(self, configuration: Configuration, model: ReducedModel) -> tuple[FrequencyPairs, ModeLikeness]:
+    def _pairs(self, configuration: Configuration, model: ReducedModel) -> tuple[FrequencyPairs, MacMatrix]:
         full, reduced = self.full.resonances(configuration), model.assembled.resonances(configuration)
         cross = self._cross_orthogonality(full.shapes, reduced.shapes, model)
         # Both sets are orthonormal in mass.
-        likeness = ModeLikeness(full.omega / (2 * np.pi), reduced.omega / (2 * np.pi), cross**2)
-        return pair_frequencies(full.omega, reduced.omega, cross, self.scene.band[1]), likeness
+        mac = MacMatrix(full.omega / (2 * np.pi), reduced.omega / (2 * np.pi), cross**2)
+        return pair_frequencies(full.omega, reduced.omega, cross, self.scene.band[1]), mac
 
     def _damped_pairs(self, configuration: Configuration, model: ReducedModel) -> DampedPairs | None:
         full, reduced = self.full.damped_modes(configuration), model.assembled.damped_modes(configuration)
@@ -287,7 +288,7 @@ class Comparison:
 
 
 def _thinned(grid: NDArray[np.float64], omega: NDArray[np.float64], zeta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Drop points that crowd where resonances of both models, or of a cluster, fall together."""
+    """Drop points where resonances of both models, or of a cluster, lie close together."""
     if not omega.size:
         return grid
     order = np.argsort(omega)

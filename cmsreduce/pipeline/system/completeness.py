@@ -1,4 +1,4 @@
-"""Completeness of a reduced system's modes, articulation axis by articulation axis, in every configuration."""
+"""Completeness of the modes of a reduced system at each articulation axis, in every configuration."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import assemble, channel_rows, system_modes
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import MISSING_INERTIA, AxisCompleteness, Channel, Configuration, System
 from cmsreduce.pipeline.system.assembled import AssembledModel
 from cmsreduce.verify import articulation_sensors, free_index, hinges_locked, locked_index
@@ -18,27 +18,26 @@ __all__ = ["axis_completeness", "completeness_note"]
 
 Real = NDArray[np.float64]
 
-# All modes of a system of so many coordinates are a matter of seconds.
+# Coordinates of a system whose modes dense algebra finds in seconds.
 _DENSE = 1500
 # A hinge that a spring or a loop holds has no part in any rigid motion, to the rounding of the terms that cancel.
 _HELD = 1e-9
 
 
 def axis_completeness(kept: AssembledModel, whole: AssembledModel) -> tuple[AxisCompleteness, ...]:
-    """Measure what the modes of a reduced system hold of the inertia at its hinges.
+    """Share of the inertia at each hinge that the modes of a reduced system do not represent.
 
     Parameters
     ----------
     kept : AssembledModel
         The reduced system.
     whole : AssembledModel
-        The same with all modes of the bodies' mode sets.
+        The system with all modes of the bodies' mode sets.
 
     Returns
     -------
     tuple of AxisCompleteness
-        Axis by axis, configuration by configuration. Hinges that a spring or a loop holds have none; nothing is
-        measured of a system that is large.
+        By axis, then by configuration. A hinge that a spring or a loop holds has none; a large system is not measured.
 
     Raises
     ------
@@ -66,19 +65,19 @@ def axis_completeness(kept: AssembledModel, whole: AssembledModel) -> tuple[Axis
 
 
 def completeness_note(found: Sequence[AxisCompleteness]) -> str | None:
-    """What to tell of the axis that lost most; None if none lost much."""
+    """Note on the axis that misses most of its inertia; None if none misses much."""
     worst = max(found, key=lambda each: each.missing, default=None)
     if worst is None or not worst.poor:
         return None
     return (
-        f"{worst.axis}: the modes left out carry {worst.missing:.0%} of the inertia at this hinge in "
-        f"'{worst.configuration}', more than {MISSING_INERTIA:.0%}: above the modes kept it is that much too heavy; "
-        "keep more modes of the bodies beside it"
+        f"hinge {worst.axis}: the modes left out carry {worst.missing:.0%} of the inertia in '{worst.configuration}', "
+        f"more than {MISSING_INERTIA:.0%}: above the frequencies kept the hinge is that much too heavy; keep more "
+        "modes of the bodies beside it"
     )
 
 
 def _sensing(model: AssembledModel, sensors: Sequence[Channel], configuration: Configuration) -> System:
-    """A system of whose motion only that of the hinges is looked at."""
+    """The system with the motions of the hinges as its only outputs."""
     system, placed = model.system(configuration), model.wiring(configuration).placed
     C1 = dense(model.stack.spread(channel_rows(model.stack, model.scene, placed, sensors)) @ system.T)
     names = tuple(axis.name for axis in sensors)
@@ -86,7 +85,7 @@ def _sensing(model: AssembledModel, sensors: Sequence[Channel], configuration: C
 
 
 def _free(system: System) -> NDArray[np.bool_]:
-    """Which hinges can move with no body strained."""
+    """Mask of the hinges that move in rigid motions."""
     size = np.linalg.norm(system.C1 @ system.rigid, axis=1)
     terms = np.linalg.norm(abs(system.C1) @ abs(system.rigid), axis=1)
     return np.asarray(size > _HELD * terms)
@@ -98,7 +97,7 @@ def _only(system: System, free: NDArray[np.bool_]) -> System:
 
 
 def _indices(model: AssembledModel, system: System, configuration: Configuration) -> tuple[Real, Real]:
-    """What the modes in the band leave, and all modes."""
+    """Inertia that the modes in the band do not represent, and that all modes do not."""
     w, Phi, _ = model.every_mode(configuration)
     index = np.vstack([np.ones(len(system.outputs)), free_index(system, Phi)])
     inside = int(np.count_nonzero(w <= 2 * np.pi * model.scene.band[1]))
@@ -106,7 +105,7 @@ def _indices(model: AssembledModel, system: System, configuration: Configuration
 
 
 def _locked(model: AssembledModel, system: System, configuration: Configuration) -> Real:
-    """What all modes with locked hinges hold."""
+    """Inertia that all modes with locked hinges represent."""
     scene = hinges_locked(replace(model.scene, actuators=(), sensors=()))
     locked = assemble(model.substructures, scene, configuration)
     _, Phi = system_modes(replace(locked, K=dense(locked.K), M=dense(locked.M)), np.inf)

@@ -1,4 +1,4 @@
-"""A given controller on the reduced system, and whether it stays stable on the full one."""
+"""A controller on the reduced system: its spillover, and the stability of the full loop."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cmsreduce.verify import controller_response, stability_margin
 
 __all__ = ["controller_margins", "growing_roots"]
 
-# Rigid motion that a loop does not hold has roots zero, twice, which rounding moves by its own root.
+# Rigid motion that the loop does not hold has double roots at zero; rounding moves them by its square root.
 _AT_REST = 1e-5
 
 
@@ -29,11 +29,11 @@ def controller_margins(
     controller : Controller
         From the sensors to the actuators, u = -K y.
     results : sequence of ConfigurationResult
-        Responses of the full and of the reduced system on the grids they were compared on.
+        Responses of the full and of the reduced system on the same grids.
     model : AssembledModel
         The reduced system.
     label : str
-        Of the reduced responses.
+        Label of the reduced responses.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def controller_margins(
 
 
 def growing_roots(system: System, controller: Controller, band_hz: float) -> int | None:
-    """Count the roots of a closed loop that grow.
+    """Number of unstable roots of a closed loop.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def growing_roots(system: System, controller: Controller, band_hz: float) -> int
     controller : Controller
         u = -K y.
     band_hz : float
-        What is at rest beside it counts as at rest.
+        Roots below a small share of it count as zero.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What a finished reduction holds of static loads, of the gains between channels, of their zeros, and in time."""
+"""Checks of a finished reduction: static completeness, gains, zeros and step responses."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from cmsreduce.model import (
     ModalComponent,
     ReductionChecks,
     Scene,
-    StaticLack,
     StepErrors,
     SystemChecks,
 )
@@ -39,29 +38,30 @@ __all__ = ["AllModes", "all_modes", "channel_gains", "reduction_checks", "static
 
 Array = NDArray[np.float64]
 
-# All modes of a system of so many coordinates are a matter of seconds: what needs them all is done on request. Without
-# one it is done where it is a matter of a tenth of a second.
+# Checks that every run makes where they are quick.
 _USUAL = ("static", "gains", "zeros")
+# Coordinates of a system up to which a check that needs all modes is made: on request (seconds), and without a request
+# (a tenth of a second).
 _DENSE, _QUICK = 1500, 600
-# The same of the sparse factorisation of a body of so many dofs.
+# Dofs of a body up to which its factorisation is quick.
 _QUICK_BODY = 20_000
-# Zeros below this share of the lowest frequency are those of rigid motion alone.
+# Zeros below this share of the lowest frequency belong to rigid motion alone.
 _BELOW = 1e-2
-# Steps are followed for so many periods of the lowest elastic mode, at so many instants for each period of the highest
-# frequency of the band; a screen shows as many as the last.
+# Length of a step response in periods of the lowest elastic mode, instants for each period of the highest frequency of
+# the band, largest number of instants, and number of those that a plot shows.
 _PERIODS, _INSTANTS, _MOST, _SHOWN = 8, 16, 4000, 400
 
 
 @dataclass(frozen=True, eq=False)
 class AllModes:
-    """Every mode of a system in one configuration, rigid ones first, and its channels in them.
+    """Every mode of a system in one configuration, rigid ones first, with its modal channels.
 
     Parameters
     ----------
     omega : (k,) float64
         In rad/s.
     B, C : (k, inputs), (outputs, k) float64
-        Modal inputs and outputs; of a rate, the displacement whose rate it is.
+        Modal inputs and outputs; of a rate, the displacement.
     static : (outputs, inputs) float64
         Gain of the shapes without mass.
     """
@@ -87,34 +87,34 @@ def reduction_checks(
     full: AssembledModel | None,
     model: AssembledModel,
 ) -> ReductionChecks:
-    """Carry out the checks of a reduction.
+    """Make the checks of a reduction.
 
     Parameters
     ----------
     required : collection of str
-        Some of ``CHECKS``: done whatever they cost.
+        Some of ``CHECKS``, made at any cost.
     usual : bool
-        Whether static completeness, gains and zeros are wanted, too, as far as they are a matter of tenths of a second.
+        Whether to make static completeness, gains and zeros, too, where they take tenths of a second.
     scene : Scene
         Channels, configurations, band.
     bodies : mapping of name to FlexibleBody
-        As they were read.
+        As read.
     reduced : mapping of name to ModalComponent
-        The bodies that were reduced.
+        The reduced bodies.
     full : AssembledModel, optional
-        The full system; not needed by bodies alone.
+        The reference model; not needed for bodies alone.
     model : AssembledModel
-        The reduced one.
+        The reduced model.
     """
     wanted = {check for check in CHECKS if check in required or (usual and check in _USUAL)}
-    static: dict[str, tuple[StaticLack, ...]] = {}
+    static: dict[str, Mapping[str, float]] = {}
     left_out: dict[str, None] = {}
     for name, modes in reduced.items() if "static" in wanted else ():
         n = bodies[name].body.n
         if n > _QUICK_BODY and "static" not in required:
-            left_out[f"static completeness of {name}: it costs a factorisation of {n} dofs"] = None
+            left_out[f"static completeness of {name}: it needs a factorisation of {n} dofs"] = None
             continue
-        static[name] = tuple(static_lack(bodies[name], modes, scene))
+        static[name] = static_lack(bodies[name], modes, scene)
     systems = []
     channels = wanted - {"static"}
     for configuration in scene.configurations if channels and full is not None else ():
@@ -132,7 +132,7 @@ def reduction_checks(
 def _of_system(
     wanted: Collection[str], full: AssembledModel, model: AssembledModel, configuration: Configuration
 ) -> tuple[SystemChecks, list[str]]:
-    """Gains, zeros and steps in one configuration, and why there are none."""
+    """Gains, zeros and steps in one configuration, and the reasons of those left out."""
     gains: tuple[GainSum | None, GainSum | None] = None, None
     zeros, step, why = None, None, []
     if {"gains", "zeros"}.intersection(wanted):
@@ -147,8 +147,8 @@ def _of_system(
     return SystemChecks(configuration.name, *gains, zeros, step), why
 
 
-def static_lack(flexible: FlexibleBody, modes: ModalComponent, scene: Scene) -> list[StaticLack]:
-    """How complete a reduced body is under unit loads at its interfaces and actuators, one line for each of these."""
+def static_lack(flexible: FlexibleBody, modes: ModalComponent, scene: Scene) -> dict[str, float]:
+    """Static energy error of a reduced body under unit loads at each of its interfaces and actuators."""
     names, loads = probing_loads(flexible, scene, joints=True)
     acting = np.array([not load.startswith("sensor") for load in names], dtype=bool)
     acting &= abs(loads).max(axis=0, initial=0.0) > 0
@@ -156,11 +156,11 @@ def static_lack(flexible: FlexibleBody, modes: ModalComponent, scene: Scene) -> 
     worst: dict[str, float] = {}
     for load, value in zip(np.array(names)[acting], lack, strict=True):
         worst[str(load)] = max(worst.get(str(load), 0.0), float(value))
-    return [StaticLack(load, value) for load, value in worst.items()]
+    return worst
 
 
 def all_modes(model: AssembledModel, configuration: Configuration) -> AllModes:
-    """Every mode of a system of moderate size, full or reduced."""
+    """Every mode of a system of moderate size."""
     system = model.system(configuration)
     omega, Phi, N = model.every_mode(configuration)
     X, C = np.hstack([system.rigid, Phi]), system.C1 + system.C2
@@ -170,14 +170,14 @@ def all_modes(model: AssembledModel, configuration: Configuration) -> AllModes:
 
 
 def channel_gains(model: AssembledModel, configuration: Configuration) -> GainSum | None:
-    """Modal gains of a system between all its channels; None if it is too large for all its modes."""
+    """Modal gains of a system between all its channels; None for a large system."""
     return all_modes(model, configuration).gains if model.system(configuration).N <= _DENSE else None
 
 
 def zeros_apart(
     full: AllModes, reduced: AllModes, model: AssembledModel, configuration: Configuration
 ) -> tuple[ChannelZeros, ...]:
-    """Compare the zeros of every pair of channels that a mode joins.
+    """Compare the zeros of every pair of channels with a common mode.
 
     Parameters
     ----------
@@ -186,23 +186,23 @@ def zeros_apart(
     model : AssembledModel
         The reduced system.
     configuration : Configuration
-        Setting of the joints.
+        Joint angles.
     """
     low, high = (2 * np.pi * hz for hz in model.scene.band)
-    # The lowest frequency there is, where the band starts at none: below it zeros are those of rigid motion.
+    # A band that starts at zero starts at the lowest frequency here: zeros below it belong to rigid motion.
     low = max(low, _BELOW * float(full.omega[full.omega > 0].min(initial=high)))
     hidden = float(model.resonances(configuration).zeta.min(initial=np.inf))
     joined, found = full.gains.size > 0, []
     for y, u in np.argwhere(joined).tolist():
         zeros, poles = [], []
         for modes in (full, reduced):
-            # A rate has the zeros of its displacement, and one at the origin.
+            # A rate has the zeros of its displacement and one more at the origin.
             omega, residue = visible_modes(modes.omega, modes.B[:, u] * modes.C[y])
             zeros.append(zeros_below(omega, residue, high, static=float(modes.static[y, u])))
             poles.append(omega)
-        told = (low, high), poles[0], hidden if np.isfinite(hidden) else 0.0
-        shift = zero_shifts(zeros[0], zeros[1], *told)
-        found.append(ChannelZeros(y, u, zeros[0], zeros[1], shift, judged_zeros(zeros[0], *told)))
+        band = (low, high), poles[0], hidden if np.isfinite(hidden) else 0.0
+        shift = zero_shifts(zeros[0], zeros[1], *band)
+        found.append(ChannelZeros(y, u, zeros[0], zeros[1], shift, judged_zeros(zeros[0], *band)))
     return tuple(found)
 
 
@@ -214,7 +214,7 @@ def step_compared(full: AssembledModel, reduced: AssembledModel, configuration: 
     full, reduced : AssembledModel
         The two systems.
     configuration : Configuration
-        Setting of the joints.
+        Joint angles.
 
     Raises
     ------

@@ -1,12 +1,13 @@
 """Matrices as text, one entry a line: ``i j value`` (CalculiX, Abaqus) or ``node,dof, node,dof, value`` (Abaqus).
 
-Dof lists: one dof a line, in the order of the rows of a matrix (CalculiX writes them as ``.dof``).
+The dof list of such a matrix has one dof a line, in the order of its rows (CalculiX writes it as ``.dof``).
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,20 +16,19 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import DofTable
-from cmsreduce.read.labelled_matrix import LabelledMatrix, StoredMatrix, canonical, check_size, mirrored
+from cmsreduce.read.files import is_text, read_text
+from cmsreduce.read.formats import MatrixFormat, StoredMatrix
+from cmsreduce.read.labelled_matrix import KEY_STEP, LabelledMatrix, canonical, check_size, mirrored, table_of_keys
 from cmsreduce.read.matrices import COORDINATE, LABELLED, read_entries
 from cmsreduce.read.printed_numbers import rounding_of_printed
 
-__all__ = [
-    "dof_list_beside",
-    "read_dof_list",
-    "coordinate_matrices",
-]
+__all__ = ["ABAQUS", "CALCULIX", "dof_list_beside", "read_dof_list"]
 
-_SKIPPED = "#%$*"  # what a line starts with that is no entry: comments, and keywords of Abaqus
+_SKIPPED = "#%$*"  # first characters of comments, and of keywords of Abaqus
+_DOF = re.compile(r"(\d+)(?:\s*[.,;]\s*|\s+)([0-6])")
 
 
-def coordinate_matrices(path: Path, format: str) -> list[StoredMatrix]:
+def _coordinate_matrices(path: Path, format: str) -> list[StoredMatrix]:
     """The one matrix of a coordinate text.
 
     Indices count from one. A file that holds entries on one side of the diagonal only is taken as a triangle of a
@@ -44,8 +44,8 @@ def coordinate_matrices(path: Path, format: str) -> list[StoredMatrix]:
     Returns
     -------
     list of StoredMatrix
-        One; loading it raises ReadError if a line does not parse, an index is out of range, a place stands twice, or
-        the file ends inside a number.
+        One; loading it raises ReadError if a line does not parse, an index is out of range, a place appears twice,
+        or the file ends inside a number.
     """
 
     def load() -> LabelledMatrix:
@@ -78,7 +78,7 @@ def _load(path: Path, format: str) -> LabelledMatrix:
 
 
 def _load_labelled(path: Path, format: str, text: str, symmetric: bool) -> LabelledMatrix:
-    """Read entries that name nodes and dofs; rows come sorted by node and dof."""
+    """Read entries that name nodes and dofs; the rows are sorted by node and dof."""
     entries = read_entries(path, text, LABELLED)
     node, dof = entries.where[:, ::2], entries.where[:, 1::2]
     bad = (dof < 0) | (dof > 6)
@@ -87,17 +87,17 @@ def _load_labelled(path: Path, format: str, text: str, symmetric: bool) -> Label
             f"{path}: dof {dof[bad][0]} of node {node[bad][0]} is no displacement or rotation (1..6); temperatures, "
             "pressures and multipliers cannot be reduced: leave them out of the output"
         )
-    dofs, place = np.unique(node * 8 + dof, return_inverse=True)
-    A = _matrix(path, place.reshape(node.shape), entries.value, dofs.size, lambda i: f"{dofs[i] // 8}.{dofs[i] % 8}")
+    keys, place = np.unique(node * KEY_STEP + dof, return_inverse=True)
+    dofs = table_of_keys(keys)
+    A = _matrix(path, place.reshape(node.shape), entries.value, len(dofs), lambda i: dofs.labels[i])
     rounding = rounding_of_printed(entries.printed)
-    table = DofTable(dofs // 8, (dofs % 8).astype(np.int8))
-    return LabelledMatrix(mirrored(A) if symmetric else A, path.stem, path, format, rounding, table)
+    return LabelledMatrix(mirrored(A) if symmetric else A, path.stem, path, format, rounding, dofs)
 
 
 def _entries_only(path: Path) -> tuple[str, bool]:
-    """Text with comments and keywords blanked, and whether one triangle of it may stand for both.
+    """Text without comments and keywords, and whether one triangle may represent both.
 
-    Blanked, not cut out, so that lines keep their numbers.
+    Their lines become empty, so that the other lines keep their numbers.
     """
     text = path.read_bytes().decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
     symmetric = True
@@ -114,20 +114,17 @@ def _entries_only(path: Path) -> tuple[str, bool]:
 def _matrix(
     path: Path, where: NDArray[np.int64], value: NDArray[np.float64], n: int, label: Callable[[int], str]
 ) -> sp.csc_array:
-    """Square matrix of entries at rows and columns from zero, each place of which may stand once."""
+    """Square matrix of entries at rows and columns from zero; a place may appear once."""
     row, col = where.T
     place = np.sort(row * n + col)
     repeated = place[1:][place[1:] == place[:-1]]
     if repeated.size:
         i, j = divmod(int(repeated[0]), n)
         raise ReadError(
-            f"{path}: row {label(i)}, column {label(j)} stands in it {(place == repeated[0]).sum()} times; a matrix "
+            f"{path}: row {label(i)}, column {label(j)} appears {(place == repeated[0]).sum()} times; a matrix "
             "names each place once, so the file holds two matrices or the parts of several runs"
         )
     return canonical(row, col, value, (n, n))
-
-
-_DOF = re.compile(r"(\d+)(?:\s*[.,;]\s*|\s+)([0-6])")
 
 
 def read_dof_list(path: Path) -> DofTable:
@@ -136,7 +133,7 @@ def read_dof_list(path: Path) -> DofTable:
     Parameters
     ----------
     path : Path
-        Text with a dof on each line: ``node.component``, or the two separated by a blank or a comma. Empty lines and
+        Text with one dof a line: ``node.component``, or the two separated by a blank or a comma. Empty lines and
         lines that start with ``#``, ``%``, ``$`` or ``*`` are skipped.
 
     Returns
@@ -146,16 +143,13 @@ def read_dof_list(path: Path) -> DofTable:
     Raises
     ------
     ReadError
-        If the file is missing or empty, a line names no dof, or a dof stands in it twice.
+        If the file is missing or empty, a line names no dof, or a dof appears twice.
     """
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise ReadError(f"{path}: the dof list cannot be read: {error.strerror or error}") from error
+    text = read_text(path, f"{path}: the dof list")
     node, component = [], []
     for number, line in enumerate(text.splitlines(), start=1):
         line = line.strip()
-        if not line or line[0] in "#%$*":
+        if not line or line[0] in _SKIPPED:
             continue
         match = _DOF.fullmatch(line)
         if match is None:
@@ -174,9 +168,49 @@ def read_dof_list(path: Path) -> DofTable:
 
 
 def dof_list_beside(path: Path) -> Path | None:
-    """The dof list of the same stem in the folder of a matrix file, None if there is none."""
+    """The dof list of the same stem in the folder of a matrix file; None if there is none."""
     for suffix in (".dof", ".DOF"):
         beside = path.with_suffix(suffix)
         if beside != path and beside.is_file():
             return beside
     return None
+
+
+def _first_lines(path: Path, head: bytes) -> list[str]:
+    """Lines of the head that are no comments, without the last one if the end of the head cuts it."""
+    if not is_text(head):
+        return []
+    lines = head.decode("utf-8-sig", errors="replace").splitlines()
+    found = [line for line in lines if line.strip() and line.lstrip()[0] not in _SKIPPED]
+    return found[:-1] if len(found) > 1 and path.stat().st_size > len(head) else found
+
+
+def _is_upper_triangle(path: Path, head: bytes) -> bool:
+    entries = _first_lines(path, head)
+    if not entries or not COORDINATE.matches(entries[0]):
+        return False
+    pairs = (line.replace(",", " ").split()[:2] for line in entries if COORDINATE.matches(line))
+    return all(int(i) <= int(j) for i, j in pairs)
+
+
+def _is_entries(path: Path, head: bytes) -> bool:
+    entries = _first_lines(path, head)
+    return bool(entries) and (LABELLED.matches(entries[0]) or COORDINATE.matches(entries[0]))
+
+
+CALCULIX = MatrixFormat(
+    "calculix",
+    "text 'i j value' of one triangle",
+    _is_upper_triangle,
+    partial(_coordinate_matrices, format="calculix"),
+    named=False,
+    dof_list=True,
+)
+ABAQUS = MatrixFormat(
+    "abaqus",
+    "text 'i j value', or 'node,dof, node,dof, value'",
+    _is_entries,
+    partial(_coordinate_matrices, format="abaqus"),
+    named=False,
+    dof_list=True,
+)

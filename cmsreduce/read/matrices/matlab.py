@@ -12,21 +12,22 @@ import numpy as np
 import scipy.sparse as sp
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.labelled_matrix import LabelledMatrix, StoredMatrix
-from cmsreduce.read.library_errors import reading
-from cmsreduce.read.matrices.matlab_layout import check_layout
+from cmsreduce.read.files import reading
+from cmsreduce.read.formats import MatrixFormat, StoredMatrix
+from cmsreduce.read.labelled_matrix import LabelledMatrix
+from cmsreduce.read.matrices.matlab_layout import check_layout, is_level_4
 from cmsreduce.read.matrices.numpy_files import from_array, kind_of
 
-__all__ = ["matlab_matrices"]
+__all__ = ["MATLAB"]
 
 _NUMERIC = {"double", "single", "sparse", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"}
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HDF5_STARTS = (0, 512)  # MATLAB writes its own 512 bytes before the HDF5 part
-# HDF5 shrinks by deflate at most so much; a data set that claims more was never written.
+# Deflate cannot shrink data by more than this factor; a data set that claims more was never written.
 _LARGEST_RATIO = 1032
 
 
-def matlab_matrices(path: Path) -> list[StoredMatrix]:
+def _matlab_matrices(path: Path) -> list[StoredMatrix]:
     """Matrices of a MATLAB file.
 
     Parameters
@@ -37,7 +38,7 @@ def matlab_matrices(path: Path) -> list[StoredMatrix]:
     Returns
     -------
     list of StoredMatrix
-        Full and sparse matrices of numbers; structs, cells and text are listed as not usable.
+        Full and sparse matrices of numbers; structs, cells and text are marked as not usable.
 
     Raises
     ------
@@ -56,7 +57,7 @@ def matlab_matrices(path: Path) -> list[StoredMatrix]:
 
 
 def _by_scipy(path: Path, what: str, call: Callable[[], Any]) -> Any:
-    """Result of a call to scipy, whose own error for these files belongs to no family."""
+    """Result of a call to scipy, whose own error for these files is not among ``LIBRARY_ERRORS``."""
     from scipy.io.matlab import MatReadError
 
     with reading(path, what), np.errstate(invalid="ignore"):
@@ -72,7 +73,7 @@ def _stored(path: Path, name: str, shape: tuple[int, ...], kind: str) -> StoredM
     rows, cols = shape if len(shape) == 2 else (0, 0)
     numbers = f"real {kind}" if kind in ("double", "single") else kind
     load = partial(_load, path, name) if usable else partial(_refuse, path, name, kind, shape)
-    return StoredMatrix(name, numbers, "", lambda: (rows, cols, None), load, usable)
+    return StoredMatrix(name, numbers, "", (rows, cols, None), load, usable)
 
 
 def _load(path: Path, name: str) -> LabelledMatrix:
@@ -84,7 +85,7 @@ def _load(path: Path, name: str) -> LabelledMatrix:
 
 
 def _refuse(path: Path, name: str, kind: str, shape: tuple[int, ...]) -> LabelledMatrix:
-    """Say why a variable cannot be a matrix."""
+    """Raise the reason why a variable cannot be a matrix."""
     size = " x ".join(map(str, shape))
     raise ReadError(f"{path}: variable '{name}' is a {size} {kind}, not a matrix; save the matrix as a variable itself")
 
@@ -113,12 +114,10 @@ def _hdf5_stored(path: Path, name: str, kind: str, item: Any) -> StoredMatrix:
         columns = int(item["jc"].shape[0]) - 1
         entries = int(item["data"].shape[0]) if "data" in item else 0
         size = (int(sparse_rows), columns, entries)
-        return StoredMatrix(name, "real double", "", lambda: size, partial(_load_hdf5_sparse, path, name))
+        return StoredMatrix(name, "real double", "", size, partial(_load_hdf5_sparse, path, name))
     shape = tuple(reversed(getattr(item, "shape", ())))
     if kind not in _NUMERIC or len(shape) != 2:
-        return StoredMatrix(
-            name, kind, "", lambda: (0, 0, None), partial(_refuse, path, name, kind, shape), usable=False
-        )
+        return StoredMatrix(name, kind, "", (0, 0, None), partial(_refuse, path, name, kind, shape), usable=False)
     numbers = "complex double" if item.dtype.names else kind_of(item.dtype) or str(item.dtype)
     claimed = prod(shape) * item.dtype.itemsize
     if claimed > _LARGEST_RATIO * max(item.id.get_storage_size(), 1):
@@ -126,7 +125,7 @@ def _hdf5_stored(path: Path, name: str, kind: str, item: Any) -> StoredMatrix:
             f"{path}: variable '{name}' claims {shape[0]} x {shape[1]} numbers, but {item.id.get_storage_size()} bytes "
             "are stored for it; the file is damaged: save it again"
         )
-    return StoredMatrix(name, numbers, "", lambda: (shape[0], shape[1], None), partial(_load_hdf5_dense, path, name))
+    return StoredMatrix(name, numbers, "", (shape[0], shape[1], None), partial(_load_hdf5_dense, path, name))
 
 
 def _load_hdf5_dense(path: Path, name: str) -> LabelledMatrix:
@@ -145,10 +144,21 @@ def _load_hdf5_sparse(path: Path, name: str) -> LabelledMatrix:
     with reading(path, f"variable '{name}'"), h5py.File(path, "r") as file:
         group = file[name]
         starts = group["jc"][()].astype(np.int64)
-        # MATLAB leaves both out where there are no entries.
+        # MATLAB writes neither where there are no entries.
         rows = group["ir"][()].astype(np.int64) if "ir" in group else np.empty(0, dtype=np.int64)
         data = group["data"][()] if "data" in group else np.empty(0)
         if data.dtype.names:
             raise ReadError(f"{path}: matrix '{name}' is complex; stiffness, mass and damping must be real")
         A = sp.csc_array((data, rows, starts), shape=(int(group.attrs["MATLAB_sparse"]), starts.size - 1))
     return from_array(path, name, "mat", A)
+
+
+def _is_matlab(path: Path, head: bytes) -> bool:
+    return (
+        head.startswith((b"MATLAB 5", b"MATLAB 7.3"))
+        or any(head[at:].startswith(_HDF5) for at in _HDF5_STARTS)
+        or is_level_4(head)
+    )
+
+
+MATLAB = MatrixFormat("mat", "MATLAB .mat", _is_matlab, _matlab_matrices)

@@ -1,7 +1,7 @@
-"""How MATLAB files of level 4 and 5 are laid out: walked over before a library believes what their headers say.
+"""Layout of MATLAB files of level 4 and 5, checked before scipy reads them.
 
-scipy's reader trusts the type codes and the sizes in a file; on damaged ones it asks for any amount of memory, or ends
-the program. Source: MathWorks, "MAT-File Format", level 4 and level 5.
+scipy does not check the type codes and the sizes in a file; on damaged files it allocates any amount of memory, or
+crashes the process. Source: MathWorks, "MAT-File Format", level 4 and level 5.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _CHUNK = 1 << 16
 
 
 def check_layout(path: Path, head: bytes) -> None:
-    """Walk over the variables of a file, each of which says its length, and over the parts of its matrices.
+    """Check the lengths of all variables of a file, and the parts of its matrices.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def check_layout(path: Path, head: bytes) -> None:
     Raises
     ------
     ReadError
-        If the file ends inside a variable, or a part of one does not fit in with the others.
+        If the file ends inside a variable, or the parts of one contradict each other.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -53,7 +53,7 @@ def check_layout(path: Path, head: bytes) -> None:
 
 
 def is_level_4(head: bytes) -> bool:
-    """Whether a file opens with the header of a level 4 matrix: five integers, then a name that closes with a zero."""
+    """Whether a file starts with the header of a level 4 matrix: five integers, then a name that ends with a zero."""
     return _level_4_bytes(head) is not None
 
 
@@ -133,7 +133,7 @@ class _Parts:
         return struct.unpack(f"{self._order}{count}I", self._read(4 * count))
 
     def check_matrix(self, length: int) -> None:
-        """Walk over the parts of a matrix of so many bytes.
+        """Check the parts of a matrix of ``length`` bytes.
 
         Raises
         ------
@@ -169,7 +169,7 @@ class _Parts:
                 self._numbers()
 
     def _numbers(self) -> int:
-        """How many numbers are in the next part."""
+        """Count of numbers in the next part."""
         part = self._part(0)
         each = _SIZES.get(part.kind)
         if each is None or part.size % each:
@@ -177,7 +177,7 @@ class _Parts:
         return part.size // each
 
     def _part(self, keep: int) -> _Part:
-        """The next part; its content where it has no more bytes than are to be kept."""
+        """The next part, with its content where that has at most ``keep`` bytes."""
         self._left -= 8
         kind, size = self.integers(2)
         if kind >> 16:
@@ -211,13 +211,13 @@ class _Parts:
 
 
 class _Inflated:
-    """What a compressed variable holds, a little at a time."""
+    """Content of a compressed variable, a little at a time."""
 
     def __init__(self, file: IO[bytes], length: int) -> None:
         self._file, self._left, self._zlib, self._held = file, length, zlib.decompressobj(), b""
 
     def read(self, count: int) -> bytes:
-        """The next so many bytes, or what is left."""
+        """The next ``count`` bytes, or those that are left."""
         while len(self._held) < count:
             packed = self._zlib.unconsumed_tail
             if not packed:

@@ -1,7 +1,4 @@
-"""Arrays of numpy and scipy as labelled matrices.
-
-Matrices of ``.npy`` and ``.npz`` files, dense or saved by ``scipy.sparse.save_npz``; pickles are never opened.
-"""
+"""Matrices of ``.npy`` and ``.npz`` files, dense or saved by ``scipy.sparse.save_npz``; pickles are never opened."""
 
 from __future__ import annotations
 
@@ -18,21 +15,23 @@ import scipy.sparse as sp
 from numpy.lib import format as npy
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.labelled_matrix import DOUBLE, LabelledMatrix, StoredMatrix, canonical, check_size
-from cmsreduce.read.library_errors import reading
+from cmsreduce.read.files import reading
+from cmsreduce.read.formats import MatrixFormat, StoredMatrix
+from cmsreduce.read.labelled_matrix import DOUBLE, LabelledMatrix, canonical, check_size
 
-__all__ = [
-    "from_array",
-    "kind_of",
-    "npy_matrices",
-    "npz_matrices",
-]
+__all__ = ["NPY", "NPZ", "from_array", "kind_of"]
 
+# Deflate cannot shrink anything by more than this factor; a member that claims more is damaged or meant to exhaust
+# memory.
+_LARGEST_RATIO = 1032
+# Bytes of a header; numpy writes some hundred.
+_LONGEST_HEADER = 1 << 16
+_SPARSE = {"format", "shape", "data"}  # members that save_npz writes for every layout
 _NAMES = {"f2": "real half", "f4": "real single", "f8": "real double", "c8": "complex single", "c16": "complex double"}
 
 
 def kind_of(dtype: np.dtype[Any]) -> str | None:
-    """Kind of number in words, such as ``real double``; None for what is no number.
+    """Kind of number in words, such as ``real double``; None for other types.
 
     Examples
     --------
@@ -46,7 +45,7 @@ def kind_of(dtype: np.dtype[Any]) -> str | None:
 
 
 def from_array(path: Path, name: str, format: str, array: Any) -> LabelledMatrix:
-    """Labelled matrix of an array that a file held.
+    """Labelled matrix of an array from a file.
 
     Parameters
     ----------
@@ -72,19 +71,15 @@ def from_array(path: Path, name: str, format: str, array: Any) -> LabelledMatrix
         raise ReadError(f"{path}: '{name}' has {array.ndim} dimensions, a matrix has 2")
     rows, cols = array.shape
     check_size(path, name, rows, cols, path.stat().st_size)
-    A = _entries_of(path, name, array) if sp.issparse(array) else _nonzeros_of(array)
     rounding = max(DOUBLE, float(np.finfo(dtype).eps) / 2) if dtype.kind == "f" else DOUBLE
-    return LabelledMatrix(A, name, path, format, rounding)
-
-
-def _nonzeros_of(array: Any) -> sp.csc_array:
-    """Sparse array of a dense one."""
-    row, col = np.nonzero(array)
-    return canonical(row, col, array[row, col], array.shape)
+    return LabelledMatrix(_entries_of(path, name, array), name, path, format, rounding)
 
 
 def _entries_of(path: Path, name: str, array: Any) -> sp.csc_array:
-    """Canonical form of a sparse matrix, which scipy builds without looking at every index."""
+    """Canonical form of a dense array, or of a sparse matrix, whose indices scipy has not checked."""
+    if isinstance(array, np.ndarray):
+        row, col = np.nonzero(array)
+        return canonical(row, col, array[row, col], array.shape)
     if array.format in ("csc", "csr", "bsr"):
         try:
             array.check_format(full_check=True)
@@ -94,20 +89,13 @@ def _entries_of(path: Path, name: str, array: Any) -> sp.csc_array:
     return canonical(entries.row, entries.col, entries.data, array.shape)
 
 
-# Deflate cannot shrink anything more than this; a member that claims more is damaged or made to exhaust memory.
-_LARGEST_RATIO = 1032
-# Bytes of a header; numpy writes some hundred.
-_LONGEST_HEADER = 1 << 16
-_SPARSE = {"format", "shape", "data"}  # members that save_npz writes for every layout
-
-
-def npy_matrices(path: Path) -> list[StoredMatrix]:
+def _npy_matrices(path: Path) -> list[StoredMatrix]:
     """The one array of a ``.npy`` file, named by the file's stem.
 
     Raises
     ------
     ReadError
-        If the file is shorter than its header says; loading raises it if the array is no matrix of real numbers.
+        If the file is shorter than its header claims; loading raises it if the array is no matrix of real numbers.
     """
     size = path.stat().st_size
     with reading(path, "the .npy file"), path.open("rb") as file:
@@ -126,7 +114,7 @@ def npy_matrices(path: Path) -> list[StoredMatrix]:
     return [_stored(path, path.stem, "npy", shape, dtype, array)]
 
 
-def npz_matrices(path: Path) -> list[StoredMatrix]:
+def _npz_matrices(path: Path) -> list[StoredMatrix]:
     """Matrices of a ``.npz`` file: its two-dimensional arrays, or the one sparse matrix saved in it.
 
     Raises
@@ -192,7 +180,7 @@ def _stored(
     rows, cols = shape if len(shape) == 2 else (0, 0)
     kind = kind_of(dtype)
     usable = kind is not None and len(shape) == 2
-    return StoredMatrix(name, kind or str(dtype), "", lambda: (rows, cols, None), load, usable)
+    return StoredMatrix(name, kind or str(dtype), "", (rows, cols, None), load, usable)
 
 
 def _member(path: Path, name: str) -> Any:
@@ -217,3 +205,9 @@ def _saved_sparse(path: Path, dtype: np.dtype[Any]) -> StoredMatrix:
         return from_array(path, path.stem, "npz", A)
 
     return StoredMatrix(path.stem, kind_of(dtype) or str(dtype), "", size, load)
+
+
+NPY = MatrixFormat("npy", "numpy .npy", lambda path, head: head.startswith(b"\x93NUMPY"), _npy_matrices, named=False)
+NPZ = MatrixFormat(
+    "npz", "numpy or scipy.sparse .npz", lambda path, head: head.startswith(b"PK\x03\x04"), _npz_matrices
+)

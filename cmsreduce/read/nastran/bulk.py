@@ -1,8 +1,9 @@
-"""NASTRAN bulk data: points, displacement frames and dof sets of a body."""
+"""NASTRAN decks and external superelements: points, displacement frames, dof sets and elements of a body."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,47 +12,57 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, ReadError
-from cmsreduce.model import DofTable, Nodes
-from cmsreduce.read.nastran.card_reader import read_cards
-from cmsreduce.read.nastran.cards import Card, CardFile
-from cmsreduce.read.nastran.constraint_cards import CONSTRAINT_CARDS, constrained_dofs, dependent_dofs, named_sets
-from cmsreduce.read.nastran.frames import FrameChain
-from cmsreduce.read.nastran.grid_cards import (
-    GRID_CARDS,
-    frame_definitions,
-    grid_cards,
-    own_constraints,
-    place_nodes,
-    scalar_points,
-)
-from cmsreduce.read.nastran.point_ids import KEY_STEP, Points
+from cmsreduce.model import SCALAR, DofTable, Nodes
+from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat, cells_by_kind, rows_of_nodes
+from cmsreduce.read.labelled_matrix import KEY_STEP, table_of_keys
+from cmsreduce.read.nastran.cards import Card, CardFile, Cards, read_cards
+from cmsreduce.read.nastran.dof_sets import SET_CARDS, Keys, Points, constrained_dofs, id_ranges, named_sets
+from cmsreduce.read.nastran.grids import GRID_CARDS, read_points
+from cmsreduce.read.nastran.rigid_elements import DEPENDENCE_CARDS, dependent_dofs
 
-__all__ = ["SET_NAMES", "BulkDeck", "read_bulk", "table_of_keys"]
+__all__ = ["BULK_DATA", "EXTERNAL_SUPERELEMENT", "SET_NAMES", "BulkDeck", "read_bulk", "read_extseout"]
+
+_BULK_DATA = re.compile(
+    r"^\s{0,7}(GRID|GRDSET|SPOINT|CORD[12][RCS]|SECONCT|EXTRN|INCLUDE|CEND|SOL|BEGIN\s+(BULK|SUPER))(?=[\s,*=']|$)",
+    re.IGNORECASE | re.MULTILINE,
+)
+_ORDER = re.compile(r"^\s{0,7}(SECONCT|EXTRN)(?=[\s,*])", re.IGNORECASE | re.MULTILINE)
+_ORDER_CARDS = GRID_CARDS | {"SECONCT", "EXTRN"}
+_SECONCT_START = 8  # pairs of ids start on the second line
+_CASE_CONTROL = re.compile(r"^\s{0,7}CEND\b", re.IGNORECASE | re.MULTILINE)
+# Field of the first node and kind of cell of elements.
+_CELLS = {
+    **dict.fromkeys(("CROD", "CTUBE", "CBAR", "CBEAM", "CBEND", "CBUSH"), (2, "line")),
+    **dict.fromkeys(("CONROD", "PLOTEL", "RBAR"), (1, "line")),
+    **dict.fromkeys(("CTRIA3", "CTRIA6", "CTRIAR"), (2, "triangle")),
+    **dict.fromkeys(("CQUAD4", "CQUAD8", "CQUADR", "CSHEAR"), (2, "quad")),
+    "CTETRA": (2, "tetra"),
+    "CPYRAM": (2, "pyramid"),
+    "CPENTA": (2, "wedge"),
+    "CHEXA": (2, "hexahedron"),
+}
+# Nodes of these are in every other field: node, component, node, component.
+_SPRINGS = ("CELAS1", "CELAS2", "CDAMP1", "CDAMP2")
 
 SET_NAMES = {
     "a": "analysis set",
     "f": "free set (n less single-point constraints)",
     "n": "g less the dofs that rigid elements and multipoint constraints make dependent",
     "g": "all dofs of all points",
-    "b": "fixed boundary",
-    "c": "free boundary",
+    "b": "fixed interface",
+    "c": "free interface",
     "q": "generalised coordinates",
     "o": "omitted",
     "r": "supports",
     "s": "single-point constraints",
     "m": "dependent dofs",
 }
-"""Dof sets of NASTRAN that a deck can tell."""
-
-
-def table_of_keys(keys: NDArray[np.int64]) -> DofTable:
-    """Dof table of dof keys, in their order."""
-    return DofTable(keys // KEY_STEP, (keys % KEY_STEP).astype(np.int8))
+"""Dof sets of NASTRAN that a deck can define."""
 
 
 @dataclass(frozen=True, eq=False)
 class BulkDeck:
-    """What a deck says about points and dofs.
+    """Points and dof sets of a deck.
 
     Parameters
     ----------
@@ -66,7 +77,7 @@ class BulkDeck:
     constrained, dependent : (k,) int64
         Dof keys of single-point constraints (s) and of dependent dofs (m).
     remarks : tuple of str
-        What could not be read or is ambiguous.
+        Parts that could not be read or are ambiguous.
     files : tuple of Path
         Files read, the deck first.
     """
@@ -146,27 +157,24 @@ def read_bulk(path: Path, superelement: int | None = None) -> BulkDeck:
         If a file is missing, a card cannot be read, a coordinate system is missing or defined by itself, a grid is
         defined twice with different data, or there are no points.
     """
-    found = read_cards(path, GRID_CARDS | CONSTRAINT_CARDS)
+    found = read_cards(path, GRID_CARDS | SET_CARDS | DEPENDENCE_CARDS)
     cards = _section(found, superelement)
-    grids = grid_cards(cards)
-    spoints = scalar_points(cards, grids)
-    nodes = place_nodes(grids, FrameChain(frame_definitions(cards), grids))
-    points = Points(np.sort(nodes.id), spoints)
+    nodes, points, held = read_points(cards)
     constrained, remarks = constrained_dofs(cards, found.case_control, points)
     dependent, more = dependent_dofs(cards, found.case_control, points)
     return BulkDeck(
         path,
         nodes,
-        spoints,
+        points.scalars,
         named_sets(cards, points),
-        np.union1d(constrained, own_constraints(grids)),
+        np.union1d(constrained, held),
         dependent,
         (*remarks, *more),
         found.files,
     )
 
 
-def _section(found: CardFile, superelement: int | None) -> Mapping[str, tuple[Card, ...]]:
+def _section(found: CardFile, superelement: int | None) -> Cards:
     """The part of the deck that describes the body."""
     with_points = [number for number, cards in found.sections.items() if cards.keys() & {"GRID", "SPOINT"}]
     listed = ", ".join(str(number) for number in sorted(with_points))
@@ -179,3 +187,158 @@ def _section(found: CardFile, superelement: int | None) -> Mapping[str, tuple[Ca
     if superelement not in with_points:
         raise ReadError(f"{found.path}: superelement {superelement} has no points (those that have: {listed})")
     return found.sections[superelement]
+
+
+def _deck_geometry(path: Path) -> Geometry:
+    """Geometry of a deck; of the sets that a matrix may have, the analysis set is first, as programs write it."""
+    deck = read_bulk(path)
+    sizes = deck.sizes()
+    rows: dict[str, DofTable] = {name: deck.dof_table(name) for name in ("a", "f", "n", "g") if name in sizes}
+    if len(deck.nodes):
+        translations = rows_of_nodes(deck.nodes, 3)
+        keys = translations.node * KEY_STEP + translations.component
+        rows["translations"] = table_of_keys(np.setdiff1d(keys, deck.constrained))
+    sets = {name: deck.dof_table(name) for name in SET_NAMES if name in sizes}
+    return Geometry(path, deck.nodes, rows, sets, table_of_keys(deck.constrained), deck.files, deck.remarks)
+
+
+def _deck_cells(path: Path) -> Cells:
+    """Elements of a deck as cells between its grids."""
+    sections = read_cards(path, {*_CELLS, *_SPRINGS, "RBE2"}).sections.values()
+    return cells_by_kind(
+        cell for part in sections for cards in part.values() for card in cards for cell in _cells_of(card)
+    )
+
+
+def _cells_of(card: Card) -> Iterator[tuple[str, list[int]]]:
+    if card.name in _SPRINGS:
+        ends = [card.text(2), card.text(4)]
+        if all(end.isdigit() and end != "0" for end in ends):
+            yield "line", [int(end) for end in ends]
+    elif card.name == "RBE2":
+        for node in card.fields[3:]:
+            if node.isdigit():
+                yield "line", [card.integer(1), int(node)]
+    else:
+        first, kind = _CELLS[card.name]
+        corners = [card.text(first + k) for k in range(CELL_CORNERS[kind])]
+        # A bush may have one end without a node.
+        if all(corner.isdigit() for corner in corners):
+            yield kind, [int(corner) for corner in corners]
+
+
+def read_extseout(path: Path) -> Geometry:
+    """Read the grids and the dof order of an external superelement.
+
+    The punch file has both (EXTRN, and the grids after BEGIN SUPER). The assembly file gives the order on SECONCT,
+    six dofs for each grid; it is used alone only if its folder has no punch file of the same stem.
+
+    Parameters
+    ----------
+    path : Path
+        ``.asm`` or ``.pch``.
+
+    Returns
+    -------
+    Geometry
+        Rows ``a`` in the order of the matrices. Sets ``b``: dofs of the interface grids, and ``q``: generalised
+        coordinates, which are scalar points.
+
+    Raises
+    ------
+    ReadError
+        If a file is missing or damaged, or holds several superelements or none.
+    """
+    found = read_cards(path, _ORDER_CARDS)
+    files = found.files
+    chosen = _with_order(found, "EXTRN")
+    if chosen is None:
+        for beside in (path.with_suffix(".pch"), path.with_suffix(".PCH")):
+            if beside != path and beside.is_file():
+                punch = read_cards(beside, _ORDER_CARDS)
+                chosen = _with_order(punch, "EXTRN")
+                files = (*files, *punch.files)
+                break
+    if chosen is not None:
+        return _superelement(*_from_extrn(chosen), files)
+    chosen = _with_order(found, "SECONCT")
+    if chosen is None:
+        raise ReadError(f"{path}: neither EXTRN nor SECONCT in it: no external superelement")
+    return _superelement(*_from_seconct(chosen), files)
+
+
+def _with_order(found: CardFile, name: str) -> Cards | None:
+    """The one section that has cards of a name, None if there is none."""
+    sections = [cards for cards in found.sections.values() if name in cards]
+    if not sections:
+        return None
+    numbers = {card.integer(0) for card in sections[0][name]} if name == "SECONCT" else {0}
+    if len(sections) > 1 or len(numbers) > 1:
+        raise ReadError(f"{found.path}: holds several superelements; name the .asm or .pch file of one")
+    return sections[0]
+
+
+def _from_extrn(cards: Cards) -> tuple[Nodes, Keys]:
+    """Order from (id, components) pairs; a range of ids shares its components."""
+    nodes, points, _ = read_points(cards)
+    keys = [np.zeros(0, dtype=np.int64)]
+    for card in cards["EXTRN"]:
+        fields = [k for k, text in enumerate(card.fields) if text]
+        while fields:
+            length = 3 if len(fields) > 1 and card.text(fields[1]) == "THRU" else 1
+            if len(fields) <= length:
+                raise ReadError(f"{card.where}: no components follow {card.text(fields[0])}")
+            ids = id_ranges(card.with_fields([card.text(k) for k in fields[:length]]), 0)
+            keys.append(np.sort(points.keys(ids, card.text(fields[length]), card)))
+            fields = fields[length + 1 :]
+    return nodes, np.concatenate(keys)
+
+
+def _from_seconct(cards: Cards) -> tuple[Nodes, Keys]:
+    """Order from pairs of ids: that of the superelement, and that of the GRID which it is connected to."""
+    nodes, points, _ = read_points(cards)
+    keys = [np.zeros(0, dtype=np.int64)]
+    own: dict[int, int] = {}
+    for card in cards["SECONCT"]:
+        for inner, outer in _pairs(card):
+            if outer in points.grids or outer in points.scalars:
+                own[outer] = inner
+            elif inner not in points.grids and inner not in points.scalars:
+                raise ReadError(f"{card.where} names {inner}, but there is no such GRID or SPOINT in the file")
+            scalar = inner in points.scalars or outer in points.scalars
+            keys.append(inner * KEY_STEP + (np.array([SCALAR]) if scalar else np.arange(1, 7)))
+    renamed = np.array([own.get(int(id), int(id)) for id in nodes.id], dtype=np.int64)
+    placed = Nodes(renamed, nodes.xyz, nodes.frame, nodes.xyz_rounding, nodes.frame_rounding)
+    return placed, np.concatenate(keys)
+
+
+def _pairs(card: Card) -> list[tuple[int, int]]:
+    """Pairs of ids, with all ids of ranges: ``a b``, or ``a1 THRU a2 b1 THRU b2``."""
+    fields = [text for text in card.fields[_SECONCT_START:] if text]
+    spans = [span.ids() for span in id_ranges(card.with_fields(fields), 0)]
+    if len(spans) % 2 or any(a.size != b.size for a, b in zip(spans[::2], spans[1::2], strict=True)):
+        raise ReadError(f"{card.where}: ids do not come in pairs; the card is damaged")
+    return [(int(a), int(b)) for A, B in zip(spans[::2], spans[1::2], strict=True) for a, b in zip(A, B, strict=True)]
+
+
+def _superelement(nodes: Nodes, keys: Keys, files: tuple[Path, ...]) -> Geometry:
+    scalar = keys % KEY_STEP == SCALAR
+    sets = {name: table_of_keys(part) for name, part in (("b", keys[~scalar]), ("q", keys[scalar])) if part.size}
+    return Geometry(files[0], nodes, {"a": table_of_keys(keys)}, sets, files=files)
+
+
+def _is_bulk_data(head: str) -> bool:
+    """Whether text from the start of a file is a NASTRAN deck or punch file with points."""
+    return "\0" not in head and _BULK_DATA.search(head) is not None
+
+
+def _is_superelement(head: str) -> bool:
+    """Whether the file gives the order of a superelement; an assembly run does so too, but is a deck of its own."""
+    return _is_bulk_data(head) and _ORDER.search(head) is not None and not _CASE_CONTROL.search(head)
+
+
+BULK_DATA = GeometryFormat(_is_bulk_data, _deck_geometry, _deck_cells)
+"""NASTRAN deck."""
+
+EXTERNAL_SUPERELEMENT = GeometryFormat(_is_superelement, read_extseout, _deck_cells)
+"""Assembly or punch file of an external superelement."""

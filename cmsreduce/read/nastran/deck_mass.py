@@ -1,13 +1,10 @@
-"""Sizes of elements by their corners and sections: areas of cross-sections and plates, volumes of solids.
-
-The mass that a NASTRAN deck states: bars, rods, plates, solids and point masses.
-"""
+"""Mass and centre of mass that a NASTRAN deck states: bars, rods, plates, solids and point masses."""
 
 from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,88 +13,18 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
-from cmsreduce.read.nastran.bar_cards import offsets_of
-from cmsreduce.read.nastran.card_reader import read_cards
-from cmsreduce.read.nastran.cards import Card
+from cmsreduce.read.nastran.bars import offsets_of
+from cmsreduce.read.nastran.cards import Card, Cards, read_cards
 
-__all__ = [
-    "DeckMass",
-    "deck_mass",
-    "plate_area",
-    "section_area",
-    "section_extra",
-    "solid_volume",
-]
+__all__ = ["DeckMass", "deck_mass"]
 
 Array = NDArray[np.float64]
 
-_HEXAHEDRON = ((-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1))
-# A tetrahedron and a wedge are hexahedra some of whose corners coincide.
-_CORNERS = {4: (0, 1, 2, 2, 3, 3, 3, 3), 6: (0, 1, 2, 2, 3, 4, 5, 5), 8: (0, 1, 2, 3, 4, 5, 6, 7)}
-_DIMENSIONS = {"ROD": 1, "TUBE": 2, "BAR": 2, "BOX": 4}
-
-
-def section_area(card: Card) -> float | None:
-    """Area of a PBARL or PBEAML section of one of the simple shapes; None of others, and of tapered beams.
-
-    ROD: radius. TUBE: outer and inner radius. BAR: width, height. BOX: width, height, walls above and beside.
-    """
-    shape = card.text(3)
-    count = _DIMENSIONS.get(shape)
-    # What follows the dimensions and the mass that is no structure is a second station of a beam.
-    if count is None or any(card.text(k) for k in range(8 + count + 1, len(card.fields))):
-        return None
-    d = [card.real(8 + k) for k in range(count)]
-    areas = {
-        "ROD": lambda: np.pi * d[0] ** 2,
-        "TUBE": lambda: np.pi * (d[0] ** 2 - d[1] ** 2),
-        "BAR": lambda: d[0] * d[1],
-        "BOX": lambda: d[0] * d[1] - (d[0] - 2 * d[3]) * (d[1] - 2 * d[2]),
-    }
-    return float(areas[shape]())
-
-
-def section_extra(card: Card) -> float:
-    """Mass per length of a PBARL or PBEAML section that is no structure."""
-    return card.real(8 + _DIMENSIONS[card.text(3)])
-
-
-def plate_area(corners: Array) -> tuple[float, Array]:
-    """Area and centre (3,) of a triangle or a quadrilateral (3 or 4, 3), cut along a diagonal.
-
-    Examples
-    --------
-    >>> area, centre = plate_area(np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]]))
-    >>> area, centre.tolist()
-    (2.0, [1.0, 0.5, 0.0])
-    """
-    triangles = [corners[[0, k, k + 1]] for k in range(1, len(corners) - 1)]
-    areas = np.array([np.linalg.norm(np.cross(t[1] - t[0], t[2] - t[0])) / 2 for t in triangles])
-    centres = np.array([t.mean(axis=0) for t in triangles])
-    return float(areas.sum()), areas @ centres / max(float(areas.sum()), np.finfo(float).tiny)
-
-
-def solid_volume(corners: Array) -> tuple[float, Array]:
-    """Volume and centre (3,) of a tetrahedron, wedge or hexahedron with straight edges (4, 6 or 8, 3).
-
-    Two Gauss points each way integrate its trilinear map exactly.
-    """
-    x, at = corners[list(_CORNERS[len(corners)])], np.array(_HEXAHEDRON, dtype=np.float64)
-    volume, moment = 0.0, np.zeros(3)
-    for point in itertools.product((-(3**-0.5), 3**-0.5), repeat=3):
-        terms = 1 + at * point
-        shape = terms.prod(axis=1) / 8
-        slope = np.array([at[:, k] * terms[:, (k + 1) % 3] * terms[:, (k + 2) % 3] / 8 for k in range(3)])
-        size = float(np.linalg.det(slope @ x))
-        volume, moment = volume + size, moment + size * (shape @ x)
-    return abs(volume), moment / (volume or 1.0)
-
-
 _BARS = {"CBAR": "PBAR", "CBEAM": "PBEAM", "CROD": "PROD", "CONROD": ""}
-# Where the area and the mass per length that is no structure stand on a property.
+# Fields of a property: area, and non-structural mass per length.
 _AREA, _PER_LENGTH = 2, {"PBAR": 6, "PBEAM": 7, "PROD": 5}
 _DENSITY = 4  # on MAT1
-# Elements and properties whose mass is not counted here: a deck that has any says nothing of the whole.
+# Elements and properties whose mass is not counted: the mass of a deck that has any is unknown.
 _OTHERS = (
     *("CQUAD8", "CQUADR", "CQUAD", "CTRIA6", "CTRIAR", "CSHEAR", "CTRIAX", "CTRIAX6", "CQUADX", "PCOMP", "PCOMPG"),
     *("CPYRAM", "CTUBE", "CBEND", "CBEAM3", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "MAT2", "MAT8", "MAT9"),
@@ -113,30 +40,33 @@ _ONE_MASS = 1e-6
 _PLAIN_BEAM = 8  # fields of a PBEAM without stations along it
 _AT_POINT = -1  # frame of a CONM2 whose offset is a place in basic
 
+_HEXAHEDRON = ((-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1))
+# A tetrahedron and a wedge are hexahedra some of whose corners coincide.
+_CORNERS = {4: (0, 1, 2, 2, 3, 3, 3, 3), 6: (0, 1, 2, 2, 3, 4, 5, 5), 8: (0, 1, 2, 3, 4, 5, 6, 7)}
+_DIMENSIONS = {"ROD": 1, "TUBE": 2, "BAR": 2, "BOX": 4}
+
 _OTHER = re.compile(rb"^(" + "|".join(_OTHERS).encode() + rb")\b", re.MULTILINE | re.IGNORECASE)
 _COUNTED = re.compile(rb"^(CONM1|CONM2|MAT1)\b", re.MULTILINE | re.IGNORECASE)
-
-Cards = Mapping[str, Sequence[Card]]
 
 
 @dataclass(frozen=True, eq=False)
 class DeckMass:
-    """Mass and centre of mass by a deck, in its units and basic frame.
+    """Mass and centre of mass that a deck states, in its units and basic frame.
 
     Parameters
     ----------
     mass : float
-        Of all its bars, rods, plates, solids and point masses.
+        Mass of all its bars, rods, plates, solids and point masses.
     centre : (3,) float64
         Their centre of mass.
     """
 
     mass: float
-    centre: NDArray[np.float64]
+    centre: Array
 
 
 def deck_mass(path: Path, nodes: Nodes) -> DeckMass | None:
-    """Add up what the elements of a deck weigh.
+    """Add up the masses of the elements of a deck.
 
     Parameters
     ----------
@@ -148,14 +78,15 @@ def deck_mass(path: Path, nodes: Nodes) -> DeckMass | None:
     Returns
     -------
     DeckMass or None
-        None of a file that is no deck, states no mass, or has elements whose mass is not counted: plates in layers,
-        with an offset or a thickness of their own, skew plates and solids (whose centre depends on how mass is lumped),
-        elements with nodes between corners, scalar masses (CMASS, which have no place), sections with stations or
-        other shapes than BAR, BOX, ROD and TUBE, a CONM1 that is no point.
+        None if the file is no deck, states no mass, or has elements whose mass is not counted: plates in layers or
+        with an offset or a thickness of their own, skew plates and solids (their centre depends on the lumping of
+        mass), elements with nodes between corners, scalar masses (CMASS has no place), sections with stations or
+        with other shapes than BAR, BOX, ROD and TUBE, a CONM1 that is no point mass.
     """
     try:
-        # Decks of solids are large, and one look tells that they are.
-        if not _COUNTED.search(path.read_bytes()) or _OTHER.search(path.read_bytes()):
+        # A search of the bytes is fast, also in large decks of solids.
+        content = path.read_bytes()
+        if not _COUNTED.search(content) or _OTHER.search(content):
             return None
         wanted = {*_BARS, *_BARS.values(), *_SHAPED, *_PLATES, *_SOLIDS, *_OTHERS, *_MORE} - {""}
         sections = read_cards(path, wanted).sections
@@ -169,14 +100,16 @@ def deck_mass(path: Path, nodes: Nodes) -> DeckMass | None:
     if not masses.sum() > 0:
         return None
     centre = masses @ np.array([place for _, place in parts]) / masses.sum()
-    return DeckMass(float(masses.sum()) * _scale(cards), centre)
+    # PARAM, WTMASS: factor of weights.
+    scale = next((card.real(1) for card in cards.get("PARAM", ()) if card.text(0).upper() == "WTMASS"), 1.0)
+    return DeckMass(float(masses.sum()) * scale, centre)
 
 
 class _NotCountedError(Exception):
-    """A mass that is not counted here."""
+    """The deck has a mass that is not counted."""
 
 
-def _bars(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, NDArray[np.float64]]]:
+def _bars(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, Array]]:
     density = _densities(cards)
     sections = _shaped(cards)
     for name in filter(None, _BARS.values()):
@@ -202,7 +135,7 @@ def _bars(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, NDArray[np.float6
             yield (density[material] * area + per_length) * length, ends.mean(axis=0)
 
 
-def _points(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, NDArray[np.float64]]]:
+def _points(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, Array]]:
     for card in cards.get("CONM2", ()):
         frame, offset = card.integer(2, 0), np.array([card.real(k) for k in (4, 5, 6)])
         if frame > 0 and offset.any():
@@ -210,7 +143,7 @@ def _points(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, NDArray[np.floa
         place = offset if frame == _AT_POINT else _place(nodes, card.integer(1)) + offset
         yield card.real(3), place
     for card in cards.get("CONM1", ()):
-        # EID, G, CID, then the lower triangle M11 M21 M22 M31 .. M66; a point where it is one mass each way.
+        # EID, G, CID, then the lower triangle M11 M21 M22 M31 .. M66; a point mass is equal in all directions.
         triangle = np.zeros((6, 6))
         triangle[np.tril_indices(6)] = [card.real(3 + k) for k in range(21)]
         mass = float(triangle[0, 0])
@@ -225,34 +158,32 @@ def _densities(cards: Cards) -> dict[int, float]:
 
 
 def _shaped(cards: Cards) -> dict[tuple[str, int], tuple[int, float, float]]:
-    """Material, area and other mass per length of sections given by their shape."""
+    """Material, area and non-structural mass per length of PBARL and PBEAML."""
     found = {}
     for name, kind in _SHAPED.items():
         for card in cards.get(name, ()):
-            area = section_area(card)
-            if area is None:
-                raise _NotCountedError
-            found[kind, card.integer(0)] = (card.integer(1), area, section_extra(card))
+            area, per_length = _section_by_shape(card)
+            found[kind, card.integer(0)] = (card.integer(1), area, per_length)
     return found
 
 
-def _plates(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, NDArray[np.float64]]]:
+def _plates(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, Array]]:
     density = _densities(cards)
     made = {card.integer(0): card for card in cards.get("PSHELL", ())}
     for name, count in _PLATES.items():
         for card in cards.get(name, ()):
             property = made.get(card.integer(1, card.integer(0)))
-            # After the corners: an angle of the material, then an offset and thicknesses of its own.
+            # After the corners: an angle of the material, then the element's own offset and thicknesses.
             own = any(card.real(k) for k in range(3 + count, len(card.fields)))
             if property is None or own or property.integer(1, 0) not in density:
                 raise _NotCountedError
             corners = np.array([_place(nodes, card.integer(2 + k)) for k in range(count)])
-            area, centre = plate_area(corners)
+            area, centre = _plate_area(corners)
             _refuse_skew(corners, centre)
             yield (density[property.integer(1)] * property.real(2) + property.real(7)) * area, centre
 
 
-def _solids(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, NDArray[np.float64]]]:
+def _solids(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, Array]]:
     density = _densities(cards)
     material = {card.integer(0): card.integer(1) for card in cards.get("PSOLID", ())}
     for name, count in _SOLIDS.items():
@@ -261,19 +192,19 @@ def _solids(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, NDArray[np.floa
             if of not in density or any(card.text(k) for k in range(2 + count, len(card.fields))):
                 raise _NotCountedError
             corners = np.array([_place(nodes, card.integer(2 + k)) for k in range(count)])
-            volume, centre = solid_volume(corners)
+            volume, centre = _solid_volume(corners)
             _refuse_skew(corners, centre)
             yield density[of] * volume, centre
 
 
-def _refuse_skew(corners: NDArray[np.float64], centre: NDArray[np.float64]) -> None:
-    """Where an element's centre is not the mean of its corners, lumped and consistent masses have different ones."""
+def _refuse_skew(corners: Array, centre: Array) -> None:
+    """Refuse an element whose centre is not the mean of its corners: lumped and consistent masses differ there."""
     mean = corners.mean(axis=0)
     if np.linalg.norm(centre - mean) > _EVEN * float(np.linalg.norm(corners - mean, axis=1).max()):
         raise _NotCountedError
 
 
-def _place(nodes: Nodes, node: int) -> NDArray[np.float64]:
+def _place(nodes: Nodes, node: int) -> Array:
     return np.asarray(nodes.xyz[_index(nodes, node)])
 
 
@@ -284,6 +215,52 @@ def _index(nodes: Nodes, node: int) -> int:
     return at
 
 
-def _scale(cards: Cards) -> float:
-    """PARAM, WTMASS: what weights are multiplied by."""
-    return next((card.real(1) for card in cards.get("PARAM", ()) if card.text(0).upper() == "WTMASS"), 1.0)
+def _section_by_shape(card: Card) -> tuple[float, float]:
+    """Area and non-structural mass per length of a PBARL or PBEAML of a simple shape without taper.
+
+    ROD: radius. TUBE: outer and inner radius. BAR: width, height. BOX: width, height, walls above and beside.
+    """
+    shape = card.text(3)
+    count = _DIMENSIONS.get(shape)
+    # Fields after the dimensions and the non-structural mass are a second station of a beam.
+    if count is None or any(card.text(k) for k in range(8 + count + 1, len(card.fields))):
+        raise _NotCountedError
+    d = [card.real(8 + k) for k in range(count)]
+    areas = {
+        "ROD": lambda: np.pi * d[0] ** 2,
+        "TUBE": lambda: np.pi * (d[0] ** 2 - d[1] ** 2),
+        "BAR": lambda: d[0] * d[1],
+        "BOX": lambda: d[0] * d[1] - (d[0] - 2 * d[3]) * (d[1] - 2 * d[2]),
+    }
+    return float(areas[shape]()), card.real(8 + count)
+
+
+def _plate_area(corners: Array) -> tuple[float, Array]:
+    """Area and centre (3,) of a triangle or a quadrilateral (3 or 4, 3), cut along a diagonal.
+
+    Examples
+    --------
+    >>> area, centre = _plate_area(np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]]))
+    >>> area, centre.tolist()
+    (2.0, [1.0, 0.5, 0.0])
+    """
+    triangles = [corners[[0, k, k + 1]] for k in range(1, len(corners) - 1)]
+    areas = np.array([np.linalg.norm(np.cross(t[1] - t[0], t[2] - t[0])) / 2 for t in triangles])
+    centres = np.array([t.mean(axis=0) for t in triangles])
+    return float(areas.sum()), areas @ centres / max(float(areas.sum()), np.finfo(float).tiny)
+
+
+def _solid_volume(corners: Array) -> tuple[float, Array]:
+    """Volume and centre (3,) of a tetrahedron, wedge or hexahedron with straight edges (4, 6 or 8, 3).
+
+    Two Gauss points each way integrate its trilinear map exactly.
+    """
+    x, at = corners[list(_CORNERS[len(corners)])], np.array(_HEXAHEDRON, dtype=np.float64)
+    volume, moment = 0.0, np.zeros(3)
+    for point in itertools.product((-(3**-0.5), 3**-0.5), repeat=3):
+        terms = 1 + at * point
+        shape = terms.prod(axis=1) / 8
+        slope = np.array([at[:, k] * terms[:, (k + 1) % 3] * terms[:, (k + 2) % 3] / 8 for k in range(3)])
+        size = float(np.linalg.det(slope @ x))
+        volume, moment = volume + size, moment + size * (shape @ x)
+    return abs(volume), moment / (volume or 1.0)

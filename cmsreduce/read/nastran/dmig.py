@@ -5,6 +5,7 @@ pyYeti's reader makes dense frames and lets the last of two values win, so entri
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,16 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import DofTable
-from cmsreduce.read.labelled_matrix import SINGLE, LabelledMatrix, StoredMatrix, canonical, mirrored
-from cmsreduce.read.nastran.card_reader import read_cards
-from cmsreduce.read.nastran.cards import Card, real_number
-from cmsreduce.read.printed_numbers import rounding_of_printed
+from cmsreduce.read.files import is_text
+from cmsreduce.read.formats import MatrixFormat, StoredMatrix
+from cmsreduce.read.labelled_matrix import KEY_STEP, SINGLE, LabelledMatrix, canonical, mirrored, table_of_keys
+from cmsreduce.read.nastran.cards import Card, read_cards
+from cmsreduce.read.nastran.op4_records import TYPES
+from cmsreduce.read.printed_numbers import real_number, rounding_of_printed
 
-__all__ = ["dmig_matrices"]
+__all__ = ["DMIG"]
+
+_CARD = re.compile(rb"(?:^|\n)[ ]{0,7}DMIG(?:\*|[ ,\t])", re.IGNORECASE)
 
 _FORMS = {1: "square", 2: "rectangular", 6: "symmetric", 9: "rectangular"}
-_TYPES = {1: "real single", 2: "real double", 3: "complex single", 4: "complex double"}
 _FIELD = 8  # characters of a small field, which cut the numbers printed in it
 _LINE = 120  # bytes that the last line cannot exceed
 _FIRST, _GROUP = 4, 4  # data fields before the first entry, and of each entry: node, component, real, imaginary
@@ -43,14 +46,14 @@ class _Dmig:
 
 @dataclass(frozen=True)
 class _Labels:
-    """Row and column of each entry, as keys 8 node + component."""
+    """Keys of the row and the column of each entry (``KEY_STEP``), and keys of all columns."""
 
     row: NDArray[np.int64]
     col: NDArray[np.int64]
     column_keys: NDArray[np.int64]
 
 
-def dmig_matrices(path: Path) -> list[StoredMatrix]:
+def _dmig_matrices(path: Path) -> list[StoredMatrix]:
     """Matrices of a punch file or a deck, by their DMIG entries.
 
     Fields may be 8 or 16 characters wide or separated by commas. Rows and columns come sorted by node and component;
@@ -64,7 +67,7 @@ def dmig_matrices(path: Path) -> list[StoredMatrix]:
     Returns
     -------
     list of StoredMatrix
-        In the order of the file. Loading one raises ReadError if an entry does not parse, stands twice with different
+        In the order of the file. Loading one raises ReadError if an entry does not parse, appears twice with different
         values, or if a symmetric matrix has two different values across the diagonal.
 
     Raises
@@ -96,15 +99,15 @@ def _stored(dmig: _Dmig, path: Path) -> StoredMatrix:
         rows, cols = _index(dmig, labels)
         return rows.size, cols.size, None
 
-    return StoredMatrix(dmig.name, _TYPES[dmig.type], _FORMS[dmig.form], size, lambda: _assemble(dmig, path))
+    return StoredMatrix(dmig.name, TYPES[dmig.type], _FORMS[dmig.form], size, lambda: _assemble(dmig, path))
 
 
 def _add_header(found: dict[str, _Dmig], name: str, card: Card) -> None:
-    """Start a matrix; its header may stand twice when both say the same."""
+    """Start a matrix; a second header must be equal to the first."""
     form, kind = card.integer(2), card.integer(3)
     if form not in _FORMS:
         raise ReadError(f"{card.where}: form {form} of matrix '{name}' is none of 1, 6 (square), 2, 9 (rectangular)")
-    if kind not in _TYPES:
+    if kind not in TYPES:
         raise ReadError(f"{card.where}: type {kind} of matrix '{name}' is none of 1, 2 (real), 3, 4 (complex)")
     before = found.setdefault(name, _Dmig(card, form, kind))
     if (before.form, before.type) != (form, kind):
@@ -115,17 +118,17 @@ def _add_header(found: dict[str, _Dmig], name: str, card: Card) -> None:
 
 
 def _check_end(path: Path, columns: list[Card]) -> None:
-    """Refuse a file that was cut: its last column has no entries, or its last line no end."""
+    """Refuse a file that was cut: its last column has no entries, or its last line has no end."""
     last = max((card for card in columns if card.path == path), key=lambda card: card.line, default=None)
     if last is not None and len(last.fields) <= _FIRST:
         raise ReadError(f"{last.where}: the last column of '{last.text(0)}' has no entries; the file is truncated")
     with path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - _LINE))
         *_, end = file.read().split(b"\n")
-    # Fields of sixteen characters are written by programs, which end every line.
+    # Programs write fields of sixteen characters, and programs end every line.
     if b"*" in end[:8]:
         raise ReadError(
-            f"{path}: the file stops within the line '{end.decode('latin-1').strip()[:60]}', so it is probably "
+            f"{path}: the file ends within the line '{end.decode('latin-1').strip()[:60]}', so it is probably "
             "truncated: punch or copy it again, or end that line if it is whole"
         )
 
@@ -136,7 +139,10 @@ def _labels(dmig: _Dmig) -> _Labels:
     component: list[int] = []
     counts, columns = [], []
     for card in dmig.columns:
-        columns.append(_key(card, dmig, card.integer(1), card.integer(2, 0)))
+        column, of_column = card.integer(1), card.integer(2, 0)
+        if not 0 <= of_column <= 6:
+            raise ReadError(f"{card.where}: component {of_column} of column {column} of '{dmig.name}' is not 0..6")
+        columns.append(column * KEY_STEP + of_column)
         nodes = card.fields[_FIRST::_GROUP]
         components = card.fields[_FIRST + 1 :: _GROUP]
         try:
@@ -144,7 +150,7 @@ def _labels(dmig: _Dmig) -> _Labels:
             component.extend(int(text or 0) for text in components)
         except ValueError:
             raise _bad_entry(card, [*nodes, *components], "a node id and a component") from None
-        # A trailing blank component, of a scalar point with a blank value, has been cut off with the card's end.
+        # The card ends before a blank component of a scalar point, if its value is blank, too.
         component.extend([0] * (len(nodes) - len(components)))
         counts.append(len(nodes))
     parts = np.array(component, dtype=np.int64)
@@ -153,17 +159,11 @@ def _labels(dmig: _Dmig) -> _Labels:
         card = dmig.columns[int(np.searchsorted(np.cumsum(counts), at, side="right"))]
         raise ReadError(f"{card.where}: component {parts[at]} of node {node[at]} is not 0..6")
     keys = np.array(columns, dtype=np.int64)
-    return _Labels(np.array(node, dtype=np.int64) * 8 + parts, np.repeat(keys, counts), keys)
-
-
-def _key(card: Card, dmig: _Dmig, node: int, component: int) -> int:
-    if not 0 <= component <= 6:
-        raise ReadError(f"{card.where}: component {component} of column {node} of '{dmig.name}' is not 0..6")
-    return node * 8 + component
+    return _Labels(np.array(node, dtype=np.int64) * KEY_STEP + parts, np.repeat(keys, counts), keys)
 
 
 def _bad_entry(card: Card, texts: list[str], needed: str) -> ReadError:
-    """Error for the first text that is not an integer or not a number, with the line it stands on."""
+    """Error for the first text that is not an integer or not a number, with its line."""
     integers = needed.startswith("a node")
     bad = next(text for text in texts if (not text.lstrip("+-").isdigit() if integers else real_number(text) is None))
     return ReadError(
@@ -173,7 +173,7 @@ def _bad_entry(card: Card, texts: list[str], needed: str) -> ReadError:
 
 
 def _line_of(card: Card, text: str) -> int:
-    """Line of a text in the card, that of the card's start where it cannot be told."""
+    """Line of a text in the card; the first line of the card if the text is not found."""
     lines = card.path.read_text(encoding="utf-8", errors="replace").upper().splitlines()
     found = (at for at in range(card.line, len(lines)) if text and text in lines[at])
     return next(found, card.line - 1) + 1
@@ -218,7 +218,7 @@ def _assemble(dmig: _Dmig, path: Path) -> LabelledMatrix:
     differs = np.flatnonzero((values != first) & ~(np.isnan(values) & np.isnan(first)))
     if differs.size:
         k = int(differs[0])
-        i, j = _label(rows[row[k]]), _label(cols[col[k]])
+        i, j = (table_of_keys(keys).labels[0] for keys in (rows[[row[k]]], cols[[col[k]]]))
         across = " (or across the diagonal)" if dmig.form == 6 and i != j else ""
         raise ReadError(
             f"{path}: matrix '{dmig.name}' has two values at row {i}, column {j}{across}: {first[k]:.10g} and "
@@ -233,15 +233,16 @@ def _assemble(dmig: _Dmig, path: Path) -> LabelledMatrix:
         path,
         "dmig",
         max(rounding, SINGLE) if dmig.type == 1 else rounding,
-        _table(rows),
+        table_of_keys(rows),
         # Columns of form 9 are mere numbers.
-        _table(cols) if dmig.form == 2 else None,
+        table_of_keys(cols) if dmig.form == 2 else None,
     )
 
 
-def _label(key: int) -> str:
-    return f"{key // 8}.{key % 8}"
-
-
-def _table(keys: NDArray[np.int64]) -> DofTable:
-    return DofTable(keys // 8, (keys % 8).astype(np.int8))
+DMIG = MatrixFormat(
+    "dmig",
+    "NASTRAN DMIG entries",
+    # The cards may stand anywhere in a deck.
+    lambda path, head: is_text(head) and bool(_CARD.search(head) or _CARD.search(path.read_bytes())),
+    _dmig_matrices,
+)

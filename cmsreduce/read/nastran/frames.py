@@ -1,7 +1,4 @@
-"""Coordinate systems: rectangular, cylindrical and spherical.
-
-Coordinate systems that are defined in one another and through grids, in any order.
-"""
+"""Coordinate systems: rectangular, cylindrical and spherical, defined in each other and through grids in any order."""
 
 from __future__ import annotations
 
@@ -12,15 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import ReadError
+from cmsreduce.read.nastran.cards import Cards
 from cmsreduce.read.printed_numbers import printed_rounding
 
-__all__ = [
-    "BASIC",
-    "CoordinateSystem",
-    "FrameChain",
-    "FrameDefinition",
-    "GridLocation",
-]
+__all__ = ["BASIC", "FRAME_CARDS", "CoordinateSystem", "FrameChain", "FrameDefinition", "Grid", "frame_definitions"]
+
+_KINDS = {"R": "rectangular", "C": "cylindrical", "S": "spherical"}
+_BY_POINTS = {f"CORD2{letter}": kind for letter, kind in _KINDS.items()}
+_BY_GRIDS = {f"CORD1{letter}": kind for letter, kind in _KINDS.items()}
+FRAME_CARDS = frozenset({*_BY_POINTS, *_BY_GRIDS})
+"""Cards that define coordinate systems."""
 
 # A point printed with eight digits lies off an axis through other such points by 1e-8 of its coordinates.
 _ON_AXIS = 1e-7
@@ -44,9 +42,9 @@ class CoordinateSystem:
     axes : (3, 3) float64
         Unit vectors x y z as rows, in basic.
     origin_rounding : float
-        How far the origin may be off, in the unit of length.
+        Largest error of the origin, in the unit of length.
     angle_rounding : float
-        By how much the axes may be turned, in radians.
+        Largest rotation error of the axes, in radians.
     """
 
     id: int
@@ -60,7 +58,7 @@ class CoordinateSystem:
     def through(
         cls, id: int, kind: str, points: ArrayLike, rounding: float = 0.0, angle_rounding: float = 0.0, where: str = ""
     ) -> CoordinateSystem:
-        """System with origin A, z axis through B and C in its half plane xz, x positive.
+        """System with origin A, z axis through B, and C in the half plane xz of positive x.
 
         Parameters
         ----------
@@ -69,11 +67,11 @@ class CoordinateSystem:
         points : (3, 3) array_like
             A, B and C in basic.
         rounding : float
-            How far each point may be off, in the unit of length.
+            Largest error of each point, in the unit of length.
         angle_rounding : float
-            Turn of the system that the points were given in, in radians.
+            Rotation error of the system that the points are given in, in radians.
         where : str
-            Card it comes from, for the message.
+            Card of the system, for the message.
 
         Raises
         ------
@@ -106,12 +104,12 @@ class CoordinateSystem:
         return np.stack([flat * _cos(p[..., 2]), flat * _sin(p[..., 2]), p[..., 0] * _cos(p[..., 1])], axis=-1)
 
     def position_rounding(self, points: NDArray[np.float64], rounding: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How far points given in this system may be off, in the unit of length.
+        """Largest errors of points given in this system, in the unit of length.
 
         Parameters
         ----------
         points, rounding : (k, 3) float64
-            Coordinates in this system, and by how much each may be off.
+            Coordinates in this system, and the largest error of each.
 
         Returns
         -------
@@ -157,14 +155,14 @@ class CoordinateSystem:
         return frames
 
     def axes_rounding(self, xyz: NDArray[np.float64], rounding: NDArray[np.float64]) -> NDArray[np.float64]:
-        """By how much displacement axes may be turned, in radians.
+        """Largest rotation errors of displacement axes, in radians.
 
         Parameters
         ----------
         xyz : (k, 3) float64
             Points in basic.
         rounding : (k,) float64
-            How far each may be off.
+            Largest error of each.
 
         Returns
         -------
@@ -203,7 +201,7 @@ class FrameDefinition:
     kind : str
         ``rectangular``, ``cylindrical`` or ``spherical``.
     where : str
-        Card it comes from, for messages.
+        Card of the definition, for messages.
     reference : int
         System that ``points`` are given in.
     points : (3, 3) float64, optional
@@ -220,19 +218,48 @@ class FrameDefinition:
     grids: tuple[int, ...] = ()
 
     def same_as(self, other: FrameDefinition) -> bool:
-        """Whether both say the same, so that one may be dropped."""
+        """Whether both are equal, so that one may be dropped."""
         return (self.kind, self.reference, self.grids) == (other.kind, other.reference, other.grids) and np.array_equal(
             self.points if self.points is not None else (), other.points if other.points is not None else ()
         )
 
 
+def frame_definitions(cards: Cards) -> dict[int, FrameDefinition]:
+    """Coordinate systems by number.
+
+    Raises
+    ------
+    ReadError
+        If a system is defined twice with different data.
+    """
+    found: list[FrameDefinition] = []
+    for name, kind in _BY_POINTS.items():
+        for card in cards.get(name, ()):
+            points = np.array([card.real(k) for k in range(2, 11)]).reshape(3, 3)
+            found.append(FrameDefinition(card.integer(0), kind, card.where, card.integer(1, 0), points))
+    for name, kind in _BY_GRIDS.items():
+        for card in cards.get(name, ()):
+            for start in (0, 4):
+                if card.text(start):
+                    grids = tuple(card.integer(start + k) for k in (1, 2, 3))
+                    found.append(FrameDefinition(card.integer(start), kind, card.where, grids=grids))
+    out: dict[int, FrameDefinition] = {}
+    for frame in found:
+        before = out.setdefault(frame.id, frame)
+        if not frame.same_as(before):
+            raise ReadError(f"{frame.where}: coordinate system {frame.id} differs from {before.where}")
+    return out
+
+
 @dataclass(frozen=True)
-class GridLocation:
-    """Where a card says a grid is: coordinates ``x`` in system ``cp``."""
+class Grid:
+    """A GRID card: coordinates ``x`` in system ``cp``, displacements in system ``cd``, components ``ps`` held."""
 
     cp: int
     x: tuple[float, float, float]
     where: str
+    cd: int = 0
+    ps: str = ""
 
 
 class FrameChain:
@@ -242,11 +269,11 @@ class FrameChain:
     ----------
     definitions : mapping of int to FrameDefinition
         Systems by number.
-    grids : mapping of int to GridLocation
+    grids : mapping of int to Grid
         Grids by id.
     """
 
-    def __init__(self, definitions: Mapping[int, FrameDefinition], grids: Mapping[int, GridLocation]) -> None:
+    def __init__(self, definitions: Mapping[int, FrameDefinition], grids: Mapping[int, Grid]) -> None:
         self._definitions = definitions
         self._grids = grids
         self._resolved: dict[int, CoordinateSystem] = {0: BASIC}
@@ -259,12 +286,12 @@ class FrameChain:
         id : int
             Number of the system.
         where : str
-            Card that asks for it, for messages.
+            Card that refers to it, for messages.
 
         Raises
         ------
         ReadError
-            If it, or a system or grid it builds on, is missing, or it builds on itself.
+            If the system, or a system or grid that defines it, is missing, or it is defined by itself.
         """
         return self._system(id, where, ())
 
@@ -285,7 +312,7 @@ class FrameChain:
         return found
 
     def _place(self, definition: FrameDefinition, waiting: tuple[int, ...]) -> CoordinateSystem:
-        """Put one definition into basic."""
+        """Transform one definition into basic."""
         if definition.points is not None:
             parent = self._system(definition.reference, definition.where, waiting)
             points = parent.to_basic(definition.points)
@@ -300,7 +327,7 @@ class FrameChain:
         )
 
     def _grid(self, id: int, where: str, waiting: tuple[int, ...]) -> tuple[NDArray[np.float64], float]:
-        """Position in basic of a grid that a system goes through, and how far it may be off."""
+        """Position in basic of a grid that a system goes through, and its largest error."""
         if id not in self._grids:
             raise ReadError(f"{where} goes through grid {id}, which the deck does not have")
         grid = self._grids[id]

@@ -1,4 +1,4 @@
-"""Matrices of NASTRAN OUTPUT2 files: found by pyYeti, read column by column without a dense array."""
+"""Matrices of NASTRAN OUTPUT2 files: pyYeti finds them, and they are read column by column without a dense array."""
 
 from __future__ import annotations
 
@@ -6,20 +6,22 @@ import mmap
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.labelled_matrix import DOUBLE, SINGLE, LabelledMatrix, StoredMatrix, canonical, check_size, mirrored
-from cmsreduce.read.library_errors import reading
-from cmsreduce.read.nastran.op4_layout import FORMS, TYPES
+from cmsreduce.read.files import reading
+from cmsreduce.read.formats import MatrixFormat, StoredMatrix
+from cmsreduce.read.labelled_matrix import DOUBLE, SINGLE, LabelledMatrix, canonical, check_size, mirrored
+from cmsreduce.read.nastran.op4 import FORMS, SYMMETRIC, first_record
+from cmsreduce.read.nastran.op4_records import TYPES
 
-__all__ = ["op2_matrices"]
+__all__ = ["OP2"]
 
 _MATRIX = 1  # type of a data block
-_SYMMETRIC = 6
 _SMALLEST = 12  # bytes of the first record
 
 
@@ -35,13 +37,13 @@ class _Block:
     start: int
 
 
-def op2_matrices(path: Path) -> list[StoredMatrix]:
+def _op2_matrices(path: Path) -> list[StoredMatrix]:
     """Matrices of an OP2 file.
 
     Parameters
     ----------
     path : Path
-        File of 32 or 64-bit words, either byte order; tables in it are passed over.
+        File of 32 or 64-bit words, either byte order; tables in it are skipped.
 
     Returns
     -------
@@ -51,7 +53,7 @@ def op2_matrices(path: Path) -> list[StoredMatrix]:
     Raises
     ------
     ReadError
-        If the file is truncated or damaged; all of its records are walked over first.
+        If the file is truncated or damaged; all of its records are checked first.
     """
     from pyyeti.nastran import op2
 
@@ -68,17 +70,16 @@ def op2_matrices(path: Path) -> list[StoredMatrix]:
         check_size(path, block.name, block.rows, block.cols, size)
         if block.type not in TYPES:
             raise ReadError(f"{path}: OP2 matrix '{block.name}' has type {block.type}, which is none of 1, 2, 3, 4")
-    return [_stored(path, block) for block in blocks]
-
-
-def _stored(path: Path, block: _Block) -> StoredMatrix:
-    return StoredMatrix(
-        block.name,
-        TYPES[block.type],
-        FORMS.get(block.form, f"form {block.form}"),
-        lambda: (block.rows, block.cols, None),
-        lambda: _load(path, block),
-    )
+    return [
+        StoredMatrix(
+            block.name,
+            TYPES[block.type],
+            FORMS.get(block.form, f"form {block.form}"),
+            (block.rows, block.cols, None),
+            partial(_load, path, block),
+        )
+        for block in blocks
+    ]
 
 
 def _order(content: mmap.mmap) -> str:
@@ -87,13 +88,7 @@ def _order(content: mmap.mmap) -> str:
 
 
 def _check_records(path: Path) -> None:
-    """Walk over all records, each of which closes with the length that opened it.
-
-    Raises
-    ------
-    ReadError
-        With the byte where the chain breaks.
-    """
+    """Check that every record has the same length before and after it."""
     if path.stat().st_size < _SMALLEST:
         raise ReadError(f"{path}: the OP2 file is truncated: it has no more than {path.stat().st_size} bytes")
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
@@ -134,7 +129,7 @@ def _load(path: Path, block: _Block) -> LabelledMatrix:
             values.append(string[kept])
         shape = (block.rows, block.cols)
         A = canonical(np.concatenate(rows), np.concatenate(cols), np.concatenate(values), shape)
-    if block.form == _SYMMETRIC:
+    if block.form == SYMMETRIC:
         A = mirrored(A)
     return LabelledMatrix(A, block.name, path, "op2", SINGLE if single and word == 4 else DOUBLE)
 
@@ -145,7 +140,7 @@ def _strings(
     """Row, column (both from zero) and numbers of every string.
 
     A column is a chain of records: a key that counts words of numbers, then row and numbers, until a key of zero or
-    less; then one key more, and the key that says whether another column follows.
+    less. One more key follows, and then the key that is positive if there is another column.
     """
     integer = struct.Struct(order + ("i" if word == 4 else "q")).unpack_from
     marker = struct.Struct(order + "i").unpack_from
@@ -175,3 +170,6 @@ def _strings(
         col += 1
         key()
         more = key()
+
+
+OP2 = MatrixFormat("op2", "NASTRAN OUTPUT2", lambda path, head: bool(first_record(head) & {4, 8}), _op2_matrices)

@@ -1,8 +1,10 @@
-"""Matrices of NASTRAN OUTPUT4 files, whose strings of numbers become sparse arrays without a dense one between."""
+"""Matrices of NASTRAN OUTPUT4 files: strings of numbers become sparse arrays without a dense array between."""
 
 from __future__ import annotations
 
+import struct
 from array import array
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,20 +12,31 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.labelled_matrix import LabelledMatrix, StoredMatrix, canonical, mirrored
-from cmsreduce.read.library_errors import reading
-from cmsreduce.read.nastran.cards import real_number
-from cmsreduce.read.nastran.op4_layout import FORMS, TYPES, Op4Header, binary_headers, binary_strings
-from cmsreduce.read.nastran.op4_printed import printed_headers, printed_strings
+from cmsreduce.read.files import read_head, reading
+from cmsreduce.read.formats import MatrixFormat, StoredMatrix
+from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, mirrored
+from cmsreduce.read.nastran.op4_records import TYPES, BinaryRecords, Op4Header, PrintedRecords, is_printed_header
+from cmsreduce.read.printed_numbers import real_number
 
-__all__ = ["op4_matrices"]
+__all__ = ["FORMS", "OP4", "SYMMETRIC", "first_record"]
 
-_SYMMETRIC = 6
-# Bytes that are looked through for zeros together: much beside one string and little beside a dense file.
+FORMS = {1: "square", 2: "rectangular", 3: "diagonal", 4: "lower", 5: "upper", 6: "symmetric", 8: "identity"}
+SYMMETRIC = 6
+# Bytes of numbers that are searched for zeros together: many strings, but little beside a dense file.
 _AT_ONCE = 8_000_000
 
 
-def op4_matrices(path: Path) -> list[StoredMatrix]:
+def first_record(head: bytes) -> set[int]:
+    """Possible lengths of the first Fortran record of a file, in either byte order.
+
+    The same length is written before and after a record. A file that is cut inside the record still has the first.
+    """
+    lengths = [struct.unpack_from(order + "i", head)[0] for order in "<>"] if len(head) >= 4 else []
+    closing = {length: head[4 + length : 8 + length] for length in lengths if length >= 0}
+    return {length for length, end in closing.items() if end == head[: len(end)]}
+
+
+def _op4_matrices(path: Path) -> list[StoredMatrix]:
     """Matrices of an OP4 file.
 
     Parameters
@@ -34,33 +47,33 @@ def op4_matrices(path: Path) -> list[StoredMatrix]:
     Returns
     -------
     list of StoredMatrix
-        In the order of the file; loading one raises ReadError if a number in it does not parse.
+        In the order of the file; loading one raises ReadError if a number does not parse.
 
     Raises
     ------
     ReadError
-        If the file is truncated or damaged; all of it is walked over first.
+        If the file is truncated or damaged; the whole file is checked first.
     """
-    return [_stored(path, header, header.name or f"m{k}") for k, header in enumerate(_headers(path))]
+    return [
+        StoredMatrix(
+            header.name or f"m{k}",
+            TYPES[header.type] + (f", {round(-np.log10(2 * header.rounding))} digits" if header.ascii else ""),
+            FORMS.get(header.form, f"form {header.form}"),
+            (header.rows, header.cols, None),
+            partial(_load, path, header, header.name or f"m{k}"),
+        )
+        for k, header in enumerate(_headers(path))
+    ]
 
 
 def _headers(path: Path) -> list[Op4Header]:
-    with path.open("rb") as file:
-        start = file.read(4)
+    start = read_head(path, 4)
     if len(start) < 4:
         raise ReadError(f"{path}: the OP4 file is truncated: it has no more than {len(start)} bytes")
-    return binary_headers(path) if b"\0" in start else printed_headers(path)
-
-
-def _stored(path: Path, header: Op4Header, name: str) -> StoredMatrix:
-    digits = f", {round(-np.log10(2 * header.rounding))} digits" if header.ascii else ""
-    return StoredMatrix(
-        name,
-        f"{TYPES[header.type]}{digits}",
-        FORMS.get(header.form, f"form {header.form}"),
-        lambda: (header.rows, header.cols, None),
-        lambda: _load(path, header, name),
-    )
+    if b"\0" not in start:
+        return list(PrintedRecords(path).headers())
+    with BinaryRecords.of(path) as records:
+        return list(records.headers())
 
 
 def _load(path: Path, header: Op4Header, name: str) -> LabelledMatrix:
@@ -68,20 +81,21 @@ def _load(path: Path, header: Op4Header, name: str) -> LabelledMatrix:
     found = _Strings(header.number)
     with reading(path, f"OP4 matrix '{header.name}'"):
         if header.ascii:
-            for row, column, count, text in printed_strings(path, header):
-                # As an array first: numpy takes one number after the other in twice the time.
+            for row, column, count, text in PrintedRecords(path).strings(header):
+                # numpy would take twice the time for these numbers.
                 found.add(row, column, count, array("d", _numbers(text, count, header.width, row, column)).tobytes())
         else:
-            for string in binary_strings(path, header):
-                found.add(*string)
+            with BinaryRecords.of(path) as records:
+                for string in records.strings(header):
+                    found.add(*string)
         A = found.assemble(header.rows, header.cols)
-    if header.form == _SYMMETRIC:
+    if header.form == SYMMETRIC:
         A = mirrored(A)
     return LabelledMatrix(A, name, path, "op4", header.rounding)
 
 
 class _Strings:
-    """Strings of numbers down a column, one after the other; the zeros of dense files are soon dropped."""
+    """Strings of numbers of a matrix, collected; the zeros of dense files are dropped in time to save memory."""
 
     def __init__(self, number: str) -> None:
         self._number = np.dtype(number)
@@ -89,7 +103,7 @@ class _Strings:
         self._kept: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]] = []
 
     def add(self, row: int, column: int, count: int, values: bytes) -> None:
-        """Take a string that starts at a row, both counted from zero."""
+        """Add a string that starts at a row and column counted from zero."""
         self._starts.append(row)
         self._counts.append(count)
         self._columns.append(column)
@@ -107,7 +121,7 @@ class _Strings:
         starts, counts, columns = (np.array(part, np.int64) for part in (self._starts, self._counts, self._columns))
         values = np.frombuffer(bytes(self._values), self._number).astype(np.float64)
         kept = np.flatnonzero(values)
-        # Row of the first number of each string, less the place of that number among all.
+        # Row of the first number of each string, minus the place of that number among all numbers.
         ahead = starts - (np.cumsum(counts) - counts)
         string = np.repeat(np.arange(counts.size), counts)[kept]
         self._kept.append((kept + ahead[string], columns[string], values[kept]))
@@ -129,3 +143,12 @@ def _numbers(text: str, count: int, width: int, row: int, column: int) -> list[f
             place = f"column {column + 1}, row {row + values.index(None) + 1}"
             raise ValueError(f"'{bad}' in {place} is not a number") from None
         return [value for value in values if value is not None]
+
+
+def _is_op4(path: Path, head: bytes) -> bool:
+    # Printed files may hold zero bytes, in the names of matrices.
+    printed = is_printed_header(head.split(b"\n", 1)[0].decode("latin-1"))
+    return printed or bool(first_record(head) & {24, 48})
+
+
+OP4 = MatrixFormat("op4", "NASTRAN OUTPUT4, printed or binary", _is_op4, _op4_matrices)

@@ -1,8 +1,8 @@
-"""Dofs that rigid elements and multipoint constraints of a deck make follow others, and how they follow."""
+"""Dofs that rigid elements and multipoint constraints make dependent on other dofs, and the equations of this."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,26 +10,53 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import DofTable, Followers, Nodes, cross_matrix
-from cmsreduce.read.nastran.card_reader import read_cards
-from cmsreduce.read.nastran.cards import Card
-from cmsreduce.read.nastran.constraint_cards import CONSTRAINT_CARDS, cards_in_force, dependent_of
-from cmsreduce.read.nastran.grid_cards import GRID_CARDS, grid_cards, scalar_points
-from cmsreduce.read.nastran.point_ids import KEY_STEP, Points, dof_keys
+from cmsreduce.model import Nodes, Recovery, cross_matrix
+from cmsreduce.read.labelled_matrix import KEY_STEP, table_of_keys
+from cmsreduce.read.nastran.cards import Card, Cards, read_cards
+from cmsreduce.read.nastran.dof_sets import (
+    Keys,
+    Points,
+    cards_in_force,
+    dof_keys,
+    drop_trailing_reals,
+    id_ranges,
+    joined_keys,
+)
+from cmsreduce.read.nastran.grids import GRID_CARDS, read_grids, scalar_points
 
-__all__ = ["read_followers"]
+__all__ = ["DEPENDENCE_CARDS", "dependent_dofs", "read_followers"]
 
-Keys = NDArray[np.int64]
 Array = NDArray[np.float64]
 Equation = tuple[Keys, Keys, Array]
-"""Keys of dependent dofs (d), keys of independent ones (i), motion of the first by the second (d, i)."""
+"""Keys of dependent dofs (d), keys of independent ones (i), motion of the first per motion of the second (d, i)."""
+
+_UNREAD = ("RSPLINE", "RTRPLT", "RTRPLT1", "RSSCON", "RBE2GS", "GENEL")
+_RIGID = ("RBE1", "RBE2", "RBE3", "RBAR", "RBAR1", "RJOINT", "RROD")
+DEPENDENCE_CARDS = frozenset({*_UNREAD, *_RIGID, "MPC", "MPCADD"})
+"""Cards that these functions use."""
 
 # Of the largest motion: independent dofs that leave a rigid motion open by less do not determine it.
 _DETERMINED = 1e-9
 
 
-def read_followers(path: Path, nodes: Nodes) -> Followers:
-    """How the dependent dofs of a deck follow others.
+def dependent_dofs(cards: Cards, case: Sequence[str] | None, points: Points) -> tuple[Keys, list[str]]:
+    """Dofs that rigid elements and multipoint constraints make dependent, and remarks.
+
+    RBE1, RBE2, RBE3, RBAR, RBAR1, RJOINT, RROD and MPC are read; a remark names other rigid elements.
+    """
+    parts = [_dependent_of(card, points) for name in _RIGID for card in cards.get(name, ())]
+    constraints, remarks = cards_in_force(cards, case, "MPC")
+    parts += [dof_keys(card, points, 1, 1) for card in constraints]
+    remarks += [
+        f"{len(cards[name])} {name} cards are not understood: their dependent dofs stay in the sets n, f and a"
+        for name in _UNREAD
+        if name in cards
+    ]
+    return joined_keys(parts), remarks
+
+
+def read_followers(path: Path, nodes: Nodes) -> Recovery:
+    """Read the equations by which the dependent dofs of a deck follow others.
 
     Parameters
     ----------
@@ -40,54 +67,52 @@ def read_followers(path: Path, nodes: Nodes) -> Followers:
 
     Returns
     -------
-    Followers
-        Of RBE1, RBE2, RBAR, RBAR1, RJOINT, RROD and the MPC set in force; chains of them are followed to their end. The
-        mean motion of RBE3 is left out.
+    Recovery
+        Those of RBE1, RBE2, RBAR, RBAR1, RJOINT, RROD and the MPC set in force; chains of them are resolved. The mean
+        motion of RBE3 is left out.
 
     Raises
     ------
     ReadError
-        If a card names points that are not there, or does not say how its dofs follow; or if dofs follow themselves.
+        If a card names points that the deck does not have, or gives no equation; or if dofs follow themselves.
     """
-    found = read_cards(path, CONSTRAINT_CARDS | GRID_CARDS)
+    found = read_cards(path, DEPENDENCE_CARDS | GRID_CARDS)
     with_points = [number for number, cards in found.sections.items() if "GRID" in cards]
     cards = found.sections[with_points[0]] if with_points else {}
-    points = Points(np.sort(nodes.id), scalar_points(cards, grid_cards(cards)))
+    points = Points(np.sort(nodes.id), scalar_points(cards, read_grids(cards)))
     equations = [*_rigid(cards, points, nodes), *_multipoint(cards, found.case_control, points)]
     return _resolved(path, equations)
 
 
-def _rigid(cards: Mapping[str, Sequence[Card]], points: Points, nodes: Nodes) -> Iterator[Equation]:
+def _rigid(cards: Cards, points: Points, nodes: Nodes) -> Iterator[Equation]:
     for name, leads in _LEADS.items():
         for card in cards.get(name, ()):
-            yield _as_one_piece(card, leads(card, points), dependent_of(card, points), nodes)
+            yield _as_one_piece(card, leads(card, points), _dependent_of(card, points), nodes)
     for card in cards.get("RROD", ()):
         yield _keeps_its_length(card, nodes)
 
 
-def _first_of_bar(card: Card, points: Points) -> Keys:
+def _leads_of_bar(card: Card, points: Points) -> Keys:
     """Independent dofs at the ends of an RBAR."""
-    listed = Card(card.name, (card.text(1), card.text(3), card.text(2), card.text(4)), card.path, card.line)
-    kept = [listed.fields[k : k + 2] for k in (0, 2) if listed.text(k + 1).strip("0")]
-    return dof_keys(Card(card.name, sum(kept, ()), card.path, card.line), points, 0, len(kept))
+    pairs = [(card.text(end), card.text(end + 2)) for end in (1, 2) if card.text(end + 2).strip("0")]
+    return dof_keys(card.with_fields([text for pair in pairs for text in pair]), points, 0, len(pairs))
 
 
-def _before_um(card: Card, points: Points) -> Keys:
+def _leads_before_um(card: Card, points: Points) -> Keys:
     """Independent dofs of an RBE1, listed as (grid, components)."""
-    whole = tuple(text for text in card.fields[1 : card.fields.index("UM")] if text.isdigit())
-    return dof_keys(Card(card.name, whole, card.path, card.line), points, 0, len(whole) // 2)
+    return _of_pairs(card, card.fields[1 : card.fields.index("UM")], points)
 
 
 def _all_six(card: Card, points: Points) -> Keys:
     return card.integer(1) * KEY_STEP + np.arange(1, 7)
 
 
-_LEADS = {"RBE2": _all_six, "RBAR1": _all_six, "RJOINT": _all_six, "RBAR": _first_of_bar, "RBE1": _before_um}
+_LEADS = {"RBE2": _all_six, "RBAR1": _all_six, "RJOINT": _all_six, "RBAR": _leads_of_bar, "RBE1": _leads_before_um}
 """Independent dofs of each rigid element that moves as one piece."""
 
 
 def _as_one_piece(card: Card, leads: Keys, follows: Keys, nodes: Nodes) -> Equation:
-    """Followers move as a stiff body does, whose six motions the leading dofs give."""
+    """The dependent dofs move as a rigid body, whose six motions the independent dofs determine."""
     about = _place(card, nodes, int(leads[0] // KEY_STEP))[0]
     R = np.array([_rigid_row(card, nodes, key, about) for key in (*leads, *follows)])
     lead, follow = R[: leads.size], R[leads.size :]
@@ -98,7 +123,7 @@ def _as_one_piece(card: Card, leads: Keys, follows: Keys, nodes: Nodes) -> Equat
 
 
 def _rigid_row(card: Card, nodes: Nodes, key: int, about: Array) -> Array:
-    """A dof under the six rigid motions about a point (6,), basic axes."""
+    """Motion of a dof under the six rigid motions about a point, along basic axes (6,)."""
     node, component = divmod(int(key), KEY_STEP)
     xyz, frame = _place(card, nodes, node)
     axis = frame[(component - 1) % 3]
@@ -115,7 +140,7 @@ def _place(card: Card, nodes: Nodes, node: int) -> tuple[Array, Array]:
 
 
 def _keeps_its_length(card: Card, nodes: Nodes) -> Equation:
-    """The rod's ends move alike along it; one translation of one end is dependent."""
+    """The ends of a rod move equally along the rod; one translation of one end is dependent."""
     ends = [card.integer(1), card.integer(2)]
     places = [_place(card, nodes, node) for node in ends]
     along = places[1][0] - places[0][0]
@@ -129,15 +154,11 @@ def _keeps_its_length(card: Card, nodes: Nodes) -> Equation:
     return keys[named], keys[others], -share[None, others] / share[named[0]]
 
 
-def _multipoint(
-    cards: Mapping[str, Sequence[Card]], case: tuple[str, ...] | None, points: Points
-) -> Iterator[Equation]:
-    numbers, _ = cards_in_force(cards, case, "MPC")
-    for card in cards.get("MPC", ()):
-        if numbers is not None and card.integer(0) not in numbers:
-            continue
+def _multipoint(cards: Cards, case: tuple[str, ...] | None, points: Points) -> Iterator[Equation]:
+    for card in cards_in_force(cards, case, "MPC")[0]:
         # Three fields a term; the second line of the card, and every later one, leaves its first field blank.
-        starts = [k for k in (*range(1, 7, 3), *_later_starts(len(card.fields))) if card.text(k)]
+        later = [line + first for line in range(8, len(card.fields), 8) for first in (1, 4)]
+        starts = [k for k in (1, 4, *later) if card.text(k)]
         keys = np.concatenate([dof_keys(card, points, k, 1) for k in starts])
         share = np.array([card.real(k + 2) for k in starts])
         if keys.size != share.size or share[0] == 0:
@@ -145,18 +166,14 @@ def _multipoint(
         yield keys[:1], keys[1:], -share[None, 1:] / share[0]
 
 
-def _later_starts(fields: int) -> list[int]:
-    return [line + first for line in range(8, fields, 8) for first in (1, 4)]
-
-
-def _resolved(path: Path, equations: Sequence[Equation]) -> Followers:
-    """x_d = G x, followed until no dependent dof is left on the right."""
+def _resolved(path: Path, equations: Sequence[Equation]) -> Recovery:
+    """Equations x_d = G x, substituted until no dependent dof is left on the right."""
     empty = np.zeros(0, dtype=np.int64)
     follows = np.sort(np.concatenate([empty, *(one for one, _, _ in equations)]))
     twice = np.flatnonzero(np.diff(follows) == 0)
     if twice.size:
         node, component = divmod(int(follows[twice[0]]), KEY_STEP)
-        raise ReadError(f"{path}: dof {node}.{component} follows by two rigid elements or constraints at once")
+        raise ReadError(f"{path}: dof {node}.{component} depends on two rigid elements or constraints")
     leads = np.setdiff1d(np.concatenate([empty, *(one for _, one, _ in equations)]), follows)
     rows, columns, values = [empty], [empty], [np.zeros(0)]
     for dependents, independents, G in equations:
@@ -176,12 +193,49 @@ def _resolved(path: Path, equations: Sequence[Equation]) -> Followers:
         step = on_followers @ step
         step.eliminate_zeros()
         if not step.nnz:
-            return Followers(_table(follows), _table(leads), sp.csr_array(T))
+            break
         T = T + step
-    if follows.size:
+    if step.nnz:
         raise ReadError(f"{path}: its rigid elements and constraints make dofs follow themselves")
-    return Followers(_table(follows), _table(leads), sp.csr_array(T))
+    return Recovery(table_of_keys(follows), table_of_keys(leads), sp.csr_array(T))
 
 
-def _table(keys: Keys) -> DofTable:
-    return DofTable(keys // KEY_STEP, (keys % KEY_STEP).astype(np.int8))
+def _dependent_of(card: Card, points: Points) -> Keys:
+    """Keys of the dependent dofs of one rigid element."""
+    if card.name == "RBE2":
+        return points.keys(id_ranges(card, 3, drop_trailing_reals(card)), card.text(2), card)
+    if card.name in {"RBAR1", "RJOINT"}:
+        return points.keys(id_ranges(card, 2, 3), card.text(3) or "123456", card)
+    if card.name == "RBAR":
+        return _dependent_of_bar(card, points)
+    if card.name == "RROD":
+        ends = [(index, card.text(index + 2)) for index in (1, 2)]
+        return joined_keys([points.keys(id_ranges(card, index, index + 1), c, card) for index, c in ends if c])
+    if "UM" in card.fields:
+        fields = [text for text in card.fields[card.fields.index("UM") + 1 :] if text]
+        if "ALPHA" in fields:
+            fields = fields[: fields.index("ALPHA")]
+        return _of_pairs(card, fields, points)
+    if card.name == "RBE3":
+        return points.keys(id_ranges(card, 2, 3), card.text(3), card)
+    raise ReadError(f"{card.where}: it has no UM field, so it has no dependent dofs")
+
+
+def _dependent_of_bar(card: Card, points: Points) -> Keys:
+    """Dependent dofs of an RBAR: those named, or else all that are not independent."""
+    digits = [card.text(5), card.text(6)]
+    if not any(text.strip("0") for text in digits):
+        digits = ["".join(c for c in "123456" if c not in card.text(end)) for end in (3, 4)]
+    return joined_keys(
+        [
+            points.keys(id_ranges(card, index, index + 1), text, card)
+            for index, text in zip((1, 2), digits, strict=True)
+            if text.strip("0")
+        ]
+    )
+
+
+def _of_pairs(card: Card, fields: Sequence[str], points: Points) -> Keys:
+    """Dofs listed as (grid, components), between words and real numbers."""
+    whole = [text for text in fields if text.isdigit()]
+    return dof_keys(card.with_fields(whole), points, 0, len(whole) // 2)

@@ -1,10 +1,9 @@
-"""Proof that the rows of a matrix are the dofs that the geometry says.
+"""Proof that the rows of a matrix are the dofs that the geometry names.
 
-Row labels, forces against rigid motion and the likely causes of a mismatch belong here.
-The readers of files belong in their own rooms.
+Forces against rigid motion and the likely causes of a mismatch belong here.
+The readers of files belong in their own rooms, the labels of rows in `read.body`.
 """
 
 from cmsreduce.read.row_order.proof import RowOrderProof, is_condensed, prove_row_order
-from cmsreduce.read.row_order.row_labels import on_common_rows, possible_rows
 
-__all__ = ["RowOrderProof", "is_condensed", "on_common_rows", "possible_rows", "prove_row_order"]
+__all__ = ["RowOrderProof", "is_condensed", "prove_row_order"]

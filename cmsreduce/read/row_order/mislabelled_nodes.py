@@ -1,7 +1,7 @@
-"""Nodes whose rows are not what the geometry says, found by asking the matrix where they are.
+"""Nodes whose rows contradict the geometry; the matrix itself shows their true places and axes.
 
-Everything else is moved rigidly and the suspects are left free: if the matrix is sound they follow rigidly too, each
-along its true axes and from its true place, because that is the only state without force.
+All other nodes are moved rigidly and the suspects are left free. If the matrix is sound, the suspects follow rigidly,
+too, because that is the only state without force; their displacements show the true axes and place of each.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from cmsreduce.read.row_order.rigid_residual import RigidResidual
 
 __all__ = ["mislabelled_nodes"]
 
-# The suspects are solved for with a dense matrix: 1500 dofs take 18 MB and a second.
+# The displacements of the suspects are solved for with a dense matrix: 1500 dofs take 18 MB and a second.
 _MOST_DOFS = 1500
-# The solution carries the condition of the suspects' stiffness; a wrong node is wrong by far more.
+# The error of the solution grows with the condition of the suspects' stiffness; a wrong node differs by far more.
 _TRUE = 1e-4
-# Forces that the freed suspects leave on the rest of the body, relative to those they left before.
+# Forces that remain when the suspects are free, relative to the forces before.
 _EXPLAINED = 1e-5
 _NAMED = 5
 
 
 @dataclass(frozen=True, eq=False)
 class _TrueNode:
-    """Where a node is and along which axes it moves, by its rows of the matrix."""
+    """Place of a node and axes of its displacements, as its rows of the matrix show them."""
 
     id: int
     arm: NDArray[np.float64]
@@ -40,21 +40,21 @@ def mislabelled_nodes(body: FEModel, nodes: Nodes, found: RigidResidual, suspect
     Parameters
     ----------
     body : FEModel
-        Body whose six rigid motions leave forces.
+        Body whose rigid motions leave forces; only one with all six of them is examined.
     nodes : Nodes
         Its geometry.
     found : RigidResidual
-        Those forces.
+        These forces.
     suspects : (k,) int64
         Nodes with forces.
 
     Returns
     -------
     str or None
-        None if relabelling the suspects does not explain the forces.
+        None if other labels of the suspects do not explain the forces.
     """
     free = np.isin(body.dofs.node, suspects)
-    if free.all() or free.sum() > _MOST_DOFS:
+    if not np.array_equal(found.motions, np.eye(6)) or free.all() or free.sum() > _MOST_DOFS:
         return None
     moved = _follow(body, found, free)
     if moved is None:
@@ -69,24 +69,24 @@ def mislabelled_nodes(body: FEModel, nodes: Nodes, found: RigidResidual, suspect
         same_place = np.linalg.norm(true.arm - (nodes.xyz[at] - found.centre)) < _TRUE * found.length
         if not (same_axes and same_place):
             wrong.append(true)
-    return _say(wrong, nodes, found) if wrong else None
+    return _described(wrong, nodes, found) if wrong else None
 
 
 def _follow(body: FEModel, found: RigidResidual, free: NDArray[np.bool_]) -> NDArray[np.float64] | None:
-    """Displacements of all dofs when the free ones follow the rigid motion of the rest; None if forces remain."""
+    """Displacements of all dofs if the free ones follow the rigid motion of the others; None if forces remain."""
     K = body.K[free]
     rest = ~free
     inner = K[:, free].toarray()
     load = -np.asarray(K[:, rest] @ found.shapes[rest])
     moved = found.shapes.copy()
-    # Dofs without stiffness may be among the suspects, so the smallest solution is taken.
+    # The suspects may have dofs without stiffness, so the smallest solution is taken.
     moved[free] = np.linalg.lstsq(inner, load, rcond=None)[0]
     left = np.abs(np.asarray(body.K @ moved)).max(axis=0)
     return moved if (left <= _EXPLAINED * np.abs(found.force).max()).all() else None
 
 
 def _true_node(dofs: DofTable, found: RigidResidual, moved: NDArray[np.float64], node: int) -> _TrueNode | None:
-    """Place and axes of a node from its displacements under the six rigid motions; None if it has no three axes."""
+    """Place and axes of a node from its displacements under the six rigid motions; None if there are no such axes."""
     rows = dofs.rows(node, [1, 2, 3])
     if (rows < 0).any():
         return None
@@ -101,18 +101,18 @@ def _true_node(dofs: DofTable, found: RigidResidual, moved: NDArray[np.float64],
     return _TrueNode(node, arm, axes)
 
 
-def _say(wrong: list[_TrueNode], nodes: Nodes, found: RigidResidual) -> str:
-    """What is wrong with the nodes, in words."""
-    said = [_of_node(true, nodes, found) for true in wrong[:_NAMED]]
+def _described(wrong: list[_TrueNode], nodes: Nodes, found: RigidResidual) -> str:
+    """Description of the wrong nodes."""
+    listed = [_difference(true, nodes, found) for true in wrong[:_NAMED]]
     more = f", and {len(wrong) - _NAMED} more nodes" if len(wrong) > _NAMED else ""
     return (
-        f"{'; '.join(said)}{more}. All other rows are in order. Correct the geometry, or give the order of the rows as "
-        "a list of node.component under `rows:`"
+        f"{'; '.join(listed)}{more}. All other rows are in order. Correct the geometry, or give the order of the rows "
+        "as a list of node.component under `rows:`"
     )
 
 
-def _of_node(true: _TrueNode, nodes: Nodes, found: RigidResidual) -> str:
-    """What is wrong with one node."""
+def _difference(true: _TrueNode, nodes: Nodes, found: RigidResidual) -> str:
+    """Difference between the matrices and the geometry at one node."""
     at = int(nodes.index(true.id)[0])
     away = np.linalg.norm(nodes.xyz - found.centre - true.arm, axis=1)
     nearest = int(away.argmin())
@@ -120,15 +120,15 @@ def _of_node(true: _TrueNode, nodes: Nodes, found: RigidResidual) -> str:
         if away[nearest] < _TRUE * found.length:
             return f"the rows labelled node {true.id} are those of node {nodes.id[nearest]} (rows are shuffled)"
         place = ", ".join(f"{x:.6g}" for x in true.arm + found.centre)
-        said = ", ".join(f"{x:.6g}" for x in nodes.xyz[at])
-        return f"node {true.id} stands at ({place}) in the matrices, at ({said}) in the geometry"
+        given = ", ".join(f"{x:.6g}" for x in nodes.xyz[at])
+        return f"node {true.id} is at ({place}) in the matrices, at ({given}) in the geometry"
     own = nodes.frame[at]
     if np.linalg.det(true.axes @ own.T) < 0:
         return f"the rows of node {true.id} are left-handed: components are exchanged, or one has the other sign"
     if np.abs(true.axes - np.eye(3)).max() < _TRUE:
         return f"the rows of node {true.id} are along the basic axes, not along its displacement frame (CD)"
     angle = np.degrees(np.arccos(np.clip((np.trace(true.axes @ own.T) - 1) / 2, -1, 1)))
-    where = "the basic axes" if np.abs(own - np.eye(3)).max() < _TRUE else "the displacement frame it is given"
+    where = "the basic axes" if np.abs(own - np.eye(3)).max() < _TRUE else "its displacement frame in the geometry"
     return (
         f"the rows of node {true.id} are along axes turned by {angle:.4g} degrees from {where}: its displacement frame "
         "(CD) is missing or wrong"

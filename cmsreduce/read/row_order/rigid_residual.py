@@ -1,4 +1,4 @@
-"""Forces that a stiffness matrix puts up against rigid motion, and how large round-off alone may make them."""
+"""Forces of a stiffness matrix against rigid motion, and the forces that round-off alone may cause."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from cmsreduce.model import DofTable, Nodes, rigid_body_shapes
 
 __all__ = ["RigidResidual", "rigid_residual"]
 
-# Each stored entry is off by at most its rounding, so a row sums to at most rounding * |K| |R|: ten for the spread
-# between a leading 1 and a leading 9 of printed digits, and as much again for the order of summation.
+# The error of each stored entry is at most its rounding, so that of a row is at most rounding * |K| |R|. The factor is
+# ten for the spread between a leading 1 and a leading 9 of printed digits, times two for the order of summation.
 _DIGITS = 20.0
-# The three coordinates of a point may all be off, in a worst direction.
+# All three coordinates of a point may be wrong, in the worst direction.
 _COORDINATES = 2.0
 # Round-off of assembly, relative to sqrt(K_ii K_jj), which bounds every entry of a semidefinite matrix and is
 # the form of the error bound of Cholesky factorisation (Higham, Accuracy and Stability, theorem 10.3).
 _ARITHMETIC = 200 * 2.0**-53
-# Static condensation of a slender body works with entries up to 1e6 times those it leaves (EA/h against EI/L^3).
+# Static condensation of a slender body subtracts entries that are up to 1e6 times the result (EA/h against EI/L^3).
 _CONDENSATION = 1e-9
 # Singular values of the motions of constrained dofs below this are round-off of printed coordinates.
 _AT_REST = 1e-6
@@ -43,11 +43,11 @@ class RigidResidual:
     force : (n, m) float64
         K R c.
     excess : (n,) float64
-        Largest ratio of force to what round-off may leave; above 1 the row is in violation.
+        Largest ratio of the force to the force that round-off may leave; above 1 the row is in violation.
     relative : (n,) float64
         That force relative to sqrt(K_ii) max_j sqrt(K_jj) |R_j c|.
     allowed : (n,) float64
-        What round-off may leave there, relative in the same way.
+        Force that round-off may leave there, relative in the same way.
     """
 
     motions: NDArray[np.float64]
@@ -80,7 +80,7 @@ def rigid_residual(
     K : (n, n) sparse array
         Stiffness.
     dofs, nodes : DofTable, Nodes
-        What the rows are said to be.
+        Dofs that the rows should have, and the geometry.
     constrained : DofTable, optional
         Dofs without rows that are held at zero.
     rounding : float
@@ -107,7 +107,7 @@ def rigid_residual(
     excess = np.divide(at, allowed, out=np.where(at > 0, np.inf, 0.0), where=allowed > 0)
     of = excess.argmax(axis=1) if excess.shape[1] else np.zeros(len(dofs), dtype=np.int64)
     rows = np.arange(len(dofs))
-    # A row with an empty diagonal has no scale of its own; the forces that should cancel in it serve.
+    # A row with an empty diagonal has no scale; the forces that should cancel in it give one.
     scale = np.where(scale > 0, scale, size @ np.abs(shapes))
     relative = np.divide(at, scale, out=np.zeros_like(at), where=scale > 0)
     tolerance = np.divide(allowed, scale, out=np.zeros_like(at), where=scale > 0)
@@ -137,7 +137,7 @@ def _admissible(
     table = DofTable(constrained.node[held], constrained.component[held])
     R = _scaled(rigid_body_shapes(table, nodes, centre), length)
     R[table.component > 3] *= length
-    # Six empty rows let fewer than six constraints have a full set of right singular vectors.
+    # With six empty rows, fewer than six constraints have a full set of right singular vectors, too.
     _, size, motions = np.linalg.svd(np.vstack([R, np.zeros((6, 6))]), full_matrices=False)
     free: NDArray[np.float64] = motions[size <= _AT_REST * max(size[0], 1.0)].T
     return free
@@ -146,12 +146,12 @@ def _admissible(
 def _displacement_error(
     dofs: DofTable, nodes: Nodes, motions: NDArray[np.float64], arms: NDArray[np.float64], length: float
 ) -> NDArray[np.float64]:
-    """How far each dof's displacement may be off because coordinates and frames were printed, (n, m)."""
+    """Largest error of each dof's displacement that comes from printed coordinates and frames, (n, m)."""
     turn = np.linalg.norm(motions[3:], axis=0) / length
     error = np.zeros((len(dofs), motions.shape[1]))
     moving = np.flatnonzero(dofs.component > 0)
     at = nodes.index(dofs.node[moving])
-    # Coordinates also carry the round-off of the coordinate systems they came through.
+    # Coordinates also have the round-off of the coordinate systems in which they were given.
     off = nodes.xyz_rounding + 4 * 2.0**-53 * np.abs(nodes.xyz[at]).max(axis=1, initial=0.0)
     turned = np.where(np.abs(nodes.frame[at] - np.eye(3)).max(axis=(1, 2), initial=0.0) > 0, 1.0, 0.0)
     skew = turned * (nodes.frame_rounding + 4 * 2.0**-53)

@@ -1,4 +1,4 @@
-"""What the plots of the reduction checks are drawn from: static loads, zeros, steps in time, the controller."""
+"""Data of the plots of reduction checks: static loads, zeros, step responses, the controller."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.model import ChannelZeros, ControllerMargin, GainCurve, GainSum, RunResult, StepErrors
+from cmsreduce.model import ChannelZeros, ControllerMargin, GainCurve, RunResult, StepErrors
 from cmsreduce.report.page.curves import all_rounded, rounded
 from cmsreduce.report.page.packing import ArrayStore, thinned_points
 
@@ -19,14 +19,14 @@ __all__ = ["check_data", "high_gains"]
 _BUDGET, _FEWEST = 3e6, 120
 # Part of |s| from which a root has left an axis: rounding moves a double root by the square root of its own.
 _OFF_AXIS = 1e-6
-# What has no place on a logarithmic axis stands here.
+# Smallest value on a logarithmic axis.
 _LEAST = 1e-16
-# Places of a zero in the plane of s.
+# Place of a zero in the plane of s.
 _IMAGINARY, _REAL, _COMPLEX = 0, 1, 2
 
 
 def check_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
-    """What was found of a reduction beside the errors of its responses.
+    """Data of the checks of a reduction.
 
     Parameters
     ----------
@@ -37,8 +37,8 @@ def check_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``statics``: body, load and lacking energy in per cent; ``zeros``, ``steps``, ``margins``: configuration by
-        configuration, channels in the order of ``channels``, outputs outermost.
+        ``statics``: body, load and energy error in per cent; ``zeros``, ``steps``, ``margins``: by configuration, with
+        channels in the order of ``channels``, outputs outermost.
     """
     systems = () if run.checks is None else run.checks.systems
     stepped = [(each.configuration, each.step) for each in systems if each.step is not None]
@@ -72,11 +72,8 @@ def high_gains(curve: GainCurve, band_hz: float, store: ArrayStore) -> dict[str,
     store : ArrayStore
         Takes position of the mode, channel, and share of the gains.
     """
-    # The first summand is its own sum.
-    gain = np.diff(curve.whole_running, axis=0, prepend=np.zeros((1, *curve.whole_total.shape)))
-    whole = GainSum(curve.whole_hz, gain, curve.whole_total - gain.sum(axis=0))
-    found = list(whole.high_gain_modes(band_hz))
-    inputs = curve.whole_total.shape[1]
+    found = list(curve.all_modes.high_gain_modes(band_hz))
+    inputs = curve.all_modes.static.shape[1]
     return {
         "mode": store.exact([each.mode for each in found], "u4"),
         "channel": store.exact([each.output * inputs + each.input for each in found], "u4"),
@@ -86,11 +83,11 @@ def high_gains(curve: GainCurve, band_hz: float, store: ArrayStore) -> dict[str,
 
 def _statics(run: RunResult) -> list[list[Any]]:
     static = {} if run.checks is None else run.checks.static
-    return [[body, each.load, rounded(100 * each.lack)] for body, loads in static.items() for each in loads]
+    return [[body, load, rounded(100 * lack)] for body, loads in static.items() for load, lack in loads.items()]
 
 
 def _zeros(found: tuple[ChannelZeros, ...], outputs: int, inputs: int, store: ArrayStore) -> dict[str, Any]:
-    """Zeros of all channels in one row, and how many are of each."""
+    """Zeros of all channels in one row, with the number of each channel."""
     by_channel = {pair.output * inputs + pair.input: pair for pair in found}
     rows: dict[str, list[NDArray[np.float64]]] = {"full": [], "reduced": [], "miss": []}
     places: dict[str, list[NDArray[np.int64]]] = {"full_place": [], "reduced_place": [], "judged": []}
@@ -118,9 +115,9 @@ def _zeros(found: tuple[ChannelZeros, ...], outputs: int, inputs: int, store: Ar
 def _drawn_pair(
     pair: ChannelZeros | None,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.int64], NDArray[np.float64]]:
-    """Zeros of both systems; of each of the full one 1 if it is judged, and its distance from its partner.
+    """Zeros of both systems; for each of the full one 1 if it is judged, and the distance from its partner.
 
-    One that is not judged has no partner: its distance is that from the nearest.
+    A zero that is not judged has no partner; its distance is that from the nearest zero.
     """
     if pair is None:
         return np.empty(0, complex), np.empty(0, complex), np.empty(0, np.int64), np.empty(0)
@@ -132,7 +129,7 @@ def _drawn_pair(
 
 
 def _drawn(zeros: NDArray[np.complex128]) -> NDArray[np.bool_]:
-    """One of each pair that is mirrored in an axis, and none at the origin."""
+    """Mask of one zero of each pair mirrored in an axis, without those at the origin."""
     size = abs(zeros)
     return np.asarray((size > 0) & (zeros.real >= -_OFF_AXIS * size))
 
@@ -189,7 +186,7 @@ def _worst_zeros(found: tuple[ChannelZeros, ...], run: RunResult) -> NDArray[np.
 
 
 def _first(values: Sequence[ArrayLike]) -> tuple[int, int]:
-    """Configuration and place in it where a figure is largest: what is shown first."""
+    """Configuration and channel with the largest value, which the page shows first."""
     rows = [np.nan_to_num(np.asarray(each, dtype=np.float64)) for each in values]
     worst = max(range(len(rows)), key=lambda c: float(rows[c].max(initial=0.0)), default=0)
     return worst, int(rows[worst].argmax()) if rows and rows[worst].size else 0

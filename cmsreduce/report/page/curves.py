@@ -1,4 +1,4 @@
-"""What the plots of responses and errors are drawn from: plain JSON values, and where their arrays stand."""
+"""Data of the plots of responses and errors: plain JSON values, and the places of their arrays."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from cmsreduce.report.wording import Figure, compared, measured
 
 __all__ = ["all_rounded", "decibels", "response_data", "rounded"]
 
-# More digits than a plot or a tooltip shows.
+# Digits of numbers in the page's JSON, more than a plot or a tooltip shows.
 _DIGITS = 5
-# Columns of a curve: those of a wide screen, fewer where so many curves would make the page slow to open, never fewer
-# than draw a resonance.
+# Largest number of columns of a curve, as on a wide screen, and the smallest that still draws a resonance. Many curves
+# have fewer columns, so that the page opens quickly.
 _COLUMNS, _FEWEST = 700, 60
 # Bytes of all curves before compression.
 _BUDGET = 8e6
@@ -45,9 +45,9 @@ def response_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``models`` label in one order what stands in every list beside them, the run's own first. Curves are thinned;
-        frequencies in Hz, magnitudes in dB re 1, ``apart`` that of a reduced model less that of the full one (or 0
-        where that is silent), ``missed`` the magnitude of the difference in dB re the full response.
+        ``models`` gives the order of all lists by model, the run's own first. Curves are thinned; frequencies in Hz,
+        magnitudes in dB re 1. ``apart`` is the magnitude of a reduced model less that of the full one (or 0 without a
+        response), ``missed`` the magnitude of the difference in dB re the full response.
     """
     models = (run.model, *compared(run))
     figures = measured(run)
@@ -92,7 +92,7 @@ def _figure(run: RunResult, figure: Figure, models: Iterable[str]) -> dict[str, 
 
 
 def _axes(run: RunResult) -> list[dict[str, Any]]:
-    """Articulated motions that are set to more than one value, with the value in each configuration."""
+    """Articulated motions with more than one value, and their value in each configuration."""
     settings = [result.configuration.angles for result in run.configurations]
     found = []
     for joint, dof in dict.fromkeys(axis for angles in settings for axis in angles):
@@ -108,7 +108,7 @@ def _axes(run: RunResult) -> list[dict[str, Any]]:
 
 
 def _speed(run: RunResult, models: Iterable[str]) -> dict[str, Any] | None:
-    """What each model costs: coordinates and seconds of its responses in all configurations; the full one first."""
+    """Coordinates of each model, and seconds of its responses in all configurations; the full one first."""
     if not run.configurations:
         return None
     first = run.configurations[0]
@@ -141,7 +141,7 @@ def _setting(
         "frac": [found and [rounded(found.frac[channel]) for channel in channels] for found in errors],
         "pairs": _pairs(errors[0]) if errors[0] else [],
         "damped": _damped_pairs(errors[0].damped) if errors[0] and errors[0].damped else None,
-        "likeness": _likeness(errors[0], store) if errors[0] else None,
+        "mac": _mac(errors[0], store) if errors[0] else None,
         "hz": store.exact(result.response.frequency_hz, "f4") if channels else None,
         "curves": list(_curves(result, models, channels, store, most)),
     }
@@ -154,7 +154,7 @@ def _curves(
     store: ArrayStore,
     most: float,
 ) -> Iterator[dict[str, Any]]:
-    # The channels of one configuration need about as many columns each.
+    # The channels of one configuration need similar numbers of columns.
     columns = float(_COLUMNS)
     for o, i in channels:
         found, used = _channel(result, models, o, i, store, most, min(_COLUMNS, 1.2 * columns))
@@ -162,23 +162,23 @@ def _curves(
         yield found
 
 
-def _likeness(found: ModelErrors, store: ArrayStore) -> dict[str, Any] | None:
-    alike = found.likeness
-    if alike is None or not alike.mac.size:
+def _mac(found: ModelErrors, store: ArrayStore) -> dict[str, Any] | None:
+    table = found.mac_matrix
+    if table is None or not table.mac.size:
         return None
-    mac = np.clip(np.rint(255 * alike.mac), 0, 255)
-    return {"full": all_rounded(alike.full_hz), "reduced": all_rounded(alike.reduced_hz), "mac": store.exact(mac, "u1")}
+    mac = np.clip(np.rint(255 * table.mac), 0, 255)
+    return {"full": all_rounded(table.full_hz), "reduced": all_rounded(table.reduced_hz), "mac": store.exact(mac, "u1")}
 
 
 def _pairs(found: ModelErrors) -> list[list[float | None]]:
-    """Full and reduced frequency in Hz, shift in per cent and likeness of shapes of every pair."""
+    """Full and reduced frequency in Hz, shift in per cent and MAC of every pair."""
     full, reduced = found.full_hz, found.reduced_hz
     shift = 100 * (reduced - full) / np.where(full > 0, full, np.nan)
     return [all_rounded(pair) for pair in zip(full, reduced, shift, found.mac, strict=True)]
 
 
 def _damped_pairs(found: DampedPairs) -> list[list[float | None]]:
-    """Full and reduced frequency in Hz and damping ratio in per cent, and likeness of shapes, of every complex pair."""
+    """Full and reduced frequency in Hz, damping ratios in per cent and MAC of every complex pair."""
     columns = (found.full_hz, found.reduced_hz, 100 * found.full_zeta, 100 * found.reduced_zeta, found.mac)
     return [all_rounded(pair) for pair in zip(*columns, strict=True)]
 
@@ -200,7 +200,7 @@ def _channel(
     found = {
         "at": store.ascending(at),
         "full": store.rounded(full[at]),
-        # Against the full one, so that the error of a good model is not lost in the rounding of both.
+        # A difference, so that rounding of both curves does not hide the error of a good model.
         "apart": [store.rounded(reduced[m][at] - base[at]) if m in reduced else None for m in models],
         "missed": [store.rounded(missed[m][at]) if m in missed else None for m in models],
     }
@@ -208,18 +208,18 @@ def _channel(
 
 
 def _missed(full: NDArray[np.complex128], reduced: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Share of the full response that the reduced one is off, in magnitude or phase; NaN where there is none."""
-    heard = full != 0
-    off = abs(reduced - full) / np.where(heard, abs(full), 1.0)
-    # Two equal numbers differ by less than rounding, which unlike zero has a place on a logarithmic axis.
-    return np.where(heard, np.maximum(off, np.finfo(float).eps), np.nan)
+    """Relative error of a reduced response, in magnitude and phase; NaN where the full response is zero."""
+    known = full != 0
+    error = abs(reduced - full) / np.where(known, abs(full), 1.0)
+    # Zero has no place on a logarithmic axis.
+    return np.where(known, np.maximum(error, np.finfo(float).eps), np.nan)
 
 
 def all_rounded(values: Iterable[float]) -> list[float | None]:
-    """Numbers as JSON has them, to the digits that are shown; null for what is not finite."""
+    """Numbers for JSON, to the digits that are shown; null for numbers that are not finite."""
     return [rounded(value) for value in values]
 
 
 def rounded(value: float) -> float | None:
-    """Number to the digits that are shown; None for what is not finite."""
+    """Number to the digits that are shown; None if it is not finite."""
     return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None

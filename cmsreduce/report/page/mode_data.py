@@ -1,4 +1,4 @@
-"""What the plots of modes are drawn from: influence, effective mass, gains, completeness, projection."""
+"""Data of the plots of modes: influence, effective mass, gains, completeness, projection, timings."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ __all__ = ["mode_data"]
 
 # Singular values below this share of the largest are rounding.
 _ROUNDING = 1e-17
-# What modes carry of each motion, as shown.
+# Gains up to this size are zero.
 _LEAST_GAIN = 1e-300
 
 
 def mode_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
-    """Modes of the bodies, and what they carry.
+    """Modes of the bodies with their masses and gains, and times of the stages.
 
     Parameters
     ----------
@@ -70,19 +70,20 @@ def _effective(curve: EffectiveMassCurve | None) -> dict[str, Any] | None:
 
 def _gain(curve: GainCurve, store: ArrayStore) -> dict[str, Any]:
     """Running sums in order of modes, output by output and input by input, in shares of each pair's largest."""
-    size = np.maximum(abs(curve.whole_running).max(axis=0, initial=0.0), abs(curve.running).max(axis=0, initial=0.0))
-    size = np.maximum(size, np.maximum(abs(curve.total), abs(curve.whole_total)))
+    kept, every = curve.kept, curve.all_modes
+    size = np.maximum(abs(every.running).max(axis=0, initial=0.0), abs(kept.running).max(axis=0, initial=0.0))
+    size = np.maximum(size, np.maximum(abs(kept.total), abs(every.total)))
     silent = size <= _LEAST_GAIN
     scale = np.where(silent, 1.0, size)
     return {
         "configuration": curve.configuration,
-        "hz": all_rounded(curve.hz),
-        "whole_hz": all_rounded(curve.whole_hz),
+        "hz": all_rounded(kept.hz),
+        "whole_hz": all_rounded(every.hz),
         "scale": store.exact(np.where(silent, 0.0, size), "f4"),
-        "running": store.rounded(_shares(curve.running, scale)),
-        "whole": store.rounded(_shares(curve.whole_running, scale)),
-        "total": store.exact(curve.total, "f4"),
-        "whole_total": store.exact(curve.whole_total, "f4"),
+        "running": store.rounded(_shares(kept.running, scale)),
+        "whole": store.rounded(_shares(every.running, scale)),
+        "total": store.exact(kept.total, "f4"),
+        "whole_total": store.exact(every.total, "f4"),
     }
 
 
@@ -105,9 +106,9 @@ def _projection(record: ProjectionRecord) -> dict[str, Any]:
                 "configuration": mode.configuration,
                 "hz": rounded(mode.hz),
                 "weight": rounded(float(mode.weight.max(initial=0.0))),
-                "body": mode.share.body,
-                "interface": mode.share.interface,
-                "likeness": rounded(mode.likeness),
+                "body": mode.body,
+                "interface": mode.interface,
+                "likeness": rounded(mode.mac),
                 "spurious": mode.spurious,
             }
             for mode in record.extraneous

@@ -1,7 +1,4 @@
-"""Arrays of the page, packed: one compressed block of bytes, and where in it each array stands.
-
-Thin curves to what a screen shows, without losing a peak.
-"""
+"""Arrays of the page in one compressed block of bytes, and curves thinned to the columns of a screen."""
 
 from __future__ import annotations
 
@@ -12,11 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = [
-    "ArrayStore",
-    "compressed",
-    "thinned_points",
-]
+__all__ = ["ArrayStore", "compressed", "thinned_points"]
 
 _GAP = -32768
 _TOP = 32767
@@ -25,7 +18,7 @@ _ALIGN = 8
 
 
 class ArrayStore:
-    """Collects arrays; each is named in the page's JSON by where it stands.
+    """Collection of arrays; the page's JSON names each by its place.
 
     Examples
     --------
@@ -39,7 +32,7 @@ class ArrayStore:
         self._size = 0
 
     def exact(self, values: ArrayLike, kind: str) -> dict[str, Any]:
-        """Store numbers as they are; ``kind`` is one of f4, u4, u2, u1, i1."""
+        """Store numbers in full; ``kind`` is one of f4, u4, u2, u1, i1."""
         array = np.asarray(values).ravel()
         return {"at": self._add(array.astype(f"<{kind}").tobytes()), "n": int(array.size), "as": kind}
 
@@ -49,7 +42,7 @@ class ArrayStore:
         return {**self.exact(steps, "u4" if steps.max(initial=0) > 0xFFFF else "u2"), "sum": True}
 
     def rounded(self, values: ArrayLike) -> dict[str, Any]:
-        """Store numbers to one 65000th of their range, finer than a screen; what is not finite is a gap."""
+        """Store numbers to one 65000th of their range, finer than a screen; a number that is not finite is a gap."""
         array = np.asarray(values, dtype=np.float64).ravel()
         known = np.isfinite(array)
         low = float(array[known].min()) if known.any() else 0.0
@@ -73,17 +66,17 @@ class ArrayStore:
 
 
 def compressed(data: bytes, level: int = 9) -> str:
-    """Gzip in base64, the same for the same bytes: it holds no time."""
+    """Gzip in base64, without a time stamp: equal bytes give equal text."""
     return base64.b64encode(gzip.compress(data, level, mtime=0)).decode("ascii")
 
 
 def thinned_points(frequency: ArrayLike, curves: ArrayLike, buckets: int = 700) -> NDArray[np.int64]:
-    """Points that draw the same picture: the lowest and the highest of every curve in each bucket.
+    """Points for the same picture: the lowest and the highest of every curve in each bucket.
 
     Parameters
     ----------
     frequency : (f,) array_like
-        Ascending; points at or below zero have no place on a logarithmic axis and are left out.
+        Ascending; points at or below zero are left out, as the axis is logarithmic.
     curves : (c, f) array_like
         Curves over one grid; NaN is a gap.
     buckets : int
@@ -114,7 +107,7 @@ def thinned_points(frequency: ArrayLike, curves: ArrayLike, buckets: int = 700) 
         if known.size <= 2 * buckets:
             kept[shown[known]] = True
             continue
-        # The library cannot divide one bucket, or no width at all, into columns: then there are none to divide.
+        # The library cannot divide a single bucket or a curve without width into columns.
         along = (log[known],) if buckets > 1 and log[known[0]] < log[known[-1]] else ()
         found = MinMaxDownsampler().downsample(*along, np.ascontiguousarray(curve[known]), n_out=2 * buckets)
         kept[shown[known[found.astype(np.int64)]]] = True

@@ -33,7 +33,7 @@
     plot("sigma-" + k, () => Modes.sigma(k), "order");
     plot("effective-" + k, () => Modes.effectiveMass(k));
   });
-  plot("mac", Modes.likeness, "mac-configuration");
+  plot("mac", Modes.mac, "mac-configuration");
   plot("gains", Modes.gains, "gain-configuration", "gain-channel");
   plot("completeness", Modes.completeness);
   plot("static-lack", Checks.statics);

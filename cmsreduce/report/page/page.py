@@ -1,7 +1,4 @@
-"""What a page that opens offline is made of: its scripts, its data, and the plotting library.
-
-The report: one HTML page that opens offline.
-"""
+"""The report: one HTML page that opens offline, with its scripts, its data and the plotting library."""
 
 from __future__ import annotations
 
@@ -14,15 +11,16 @@ from typing import Any
 from cmsreduce.model import MISSING_INERTIA, RunResult
 from cmsreduce.report.page.check_data import check_data
 from cmsreduce.report.page.curves import response_data
-from cmsreduce.report.page.health_rows import basis_row, health_rows
 from cmsreduce.report.page.mode_data import mode_data
 from cmsreduce.report.page.packing import ArrayStore, compressed
 from cmsreduce.report.page.scene_data import scene_data
 from cmsreduce.report.page.tables import (
+    basis_row,
     cards,
     channel_rows,
     check_rows,
     configuration_rows,
+    health_rows,
     mode_rows,
     sensitivity_rows,
     timings,
@@ -42,13 +40,13 @@ _QUICK = 4
 
 
 def packed_plotly() -> str:
-    """The plotting library, compressed: the page unpacks it when it opens."""
+    """The compressed plotting library; the page unpacks it when it opens."""
     return start_packing().result()
 
 
 @cache
 def start_packing() -> Future[str]:
-    """Compress the plotting library beside other work: it takes longer than the rest of a page."""
+    """Compress the plotting library in a thread: it takes longer than the rest of a page."""
 
     def work() -> str:
         return compressed(files("plotly").joinpath("package_data", "plotly.min.js").read_bytes(), _QUICK)
@@ -57,13 +55,13 @@ def start_packing() -> Future[str]:
 
 
 def embedded(data: Any) -> str:
-    """JSON that cannot end the script element it stands in, whatever the names in it."""
+    """JSON for a script element: no name in it can end the element."""
     text = json.dumps(data, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def part(name: str) -> str:
-    """Text of a script, a style or a template that comes with the package."""
+    """Text of a script, a style or a template of the package."""
     return files("cmsreduce.report.page").joinpath(name).read_text(encoding="utf-8")
 
 
@@ -77,7 +75,7 @@ _SECTIONS = (
     ("cost", "Speed"),
     ("components", "Modes"),
     ("mode-shapes", "Shapes"),
-    ("likeness", "Likeness"),
+    ("mac-of-modes", "MAC"),
     ("gain-sum", "Gains"),
     ("statics", "Static loads"),
     ("zero-shifts", "Zeros"),
@@ -94,7 +92,7 @@ _SECTIONS = (
 
 
 def render_report(run: RunResult) -> str:
-    """Render what a run found as one self-contained HTML page.
+    """Render the result of a run as one self-contained HTML page.
 
     Parameters
     ----------
@@ -103,7 +101,7 @@ def render_report(run: RunResult) -> str:
     Returns
     -------
     str
-        HTML; the plotting library, styles and data are in it, and nothing is fetched when it opens.
+        HTML with the plotting library, styles and data inside; opening it needs no network.
     """
     from jinja2 import Environment, FunctionLoader, StrictUndefined
     from markupsafe import Markup
@@ -152,11 +150,11 @@ def render_report(run: RunResult) -> str:
 
 
 def page_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
-    """What the page's plots are drawn from, as JSON values; their arrays go to the store."""
+    """Data of the plots as JSON values; their arrays go to the store."""
     data = response_data(run, store) | mode_data(run, store) | check_data(run, store)
     data["scene"] = scene_data(run, store)
     data["body_places"] = {body["name"]: k for k, body in enumerate(data["scene"]["bodies"])} if data["scene"] else {}
-    data["has_likeness"] = any(setting["likeness"] is not None for setting in data["settings"])
+    data["has_mac"] = any(setting["mac"] is not None for setting in data["settings"])
     data["missing_inertia"] = 100 * MISSING_INERTIA
     return data
 
@@ -168,7 +166,7 @@ def _sections(run: RunResult, data: dict[str, Any]) -> list[tuple[str, str]]:
         "responses": bool(run.configurations),
         "configurations": bool(run.configurations),
         "cost": bool(run.configurations),
-        "likeness": data["has_likeness"],
+        "mac-of-modes": data["has_mac"],
         "gain-sum": bool(run.gains),
         "statics": bool(data["statics"]),
         "zero-shifts": bool(data["zeros"]),

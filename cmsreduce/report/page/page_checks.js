@@ -12,7 +12,7 @@ const Checks = (() => {
   });
 
   function statics() {
-    // What is less is rounding.
+    // Smaller values are rounding.
     const floor = 1e-12;
     const bodies = [...new Set(data.statics.map((row) => row[0]))];
     const traces = bodies.map((body, b) => {
@@ -28,7 +28,7 @@ const Checks = (() => {
     draw("static-lack", traces, { showlegend: bodies.length > 1, bargap: 0.35,
       shapes: limit ? [{ type: "line", yref: "paper", y0: 0, y1: 1, x0: limit, x1: limit, line: { color: styles.limit, width: 1.5 } }] : [],
       annotations: limit ? [{ yref: "paper", y: 1, yanchor: "bottom", x: Math.log10(limit), showarrow: false, text: `limit ${limit} %` }] : [],
-      xaxis: titled("strain energy that is lacking, %", { type: "log", exponentformat: "power", dtick: 2, range: [low, Math.max(low + 6, Math.log10(Math.max(...known)) + 1.2)] }),
+      xaxis: titled("missing strain energy, %", { type: "log", exponentformat: "power", dtick: 2, range: [low, Math.max(low + 6, Math.log10(Math.max(...known)) + 1.2)] }),
       yaxis: { ...AXIS, type: "category", autorange: "reversed", automargin: true } });
   }
 
@@ -113,10 +113,10 @@ const Checks = (() => {
     const curve = (y, name, style, more) => ({ x: hz, y, name, mode: "lines", line: style, hovertemplate: "%{y:.3~g}", ...more });
     const mark = (y, more) => ({ x: [hz[at]], y: [y[at]], name: "worst frequency", mode: "markers", legendgroup: "worst", hovertemplate: "worst: %{x:.5~g} Hz, %{y:.3~g}",
       marker: { symbol: "diamond", size: 12, color: COLOURS[1], line: { width: 1, color: styles.ink } }, ...more });
-    const one = level(1, "nothing is proven above 1", "y2");
+    const one = level(1, "no proof above 1", "y2");
     draw("controller-margin", [
-      curve(borne, "what the reduced loop bears, σmin(I + G<sub>R</sub>K)", line(styles.full)),
-      curve(spillover, "what the modes left out add, σmax(ΔG K)", { color: COLOURS[0], width: 2, dash: "dash" }),
+      curve(borne, "margin of the reduced loop, σmin(I + G<sub>R</sub>K)", line(styles.full)),
+      curve(spillover, "spillover of the modes left out, σmax(ΔG K)", { color: COLOURS[0], width: 2, dash: "dash" }),
       mark(spillover),
       curve(ratio, "quotient", { color: COLOURS[0], width: 2 }, { yaxis: "y2", showlegend: false }),
       mark(ratio, { yaxis: "y2", showlegend: false }),
@@ -127,7 +127,7 @@ const Checks = (() => {
       yaxis2: titled("quotient", { type: "log", exponentformat: "power", domain: [0, 0.34], dtick: 2,
         range: [Math.log10(Math.min(...ratio)) - 0.2, Math.max(0, Math.log10(ratio[at])) + 0.9] }),
     });
-    const growing = found.unstable === null ? "; the reduced loop has no real state space to count its roots by" : found.unstable ? `; the reduced loop has ${found.unstable === 1 ? "a root that grows" : `${found.unstable} roots that grow`}` : "; the reduced loop is stable";
+    const growing = found.unstable === null ? "; the reduced loop has no real state space to count its roots by" : found.unstable ? `; the reduced loop has ${found.unstable === 1 ? "an unstable root" : `${found.unstable} unstable roots`}` : "; the reduced loop is stable";
     said("margin-worst", `The quotient is ${figure(found.ratio, 3)} at ${figure(found.worst_hz, 5)} Hz, the worst${growing}: the full loop is ${found.proven ? "proven stable" : "not proven stable"}.`);
   }
 

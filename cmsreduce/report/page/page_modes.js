@@ -1,5 +1,5 @@
 "use strict";
-// Influence and effective mass of the modes of each body, likeness, gains, completeness, projection, timings.
+// Influence and effective mass of the modes of each body, MAC, gains, completeness, projection, timings.
 const Modes = (() => {
   const { data, styles, AXIS, decades, figure, COLOURS, DASHES, plain, titled, chosen, draw, element } = Style;
   const SYMBOLS = ["circle", "square", "diamond", "triangle-up", "triangle-down", "cross"];
@@ -74,12 +74,12 @@ const Modes = (() => {
     });
   }
 
-  function likeness() {
-    const found = data.settings[chosen("mac-configuration")].likeness;
+  function mac() {
+    const found = data.settings[chosen("mac-configuration")].mac;
     const target = document.getElementById("mac");
     if (found === null) {
       Plotly.purge(target);
-      target.replaceChildren(element("p", "The likeness of shapes was not stored.", "quiet"));
+      target.replaceChildren(element("p", "The MAC of the modes was not stored.", "quiet"));
       return;
     }
     const flat = Arrays.read(found.mac);
@@ -186,5 +186,5 @@ const Modes = (() => {
     draw("timing-bars", traces, { barmode: "stack", showlegend: true, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", traceorder: "normal" }, yaxis: { ...AXIS, type: "category", autorange: "reversed", automargin: true }, xaxis: titled("wall time, s", {}) });
   }
 
-  return { sigma, effectiveMass, likeness, gains, completeness, singular, extraneous, timings };
+  return { sigma, effectiveMass, mac, gains, completeness, singular, extraneous, timings };
 })();

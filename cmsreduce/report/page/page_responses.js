@@ -63,11 +63,11 @@ const Responses = (() => {
     document.getElementById("selected").replaceChildren(
       table(["model", ...data.figures.map((figure) => figure.label), "FRAC of this channel"], rows.filter(Boolean), 1), sizes);
     document.getElementById("pairs").replaceChildren(setting.pairs.length
-      ? table(["full, Hz", models[0] + ", Hz", "shift, %", "likeness of shapes (MAC)"], setting.pairs.map((pair) => pair.map(shown)), 0)
+      ? table(["full, Hz", models[0] + ", Hz", "shift, %", "MAC of the shapes"], setting.pairs.map((pair) => pair.map(shown)), 0)
       : element("p", "No mode of the reduced system lies in the band."));
     if (setting.damped !== null) {
       document.getElementById("damped").replaceChildren(setting.damped.length
-        ? table(["full, Hz", models[0] + ", Hz", "full, damping ratio in %", models[0] + ", damping ratio in %", "likeness of shapes (MAC)"],
+        ? table(["full, Hz", models[0] + ", Hz", "full, damping ratio in %", models[0] + ", damping ratio in %", "MAC of the shapes"],
           setting.damped.map((pair) => pair.map(shown)), 0)
         : element("p", "No oscillating mode of the reduced system lies in the band."));
     }

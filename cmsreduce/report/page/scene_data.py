@@ -1,4 +1,4 @@
-"""What the scene and its modes are drawn from in space."""
+"""Data of the scene and its modes in space."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from cmsreduce.report.page.packing import ArrayStore
 
 __all__ = ["scene_data"]
 
-# Bytes of all shapes before compression; modes that are left out go first.
+# Bytes of all shapes before compression; modes that are not kept are the first to be left out.
 _BUDGET = 3_000_000
-# Shapes are drawn, not measured: an eye sees no 127th of the largest motion.
+# Levels of a shape: a 127th of the largest motion is not visible.
 _LEVELS = 127
 
 
 def scene_data(run: RunResult, store: ArrayStore) -> dict[str, Any] | None:
-    """Bodies, joints, channels and modes of the scene; None where nothing can be drawn.
+    """Bodies, joints, channels and modes of the scene; None for a scene without a drawing.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def _body(body: BodyDrawing, part: ComponentResult | None, store: ArrayStore, sh
     most = max(body.kept.size, int(share / max(1, 3 * p)))
     left_out = np.setdiff1d(np.arange(m), body.kept)[: max(0, most - body.kept.size)]
     shown = np.sort(np.concatenate([body.kept, left_out])).astype(np.int64)
-    # Point by point in each mode, so that the page reads a mode in one piece.
+    # Ordered by mode, then by point: the page reads a mode in one piece.
     shapes = np.moveaxis(body.shapes[:, :, shown], -1, 0)
     scale = abs(shapes).max(axis=(1, 2), initial=0.0)
     levels = np.rint(shapes / np.where(scale > 0, scale, 1.0)[:, None, None] * _LEVELS)
@@ -91,7 +91,7 @@ def _system(name: str, shapes: SystemShapes, drawing: SceneDrawing, store: Array
         "name": name,
         "hz": all_rounded(shapes.hz),
         "zeta": all_rounded(100 * shapes.zeta),
-        # Mode by mode, in each the amplitudes of a body's coordinates.
+        # Ordered by mode, then by the coordinates of the body.
         "amplitudes": [store.exact(np.asarray(shapes.amplitudes[body]).T, "f4") for body in drawing.bodies],
         "rotation": [all_rounded(shapes.placements[body].rotation.ravel()) for body in drawing.bodies],
         "translation": [_triple(shapes.placements[body].translation) for body in drawing.bodies],

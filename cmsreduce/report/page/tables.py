@@ -1,7 +1,4 @@
-"""The run in a few figures, at the head of the page.
-
-Rows of the tables on the page.
-"""
+"""Rows of the tables on the page, as text."""
 
 from __future__ import annotations
 
@@ -9,20 +6,23 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from cmsreduce.model import Check, ComponentResult, ConfigurationResult, RunResult
-from cmsreduce.report.wording import Figure, compared, measured, number, seconds, worst
+from cmsreduce.model import Check, ComponentResult, HealthFinding, RunResult
+from cmsreduce.report.wording import CLOSE_MODES, compared, measured, number, per_cent, seconds, worst
 
 __all__ = [
+    "BasisRow",
     "Card",
     "ChannelRow",
     "ConfigurationRow",
     "ModeRow",
     "SensitivityRow",
     "Timings",
+    "basis_row",
     "cards",
     "channel_rows",
     "check_rows",
     "configuration_rows",
+    "health_rows",
     "mode_rows",
     "sensitivity_rows",
     "timings",
@@ -31,18 +31,18 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Card:
-    """One figure.
+    """One figure at the head of the page.
 
     Parameters
     ----------
     what : str
-        What it is.
+        Its name.
     value : str
         In words.
     more : str
-        What it is to be seen against.
+        Its limit, or a value to compare with.
     state : str
-        ``pass``, ``fail`` or empty: whether a limit is met.
+        ``pass``, ``fail``, or empty without a limit.
     """
 
     what: str
@@ -85,14 +85,9 @@ def cards(run: RunResult) -> list[Card]:
     return found
 
 
-# Above this, neighbouring modes act together and a mode's own coefficient may mislead (validity of Gregory's
-# coefficient: spacing << 1).
-_CLOSE = 0.1
-
-
 @dataclass(frozen=True)
 class ModeRow:
-    """One mode of a body, as text; empty where there is nothing to say, ``static`` where a mode has no frequency."""
+    """One mode of a body; a value that is not known is empty, the frequency of a static mode is ``static``."""
 
     number: int
     hz: str
@@ -107,7 +102,7 @@ class ModeRow:
 
 @dataclass(frozen=True)
 class ConfigurationRow:
-    """One configuration: sizes, and of every model its label and its errors in the order of `measured`."""
+    """One configuration: sizes, and for every model its label and its errors in the order of `measured`."""
 
     name: str
     full: str
@@ -117,7 +112,7 @@ class ConfigurationRow:
 
 @dataclass(frozen=True)
 class ChannelRow:
-    """One actuator and one sensor: worst errors over all configurations, as text, and where the response is worst."""
+    """One actuator and one sensor: worst errors over all configurations, and the configuration with the worst."""
 
     name: str
     frf: str
@@ -129,7 +124,7 @@ class ChannelRow:
 
 @dataclass(frozen=True)
 class SensitivityRow:
-    """What would be kept if one thing were otherwise: for each body the modes kept, those more, and those less."""
+    """One change of the sensitivity study: for each body the number of modes kept, those added, those dropped."""
 
     change: str
     failure: str
@@ -138,10 +133,22 @@ class SensitivityRow:
 
 @dataclass(frozen=True)
 class Timings:
-    """Seconds of each stage for each body."""
+    """Wall time of each stage for each body, with its sum and the peak memory."""
 
     stages: tuple[str, ...]
     rows: tuple[tuple[str, tuple[str, ...], str, str], ...]
+
+
+@dataclass(frozen=True)
+class BasisRow:
+    """The mode set of a body; a dash for a value that is not known."""
+
+    columns: str
+    rank: str
+    condition: str
+    orthogonality_m: str
+    orthogonality_k: str
+    deficient: bool
 
 
 def mode_rows(part: ComponentResult) -> list[ModeRow]:
@@ -155,9 +162,9 @@ def mode_rows(part: ComponentResult) -> list[ModeRow]:
             source_hz=_known(modes.source_hz[k], 5),
             sigma=_known(modes.sigma[k], 4),
             spacing=_known(modes.spacing[k], 3),
-            close=bool(modes.spacing[k] > _CLOSE),
+            close=bool(modes.spacing[k] > CLOSE_MODES),
             kept=k in kept,
-            # Of a mode that is left out, only what follows: whether it is on the edge.
+            # The reason of a mode that is left out ends with its sensitivity, which is all that is shown.
             why=modes.why[k] if k in kept else modes.why[k].partition("; ")[2],
         )
         for k in range(modes.omega.size)
@@ -172,7 +179,11 @@ def configuration_rows(run: RunResult) -> list[ConfigurationRow]:
             name=result.configuration.name,
             full=f"{result.n_full} ({result.modes_full})",
             reduced=f"{result.n_reduced} ({result.modes_reduced})",
-            errors=tuple((model, _errors(result, model, figures)) for model in models if model in result.errors),
+            errors=tuple(
+                (model, tuple(figure.text(getattr(found, figure.name)) for figure in figures))
+                for model in models
+                if (found := result.errors.get(model)) is not None
+            ),
         )
         for result in run.configurations
     ]
@@ -184,7 +195,7 @@ def check_rows(run: RunResult) -> list[tuple[str, Check]]:
 
 
 def channel_rows(run: RunResult) -> list[ChannelRow]:
-    """Errors of the run's own model, channel by channel; empty where they were not stored."""
+    """Errors of the run's own model by channel; empty where they were not stored."""
     results = [(c.configuration.name, c.errors[run.model]) for c in run.configurations if run.model in c.errors]
     own = [(name, each, each.channel_error, each.channel_peak) for name, each in results]
     if not own or any(error is None or peak is None for _, _, error, peak in own):
@@ -193,17 +204,17 @@ def channel_rows(run: RunResult) -> list[ChannelRow]:
     for y, output in enumerate(run.outputs):
         for u, entry in enumerate(run.inputs):
             # A channel that is silent in every configuration has no error.
-            heard = [
+            known = [
                 (float(error[y, u]), name)
                 for name, _, error, _ in own
                 if error is not None and not math.isnan(error[y, u])
             ]
-            worst, where = max(heard, default=(math.nan, ""))
+            worst, where = max(known, default=(math.nan, ""))
             peak = _largest(each[y, u] for _, _, _, each in own if each is not None)
             frac = -_largest(-each.frac[y, u] for _, each, _, _ in own)
             nrfd = _largest(each.channel_shift[y, u] for _, each, _, _ in own if each.channel_shift is not None)
             name = f"{entry} → {output}"
-            found.append(ChannelRow(name, _share(worst), _share(peak), _known(frac, 6), _share(nrfd), where))
+            found.append(ChannelRow(name, per_cent(worst), per_cent(peak), _known(frac, 6), per_cent(nrfd), where))
     return found
 
 
@@ -225,7 +236,7 @@ def sensitivity_rows(run: RunResult) -> list[SensitivityRow]:
 
 
 def timings(run: RunResult) -> Timings:
-    """Wall time of every stage of every body, its sum, and the peak memory."""
+    """Wall times of all stages and bodies."""
     stages = tuple(dict.fromkeys(stage for part in run.components.values() for stage in part.seconds))
     rows = tuple(
         (
@@ -239,17 +250,35 @@ def timings(run: RunResult) -> Timings:
     return Timings(stages, rows)
 
 
-def _errors(result: ConfigurationResult, model: str, figures: tuple[Figure, ...]) -> tuple[str, ...]:
-    return tuple(figure.text(getattr(result.errors[model], figure.name)) for figure in figures)
+def basis_row(part: ComponentResult) -> BasisRow:
+    """Columns, rank and condition of a mode set, and orthogonality of the modes made of it."""
+    modes, checks = part.modes, {check.name: check.value for check in part.checks}
+    mass, stiffness = (checks.get(f"orthogonality in {matrix}") for matrix in "MK")
+    return BasisRow(
+        str(modes.basis_size),
+        str(modes.basis_rank or "–"),
+        number(modes.basis_condition, 3) if math.isfinite(modes.basis_condition) else "–",
+        "–" if mass is None else number(mass, 2),
+        "–" if stiffness is None else number(stiffness, 2),
+        0 < modes.basis_rank < modes.basis_size,
+    )
+
+
+def health_rows(part: ComponentResult) -> list[HealthFinding]:
+    """The health of a body, and its checks that failed."""
+    failed = [
+        HealthFinding(
+            ("checks",), check.name, check.value, number(check.value, 3), check.value, check.limit, "above its limit"
+        )
+        for check in part.checks
+        if not check.passed
+    ]
+    return [*part.health, *failed] if part.health else []
 
 
 def _largest(values: Iterable[float]) -> float:
-    """Of those that are numbers; NaN without any."""
+    """The largest number, NaN left out; NaN without any."""
     return max((float(value) for value in values if not math.isnan(value)), default=math.nan)
-
-
-def _share(value: float) -> str:
-    return "–" if math.isnan(value) else f"{number(100 * value, 3)} %"
 
 
 def _known(value: float, digits: int) -> str:

@@ -1,4 +1,4 @@
-"""What all static pictures share: fonts, colours, size, and files that are the same every time."""
+"""Common style of all static pictures: fonts, colours, size, and reproducible files."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 __all__ = ["DOTS_PER_INCH", "drawn", "legend_above", "line_of", "literal", "plain_axes"]
 
 DOTS_PER_INCH = 150
-"""Of a picture in pixels."""
+"""Resolution of pictures in pixels."""
 
 _PIXELS_PER_POINT = DOTS_PER_INCH / 72
-# An axis that is shorter has labels between its decades, too.
-_FEW_DECADES = 30
+# Ratio of the ends of a logarithmic axis below which it has labels between its decades, too.
+_SHORT_AXIS = 30
 
 
 @contextmanager
@@ -57,14 +57,14 @@ def drawn(path: Path, inches: tuple[float, float] = (8.0, 4.2)) -> Iterator[Figu
 
 
 def plain_axes(axes: Axes, *, x: str = "", y: str = "") -> None:
-    """A light grid, no frame on the right and above, and numbers as a person writes them on logarithmic axes."""
+    """Light grid, no frame on the right and above, plain numbers on logarithmic axes."""
     from matplotlib.ticker import FuncFormatter
 
     for axis, scale in ((axes.xaxis, x), (axes.yaxis, y)):
         if scale == "log":
             axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
             low, high = axis.get_view_interval()
-            few = low > 0 and high / low < _FEW_DECADES
+            few = low > 0 and high / low < _SHORT_AXIS
             axis.set_minor_formatter(FuncFormatter(_minor if few else lambda *_: ""))
     axes.grid(color="#e4e8ec", linewidth=0.6)
     axes.set_axisbelow(True)
@@ -76,7 +76,7 @@ def _minor(value: float, _: int | None = None) -> str:
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int = 3) -> None:
-    """Name the lines above everything else, in rows that never cover it."""
+    """Legend in rows above the panels."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside upper left", ncols=columns, frameon=False, handlelength=3.5)
@@ -89,5 +89,5 @@ def line_of(style: LineStyle) -> dict[str, Any]:
 
 
 def literal(text: str) -> str:
-    """Text in which a dollar sign starts no formula."""
+    """Text in which a dollar sign does not start a formula."""
     return text.replace("$", r"\$")

@@ -1,4 +1,4 @@
-"""Static pictures of modes: influence, effective mass, likeness, gains."""
+"""Static pictures of modes: influence, effective mass, MAC, gains."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cmsreduce.model import ComponentResult, EffectiveMassCurve, GainCurve, ModeLikeness, RunResult
+from cmsreduce.model import ComponentResult, EffectiveMassCurve, GainCurve, MacMatrix, RunResult
 from cmsreduce.report.palette import FULL, INK, LIMIT, model_style
 from cmsreduce.report.pictures.figure import drawn, literal, plain_axes
 
-__all__ = ["effective_mass_picture", "gain_picture", "likeness_picture", "sigma_picture"]
+__all__ = ["effective_mass_picture", "gain_picture", "mac_picture", "sigma_picture"]
 
 _MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -66,19 +66,19 @@ def effective_mass_picture(name: str, curve: EffectiveMassCurve, path: Path) -> 
         plain_axes(axes, x="log")
 
 
-def likeness_picture(likeness: ModeLikeness, where: str, path: Path) -> None:
+def mac_picture(table: MacMatrix, where: str, path: Path) -> None:
     """Draw the modal assurance criterion between all modes of the full and of the reduced system."""
     with drawn(path, (7.0, 5.6)) as figure:
         axes = figure.subplots()
         image = axes.imshow(
-            likeness.mac, origin="lower", cmap="Blues", vmin=0, vmax=1, aspect="auto", interpolation="nearest"
+            table.mac, origin="lower", cmap="Blues", vmin=0, vmax=1, aspect="auto", interpolation="nearest"
         )
-        for axis, hz in ((axes.xaxis, likeness.reduced_hz), (axes.yaxis, likeness.full_hz)):
+        for axis, hz in ((axes.xaxis, table.reduced_hz), (axes.yaxis, table.full_hz)):
             at = np.arange(0, hz.size, max(1, math.ceil(hz.size / 14)))
             axis.set_ticks(at, [f"{hz[k]:.4g}" for k in at])
         axes.tick_params(axis="x", rotation=50)
         axes.set(xlabel="modes of the reduced system, Hz", ylabel="modes of the full system, Hz")
-        axes.set_title(literal(f"Likeness of modes, {where}"), loc="left")
+        axes.set_title(literal(f"MAC of the modes, {where}"), loc="left")
         figure.colorbar(image, ax=axes, label="MAC")
 
 
@@ -93,17 +93,9 @@ def gain_picture(run: RunResult, curve: GainCurve, path: Path) -> None:
         for axes in panels.ravel()[len(pairs) :]:
             axes.set_visible(False)
         for axes, (o, i) in zip(panels.ravel(), pairs, strict=False):
-            axes.step(
-                curve.whole_hz,
-                curve.whole_running[:, o, i],
-                where="post",
-                color=FULL.colour,
-                linewidth=2,
-                label="all modes",
-            )
-            axes.step(
-                curve.hz, curve.running[:, o, i], where="post", color=own.colour, linestyle="--", label="modes kept"
-            )
+            every, kept = (gains.running[:, o, i] for gains in (curve.all_modes, curve.kept))
+            axes.step(curve.all_modes.hz, every, where="post", color=FULL.colour, linewidth=2, label="all modes")
+            axes.step(curve.kept.hz, kept, where="post", color=own.colour, linestyle="--", label="modes kept")
             axes.axvline(run.band[1], color=LIMIT, linewidth=0.8, linestyle=":")
             axes.set_xscale("log")
             axes.set_title(literal(f"{run.inputs[i]} → {run.outputs[o]}"), loc="left", fontsize=9)

@@ -1,7 +1,4 @@
-"""The response overlay as a picture.
-
-Every picture of a run as files.
-"""
+"""Static pictures of a run: responses with their errors, errors in every configuration, and all pictures as files."""
 
 from __future__ import annotations
 
@@ -15,21 +12,17 @@ from cmsreduce.model import RunResult
 from cmsreduce.report.page import decibels
 from cmsreduce.report.palette import FULL, LIMIT, model_style
 from cmsreduce.report.pictures.figure import drawn, legend_above, line_of, literal, plain_axes
-from cmsreduce.report.wording import FIGURES, compared
+from cmsreduce.report.pictures.modes import effective_mass_picture, gain_picture, mac_picture, sigma_picture
+from cmsreduce.report.pictures.scene import scene_picture, shapes_picture
+from cmsreduce.report.wording import FIGURES, Figure, compared, file_name, worst
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-from cmsreduce.report.pictures.modes import effective_mass_picture, gain_picture, likeness_picture, sigma_picture
-from cmsreduce.report.pictures.scene import scene_picture, shapes_picture
-from cmsreduce.report.wording import worst
 
-__all__ = [
-    "response_picture",
-    "write_pictures",
-]
+__all__ = ["response_picture", "write_pictures"]
 
 _INCHES = (8.0, 5.2)
-# Below the smallest error an eye finds on the upper panel; keeps the logarithmic axis finite.
+# Smaller than any error visible in the upper panel; keeps the logarithmic axis finite.
 _FLOOR_DB = 1e-4
 
 
@@ -71,19 +64,19 @@ def response_picture(run: RunResult, path: Path, configuration: int = 0, channel
                 continue
             curve = decibels(result.response.reduced[model][:, o, i])
             error = np.maximum(abs(curve - full), _FLOOR_DB)
-            # The run's own model lies on top of those it is compared with.
+            # The run's own model lies on top of the others.
             look = line_of(model_style(k)) | {"zorder": 3 - 0.1 * k}
             above.plot(hz, curve, label=literal(model), **look)
             below.plot(hz, error, **look)
             largest = float(np.max(error, initial=_FLOOR_DB, where=np.isfinite(error)))
             top, own = max(top, largest), largest if k == 0 else own
         if limit is not None:
-            _draw_limit(below, limit)
+            _draw_limit(below, limit, FIGURES[1])
         above.set(ylabel="magnitude, dB", xscale="log")
         title = literal(f"{run.inputs[i]} → {run.outputs[o]}, {result.configuration.name}")
         above.set_title(title, loc="left")
         below.set(xlabel="frequency, Hz", ylabel="|error|, dB", yscale="log")
-        # Three decades below the run's own worst: the rest of the error is nothing anybody looks for.
+        # Smaller errors than a thousandth of the run's largest are of no interest.
         below.set_ylim(0.7 * max(own / 1e3, _FLOOR_DB), 2 * top)
         positive = hz[hz > 0]
         if positive.size > 1:
@@ -94,10 +87,10 @@ def response_picture(run: RunResult, path: Path, configuration: int = 0, channel
         figure.align_ylabels()
 
 
-def _draw_limit(axes: Axes, limit: float) -> None:
-    axes.axhline(limit, color=LIMIT, linewidth=0.8)
+def _draw_limit(axes: Axes, limit: float, figure: Figure) -> None:
+    axes.axhline(figure.scale * limit, color=LIMIT, linewidth=0.8)
     at: Any = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
-    axes.annotate(f"limit {FIGURES[1].text(limit)}", (0, limit), (4, 3), color=LIMIT, **at)
+    axes.annotate(f"limit {figure.text(limit)}", (0, figure.scale * limit), (4, 3), color=LIMIT, **at)
 
 
 def write_pictures(run: RunResult, folder: Path, suffix: str = ".png") -> list[Path]:
@@ -107,7 +100,7 @@ def write_pictures(run: RunResult, folder: Path, suffix: str = ".png") -> list[P
     ----------
     run : RunResult
     folder : Path
-        Is made if it is not there.
+        Made if it does not exist.
     suffix : {".png", ".svg"}
         Format.
     """
@@ -115,7 +108,7 @@ def write_pictures(run: RunResult, folder: Path, suffix: str = ".png") -> list[P
     made: list[Path] = []
 
     def to(name: str) -> Path:
-        made.append(folder / f"{_safe(name)}{suffix}")
+        made.append(folder / f"{file_name(name)}{suffix}")
         return made[-1]
 
     names = [result.configuration.name for result in run.configurations]
@@ -132,8 +125,8 @@ def write_pictures(run: RunResult, folder: Path, suffix: str = ".png") -> list[P
             for i, given in enumerate(run.inputs):
                 response_picture(run, to(f"response_{given}_{output}"), at, (o, i))
         found = run.configurations[at].errors.get(run.model)
-        if found is not None and found.likeness is not None and found.likeness.mac.size:
-            likeness_picture(found.likeness, names[at], to("likeness"))
+        if found is not None and found.mac_matrix is not None and found.mac_matrix.mac.size:
+            mac_picture(found.mac_matrix, names[at], to("mac"))
     for name, part in run.components.items():
         if np.isfinite(part.modes.sigma).any():
             sigma_picture(part, to(f"sigma_{name}"))
@@ -163,9 +156,7 @@ def error_picture(run: RunResult, path: Path) -> None:
                 axes.plot(x, y, marker="osD^vP"[k % 6], markersize=5, label=literal(model), **line_of(look))
         limit = run.limits.get(figure_of.name)
         if limit is not None:
-            axes.axhline(figure_of.scale * limit, color=LIMIT, linewidth=0.8)
-            place: Any = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
-            axes.annotate(f"limit {figure_of.text(limit)}", (0, figure_of.scale * limit), (4, 3), color=LIMIT, **place)
+            _draw_limit(axes, limit, figure_of)
         axes.set_yscale("log")
         axes.set_ylabel(f"{figure_of.label}, {figure_of.unit}")
         axes.set_xticks(
@@ -176,7 +167,3 @@ def error_picture(run: RunResult, path: Path) -> None:
         )
         legend_above(figure, axes)
         plain_axes(axes, y="log")
-
-
-def _safe(name: str) -> str:
-    return "".join(letter if letter.isalnum() or letter in "-=." else "_" for letter in name)

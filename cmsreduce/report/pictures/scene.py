@@ -16,7 +16,7 @@ from cmsreduce.report.pictures.figure import DOTS_PER_INCH, drawn, literal
 __all__ = ["scene_picture", "shapes_picture"]
 
 _BODIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#333333")
-# The page looks at the scene from here, too: turned about z, then tilted, in radians.
+# View of the scene, as on the page: turned about z, then tilted, in radians.
 _YAW, _PITCH = 0.65, 0.5
 # The largest motion as a share of the size of the scene.
 _SWING = 0.12
@@ -91,7 +91,7 @@ def _mode(axes: Any, drawing: SceneDrawing, shapes: SystemShapes, mode: int) -> 
 
 
 def _label(axes: Any, labels: list[tuple[Points, str, str]]) -> None:
-    """Write each label beside its point, where none before it stands."""
+    """Write each label beside its point, where it covers no other label."""
     axes.figure.canvas.draw()
     pixels = DOTS_PER_INCH / 72
     taken: list[tuple[float, float, float, float]] = []

@@ -1,4 +1,4 @@
-"""The picture of a sweep: error against speed, as SVG and as a page to point at."""
+"""The picture of a sweep: error against cost, as SVG and as an interactive page."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ from cmsreduce.model import SweepResult, SweepRow
 from cmsreduce.report.page import embedded, packed_plotly, part
 from cmsreduce.report.palette import INK, LineStyle, model_style
 from cmsreduce.report.pareto import Trade, trades
+from cmsreduce.report.pictures.figure import drawn, literal
 from cmsreduce.report.wording import number, plural
 
 __all__ = ["sweep_page", "sweep_picture"]
 
 _INCHES = (11.0, 4.2)
 _ERROR = "relative response error"
-# Points off the front stay visible, but not in the way.
+# Opacity of points off the front.
 _FAINT = 0.35
-# More groups than styles would say nothing.
+# Styles for groups of points.
 _MOST_GROUPS = 6
 _MARKERS = {"circle": "o", "square": "s", "diamond": "D", "triangle-up": "^", "triangle-down": "v", "cross": "P"}
 
 
 def sweep_picture(sweep: SweepResult, path: Path) -> None:
-    """Draw error against every cost, the Pareto front joined by a line, the points it betters faint.
+    """Draw error against every cost, with a line along the Pareto front; other points are faint.
 
     Parameters
     ----------
@@ -39,24 +40,10 @@ def sweep_picture(sweep: SweepResult, path: Path) -> None:
     WriteError
         If no point has an error to draw.
     """
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter
 
-    found = _trades(sweep, path)
-    style: Any = {
-        "font.family": "DejaVu Sans",
-        "font.size": 8.5,
-        "text.color": INK,
-        "axes.labelcolor": INK,
-        "axes.edgecolor": "#8c959f",
-        "svg.hashsalt": "cmsreduce",
-    }
-    groups = _groups(sweep)
-    with rc_context(style):
-        figure = Figure(figsize=_INCHES, dpi=150, layout="constrained")
-        FigureCanvasAgg(figure)
+    found, groups = _trades(sweep, path), _groups(sweep)
+    with drawn(path, _INCHES) as figure:
         panels = figure.subplots(1, len(found), sharey=True, squeeze=False)[0]
         for axes, trade in zip(panels, found, strict=True):
             axes.step(trade.x[trade.steps], trade.y[trade.steps], where="post", color=INK, linewidth=0.9, zorder=1)
@@ -66,7 +53,7 @@ def sweep_picture(sweep: SweepResult, path: Path) -> None:
                     at = [k for k in here if trade.front[k] == best]
                     marks: Any = {"marker": _MARKERS[look.symbol], "color": look.colour, "s": 34 if best else 18}
                     edge: Any = {"edgecolors": INK if best else "none", "linewidths": 0.7}
-                    label = _literal(group) if best else None
+                    label = literal(group) if best else None
                     faint = 1.0 if best else _FAINT
                     axes.scatter(trade.x[at], trade.y[at], alpha=faint, label=label, zorder=2 + best, **marks, **edge)
             axes.set(xlabel=trade.cost.label, xscale="log", yscale="log")
@@ -76,15 +63,14 @@ def sweep_picture(sweep: SweepResult, path: Path) -> None:
             axes.grid(color="#e4e8ec", linewidth=0.6)
             axes.spines[["top", "right"]].set_visible(False)
         panels[0].set_ylabel(_ERROR)
-        figure.suptitle(_literal(_title(sweep)), x=0.01, ha="left", fontsize=10)
+        figure.suptitle(literal(_title(sweep)), x=0.01, ha="left", fontsize=10)
         if len(groups) > 1:
             handles, labels = panels[0].get_legend_handles_labels()
             figure.legend(handles, labels, loc="outside lower center", ncols=len(groups), frameon=False)
-        figure.savefig(path, metadata={"Date": None} if path.suffix.lower() == ".svg" else {})
 
 
 def sweep_page(sweep: SweepResult) -> str:
-    """The same picture as one HTML page that opens offline; pointing at a point says what it is.
+    """The same picture as one HTML page that opens offline; each point has a tooltip.
 
     Raises
     ------
@@ -122,7 +108,7 @@ def sweep_page(sweep: SweepResult) -> str:
                     name=_escaped(group),
                     legendgroup=group,
                     showlegend=group not in shown,
-                    text=[_said(trade.rows[k]) for k in at],
+                    text=[_tooltip(trade.rows[k]) for k in at],
                     hovertemplate="%{text}<extra></extra>",
                     marker=marker,
                 ),
@@ -174,7 +160,7 @@ def _group_key(sweep: SweepResult) -> str | None:
     return next((key for key, values in sweep.axes.items() if 1 < len(values) <= _MOST_GROUPS), None)
 
 
-def _said(row: SweepRow) -> str:
+def _tooltip(row: SweepRow) -> str:
     lines = [f"point {row.point}: {row.status}", *(f"{key} = {value}" for key, value in row.overrides.items())]
     lines.append(f"response error {number(row.frf_error)}, {number(row.db_error)} dB, {row.kept_modes} modes kept")
     lines.append(
@@ -184,15 +170,10 @@ def _said(row: SweepRow) -> str:
 
 
 def _tick(value: float, _: int | None = None) -> str:
-    """A few numbers of each decade, as a person writes them."""
+    """A few plain numbers of each decade."""
     leading = f"{value:.0e}"[0]
     return f"{value:g}" if leading in "1235" else ""
 
 
 def _escaped(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
-
-
-def _literal(text: str) -> str:
-    # A dollar sign in a name starts no formula.
-    return text.replace("$", r"\$")

@@ -5,16 +5,32 @@ Files for continuous integration belong in `report.ci`.
 """
 
 from cmsreduce.report.terminal.output import Output, opened_output
-from cmsreduce.report.terminal.rankings import RANKINGS_WIDTH, print_rankings
-from cmsreduce.report.terminal.run import print_summary, worst_error
+from cmsreduce.report.terminal.run import print_summary
 from cmsreduce.report.terminal.sweep import SWEEP_WIDTH, print_sweep, sweep_data
-from cmsreduce.report.terminal.tables import DIFFERENCE_WIDTH, print_difference, print_inspected
+from cmsreduce.report.terminal.tables import (
+    DIFFERENCE_WIDTH,
+    RANKINGS_WIDTH,
+    InspectedLine,
+    check_line,
+    figures,
+    health_lines,
+    print_difference,
+    print_inspected,
+    print_rankings,
+    table,
+    verdict,
+    words,
+)
 
 __all__ = [
     "DIFFERENCE_WIDTH",
+    "InspectedLine",
     "Output",
     "RANKINGS_WIDTH",
     "SWEEP_WIDTH",
+    "check_line",
+    "figures",
+    "health_lines",
     "opened_output",
     "print_difference",
     "print_inspected",
@@ -22,5 +38,7 @@ __all__ = [
     "print_summary",
     "print_sweep",
     "sweep_data",
-    "worst_error",
+    "table",
+    "verdict",
+    "words",
 ]

@@ -1,43 +1,30 @@
-"""Progress of a run: a bar on a terminal, plain lines in a log.
-
-Where a command says what it found: standard output, as JSON, a log file, or nowhere.
-"""
+"""Output of a command: progress as bars or lines, results on standard output, as JSON and in a log file."""
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TextIO, TypeVar
-
-if TYPE_CHECKING:
-    from rich.progress import Progress as Bars
+import io
 import json
 import math
-from collections.abc import Iterable
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TextIO
 
 from cmsreduce.errors import CmsReduceError, WriteError
 from cmsreduce.report.wording import plural
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.progress import Progress as Bars
 
-__all__ = [
-    "Bar",
-    "Lines",
-    "Output",
-    "Several",
-    "opened_output",
-    "watch",
-]
+__all__ = ["Bar", "Lines", "Output", "Several", "opened_output", "print_line", "standard_console", "watch"]
 
-Listener = TypeVar("Listener")
-
-# A step that has said nothing for so many seconds says how far it is.
-_PATIENCE = 10.0
+# Seconds without a line after which a long step reports its progress.
+_SILENT_S = 10.0
+# Columns where there is no terminal.
+_PLAIN_WIDTH = 100
 
 
 class Lines:
@@ -53,32 +40,32 @@ class Lines:
 
     def __init__(self, stream: TextIO, clock: Callable[[], float] = time.perf_counter) -> None:
         self.stream, self.clock = stream, clock
-        self.started = self.begun = self.said = clock()
+        self.started = self.begun = self.last_line = clock()
         self.current = ""
 
     def stage(self, stage: str, what: str) -> None:
         """Begin a piece of work."""
-        self._say(f"{stage:<13} {what}")
-        self.begun, self.current = self.said, f"{stage:<13} {what}"
+        self._write(f"{stage:<13} {what}")
+        self.begun, self.current = self.last_line, f"{stage:<13} {what}"
 
     def reused(self, stage: str, what: str) -> None:
         """Take a finished piece of work from an earlier run."""
-        self._say(f"{stage:<13} {what} (finished before, reused)")
+        self._write(f"{stage:<13} {what} (finished before, reused)")
 
     def advance(self, done: int, total: int) -> None:
-        """Say how far a long piece of work is, and how long it still takes; a log needs no more motion."""
+        """Write the progress of a long piece of work, with the time left, at most every ten seconds."""
         now = self.clock()
-        if 0 < done < total and now - self.said >= _PATIENCE:
+        if 0 < done < total and now - self.last_line >= _SILENT_S:
             left = (now - self.begun) * (total - done) / done
-            self._say(f"{self.current}: {done} of {total}, about {left:.0f} s left")
+            self._write(f"{self.current}: {done} of {total}, about {left:.0f} s left")
 
     def note(self, text: str) -> None:
-        """Say what the reader must know."""
-        self._say(f"note: {text}")
+        """Write a note."""
+        self._write(f"note: {text}")
 
-    def _say(self, text: str) -> None:
-        self.said = self.clock()
-        self.stream.write(f"{self.said - self.started:8.2f} s  {text}\n")
+    def _write(self, text: str) -> None:
+        self.last_line = self.clock()
+        self.stream.write(f"{self.last_line - self.started:8.2f} s  {text}\n")
         self.stream.flush()
 
 
@@ -109,23 +96,23 @@ class Bar:
         self.bars.update(self.current, completed=done, total=total)
 
     def note(self, text: str) -> None:
-        """Print above the bars."""
+        """Print a note above the bars."""
         self.bars.console.print(f"note: {text}", markup=False, highlight=False)
 
     def finish(self) -> None:
-        """Fill the bar of the work just done."""
+        """Fill the bar of the last piece of work."""
         if self.current is not None:
             task = self.bars.tasks[-1]
             self.bars.update(self.current, total=task.total or 1, completed=task.total or 1)
 
 
 class Several:
-    """Everything told to several listeners.
+    """Progress on several outputs at once; none for a silent run.
 
     Parameters
     ----------
     listeners : sequence of Bar or Lines
-        None of them hears nothing, and says nothing.
+        The outputs.
     """
 
     def __init__(self, listeners: Sequence[Bar | Lines]) -> None:
@@ -142,25 +129,23 @@ class Several:
             each.reused(stage, what)
 
     def advance(self, done: int, total: int) -> None:
-        """Report how far the current piece of work is."""
+        """Report the progress of the current piece of work."""
         for each in self.listeners:
             each.advance(done, total)
 
     def note(self, text: str) -> None:
-        """Report something the reader must know."""
+        """Report a note."""
         for each in self.listeners:
             each.note(text)
 
 
 @contextmanager
-def watch(listener: Listener | None = None) -> Iterator[Listener | Bar | Lines]:
-    """Listen to a run: with the listener given, with bars on a terminal, with lines elsewhere.
+def watch() -> Iterator[Bar | Lines]:
+    """Show the progress of a run on standard error: bars on a terminal, lines elsewhere.
 
-    Progress goes to standard error, so that standard output holds results only.
+    Standard output holds results only.
     """
-    if listener is not None:
-        yield listener
-    elif not sys.stderr.isatty():
+    if not sys.stderr.isatty():
         yield Lines(sys.stderr)
     else:
         from rich.console import Console
@@ -180,21 +165,17 @@ def watch(listener: Listener | None = None) -> Iterator[Listener | Bar | Lines]:
             bar.finish()
 
 
-# Columns where there is no terminal to ask.
-_PLAIN_WIDTH = 100
-
-
 class Output:
-    """What one command says.
+    """Output of one command.
 
     Parameters
     ----------
     quiet : bool
-        Say nothing but errors, and what is asked for as JSON.
+        Print nothing but errors and failures.
     as_json : bool
-        Give the result as JSON on standard output, and nothing else there.
+        Print the result as JSON, and nothing else, on standard output.
     log : text stream, optional
-        Told everything, whatever is shown.
+        Holds everything, whatever is printed.
     """
 
     def __init__(self, *, quiet: bool = False, as_json: bool = False, log: TextIO | None = None) -> None:
@@ -213,17 +194,16 @@ class Output:
 
     @contextmanager
     def watch(self) -> Iterator[Several]:
-        """Listen to the work: as the terminal allows, and in the log."""
+        """Show progress on the terminal and in the log."""
         logged = [] if self.log is None else [Lines(self.log)]
         if self.quiet:
             yield Several(logged)
             return
         with watch() as shown:
-            assert isinstance(shown, (Bar, Lines))
             yield Several([shown, *logged])
 
     def consoles(self, width: int = _PLAIN_WIDTH, *, whole: bool = False) -> Iterator[Console]:
-        """Where tables are printed.
+        """Consoles for tables: standard output and the log.
 
         Parameters
         ----------
@@ -235,21 +215,19 @@ class Output:
         from rich.console import Console
 
         if self.shows:
-            _forgive(sys.stdout)
-            narrow = sys.stdout.isatty() and not whole
-            yield Console() if narrow else Console(width=width, soft_wrap=whole)
+            yield standard_console(width, wrapped_by_terminal=whole)
         if self.log is not None:
             yield Console(file=self.log, width=width, soft_wrap=whole, no_color=True, force_terminal=False)
 
     def rows(self, lines: Iterable[tuple[str, bool]], drawn: Callable[[Console], None]) -> None:
-        """Say lines, or draw them where there is a terminal; the log holds the lines.
+        """Print lines, or a table of them on a terminal; the log holds the lines.
 
         Parameters
         ----------
         lines : iterable of (str, bool)
-            Each with whether it is said quietly, too.
+            Each with whether a quiet command prints it, too.
         drawn : callable
-            Draws them all on a terminal.
+            Prints the table.
         """
         terminal = self.shows and sys.stdout.isatty()
         if terminal:
@@ -259,7 +237,7 @@ class Output:
             self.line(text, important=important, logged_only=terminal)
 
     def made(self, files: Sequence[Path], *, where: Path | None = None, about: str = "") -> None:
-        """Name the files that were written, and end with how many, where, what they tell, and the time."""
+        """Name the files that were written; the last line has their count, their folder, the result and the time."""
         for path in files:
             self.line(f"wrote {path}")
         count = plural(len(files), "file")
@@ -269,22 +247,22 @@ class Output:
         self.line(found)
 
     def line(self, text: str, *, important: bool = False, logged_only: bool = False) -> None:
-        """Say one line; one that is important is said quietly, too."""
+        """Print one line; a quiet command prints it if it is important."""
         if (self.shows and not logged_only) or (important and not (self.as_json or logged_only)):
-            _forgive(sys.stdout)
+            _replace_unknown_letters(sys.stdout)
             print(text)
         if self.log is not None:
             self.log.write(f"{text}\n")
 
     def result(self, data: Any) -> None:
-        """Give the result as JSON, if that is asked for; what is not finite is null."""
+        """Print the result as JSON, if that is asked for; numbers that are not finite are null."""
         if self.as_json:
             print(json.dumps(_finite(data), indent=2, allow_nan=False))
 
 
 @contextmanager
 def opened_output(*, quiet: bool, as_json: bool, log_file: Path | None) -> Iterator[Output]:
-    """Open the log, and write into it what ends the command.
+    """Open the log; an error that ends the command is written into it.
 
     Raises
     ------
@@ -311,9 +289,22 @@ def opened_output(*, quiet: bool, as_json: bool, log_file: Path | None) -> Itera
             raise
 
 
-def _forgive(stream: TextIO) -> None:
-    import io
+def standard_console(width: int = _PLAIN_WIDTH, *, wrapped_by_terminal: bool = False) -> Console:
+    """Console on standard output, plain and of a given width where that is no terminal."""
+    from rich.console import Console
 
+    _replace_unknown_letters(sys.stdout)
+    if sys.stdout.isatty() and not wrapped_by_terminal:
+        return Console()
+    return Console(width=width, soft_wrap=wrapped_by_terminal)
+
+
+def print_line(console: Console, text: str, style: str = "") -> None:
+    """Print one line, wrapped by the terminal itself, so that a path can be copied whole."""
+    console.print(text, style=style, markup=False, highlight=False, soft_wrap=True)
+
+
+def _replace_unknown_letters(stream: TextIO) -> None:
     if isinstance(stream, io.TextIOWrapper):
         # A name that the terminal's encoding lacks must not end a finished run.
         stream.reconfigure(errors="replace")

@@ -1,9 +1,8 @@
-"""A sweep on the terminal: one table, and what was made."""
+"""A sweep on the terminal: one table, and the written files."""
 
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -11,72 +10,82 @@ from typing import TYPE_CHECKING, Any
 
 from cmsreduce.model import SweepResult, SweepRow, short_keys
 from cmsreduce.report.pareto import trades
+from cmsreduce.report.terminal.output import print_line, standard_console
+from cmsreduce.report.terminal.tables import figures, table, words
 from cmsreduce.report.wording import FIGURES, plural, seconds
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Column
 
 __all__ = ["SWEEP_WIDTH", "print_sweep", "sweep_data"]
 
-_SHOWN = FIGURES[:3]
 SWEEP_WIDTH = 160
-"""Columns in a log or a pipe."""
-# Those that a value of a swept key may take before it is folded.
+"""Columns where there is no terminal."""
+
+_SHOWN = FIGURES[:3]
+# Columns of a swept key's value before it is folded.
 _WIDEST = 32
+_VERDICTS = {"passed": "PASS", "limit broken": "FAIL", "failed": "failed"}
 
 
 def print_sweep(sweep: SweepResult, files: Sequence[Path], console: Console | None = None) -> None:
-    """Print a row for each point, those on a Pareto front marked.
+    """Print a row for each point, with a mark for those on a Pareto front.
 
     Parameters
     ----------
     sweep : SweepResult
     files : sequence of Path
-        What was written, named at the end.
+        Written files, named at the end.
     console : rich.console.Console, optional
         Standard output by default.
     """
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    if console is None:
-        console = Console() if sys.stdout.isatty() else Console(width=SWEEP_WIDTH)
-    best = {row.point for trade in trades(sweep) for row, front in zip(trade.rows, trade.front, strict=True) if front}
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("", justify="right", no_wrap=True)
-    for key, values in zip(short_keys(list(sweep.axes)), sweep.axes.values(), strict=True):
-        widest = min(max(len(value) for value in values), _WIDEST)
-        table.add_column(Text(key), overflow="fold", min_width=widest, max_width=max(widest, len(key)))
-    for name in ("kept", "size", *(figure.label.removesuffix(" error") for figure in _SHOWN), "reduce", "responses"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("", no_wrap=True)
-    for row in sweep.rows:
-        swept = [Text(row.overrides[key]) for key in sweep.axes]
-        mark = "*" if row.point in best else " "
-        verdict = {"passed": "PASS", "limit broken": "FAIL", "failed": "failed"}[row.status]
-        table.add_row(f"{mark} {row.point}", *swept, *_cells(row), verdict)
-    console.print(table)
+    console = console or standard_console(SWEEP_WIDTH)
+    best = _best(sweep)
+    keys = [_key_column(*each) for each in zip(short_keys(list(sweep.axes)), sweep.axes.values(), strict=True)]
+    heads = ("kept", "size", *(figure.label.removesuffix(" error") for figure in _SHOWN), "reduce", "responses", "")
+    rows = [
+        (
+            f"{'*' if row.point in best else ' '} {row.point}",
+            *(row.overrides[key] for key in sweep.axes),
+            *_cells(row),
+            _VERDICTS[row.status],
+        )
+        for row in sweep.rows
+    ]
+    console.print(table((figures(), *keys, *map(figures, heads)), rows))
     failed = [row for row in sweep.rows if row.status == "failed"]
     for message in dict.fromkeys(row.message for row in failed):
         points = [row.point for row in failed if row.message == message]
-        _line(console, f"failed  {', '.join(map(str, points))}: {message}", "red")
-    broken, good = sweep.count("limit broken"), sweep.count("passed")
-    parts = [f"{good} passed", *([f"{broken} broke a limit"] if broken else [])]
+        print_line(console, f"failed  {', '.join(map(str, points))}: {message}", "red")
+    over_limit, good = sweep.count("limit broken"), sweep.count("passed")
+    parts = [f"{good} passed", *([f"{over_limit} broke a limit"] if over_limit else [])]
     parts += [f"{len(failed)} failed"] if failed else []
-    _line(console, f"{sweep.name}: {plural(len(sweep.rows), 'point')} in {seconds(sweep.seconds)}: {', '.join(parts)}")
+    count = plural(len(sweep.rows), "point")
+    print_line(console, f"{sweep.name}: {count} in {seconds(sweep.seconds)}: {', '.join(parts)}")
     if best:
-        _line(console, "* no other point has a smaller error at less cost in reduction time, size or response time")
+        print_line(
+            console, "* no other point has a smaller error at less cost in reduction time, size or response time"
+        )
     for file in files:
-        _line(console, str(file))
+        print_line(console, str(file))
     if files:
-        _line(console, _ending(sweep, files))
+        print_line(console, _ending(sweep, files))
+
+
+def _key_column(key: str, values: Sequence[str]) -> Column:
+    widest = min(max(len(value) for value in values), _WIDEST)
+    return words(key, min_width=widest, max_width=max(widest, len(key)))
+
+
+def _best(sweep: SweepResult) -> set[int]:
+    """Numbers of the points on a Pareto front."""
+    return {row.point for trade in trades(sweep) for row, front in zip(trade.rows, trade.front, strict=True) if front}
 
 
 def sweep_data(sweep: SweepResult, files: Sequence[Path]) -> dict[str, Any]:
-    """A sweep as plain values: a row for each point, with whether it is on a Pareto front."""
-    best = {row.point for trade in trades(sweep) for row, front in zip(trade.rows, trade.front, strict=True) if front}
+    """A sweep as plain values: a row for each point; ``pareto`` marks those on a Pareto front."""
+    best = _best(sweep)
     return {
         "name": sweep.name,
         "passed": sweep.passed,
@@ -88,7 +97,7 @@ def sweep_data(sweep: SweepResult, files: Sequence[Path]) -> dict[str, Any]:
 
 
 def _ending(sweep: SweepResult, files: Sequence[Path]) -> str:
-    """What was made and where, the errors reached, and the time."""
+    """Verdict, count and folder of the files, errors reached, and time."""
     figure = _SHOWN[0]
     errors = {row.point: row.frf_error for row in sweep.rows if math.isfinite(row.frf_error)}
     reached = "no point has a response error"
@@ -103,12 +112,7 @@ def _ending(sweep: SweepResult, files: Sequence[Path]) -> str:
 def _cells(row: SweepRow) -> list[str]:
     if row.status == "failed":
         return [""] * (len(_SHOWN) + 4)
-    figures = [getattr(row, figure.name) for figure in _SHOWN]
-    errors = ["" if math.isnan(value) else figure.text(value) for figure, value in zip(_SHOWN, figures, strict=True)]
+    measured = [(figure, getattr(row, figure.name)) for figure in _SHOWN]
+    errors = ["" if math.isnan(value) else figure.text(value) for figure, value in measured]
     times = ["" if math.isnan(value) else seconds(value) for value in (row.reduce_s, row.reduced_frf_s)]
     return [str(row.kept_modes), str(row.n_reduced) if row.n_reduced else "", *errors, *times]
-
-
-def _line(console: Console, text: str, style: str = "") -> None:
-    # Wrapped by the terminal itself, so that a path can be copied whole.
-    console.print(text, style=style, markup=False, highlight=False, soft_wrap=True)

@@ -1,34 +1,154 @@
-"""Two runs beside each other on the terminal.
-
-What was found in a file: a table on a terminal, lines in a log.
-"""
+"""Tables on the terminal: one mechanism, and the tables of inspected files, differences of runs and rankings."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-from cmsreduce.report.wording import number
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.model import Check, HealthFinding, ModalComponent, SensitivityRecord
+from cmsreduce.report.terminal.output import Output, standard_console
+from cmsreduce.report.wording import CLOSE_MODES, number
 
 if TYPE_CHECKING:
     from rich.console import Console
-import re
-from collections.abc import Sequence
-
-from cmsreduce.report.terminal.output import Output
-
-if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.table import Column, Table
+    from rich.text import Text
 
 __all__ = [
     "DIFFERENCE_WIDTH",
+    "InspectedLine",
+    "RANKINGS_WIDTH",
+    "check_line",
+    "figures",
+    "health_lines",
     "print_difference",
     "print_inspected",
+    "print_rankings",
+    "ranking_rows",
+    "table",
+    "verdict",
+    "words",
 ]
 
 DIFFERENCE_WIDTH = 120
-"""Columns in a log or a pipe."""
+"""Columns of the table of differences where there is no terminal."""
+
+RANKINGS_WIDTH = 150
+"""Columns of the widest table of rankings; a narrower terminal wraps it and loses nothing."""
+
+_VERDICTS = {"pass": "green", "PASS": "green", "FAIL": "bold red", "info": "dim"}
+
+
+def words(head: str = "", **more: Any) -> Column:
+    """Column of text, folded where it is long."""
+    from rich.table import Column
+    from rich.text import Text
+
+    return Column(Text(head), overflow="fold", **more)
+
+
+def figures(head: str = "") -> Column:
+    """Column of numbers, on the right and never folded."""
+    from rich.table import Column
+    from rich.text import Text
+
+    return Column(Text(head), justify="right", no_wrap=True)
+
+
+def verdict(text: str) -> Text:
+    """A verdict in its colour."""
+    from rich.text import Text
+
+    return Text(text, _VERDICTS.get(text, ""))
+
+
+def table(
+    columns: Iterable[Column], rows: Iterable[Sequence[str | Text]], *, title: str = "", heads: bool = True
+) -> Table:
+    """Make a table of plain text, in which brackets are no markup; an empty row ends a section."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    made = Table(
+        *columns,
+        box=box.SIMPLE_HEAD if heads else box.SIMPLE,
+        show_header=heads,
+        pad_edge=False,
+        title=Text(title, "" if heads else "bold") if title else None,
+        title_justify="left",
+    )
+    for row in rows:
+        if row:
+            made.add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in row))
+        else:
+            made.add_section()
+    return made
+
+
+# Columns of a name before figures in columns.
+_NAME_WIDTH = 44
+
+
+@dataclass(frozen=True)
+class InspectedLine:
+    """One line on an inspected file.
+
+    Parameters
+    ----------
+    text : str
+        The content.
+    name : str
+        Subject of the text; empty for a sentence.
+    verdict : {"", "pass", "FAIL"}
+        Of a check.
+    depth : int
+        Level below the first line.
+    in_columns : bool
+        Whether the text is a row of figures, below or above others of its kind.
+    """
+
+    text: str
+    name: str = ""
+    verdict: str = ""
+    depth: int = 0
+    in_columns: bool = False
+
+    @property
+    def line(self) -> str:
+        """The line for a log."""
+        before = "  " * self.depth + (f"{self.verdict}  " if self.verdict else "")
+        if self.in_columns:
+            return f"{before + self.name:<{_NAME_WIDTH}} {self.text}"
+        return before + (f"{self.name}: {self.text}" if self.name else self.text)
+
+
+def check_line(check: Check) -> InspectedLine:
+    """Value, limit and verdict of a check of a body."""
+    return InspectedLine(
+        f"{number(check.value, 3)} (limit {number(check.limit, 3)})", check.name, "pass" if check.passed else "FAIL"
+    )
+
+
+def health_lines(health: Iterable[HealthFinding]) -> list[InspectedLine]:
+    """The table of a body's health; a limit that is not met is followed by the advice."""
+    return [InspectedLine(found.words + ("" if found.passed else f" ({found.advice})"), found.name) for found in health]
+
+
+def print_inspected(rows: Sequence[InspectedLine], output: Output) -> None:
+    """Print the content of one file: a table on a terminal, lines in a log."""
+    output.rows([(row.line, False) for row in rows], lambda console: console.print(_inspected(rows)))
+
+
+def _inspected(rows: Sequence[InspectedLine]) -> Table:
+    title, *rest = rows
+    cells = [(verdict(row.verdict), "  " * (row.depth - 1) + row.name, row.text) for row in rest]
+    return table((words(), words(), words()), cells, title=title.text.rstrip(":"), heads=False)
+
 
 Figure = float | int | str | bool | None
 
@@ -39,36 +159,26 @@ def print_difference(
     same: int,
     console: Console | None = None,
 ) -> None:
-    """Print what differs, and how much.
+    """Print the figures that differ between two runs.
 
     Parameters
     ----------
     names : (str, str)
         The two runs.
     rows : iterable of (str, figure, figure, float or None)
-        What, its value in either run, and the relative change.
+        Name, value in either run, and relative change.
     same : int
-        Figures that are equal.
+        Number of equal figures.
     console : rich.console.Console, optional
         Standard output by default.
     """
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    if console is None:
-        console = Console() if sys.stdout.isatty() else Console(width=DIFFERENCE_WIDTH)
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("")
-    for name in names:
-        table.add_column(Text(name), justify="right", overflow="fold")
-    table.add_column("change", justify="right", no_wrap=True)
-    for what, a, b, change in rows:
-        table.add_row(Text(what), _shown(a), _shown(b), "" if change is None else f"{100 * change:+.3g} %")
-    if table.row_count:
-        console.print(table)
-    console.print(f"{table.row_count} figures differ, {same} are the same", highlight=False)
+    console = console or standard_console(DIFFERENCE_WIDTH)
+    cells = [
+        (name, _shown(a), _shown(b), "" if change is None else f"{100 * change:+.3g} %") for name, a, b, change in rows
+    ]
+    if cells:
+        console.print(table((words(), *(words(name, justify="right") for name in names), figures("change")), cells))
+    console.print(f"{len(cells)} figures differ, {same} are the same", highlight=False)
 
 
 def _shown(value: Figure) -> str:
@@ -79,56 +189,82 @@ def _shown(value: Figure) -> str:
     return "-" if value is None else str(value)
 
 
-_VERDICTS = {"pass": "green", "FAIL": "bold red"}
-# A longer text before a colon is a sentence, not the name of what follows.
-_LONGEST_NAME = 50
-# A name, and figures in columns after it.
-_NUMBERS = re.compile(r"(.*?\S) {2,}(-?[\d.]+(?: +-?[\d.]+)+)")
-
-
-def print_inspected(lines: Sequence[str], output: Output) -> None:
-    """Say what was found in one file."""
-    output.rows([(line, False) for line in lines], lambda console: console.print(inspection_table(lines)))
-
-
-def inspection_table(lines: Sequence[str]) -> Table:
-    """What each line is about beside what it says; a check has its verdict before it.
+def print_rankings(
+    components: Mapping[str, ModalComponent],
+    selection: Mapping[str, NDArray[np.int64]],
+    console: Console | None = None,
+    sensitivity: SensitivityRecord | None = None,
+    scaling: Mapping[str, str] | None = None,
+) -> None:
+    """Print the rankings of every ranked body.
 
     Parameters
     ----------
-    lines : sequence of str
-        The first names the file; what belongs together is indented alike.
+    components : mapping of name to ModalComponent
+        All modes.
+    selection : mapping of name to (k,) int64
+        Elastic columns that are kept.
+    console : rich.console.Console, optional
+        Standard output by default.
+    sensitivity : SensitivityRecord, optional
+        Names the modes on the edge.
+    scaling : mapping of body to str, optional
+        Scaling of inputs and outputs, printed below.
     """
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    title, *rest = lines
-    table = Table(
-        box=box.SIMPLE, pad_edge=False, show_header=False, title=Text(title.rstrip(":"), "bold"), title_justify="left"
-    )
-    table.add_column("", no_wrap=True)
-    table.add_column("", overflow="fold", style="bold")
-    table.add_column("", overflow="fold")
-    width = 0
-    for line in rest:
-        verdict, name, text = _cells(line.strip())
-        # Numbers stand below the heads that a line before them gave.
-        width = len(text) if text.startswith(" ") else width
-        text = text.rjust(width) if _NUMBERS.fullmatch(line.strip()) else text
-        indent = " " * max(0, len(line) - len(line.lstrip()) - 2)
-        table.add_row(Text(verdict, _VERDICTS.get(verdict, "")), Text(indent + name), Text(text))
-    return table
+    console = console or standard_console(RANKINGS_WIDTH, wrapped_by_terminal=True)
+    for name, component in components.items():
+        if not component.rankings:
+            continue
+        edge = () if sensitivity is None else sensitivity.edge(name)
+        heads = ("mode", "Hz", "cluster", "", "", *_shown_rankings(component))
+        rows = ranking_rows(component, np.asarray(selection[name]), edge)
+        console.print(table(map(figures, heads), rows, title=f"{name}: coefficient and place"))
+        if scaling and scaling.get(name):
+            console.print(f"{name}: {scaling[name]}", markup=False, highlight=False, soft_wrap=True)
 
 
-def _cells(words: str) -> tuple[str, str, str]:
-    """Verdict of a check, what a line is about, and what it says; empty what it has not."""
-    verdict, _, more = words.partition("  ")
-    if verdict in _VERDICTS:
-        # A name may have a colon of its own.
-        name, _, value = more.rpartition(": ")
-        return verdict, name, value
-    if row := _NUMBERS.fullmatch(words):
-        return "", row[1], row[2]
-    name, colon, text = words.partition(": ")
-    return ("", name, text) if colon and len(name) <= _LONGEST_NAME else ("", "", words)
+def ranking_rows(
+    component: ModalComponent, kept: NDArray[np.int64], edge: Collection[int] = ()
+) -> list[tuple[str, ...]]:
+    """One row per elastic mode, in order of frequency.
+
+    Parameters
+    ----------
+    component : ModalComponent
+        With its rankings.
+    kept : (k,) int64
+        Columns that are kept.
+    edge : collection of int
+        Numbers of the modes on the edge.
+
+    Returns
+    -------
+    list of tuple of str
+        Number, frequency in Hz, number of the cluster or nothing, ``close`` where the next mode is within ten
+        half-power widths, ``kept`` or nothing, and ``edge`` for a mode on the edge; then for each ranking the
+        coefficient and the place, 1 for the most important.
+    """
+    e, chosen = component.elastic, set(kept.tolist())
+    columns = []
+    for name in _shown_rankings(component):
+        values = component.rankings[name]
+        order = np.argsort(-values[e], kind="stable")
+        place = np.empty(order.size, dtype=np.int64)
+        place[order] = np.arange(1, order.size + 1)
+        columns.append([f"{number(float(v), 3)}  {p}" for v, p in zip(values[e], place, strict=True)])
+    return [
+        (
+            str(k + 1),
+            number(float(component.omega[k]) / (2 * np.pi), 5),
+            "" if component.cluster is None or not component.cluster[k] else str(component.cluster[k]),
+            "close" if component.spacing[k] > CLOSE_MODES else "",
+            " ".join((["kept"] if k in chosen else []) + (["edge"] if k + 1 in edge else [])),
+            *(column[k - e.start] for column in columns),
+        )
+        for k in range(e.start, e.stop)
+    ]
+
+
+def _shown_rankings(component: ModalComponent) -> list[str]:
+    # The ranking by frequency holds the period, which the row shows as its frequency.
+    return [name for name in component.rankings if name != "frequency"]

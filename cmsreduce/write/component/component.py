@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.basis_store import combined, observed
+from cmsreduce.linalg.blocks import combined, observed
 from cmsreduce.mechanics import ACCURACIES, advised_steps, numerical_damping
 from cmsreduce.model import (
     Check,

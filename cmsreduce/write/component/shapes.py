@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.linalg.basis_store import observed
+from cmsreduce.linalg.blocks import observed
 from cmsreduce.mechanics import lumped_mass, untied_body
 from cmsreduce.model import FEModel, Lumping, Nodes
 

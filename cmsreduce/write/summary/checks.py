@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,6 @@ from cmsreduce.model import (
     GainSum,
     ModelErrors,
     RunResult,
-    StaticLack,
     StepErrors,
     SystemChecks,
 )
@@ -44,9 +44,9 @@ def basis(part: ComponentResult) -> dict[str, Any]:
     }
 
 
-def static_lack(loads: tuple[StaticLack, ...] | None) -> list[dict[str, Any]] | None:
+def static_lack(loads: Mapping[str, float] | None) -> list[dict[str, Any]] | None:
     """Strain energy that a reduced body lacks, load by load; None if not looked at."""
-    return None if loads is None else [{"load": each.load, "lack": each.lack} for each in loads]
+    return None if loads is None else [{"load": load, "lack": lack} for load, lack in loads.items()]
 
 
 def channels(run: RunResult, errors: ModelErrors | None) -> list[dict[str, Any]] | None:

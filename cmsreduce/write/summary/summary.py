@@ -24,6 +24,7 @@ from cmsreduce.model import (
     ProjectionRecord,
     RunResult,
     SensitivityRecord,
+    health_data,
 )
 from cmsreduce.write.files import atomic_path
 from cmsreduce.write.summary.checks import basis, channels, controller, figures, pole_pairs, static_lack, system_checks
@@ -132,12 +133,19 @@ def _component(part: ComponentResult, run: RunResult) -> dict[str, Any]:
         "certificate": _certificate(modes.certificate),
         "solver": _solver(part.factorised),
         "bound": None if part.bound is None else {**asdict(part.bound), "tightness": part.bound.tightness},
-        "cutoff": None if part.cutoff is None else asdict(part.cutoff),
+        "cutoff": None
+        if (found := part.cutoff) is None
+        else {
+            "multiple": found.cutoff_bands,
+            "estimate": found.estimate,
+            "allowed": found.allowed,
+            "tried": found.tried,
+        },
         "scaling": part.scaling,
         "integration": _integration(part.highest_hz, costly=_costly(part.costly)),
         "single_precision": None if part.rounding is None else asdict(part.rounding),
         "basis": basis(part),
-        "health": None if part.health is None else dict(part.health),
+        "health": health_data(part.health) if part.health else None,
         "static_lack": None if run.checks is None else static_lack(run.checks.static.get(part.name)),
         "checks": [
             {"name": check.name, "value": check.value, "limit": check.limit, "passed": check.passed}
@@ -191,11 +199,11 @@ def _projection(record: ProjectionRecord) -> dict[str, Any]:
             {
                 "configuration": mode.configuration,
                 "frequency_hz": mode.hz,
-                "body": mode.share.body,
-                "energy": dict(mode.share.energy),
-                "interface": mode.share.interface,
+                "body": mode.body,
+                "energy": dict(mode.energy),
+                "interface": mode.interface,
                 "weight": mode.weight.tolist(),
-                "likeness": mode.likeness,
+                "likeness": mode.mac,
             }
             for mode in record.extraneous
         ],

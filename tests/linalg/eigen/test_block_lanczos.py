@@ -6,8 +6,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.linalg.eigen.block_lanczos import BlockLanczos
-from cmsreduce.linalg.factorise import factorise
-from cmsreduce.linalg.flexibility import ElasticFlexibility
+from cmsreduce.linalg.sparse import ElasticFlexibility, factorise
 from tests.linalg.eigen.test_eigenpairs import grid, rod, rod_omega
 
 

@@ -8,8 +8,8 @@ import scipy.sparse as sp
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import certified_modes, count_below, modes_below, rigid_body_modes
 from cmsreduce.linalg.eigen.spectrum_slicing import shifted_factor, sturm_count
-from cmsreduce.linalg.flexibility import ElasticFlexibility
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
+from cmsreduce.linalg.sparse import ElasticFlexibility
 from cmsreduce.model import rigid_body_shapes
 from tests.frames import BAR, frame, line
 

@@ -7,9 +7,8 @@ import scipy.sparse as sp
 
 from cmsreduce.linalg.eigen import beside_modes, certified_modes, eigenpairs, mixed_precision
 from cmsreduce.linalg.eigen.mixed_precision import corrected_modes
-from cmsreduce.linalg.factorise import factorise
-from cmsreduce.linalg.refined_factor import RefinedFactor
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
+from cmsreduce.linalg.sparse import RefinedFactor, factorise
 from tests.solids import block
 
 pytestmark = pytest.mark.pardiso

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import null_space, only_motions, rigid_body_modes, row_basis, stiffness_null_space
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
 from cmsreduce.model import rigid_body_shapes
 from tests.frames import frame, line
 from tests.solids import block

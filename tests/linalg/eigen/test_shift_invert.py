@@ -5,8 +5,8 @@ import pytest
 import scipy.sparse as sp
 
 from cmsreduce.linalg.eigen.shift_invert import Window, modes_about
-from cmsreduce.linalg.factorise import factorise
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
+from cmsreduce.linalg.sparse import factorise
 from tests.linalg.eigen.test_eigenpairs import grid, rod, rod_omega
 
 

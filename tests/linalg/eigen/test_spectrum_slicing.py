@@ -7,9 +7,8 @@ import scipy.sparse as sp
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import certified_modes, spectrum_slicing
 from cmsreduce.linalg.eigen.spectrum_slicing import SLICED, counted_modes
-from cmsreduce.linalg.factorise import factorise
-from cmsreduce.linalg.flexibility import ElasticFlexibility
-from cmsreduce.linalg.solver_settings import SolverSettings, solver_settings
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
+from cmsreduce.linalg.sparse import ElasticFlexibility, factorise
 from tests.linalg.eigen.test_eigenpairs import grid, rod, rod_omega
 from tests.linalg.eigen.test_shift_invert import copies
 

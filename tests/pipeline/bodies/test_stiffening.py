@@ -169,7 +169,7 @@ def test_a_users_matrix_is_the_computed_one(tmp_path: Path) -> None:
 REFUSED = {
     "no such interface": (KEYS, "geometric_stiffness: {{bars: all, held: rot}}", "did you mean 'root'"),
     "held by nothing": (KEYS, "geometric_stiffness: {{bars: all}}", "held:"),
-    "no such load": (KEYS, "geometric_stiffness: {{bars: spin, held: root}}", "'spin' is no unit load"),
+    "no such load": (KEYS, "geometric_stiffness: {{bars: spin, held: root}}", "'spin' is not a unit load"),
     "nothing asked for": (KEYS, "geometric_stiffness: {{held: root}}", "bars: all"),
     "no such body": ("spin: {{beam:", "spin: {{bem:", "did you mean 'beam'"),
     "no unit": ("10 rad/s", "10", "has no unit"),

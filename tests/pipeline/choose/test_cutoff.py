@@ -20,9 +20,9 @@ def falling(**strength: float) -> Callable[[Mapping[str, float]], Mapping[str, f
 
 def test_only_the_body_in_need_is_raised() -> None:
     found = choose_cutoffs(["soft", "stiff"], 0.02, falling(soft=0.4, stiff=1e-3))
-    assert found["stiff"].cutoff == START and found["stiff"].tried == ()
+    assert found["stiff"].cutoff_bands == START and found["stiff"].tried == ()
     # Half of 0.02 is for both bodies: 0.4 / c^4 = 0.005 at c = 2.99.
-    assert 2.99 <= found["soft"].cutoff < 1.25 * 2.99
+    assert 2.99 <= found["soft"].cutoff_bands < 1.25 * 2.99
     assert found["soft"].error <= found["soft"].limit == pytest.approx(0.005)
     assert found["soft"].tried[0] == (START, 0.4 / START**4)
     assert "soft: cutoff auto raised from 1.5 to" in found["soft"].note
@@ -35,7 +35,7 @@ def test_only_the_body_in_need_is_raised() -> None:
 )
 def test_the_search_ends_with_a_clear_note(errors: Callable[..., Mapping[str, float]], words: str) -> None:
     found = choose_cutoffs(["arm"], 0.01, errors)["arm"]
-    assert found.cutoff == MOST and found.error > found.limit
+    assert found.cutoff_bands == MOST and found.error > found.limit
     assert "stopped at 8 x the band" in found.note and words in found.note
 
 
@@ -50,11 +50,11 @@ def true_error(run: Run) -> float:
 def test_the_chosen_cutoffs_meet_the_error_asked_for(opened: Callable[..., Run], method: str) -> None:
     run = opened(*AUTO, f"reduce.method={method}", "verify.limits.frf_error=0.1")
     assert true_error(run) < 0.1
-    for name, choice in run.mode_sets.cutoffs.items():
+    for name, choice in run.cutoffs.items():
         assert choice.error <= choice.limit == pytest.approx(0.1 / 2 / 2)
-        assert choice.note in run.ledger.notes
+        assert choice.note in run.stages.notes
         assert run.modal(name).certificate is None or run.modal(name).certificate.cutoff_hz == pytest.approx(
-            60 * choice.cutoff
+            60 * choice.cutoff_bands
         )
 
 
@@ -66,21 +66,21 @@ def test_less_is_asked_where_more_error_is_allowed(opened: Callable[..., Run]) -
 
 def test_the_choice_is_kept_and_found_again(opened: Callable[..., Run]) -> None:
     first, again = opened(*AUTO), opened(*AUTO)
-    cutoffs = first.mode_sets.cutoffs
+    cutoffs = first.cutoffs
     first.modal("arm")
     again.modal("arm")
-    assert again.mode_sets.cutoffs == cutoffs
-    assert {"reduce auto.cutoff", "orthogonalise arm"} <= set(again.ledger.progress.reused_)
+    assert again.cutoffs == cutoffs
+    assert {"reduce auto.cutoff", "orthogonalise arm"} <= set(again.stages.progress.reused_)
     # The same cutoff, stated, is the same reduction.
-    stated = opened(f"reduce={{cutoff: {cutoffs['arm'].cutoff}}}", AUTO[1])
+    stated = opened(f"reduce={{cutoff: {cutoffs['arm'].cutoff_bands}}}", AUTO[1])
     assert stated.mode_sets.reduce_key("arm") == first.mode_sets.reduce_key("arm")
     asked = opened(*AUTO, "verify.limits.frf_error=0.2")
-    assert asked.mode_sets.cutoffs != cutoffs
+    assert asked.cutoffs != cutoffs
 
 
 def test_a_stated_cutoff_is_left_alone(opened: Callable[..., Run]) -> None:
     run = opened(*AUTO, "components.arm.reduce={cutoff: 2.0}")
-    assert run.mode_sets.cutoffs.keys() == {"panel"}
+    assert run.cutoffs.keys() == {"panel"}
     assert run.modal("arm").certificate is None or run.modal("arm").certificate.cutoff_hz == 120.0
 
 
@@ -104,19 +104,19 @@ def test_a_missing_static_shape_is_named_with_its_share(opened: Callable[..., Ru
     bare, whole = opened("reduce={cutoff: 1}"), opened("reduce={cutoff: 1, residuals: [sensors]}")
     for run in (bare, whole):
         run.modal("panel")
-    lacking = [note for note in bare.ledger.notes if "no static shape for sensor 'probe'" in note]
+    lacking = [note for note in bare.stages.notes if "no static shape for sensor 'probe'" in note]
     assert len(lacking) == 1 and "lacks 4% of the static flexibility there" in lacking[0]
-    assert not any("no static shape" in note for note in whole.ledger.notes)
+    assert not any("no static shape" in note for note in whole.stages.notes)
     # A run that goes on from there says it again.
     again = opened("reduce={cutoff: 1}")
     again.modal("panel")
-    assert lacking[0] in again.ledger.notes
+    assert lacking[0] in again.stages.notes
 
 
 def test_loaded_modes_lack_static_shapes_at_their_joints(opened: Callable[..., Run]) -> None:
     run = opened("reduce={method: augmented, cutoff: 4}")
     run.modal("arm")
-    assert any("arm: its basis has no static shape for interface 'root'" in note for note in run.ledger.notes)
+    assert any("arm: its basis has no static shape for interface 'root'" in note for note in run.stages.notes)
 
 
 def test_the_summary_has_the_choice_under_keys_of_its_own(opened: Callable[..., Run], study: Path) -> None:
@@ -125,8 +125,8 @@ def test_the_summary_has_the_choice_under_keys_of_its_own(opened: Callable[..., 
     )
     execute(run, study)
     parts = json.loads((run.folder / "summary.json").read_text())["components"]
-    found, choice = parts["panel"]["cutoff"], run.mode_sets.cutoffs["panel"]
-    assert (found["multiple"], found["estimate"], found["allowed"]) == (choice.cutoff, choice.error, choice.limit)
+    found, choice = parts["panel"]["cutoff"], run.cutoffs["panel"]
+    assert (found["multiple"], found["estimate"], found["allowed"]) == (choice.cutoff_bands, choice.error, choice.limit)
     assert found["tried"] == [list(each) for each in choice.tried] and found["tried"][0][0] == START
     assert parts["panel"]["certificate"]["cutoff_hz"] == pytest.approx(60 * found["multiple"])
     assert parts["arm"]["cutoff"] is None

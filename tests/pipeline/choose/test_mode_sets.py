@@ -70,7 +70,7 @@ def test_loaded_modes_say_what_loads_them(opened: Callable[..., Run]) -> None:
     run.modal("arm")
     assert any(
         "benfield-hruda loads it by its neighbours as they stand 'as built'; at the other configurations" in note
-        for note in run.ledger.notes
+        for note in run.stages.notes
     )
 
 
@@ -81,9 +81,9 @@ def test_a_change_of_the_neighbour_reloads_the_body(opened: Callable[..., Run]) 
         opened("reduce.method=benfield-hruda", "components.hub.rigid.mass=50"),
     )
     same.modal("arm")
-    assert "orthogonalise arm" in same.ledger.progress.reused_
+    assert "orthogonalise arm" in same.stages.progress.reused_
     heavier.modal("arm")
-    assert "orthogonalise arm" in heavier.ledger.progress.done
+    assert "orthogonalise arm" in heavier.stages.progress.done
 
 
 def test_a_residual_vector_for_a_sensor_makes_its_static_response_exact(opened: Callable[..., Run]) -> None:

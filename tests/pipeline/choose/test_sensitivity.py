@@ -43,7 +43,7 @@ SENSORS = {
 )
 def test_each_case_is_what_a_run_of_its_own_keeps(opened: Callable[..., Run], rule: str) -> None:
     own = opened(rule % ", sensitivity: true", *DAMPED["as it is"])
-    record = own.balancing.sensitivity
+    record = own.sensitivity
     assert record is not None
     found = {case.change: case.kept for case in record.cases}
     assert list(found) == ["damping x 0.2", "damping x 5", "without gyro", "without probe"]
@@ -82,8 +82,8 @@ def test_modes_on_the_edge_are_marked_everywhere(opened: Callable[..., Run], stu
     assert "arm: rotations count as arcs at" in shown.output and "its radius of gyration" in shown.output
     # A run that goes on from there has it in its store.
     again = Run(load_pipeline(study, [AT_5]), run.folder, Log())
-    assert again.balancing.sensitivity == result.sensitivity
-    assert "balance system.sensitivity" in again.ledger.progress.reused_  # type: ignore[attr-defined]
+    assert again.sensitivity == result.sensitivity
+    assert "balance system.sensitivity" in again.stages.progress.reused_  # type: ignore[attr-defined]
 
 
 def test_nothing_is_looked_at_unless_asked_for(opened: Callable[..., Run], study: Path) -> None:
@@ -91,13 +91,13 @@ def test_nothing_is_looked_at_unless_asked_for(opened: Callable[..., Run], study
     result = execute(run, study)
     assert result is not None and result.sensitivity is None
     assert json.loads((run.folder / "summary.json").read_text())["sensitivity"] is None
-    assert not any("sensitivity" in text for text in run.ledger.progress.done)  # type: ignore[attr-defined]
+    assert not any("sensitivity" in text for text in run.stages.progress.done)  # type: ignore[attr-defined]
 
 
 def test_a_rule_that_less_damping_breaks_is_told(opened: Callable[..., Run]) -> None:
     """All modes below a low cutoff meet 3 % with 1 % damping, but not with 0.2 %."""
     run = opened("balance={keep: {frf_error: 0.03}, sensitivity: true}", "reduce.cutoff=3", text=CANTILEVER)
-    record = run.balancing.sensitivity
+    record = run.sensitivity
     assert record is not None
     failed = [case for case in record.cases if case.kept is None]
     assert failed[0].change == "damping x 0.2" and "cannot be met" in failed[0].failure

@@ -15,8 +15,7 @@ from cmsreduce.cli import main
 from cmsreduce.pipeline import Run, run_result
 from cmsreduce.pipeline.bodies import effective_masses
 from cmsreduce.pipeline.results import export_shapes, export_tables
-from cmsreduce.pipeline.results.drawing import scene_drawing
-from cmsreduce.pipeline.results.mode_views import effective_mass_curves, gain_curves
+from cmsreduce.pipeline.results.views import effective_mass_curves, gain_curves, scene_drawing
 from cmsreduce.write import read_component
 
 
@@ -40,8 +39,8 @@ def test_shapes_are_those_of_the_component_file(finished_study: Path) -> None:
         np.testing.assert_allclose(
             found.point_data[name][at], shapes[:, :, mode], rtol=0, atol=1e-12 * abs(shapes).max()
         )
-    # The likeness of modes is stored by the run: nothing is compared again.
-    for name in ("scene", "likeness", "gains", "effective_mass_arm"):
+    # The MAC of the modes is stored by the run: nothing is compared again.
+    for name in ("scene", "mac", "gains", "effective_mass_arm"):
         assert (folder / "pictures" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
     with (folder / "tables" / "modes.csv").open() as stream:
         rows = [row for row in csv.DictReader(stream) if row["body"] == "arm" and row["kept"] == "1"]
@@ -78,11 +77,11 @@ def test_gains_add_up_to_the_static_response(run: Run) -> None:
     first = run.scene.configurations[0]
     (curve, *_) = gain_curves(run)
     model = run.model.assembled
-    w = np.array([1e-2 * 2 * np.pi * curve.hz[0]])
+    w = np.array([1e-2 * 2 * np.pi * curve.kept.hz[0]])
     H = (model.response(first, w) - model.rigid_response(first, w))[0]
     rates = np.array([sensor.rate for sensor in run.scene.sensors])
     H = H / np.where(rates, 1j * w[0], 1.0)[:, None]
-    np.testing.assert_allclose(H.real, curve.total, atol=2e-4 * abs(curve.total).max())
+    np.testing.assert_allclose(H.real, curve.kept.total, atol=2e-4 * abs(curve.kept.total).max())
 
 
 def test_the_drawing_moves_as_the_system_does(run: Run) -> None:

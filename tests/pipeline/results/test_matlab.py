@@ -60,7 +60,7 @@ def test_the_balanced_model_keeps_its_bound_beside_the_rigid_motions(written: Ru
         assert 0 < miss <= small.bound * (1 + 1e-6)
         assert small.condition == pytest.approx(np.linalg.cond(small.P), rel=1e-9)
         assert small.bound == pytest.approx(2 * small.hankel[STATES:].sum(), rel=1e-12)
-    assert any("cond(P_r)" in note for note in written.ledger.notes)
+    assert any("cond(P_r)" in note for note in written.stages.notes)
 
 
 def test_a_component_has_its_modes_and_names(written: Run) -> None:

@@ -33,7 +33,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("reduce/craig_bampton.py", ("reduce", "reference", "cutoff", "balance", "verify")),
         ("orthogonalise.py", ("orthogonalise", "reference", "cutoff", "balance", "verify")),
         ("mechanics/ties.py", ("reduce", "orthogonalise", "reference", "cutoff", "balance", "verify")),
-        ("linalg/factorise.py", ("reduce", "orthogonalise", "reference", "cutoff", "balance", "verify")),
+        ("linalg/sparse/factorisation.py", ("reduce", "orthogonalise", "reference", "cutoff", "balance", "verify")),
     ],
 )
 def test_a_change_concerns_the_stages_that_use_it(package: Path, file: str, concerned: tuple[str, ...]) -> None:
@@ -51,7 +51,7 @@ def test_a_change_concerns_the_stages_that_use_it(package: Path, file: str, conc
 def test_a_file_that_moves_is_another_code(package: Path) -> None:
     code_version.cache_clear()
     before = code_version("reduce", package)
-    (package / "reduce/guyan_moved.py").write_bytes((package / "reduce/methods.py").read_bytes())
+    (package / "reduce/guyan_moved.py").write_bytes((package / "reduce/basis.py").read_bytes())
     code_version.cache_clear()
     assert code_version("reduce", package) != before
     (package / "reduce/guyan_moved.py").unlink()

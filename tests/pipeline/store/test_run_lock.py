@@ -56,7 +56,7 @@ def test_two_runs_at_once_do_each_stage_once(study: Path, opened: Callable[..., 
         next(line for line in first.stderr if "reduce        arm" in line)
         run = opened()
         execute(run, study, report=False)
-        assert isinstance(run.ledger.progress, Log)
-        assert any("another run is at work" in note for note in run.ledger.progress.notes)
+        assert isinstance(run.stages.progress, Log)
+        assert any("another run is at work" in note for note in run.stages.progress.notes)
         assert first.wait(60) == 0
     assert done(run) == []

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.config import load_pipeline
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import AxisCompleteness
 from cmsreduce.pipeline import Run, Silent, execute
 from cmsreduce.pipeline.system import completeness_note
@@ -50,7 +50,7 @@ def test_the_summary_and_the_notes_say_so(opened: Callable[..., Run], study: Pat
     assert [row["axis"] for row in rows] == ["hinge.ry", "hinge.ry"]
     worst = max(result.completeness, key=lambda each: each.missing)
     assert worst.poor
-    (note,) = (note for note in result.notes if note.startswith("hinge.ry"))
+    (note,) = (note for note in result.notes if note.startswith("hinge hinge.ry"))
     assert f"carry {worst.missing:.0%} of the inertia" in note and "more than 5%" in note
 
 

@@ -13,10 +13,10 @@ from click.testing import CliRunner
 
 from cmsreduce.assemble import elastic_states
 from cmsreduce.cli import main
-from cmsreduce.linalg.dense import dense
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import Configuration, ReductionChecks
 from cmsreduce.pipeline import Run
-from cmsreduce.pipeline.run.verified import checks_from, checks_to
+from cmsreduce.pipeline.store import decode, encode
 from cmsreduce.pipeline.system import AssembledModel, channel_gains
 from cmsreduce.pipeline.system.reduction_health import all_modes, static_lack, step_compared, zeros_apart
 from tests.golden.test_hinge import joined
@@ -113,8 +113,8 @@ def test_checks_are_stored_whole(opened: Callable[..., Run]) -> None:
 
 
 def run_again(checks: ReductionChecks) -> ReductionChecks:
-    arrays, facts = checks_to(checks)
-    return checks_from(arrays, json.loads(json.dumps(facts)))
+    arrays, facts = encode(checks)
+    return decode(arrays, json.loads(json.dumps(facts)), {})
 
 
 ASKED = {

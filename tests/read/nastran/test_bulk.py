@@ -200,7 +200,7 @@ def test_bad_decks_are_refused(tmp_path: Path, lines: list[str], message: str) -
 
 def test_sets_that_no_card_names_are_refused_with_those_there_are(tmp_path: Path) -> None:
     found = deck(tmp_path, *POINTS)
-    with pytest.raises(DofMapError, match=r"has no b-set \(fixed boundary\).*a \(28\), f \(28\), n \(28\), g \(28\)"):
+    with pytest.raises(DofMapError, match=r"has no b-set \(fixed interface\).*a \(28\), f \(28\), n \(28\), g \(28\)"):
         found.dof_table("b")
     with pytest.raises(DofMapError, match="'z' is no dof set"):
         found.dof_table("z")

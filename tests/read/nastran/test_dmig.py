@@ -167,7 +167,7 @@ def test_cut_punch_file_is_refused(tmp_path: Path) -> None:
     text = wide(LOWER, 6)
     column = text.rindex("DMIG*")
     for cut in [*range(column - 75, column), *range(column + 8, len(text) - 1)]:
-        # A file that ends with a whole line cannot be told from one that was meant so; it is one line in sixty.
+        # One cut in sixty ends a whole line; such a file looks like one that was meant to end there.
         if text[cut - 1] == "\n" and cut < column:
             continue
         path.write_text(text[:cut])

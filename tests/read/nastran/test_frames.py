@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read import CoordinateSystem
-from cmsreduce.read.nastran.frames import BASIC, FrameChain, FrameDefinition, GridLocation
+from cmsreduce.read.nastran.frames import BASIC, CoordinateSystem, FrameChain, FrameDefinition, Grid
 from cmsreduce.read.printed_numbers import printed_rounding
 
 ORIGIN = np.array([1.0, 2.0, 3.0])
@@ -75,7 +74,7 @@ def test_points_on_a_line_are_refused(points: list[list[float]]) -> None:
         CoordinateSystem.through(9, "rectangular", points)
 
 
-def chain(*frames: FrameDefinition, grids: dict[int, GridLocation] | None = None) -> FrameChain:
+def chain(*frames: FrameDefinition, grids: dict[int, Grid] | None = None) -> FrameChain:
     return FrameChain({frame.id: frame for frame in frames}, grids or {})
 
 
@@ -83,15 +82,15 @@ UP = np.array([[0.0, 0, 0], [0, 0, 1], [1, 0, 0]])
 
 
 def test_a_chain_in_any_order_and_a_system_through_grids_in_another_system() -> None:
-    # 30 stands at r = 2, theta = 90 of the cylindrical 20, which stands in 10, moved by (10, 0, 0).
+    # 30 is at r = 2, theta = 90 in the cylindrical 20, which is defined in 10, moved by (10, 0, 0).
     far = FrameDefinition(30, "rectangular", "CORD2R 30", 20, np.array([[2.0, 90, 0], [2, 90, 1], [3, 90, 0]]))
     middle = FrameDefinition(20, "cylindrical", "CORD2C 20", 10, UP)
     near = FrameDefinition(10, "rectangular", "CORD2R 10", 0, UP + np.array([10.0, 0, 0]))
     by_grids = FrameDefinition(40, "spherical", "CORD1S 40", grids=(1, 2, 3))
     grids = {
-        1: GridLocation(20, (2.0, 90.0, 0.0), "GRID 1"),
-        2: GridLocation(30, (0.0, 1.0, 0.0), "GRID 2"),
-        3: GridLocation(0, (10.0, 2.0, 1.0), "GRID 3"),
+        1: Grid(20, (2.0, 90.0, 0.0), "GRID 1"),
+        2: Grid(30, (0.0, 1.0, 0.0), "GRID 2"),
+        3: Grid(0, (10.0, 2.0, 1.0), "GRID 3"),
     }
     found = chain(far, middle, near, by_grids, grids=grids)
     system = found.system(30, "here")
@@ -115,7 +114,7 @@ def test_cycles_and_missing_systems_are_named() -> None:
     through = FrameDefinition(4, "rectangular", "CORD1R 4", grids=(1, 2, 3))
     with pytest.raises(ReadError, match="CORD1R 4 goes through grid 1, which the deck does not have"):
         chain(through).system(4, "GRID 5")
-    itself = {k: GridLocation(4, (float(k), 0.0, 0.0), f"GRID {k}") for k in (1, 2, 3)}
+    itself = {k: Grid(4, (float(k), 0.0, 0.0), f"GRID {k}") for k in (1, 2, 3)}
     with pytest.raises(ReadError, match="4 -> 4"):
         chain(through, grids=itself).system(4, "GRID 5")
 

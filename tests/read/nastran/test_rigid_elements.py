@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import Followers, rigid_body_shapes
+from cmsreduce.model import Recovery, rigid_body_shapes
 from cmsreduce.read import read_bulk, read_followers
 
 GRIDS = """\
@@ -22,8 +22,8 @@ GRID,4,,1.,2.,0.5
 """
 
 
-def followers(folder: Path, cards: str, case: str = "") -> tuple[Followers, np.ndarray, np.ndarray]:
-    """What is read, and the rigid motions (6) of its followers and of what leads them."""
+def followers(folder: Path, cards: str, case: str = "") -> tuple[Recovery, np.ndarray, np.ndarray]:
+    """The followers, and the six rigid motions of the dependent and of the independent dofs."""
     path = folder / "body.bdf"
     path.write_text(case + GRIDS + cards + "ENDDATA\n")
     nodes = read_bulk(path).nodes
@@ -68,15 +68,15 @@ WRONG = {
     "no way to be stiff": ("RBAR,1,2,3,1235,4\n", "do not fix a stiff body"),
     "too few": ("RBE1,1,1,123\n+,UM,2,123\n", "do not fix"),
     "a circle": ("RBE2,1,1,1,2\nRBE2,2,2,1,1\n", "follow themselves"),
-    "two masters": ("RBE2,1,1,123,3\nRBE2,2,2,123,3\n", "3.1 follows by two"),
+    "two masters": ("RBE2,1,1,123,3\nRBE2,2,2,123,3\n", "3.1 depends on two"),
     "no such grid": ("RBE2,1,9,123,3\n", "no such GRID"),
     "nothing dependent": ("RROD,1,1,4\n", "one translation"),
 }
 
 
-@pytest.mark.parametrize("cards, said", WRONG.values(), ids=WRONG.keys())
-def test_a_card_that_does_not_say_how_dofs_follow_is_refused(tmp_path: Path, cards: str, said: str) -> None:
-    with pytest.raises(ReadError, match=said):
+@pytest.mark.parametrize("cards, message", WRONG.values(), ids=WRONG.keys())
+def test_a_card_without_an_equation_is_refused(tmp_path: Path, cards: str, message: str) -> None:
+    with pytest.raises(ReadError, match=message):
         followers(tmp_path, cards)
 
 

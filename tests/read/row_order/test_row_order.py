@@ -128,7 +128,7 @@ def test_a_spring_to_ground_names_its_node_and_stiffness(space_frame: Frame) -> 
     text = refusal(replace(body, K=body.K + spring))
     assert "1 of 6 nodes resist" in text
     assert "node 25 is held to the ground" in text
-    assert "feels 0.125 units of force" in text
+    assert "costs 0.125 units of force" in text
     assert "grounded: true" in text
 
 
@@ -265,7 +265,7 @@ class TestBlock:
         xyz[block_a.nodes.index(100)[0]] += [0.01, 0, 0]
         text = refusal(replace(block_a, nodes=Nodes.in_basic(block_a.nodes.id, xyz)))
         place = ", ".join(f"{x:.6g}" for x in true)
-        assert f"node 100 stands at ({place}) in the matrices" in text
+        assert f"node 100 is at ({place}) in the matrices" in text
 
     def test_exchanged_components_are_named(self, block_a: FEModel) -> None:
         order = np.arange(block_a.n)
@@ -282,11 +282,11 @@ class TestBlock:
         assert "1 of 525 nodes resist" in text
         assert "node 100 is held to the ground" in text
 
-    def test_an_unknown_clamp_is_told_as_ground(self, block_a: FEModel) -> None:
+    def test_an_unknown_clamp_is_reported_as_ground(self, block_a: FEModel) -> None:
         body = part_of(block_a, np.isin(block_a.dofs.node, [100, 101, 200]))
         assert prove_row_order(body).status == "grounded"
         text = refusal(replace(body, constrained=None))
-        assert "fixed by an SPC that the geometry file does not hold" in text
+        assert "fixed by an SPC that is not in the geometry file" in text
 
     def test_all_rows_in_order_of_another_mesh(self, block_a: FEModel) -> None:
         order = np.random.default_rng(1).permutation(525)

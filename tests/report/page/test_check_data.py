@@ -7,11 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmsreduce.model import ChannelZeros, GainCurve, ReductionChecks, StaticLack, SystemChecks
+from cmsreduce.model import (
+    ChannelZeros,
+    Check,
+    GainCurve,
+    GainSum,
+    ReductionChecks,
+    SystemChecks,
+    health_data,
+)
 from cmsreduce.report.page.check_data import check_data, high_gains
-from cmsreduce.report.page.health_rows import basis_row, health_rows
 from cmsreduce.report.page.packing import ArrayStore
-from cmsreduce.report.page.tables import channel_rows
+from cmsreduce.report.page.tables import basis_row, channel_rows, health_rows
+from cmsreduce.report.terminal import health_lines
 from tests.report.conftest import component
 from tests.report.made_checks import HEALTH
 from tests.report.unpacking import unpacked
@@ -39,31 +47,44 @@ def test_zeros_are_drawn_once_and_placed_in_the_plane(make_run) -> None:
 def test_high_gains_are_those_of_the_curve() -> None:
     # Gains 4 and 1 in the band, 2 and 0.5 above it, one static: 2 of 8 is a quarter, 0.5 a sixteenth.
     gain = np.array([4.0, -1.0, 2.0, 0.5])[:, None, None]
-    running = np.cumsum(gain, axis=0)
-    hz = np.array([1.0, 5.0, 20.0, 30.0])
+    gains = GainSum(np.array([1.0, 5.0, 20.0, 30.0]), gain, np.full((1, 1), 0.5))
     store = ArrayStore()
-    found = high_gains(GainCurve("", hz, running, running[-1], hz, running, running[-1] + 0.5), 10.0, store)
+    found = high_gains(GainCurve("", gains, gains), 10.0, store)
     assert unpacked(store.packed(), found["mode"]).tolist() == [2]
     assert unpacked(store.packed(), found["share"]) == pytest.approx([0.25])
 
 
 def test_static_lack_is_in_per_cent_with_its_limit(make_run) -> None:
-    checks = ReductionChecks({"rotor": (StaticLack("interface 'tip'", 2e-3),)})
+    checks = ReductionChecks({"rotor": {"interface 'tip'": 2e-3}})
     data = check_data(replace(make_run(), checks=checks, limits={"static_lack": 0.01}), ArrayStore())
     assert (data["statics"], data["static_limit"]) == ([["rotor", "interface 'tip'", 0.2]], 1.0)
 
 
-def test_health_in_words() -> None:
+def test_one_table_of_health_for_the_page_the_terminal_and_json() -> None:
     part = replace(component("rotor"), health=HEALTH)
-    rows = {row.what: row for row in health_rows(part)}
-    assert rows["centre of mass"].found == "0.5, 0, 0"
-    assert rows["the same by the rigid motions of stiffness"].remark == "the sources disagree"
-    assert [row.what for row in rows.values() if row.remark] == [
-        "the same by the rigid motions of stiffness",
+    rows = {row.name: row for row in health_rows(part)}
+    assert rows["centre of mass"].words == "0.5 0 0"
+    assert rows["mass by the rigid motions of stiffness"].advice == "the sources disagree"
+    assert [row.name for row in rows.values() if not row.passed] == [
+        "mass by the rigid motions of stiffness",
         "nearly massless dofs",
         "motions of negative energy, mass",
     ]
+    failed = replace(part, checks=(Check("rows: same mass", 2.0, 1.0),))
+    assert health_rows(failed)[-1].name == "rows: same mass" and not health_rows(failed)[-1].passed
     assert health_rows(component("rotor")) == []
+    lines = [row.line for row in health_lines(HEALTH)]
+    assert lines[0] == "centre of mass: 0.5 0 0"
+    assert lines[3] == "nearly massless dofs: 2: 3 rx 4 rx (they cost time steps)"
+    data = health_data(HEALTH)
+    assert data["mass_properties"]["geometry"]["centre"] == [0.5, 0.0, 0.0]
+    assert data["mass_properties"]["stiffness"] == {"mass": [3.0, 3.0, 3.003]}
+    assert [each["ratio"] for each in data["stiffness_contrast"]] == [1e5, 10.0]
+    assert data["negative_motions"] == {"mass": None} and data["principal"] is None
+
+
+def test_the_mode_set_of_a_body() -> None:
+    part = component("rotor")
     dependent = replace(part, modes=replace(part.modes, basis_rank=2, basis_condition=12.5))
     assert (basis_row(dependent).rank, basis_row(dependent).condition, basis_row(dependent).deficient) == (
         "2",

@@ -135,7 +135,7 @@ def test_damping_ratios_of_a_damped_system(make_run) -> None:
     assert "damping error 4 % at spin=0 is above its limit 3 %" in page.words
     assert "Complex modes and damping ratios in this configuration" in page.words
     assert [figure["label"] for figure in page.data["figures"]][-1] == "damping error"
-    # Full and reduced frequency in Hz, full and reduced ratio in per cent, likeness of shapes.
+    # Full and reduced frequency in Hz, full and reduced ratio in per cent, MAC of the shapes.
     assert page.data["settings"][1]["damped"] == [[1.0, 1.001, 0.5, 0.52, 0.9999], [4.0, 4.0, 0.5, 0.5, 1.0]]
 
 

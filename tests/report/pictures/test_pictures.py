@@ -26,7 +26,7 @@ def test_every_picture_of_a_run(drawn: Drawn, suffix: str) -> None:
         "errors",
         "response_push_0_probe_0",
         "response_push_0_probe_1",
-        "likeness",
+        "mac",
         "sigma_string",
     ]
     assert [file.name for file in files] == [f"{name}{suffix}" for name in [*names, "effective_mass_string", "gains"]]

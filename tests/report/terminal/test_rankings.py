@@ -9,7 +9,7 @@ from cmsreduce.model import Damping
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton
 from cmsreduce.report import print_rankings
-from cmsreduce.report.terminal.rankings import ranking_rows
+from cmsreduce.report.terminal.tables import ranking_rows
 from tests.frames import line
 
 

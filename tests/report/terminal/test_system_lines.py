@@ -33,17 +33,23 @@ def test_completeness_is_told_of_each_axis_where_it_is_worst(make_run: MakeRun) 
         AxisCompleteness("cone.ry", "first", 0.7, 0.2, 0.1),
     )
     spin, cone = system_lines(replace(make_run(), completeness=found))
-    assert spin.startswith("completeness at spin.rz: free, the modes kept leave 0.03 of")
-    assert "in the band 0.8; locked, the modes hold 0.97 of it (to 1); worst at 'second'" in spin
-    assert "0.2" in cone and "locked" not in cone
+    assert spin.startswith("hinge spin.rz: 3 % of the inertia is not represented (target 0 %) in 'second'")
+    assert "in the band 80 %; with the hinges locked, the modes kept represent 97 % (target 100 %)" in spin
+    assert "20 %" in cone and "locked" not in cone
 
 
 @pytest.mark.parametrize(
     ("sampled", "said"),
     [
-        ([at("a", 5, 5), at("b", 5, 5, 3e-14)], "return to 3e-14 at worst; 5 others come along, as many as sum r_i"),
-        ([at("a", 5, 5), at("b", 6, 5)], "5 to 6 others come along, in 1 configurations not as many as sum r_i"),
-        ([at("a", 5, None)], "5 others come along"),
+        (
+            [at("a", 5, 5), at("b", 5, 5, 3e-14)],
+            "after assembly 3e-14; 5 extraneous modes, as many as sum r_i",
+        ),
+        (
+            [at("a", 5, 5), at("b", 6, 5)],
+            "5 to 6 extraneous modes, not as many as sum r_i - rank(A_R) - n_R in 1",
+        ),
+        ([at("a", 5, None)], "5 extraneous modes"),
     ],
     ids=["as counted", "not as counted", "not counted"],
 )
@@ -53,4 +59,4 @@ def test_singular_values_and_counts(make_run: MakeRun, sampled: list[SampledMode
         "on arm: 3 of 5 shapes are independent, singular values 2 to 0.0003, next 2e-09; tolerance 1e-08"
     )
     assert "on hub: 0 of 0 shapes are independent, singular values none" in hub
-    assert f"projection of 2 modes in {len(sampled)} configurations" in line and said in line
+    assert f"projection of 2 modes in {len(sampled)} configuration" in line and said in line

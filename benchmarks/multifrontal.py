@@ -1,0 +1,117 @@
+"""The multifrontal solver beside PARDISO and SuperLU on slender solids: seconds and digits.
+
+``python benchmarks/multifrontal.py [BODY ...] [--threads N]`` takes some of ``meshes.BODIES``; by default those of
+10 000 and 30 000 dofs, half a minute in all. Each solver has the stiffness of the body with its ends held, analyses
+and factorises it, and solves for one, eight and 64 columns; the least of three of each counts. ``error`` is the largest
+residual of a row over the sum of its terms' sizes, of all columns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from benchmarks.meshes import problem  # noqa: E402
+from cmsreduce.linalg.machine import (  # noqa: E402
+    SolverSettings,
+    mkl_library,
+    solver_settings,
+)
+from cmsreduce.linalg.sparse.pardiso import Pardiso  # noqa: E402
+from cmsreduce.multifrontal import CholeskyFactor, nested_dissection  # noqa: E402
+
+Array = NDArray[np.float64]
+Solve = Callable[[Array], Array]
+
+BODIES = ("bar-1e4", "bar-3e4")
+WIDTHS = (1, 8, 64)
+ROUNDS = 3
+# SuperLU takes a minute for larger bodies.
+SUPERLU_ROWS = 50_000
+
+
+def multifrontal(K: sp.csc_array, threads: int) -> Solve:
+    """Factor in double precision."""
+    return CholeskyFactor(K, threads=threads).solve
+
+
+def single(K: sp.csc_array, threads: int) -> Solve:
+    """Factor in single precision, as it is without refinement."""
+    scale = 2.0 ** -np.round(np.log2(K.diagonal()) / 2)
+    return CholeskyFactor(K, scale=scale, threads=threads).solve
+
+
+def pardiso(K: sp.csc_array, threads: int) -> Solve:
+    """Factor by MKL."""
+    with solver_settings(SolverSettings("pardiso", threads=threads)):
+        return Pardiso(K, True, lambda cost: None)._solve
+
+
+def superlu(K: sp.csc_array, threads: int) -> Solve:
+    """Factor by scipy on one thread, in the order of nested dissection."""
+    order = nested_dissection(K)
+    options = {"SymmetricMode": True}
+    lu = spla.splu(K[order][:, order], permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options)
+
+    def solve(b: Array) -> Array:
+        x = np.empty_like(b)
+        x[order] = lu.solve(b[order])
+        return x
+
+    return solve
+
+
+def rows(names: list[str], threads: int) -> Iterator[list[str]]:
+    """A line of the table for each body and solver."""
+    solvers = [multifrontal, single, *([pardiso] if mkl_library() is not None else []), superlu]
+    # Compiled before a clock starts.
+    for each in (multifrontal, single):
+        each(sp.csc_array(sp.eye_array(8)), threads)(np.ones((8, 2)))
+    for name in names:
+        K = sp.csc_array(problem(name)[0].K)
+        b = np.random.default_rng(0).standard_normal((K.shape[0], max(WIDTHS)))
+        for solver in solvers:
+            if solver is superlu and K.shape[0] > SUPERLU_ROWS:
+                continue
+            with solver_settings(SolverSettings(threads=threads)):
+                factorise, solve = least(lambda solver=solver, K=K: solver(K, threads))
+                given = [np.asfortranarray(b[:, :k]) for k in WIDTHS]
+                solves = [least(lambda solve=solve, part=part: solve(part)) for part in given]
+            x = solves[-1][1]
+            error = float((abs(K @ x - b) / (abs(K) @ abs(x) + abs(b))).max())
+            seconds = [f"{each:.3f}" for each in (factorise, *(found[0] for found in solves))]
+            yield [name, str(K.shape[0]), solver.__name__, *seconds, f"{error:.0e}"]
+
+
+def least(work: Callable[[], Any]) -> tuple[float, Any]:
+    """Least seconds that a piece of work took, and its result."""
+    seconds, found = np.inf, None
+    for _ in range(ROUNDS):
+        found = None
+        started = time.perf_counter()
+        found = work()
+        seconds = min(seconds, time.perf_counter() - started)
+    return seconds, found
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("bodies", nargs="*", default=list(BODIES))
+    parser.add_argument("--threads", type=int, default=SolverSettings().thread_count)
+    given = parser.parse_args()
+    heads = ["body", "dofs", "solver", "factorise, s", *(f"{k} columns, s" for k in WIDTHS), "error"]
+    print("| " + " | ".join(heads) + " |\n" + "|---" * len(heads) + "|")
+    for line in rows(given.bodies, given.threads):
+        print("| " + " | ".join(line) + " |", flush=True)

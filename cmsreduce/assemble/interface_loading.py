@@ -1,0 +1,343 @@
+"""Interface loading: stiffness and mass of the neighbours of a body, or rigid mass outboard, on its interfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from cmsreduce.assemble.joints import first_motion, relative_motion
+from cmsreduce.assemble.placement import bodies_beyond, joint_tree
+from cmsreduce.assemble.points import PointStack
+from cmsreduce.assemble.system import wire
+from cmsreduce.errors import ConstraintError, SceneError
+from cmsreduce.linalg.blocks import dense
+from cmsreduce.linalg.eigen import null_space
+from cmsreduce.mechanics import best_fit
+from cmsreduce.model import (
+    Configuration,
+    FEModel,
+    InterfaceLoading,
+    Joint,
+    OutboardMass,
+    Placement,
+    Point,
+    RigidBody,
+    Scene,
+    Substructure,
+    cross_matrix,
+    rigid_body_shapes,
+)
+
+__all__ = [
+    "_AS_BUILT",
+    "grounded_rows",
+    "joined_to",
+    "joint_rows",
+    "neighbour_loading",
+    "outboard_loading",
+    "outboard_masses",
+]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Reference configuration: every joint at zero.
+_AS_BUILT = Configuration("as built")
+# A motion with less than this share of the mass and of the stiffness of the others has none.
+_RESISTS = 1e-14
+# Sets of dofs that are the same in any axes.
+_COMPLETE = {frozenset({1, 2, 3}), frozenset({4, 5, 6}), frozenset(range(1, 7))}
+# A motion that a joint locks is carried by the neighbour's coordinates to this share of the row.
+_CARRIED = 1e-8
+
+
+def joined_to(scene: Scene, body: str) -> dict[str, list[Joint]]:
+    """Bodies that are joined to a body, each with the joints between them."""
+    found: dict[str, list[Joint]] = {}
+    for joint in scene.joints:
+        ends = [joint.first.body, joint.second.body]
+        if body in ends and ends[0] != ends[1]:
+            ends.remove(body)
+            found.setdefault(ends[0], []).append(joint)
+    return found
+
+
+def grounded_rows(body: FEModel, rows: Indices, scene: Scene) -> Indices:
+    """Positions in the i-set of the dofs that the ground holds."""
+    faces = [point.name for point in scene.ground if point.body == body.name]
+    held = [row for face in faces for row in body.interface_rows(face)]
+    return np.flatnonzero(np.isin(rows, held))
+
+
+def joint_rows(
+    here: Substructure, there: Substructure, joints: Iterable[Joint], ground: Iterable[Point], scene: Scene
+) -> tuple[Array, Array]:
+    """Constraints of joints between two bodies as built, and of the ground, without springs of the joints.
+
+    Parameters
+    ----------
+    here, there : Substructure
+        The two bodies, of m and p coordinates.
+    joints : iterable of Joint
+        Joints between them.
+    ground : iterable of Point
+        Interfaces of the two that are held to the ground.
+    scene : Scene
+        Where the bodies stand.
+
+    Returns
+    -------
+    A_here : (c, m) float64
+    A_there : (c, p) float64
+        A_here x_here + A_there x_there = 0.
+    """
+    pair = replace(
+        scene,
+        bodies=(here.name, there.name),
+        joints=tuple(replace(joint, elements=()) for joint in joints),
+        configurations=(_AS_BUILT,),
+        actuators=(),
+        sensors=(),
+        base=here.name,
+        ground=tuple(ground),
+        floating=(),
+    )
+    stack = PointStack({here.name: here, there.name: there})
+    A = dense(stack.spread(wire(stack, pair, _AS_BUILT).A))
+    return A[:, : here.m], A[:, here.m :]
+
+
+def neighbour_loading(here: Substructure, others: Iterable[Substructure], scene: Scene) -> InterfaceLoading:
+    """Stiffness and mass of the neighbours on the i-set of a body, joints as built and held (Benfield-Hruda).
+
+    Parameters
+    ----------
+    here : Substructure
+        The i-set of the body: its coordinates are the interface dofs.
+    others : iterable of Substructure
+        Neighbours, condensed to where they are joined.
+    scene : Scene
+        Its joints.
+
+    Raises
+    ------
+    ConstraintError
+        If a neighbour cannot follow the body in a motion that the joint locks.
+
+    Notes
+    -----
+    The neighbour loads every dof of the shared interface, also those that the joint leaves free: motors of the joint
+    act there, and the basis has no static modes for their forces. The joint's own inertia is part of the loading, once;
+    it moves with the first interface of the joint, whichever body has it. Springs of the joint are strained only where
+    a motion remains free. With A_h x + A_t y = 0 the neighbour moves as y = -A_t^+ A_h x + N z, N the null space of
+    A_t: a motion of the neighbour that the interface does not hold is a coordinate z of its own. Source: Benfield and
+    Hruda (1971); theory section 2.
+    """
+    i = here.m
+    K, M = np.zeros((i, i)), np.zeros((i, i))
+    names = []
+    joints_to = joined_to(scene, here.name)
+    for there in others:
+        joints = [_locked(joint, here, there) for joint in joints_to[there.name]]
+        ground = [point for point in scene.ground if point.body == there.name]
+        A_here, A_there = joint_rows(here, there, joints, ground, scene)
+        follow = _least_squares(A_there, -A_here)
+        missed = A_here + A_there @ follow
+        if abs(missed).max(initial=0.0) > _CARRIED * abs(A_here).max(initial=0.0):
+            raise ConstraintError(
+                f"'{there.name}' cannot load '{here.name}': their joint locks a motion for which the neighbour has no "
+                "dofs. Free it in the joint, or use craig-bampton or macneal-rubin"
+            )
+        free = _with_energy(there, null_space(A_there)[0])
+        z = K.shape[0] - i
+        shapes = np.zeros((there.m, K.shape[0] + free.shape[1]))
+        shapes[:, :i], shapes[:, i + z :] = follow, free
+        K, M = (
+            np.pad(A, (0, free.shape[1])) + shapes.T @ (dense(part) @ shapes)
+            for A, part in ((K, there.K), (M, there.M))
+        )
+        for stiffness, inertia, row in _elements(here, there, joints_to[there.name], shapes, scene):
+            K, M = K + stiffness * np.outer(row, row), M + inertia * np.outer(row, row)
+        names.append(there.name)
+    return InterfaceLoading(K, M, tuple(names), _AS_BUILT.name)
+
+
+def outboard_loading(
+    body: FEModel, rows: Indices, bodies: Mapping[str, FEModel | RigidBody], scene: Scene
+) -> InterfaceLoading:
+    """Mass and inertia of everything outboard of a body, rigid, on its interfaces (augmented-body modes).
+
+    Parameters
+    ----------
+    body : FEModel
+        The body, with nodes.
+    rows : (i,) int64
+        Its i-set.
+    bodies : mapping of name to FEModel or RigidBody
+        All bodies of the scene.
+    scene : Scene
+        Joints, placements; the base body decides what is outboard.
+
+    Raises
+    ------
+    SceneError
+        If a body has no geometry, so that its mass cannot be carried along an arm.
+
+    Notes
+    -----
+    The mass acts on an interface of several nodes through the rigid motion that fits its dofs best, and on a point
+    without rotations as a point mass. A joint's own inertia moves with its first interface: it counts once, with the
+    body of this interface, which may be this one or an outboard one.
+    """
+    i = rows.size
+    M = np.zeros((i, i))
+    found = list(_outboard(body, bodies, scene))
+    for face, mass, _ in found:
+        own = body.interface_rows(face)
+        at = np.array([int(np.flatnonzero(rows == row)[0]) for row in own])
+        motion = best_fit(body, own, body.interfaces[face].position)
+        M[np.ix_(at, at)] += motion.T @ mass @ motion
+    return InterfaceLoading(np.zeros((i, i)), M, tuple(name for _, _, names in found for name in names))
+
+
+def outboard_masses(body: FEModel, bodies: Mapping[str, FEModel | RigidBody], scene: Scene) -> tuple[OutboardMass, ...]:
+    """Rigid mass of everything outboard of each interface of a body, as the scene is built.
+
+    Parameters
+    ----------
+    body : FEModel
+        The body.
+    bodies : mapping of name to FEModel or RigidBody
+        All bodies of the scene.
+    scene : Scene
+        Joints, placements; the base body decides what is outboard.
+
+    Returns
+    -------
+    tuple of OutboardMass
+        One for each interface that carries a body, in the order of the body's interfaces.
+
+    Raises
+    ------
+    SceneError
+        If a body has no geometry, so that its mass cannot be carried along an arm.
+    """
+    found = list(_outboard(body, bodies, scene))
+    carried = []
+    for face, interface in body.interfaces.items():
+        parts = [(mass, names) for name, mass, names in found if name == face]
+        if parts:
+            mass = sum((mass for mass, _ in parts), np.zeros((6, 6)))
+            names = tuple(name for _, names in parts for name in names)
+            carried.append(OutboardMass(face, interface.position[0], mass, names))
+    return tuple(carried)
+
+
+def _elements(
+    here: Substructure, there: Substructure, joints: Iterable[Joint], shapes: Array, scene: Scene
+) -> Iterator[tuple[float, float, Array]]:
+    """Springs and inertias of joints to a neighbour: stiffness, inertia, and the motion (i + z,) on which they act."""
+    stack = PointStack({here.name: here, there.name: there})
+    placed = {name: scene.placements.get(name, Placement()) for name in stack.substructures}
+    for joint in joints:
+        for element in joint.elements:
+            rows = np.array(
+                [motion_of(stack, placed, joint, element.dof) for motion_of in (relative_motion, first_motion)]
+            )
+            across, first = _follow(dense(stack.spread(rows)), here.m, shapes)
+            yield element.stiffness, 0.0, across
+            yield 0.0, element.inertia, first
+
+
+def _follow(rows: Array, i: int, shapes: Array) -> Array:
+    """Rows over the i-set and the neighbour's own coordinates, where the neighbour follows the body."""
+    return np.pad(rows[:, :i], ((0, 0), (0, shapes.shape[1] - i))) + rows[:, i:] @ shapes
+
+
+def _locked(joint: Joint, here: Substructure, there: Substructure) -> Joint:
+    """The joint with its free motions held, where both interfaces have the same dofs whatever their axes."""
+    faces = [
+        sub.interfaces[end.name] for sub in (here, there) for end in (joint.first, joint.second) if end.body == sub.name
+    ]
+    dofs = {frozenset(components) for face in faces for components in face.components}
+    complete = len(dofs) == 1 and dofs <= _COMPLETE
+    return joint.locked() if complete else joint
+
+
+def _with_energy(there: Substructure, motions: Array) -> Array:
+    """Motions of a neighbour with mass or stiffness: the spin of a rod about its own axis has neither."""
+    energy = np.zeros((motions.shape[1], motions.shape[1]))
+    for A in (there.K, there.M):
+        part = motions.T @ (dense(A) @ motions)
+        energy += part / (float(np.trace(part)) or 1.0)
+    weight, V = la.eigh(energy) if energy.size else (np.empty(0), energy)
+    return np.asarray(motions @ V[:, weight > _RESISTS])
+
+
+def _least_squares(A: Array, B: Array) -> Array:
+    """Solve A X = B with rows and columns of A scaled, because the arms of a joint are long in some units."""
+    sizes = np.linalg.norm(A, axis=1)
+    row = 1 / np.where(sizes > 0, sizes, 1.0)[:, None]
+    sizes = np.linalg.norm(row * A, axis=0)
+    column = 1 / np.where(sizes > 0, sizes, 1.0)
+    X, *_ = la.lstsq(row * A * column, row * B, cond=_CARRIED)
+    return np.asarray(column[:, None] * X)
+
+
+def _outboard(
+    body: FEModel, bodies: Mapping[str, FEModel | RigidBody], scene: Scene
+) -> Iterator[tuple[str, Array, list[str]]]:
+    """Interface, mass matrix about its first node along the body's axes (6, 6), and bodies beyond each outer joint."""
+    _, inboard_of = joint_tree(scene)
+    placed = {name: scene.placements.get(name, Placement()) for name in bodies}
+    here = placed[body.name]
+    for joint in scene.joints:
+        outer = next((name for name, inner in inboard_of.items() if inner is joint), None)
+        ends = {joint.first.body: joint.first, joint.second.body: joint.second}
+        if outer is None or body.name not in ends or outer == body.name:
+            continue
+        group = bodies_beyond(outer, inboard_of)
+        face = body.interfaces[ends[body.name].name]
+        pivot = here.rotation @ face.position[0] + here.translation
+        mass = sum((_mass_about(bodies[name], placed[name], pivot, here) for name in group), np.zeros((6, 6)))
+        held = (link for link in scene.joints if link.first.body in group and link.elements)
+        yield face.name, sum((_spin(bodies, placed, link, here) for link in held), mass), group
+    for joint in scene.joints:
+        if joint.first.body == body.name and joint.elements:
+            yield joint.first.name, _spin(bodies, placed, joint, here), []
+
+
+def _spin(
+    bodies: Mapping[str, FEModel | RigidBody], placed: Mapping[str, Placement], joint: Joint, frame: Placement
+) -> Array:
+    """Inertia of a joint itself, along the axes of a body (6, 6)."""
+    first = joint.first
+    axes = bodies[first.body].interfaces[first.name].frame @ placed[first.body].rotation.T @ frame.rotation
+    J = np.zeros((6, 6))
+    for element in joint.elements:
+        if element.inertia:
+            J[3:, 3:] += element.inertia * np.outer(axes[element.dof - 3], axes[element.dof - 3])
+    return J
+
+
+def _mass_about(body: FEModel | RigidBody, place: Placement, pivot: Array, frame: Placement) -> Array:
+    """Rigid mass matrix of a body about a point of the scene, along the axes of another body (6, 6)."""
+    point = place.rotation.T @ (pivot - place.translation)
+    if isinstance(body, RigidBody):
+        R = np.eye(6)
+        R[:3, 3:] = -cross_matrix(body.cg - point)
+        own = R.T @ la.block_diag(body.mass * np.eye(3), body.inertia) @ R
+    else:
+        if body.nodes is None:
+            raise SceneError(
+                f"component '{body.name}' has no geometry, so augmented-body modes cannot carry mass along its arms; "
+                "give `geometry:`, or use another mode set"
+            )
+        R = rigid_body_shapes(body.dofs, body.nodes, point)
+        own = R.T @ (body.M @ R)
+    turn = la.block_diag(*[frame.rotation.T @ place.rotation] * 2)
+    return np.asarray(turn @ own @ turn.T)

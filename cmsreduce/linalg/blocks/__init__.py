@@ -1,0 +1,46 @@
+"""Blocks of vectors: products with tall and sparse matrices, and bases that may lie on disk.
+
+Code whose cost is memory traffic belongs here: products, orthonormal columns, layouts.
+Factorisations belong in `sparse`, searches for modes in `eigen`.
+"""
+
+from cmsreduce.linalg.blocks.basis import (
+    SearchSpace,
+    absolute_parts,
+    combine,
+    combined,
+    new_basis,
+    observed,
+    outgrows,
+    row_blocks,
+    side_by_side,
+)
+from cmsreduce.linalg.blocks.layout import by_columns, by_rows, dense, put
+from cmsreduce.linalg.blocks.products import Product, column_blocks, congruence, symmetric_product
+from cmsreduce.linalg.blocks.tall_products import column_products, inner, inner_of_all, less, less_all, times
+
+__all__ = [
+    "Product",
+    "SearchSpace",
+    "absolute_parts",
+    "by_columns",
+    "by_rows",
+    "column_blocks",
+    "column_products",
+    "combine",
+    "combined",
+    "congruence",
+    "dense",
+    "inner",
+    "inner_of_all",
+    "less",
+    "less_all",
+    "new_basis",
+    "observed",
+    "outgrows",
+    "put",
+    "row_blocks",
+    "side_by_side",
+    "symmetric_product",
+    "times",
+]

@@ -1,0 +1,45 @@
+"""Machine: threads, memory and the libraries that the process has loaded.
+
+Solver settings, thread counts, memory limits and calls into MKL belong here.
+Nothing here knows what a matrix means; algorithms belong in the other rooms of `linalg`.
+"""
+
+from cmsreduce.linalg.machine.lapack_calls import lapack_call, lent
+from cmsreduce.linalg.machine.mkl_library import SparseMatrix, add_product, mkl_library, pardiso, pardiso_pivots
+from cmsreduce.linalg.machine.mkl_memory import can_be_mapped, free_on_disk, mapped_entries, watch_if_large
+from cmsreduce.linalg.machine.settings import (
+    BACKENDS,
+    Backend,
+    Precision,
+    SolverSettings,
+    allowed_threads,
+    available_memory,
+    current_settings,
+    solver_settings,
+    usable_cores,
+)
+from cmsreduce.linalg.machine.threads import share_rows
+
+__all__ = [
+    "BACKENDS",
+    "Backend",
+    "Precision",
+    "SolverSettings",
+    "SparseMatrix",
+    "add_product",
+    "allowed_threads",
+    "available_memory",
+    "can_be_mapped",
+    "current_settings",
+    "free_on_disk",
+    "lapack_call",
+    "lent",
+    "mapped_entries",
+    "mkl_library",
+    "pardiso",
+    "pardiso_pivots",
+    "share_rows",
+    "solver_settings",
+    "usable_cores",
+    "watch_if_large",
+]

@@ -1,0 +1,26 @@
+"""Sparse direct solvers behind one interface, one file a backend.
+
+Orderings, factors, pivots and inertia counts belong here.
+Algorithms that use a factor, such as searches for modes, belong in `eigen` or `response`.
+"""
+
+from cmsreduce.linalg.sparse.factorisation import (
+    BLOCK,
+    Factor,
+    InsufficientMemoryError,
+    NotPositiveDefiniteError,
+    factorise,
+)
+from cmsreduce.linalg.sparse.flexibility import ElasticFlexibility, Solve
+from cmsreduce.linalg.sparse.refined_factor import RefinedFactor
+
+__all__ = [
+    "BLOCK",
+    "ElasticFlexibility",
+    "Factor",
+    "InsufficientMemoryError",
+    "NotPositiveDefiniteError",
+    "RefinedFactor",
+    "Solve",
+    "factorise",
+]

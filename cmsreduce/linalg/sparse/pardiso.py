@@ -1,0 +1,215 @@
+"""MKL PARDISO, called directly: symmetric factors by supernodes, in METIS order, on all threads."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.blocks import by_columns
+from cmsreduce.linalg.machine import (
+    can_be_mapped,
+    current_settings,
+    free_on_disk,
+    mapped_entries,
+    mkl_library,
+    pardiso,
+    pardiso_pivots,
+    watch_if_large,
+)
+from cmsreduce.linalg.sparse.factor import Admit, Factor, FactorCost, SingularFactorError
+from cmsreduce.linalg.sparse.lower_triangle import lower_triangle
+
+__all__ = ["Pardiso"]
+
+# Matrix types of PARDISO.
+_DEFINITE, _INDEFINITE = 2, -2
+# Rows from which its integers have 64 bits: a factor's entries are then more than 32 can count.
+_LONG = 1_500_000
+# Phases.
+_ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
+# Its error codes.
+_NO_MEMORY, _BAD_PIVOT = -2, -4
+# From here on two levels of parallel work are quicker than one, in the factorisation and in the solves.
+_TWO_LEVELS = 20_000
+# No pivot is moved off zero unless it is far below round-off: a count of signs must be the matrix's own.
+_PERTURBED = 20
+# Where it says how many pivots were moved.
+_MOVED = 13
+_KIB = 1024.0
+
+
+class Pardiso(Factor):
+    """Cholesky factors L L^T, or L D L^T with pivots of one or two rows (Bunch and Kaufman).
+
+    Parameters
+    ----------
+    A : (n, n) csc array
+        Symmetric.
+    definite : bool
+        Whether the matrix is taken to be positive definite.
+    admit : callable
+        Refuses a factor that is too large.
+    scale : (n,) float64, optional
+        S, for factors of S A S in float32 instead: half the memory and the time, seven digits.
+    folder : Path, optional
+        Where the factor may lie in a file if it is refused in memory.
+
+    Raises
+    ------
+    SingularFactorError
+        If a pivot is zero, or not positive in a definite matrix.
+    MemoryError
+        If PARDISO finds no memory.
+    MatrixError
+        If it stops for another reason.
+
+    Notes
+    -----
+    Source: Intel oneAPI Math Kernel Library, developer reference, "oneMKL PARDISO": parameters iparm.
+    """
+
+    backend: str = "pardiso"
+
+    def __init__(
+        self,
+        A: sp.csc_array,
+        definite: bool,
+        admit: Admit,
+        scale: NDArray[np.float64] | None = None,
+        folder: Path | None = None,
+    ) -> None:
+        if mkl_library() is None:
+            raise MatrixError("the MKL runtime is not installed: pip install mkl, or set solver.backend to superlu")
+        self._scale, self._real = scale, np.dtype(np.float64 if scale is None else np.float32)
+        # The upper triangle by rows is the lower one by columns; PARDISO wants every diagonal entry, zeros too.
+        self._values, self._indices, self._indptr = lower_triangle(A, scale, self._real)
+        self._integer = np.dtype(np.int64 if A.shape[0] > _LONG and scale is not None else np.int32)
+        self._indices, self._indptr = (part.astype(self._integer, copy=False) for part in (self._indices, self._indptr))
+        orders = current_settings().orders
+        known = orders.of(self._indptr, self._indices)
+        self._order = np.zeros(A.shape[0], self._integer) if known is None else known.astype(self._integer)
+        self._type = _DEFINITE if definite else _INDEFINITE
+        self._handle = np.zeros(64, dtype=np.int64)
+        self._iparm = _parameters(A.shape[0], scale is not None, known is not None).astype(self._integer)
+        size = A.shape[0]
+        self._release = weakref.finalize(self, _release, self._handle, self._iparm.copy(), self._type, size)
+        watch_if_large(size)
+        self._call(_ANALYSE, size)
+        if known is None:
+            orders.keep(self._indptr, self._indices, self._order)
+        peak, factors, entries = float(self._iparm[15]), float(self._iparm[16]), int(self._iparm[17])
+        nnz = entries if entries > 0 else int(factors * _KIB / self._real.itemsize)
+        # With two levels PARDISO does not count operations: those of a solid's or a frame's factor are near this.
+        counted = float(self._iparm[18]) * 1e6
+        flops = counted if counted > 0 else 2.0 * nnz**2 / max(size, 1)
+        super().__init__(A, FactorCost(nnz, flops, (peak + factors) * _KIB))
+        self.on_disk = self._refused(admit, folder, factors * _KIB)
+        with mapped_entries(folder if self.on_disk else None):
+            self._call(_FACTORISE, size)
+        if not self._iparm[_MOVED]:
+            # Solves look at the matrix only to refine what a moved pivot spoils.
+            self._values, self._indices, self._indptr = (part[:1].copy() for part in self._matrix)
+
+    def _refused(self, admit: Admit, folder: Path | None, room: float) -> bool:
+        """Whether the factor, for which PARDISO takes some room, is refused in memory but has its place on disk."""
+        entries = float(self.cost.nnz * self._real.itemsize)
+        try:
+            admit(self.cost)
+        except MatrixError:
+            if folder is None or not can_be_mapped() or entries > free_on_disk(folder):
+                raise
+            # What the analysis took is there already.
+            admit(replace(self.cost, bytes=max(room - entries, 0.0)))
+            return True
+        return False
+
+    @property
+    def _matrix(self) -> tuple[NDArray[Any], NDArray[np.int32], NDArray[np.int32]]:
+        return self._values, self._indices, self._indptr
+
+    def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Solution (n, k) for A, whatever the matrix was scaled by; in single precision to seven digits."""
+        b = by_columns(b)
+        if self._scale is None:
+            x = np.empty_like(b)
+            self._call(_SOLVE, self.n, b, x)
+            return x
+        size = np.ones(b.shape[1])
+        c = np.empty(b.shape, self._real, order="F")
+        # Column by column, while it is at hand: the solve itself takes little longer than a few passes over memory.
+        for j, column in enumerate(b.T):
+            scaled = column * self._scale
+            # Or small columns would vanish in float32.
+            size[j] = max(scaled.max(), -scaled.min()) or 1.0
+            np.divide(scaled, size[j], out=c[:, j], casting="same_kind")
+        y = np.empty_like(c)
+        self._call(_SOLVE, self.n, c, y)
+        del c
+        x = np.empty(b.shape, order="F")
+        for j in range(size.size):
+            np.multiply(y[:, j], self._scale, out=x[:, j])
+            x[:, j] *= size[j]
+        return x
+
+    @cached_property
+    def pivots(self) -> NDArray[np.float64]:
+        """Pivots in the matrix's own row order (n,); of a block of two rows, its diagonal."""
+        eliminated = np.empty(self.n, self._real)
+        if code := pardiso_pivots(self._handle, eliminated):
+            raise _failure("gives no pivots", code)
+        pivots = np.empty(self.n)
+        pivots[self._order] = eliminated
+        return pivots if self._scale is None else np.asarray(pivots / self._scale**2)
+
+    @property
+    def inertia_known(self) -> bool:
+        """Whether no pivot had to be moved off zero."""
+        return int(self._iparm[_MOVED]) == 0
+
+    def _negative_pivots(self) -> int:
+        return 0 if self._type == _DEFINITE else int(self._iparm[22])
+
+    def _call(self, phase: int, n: int, b: NDArray[Any] | None = None, x: NDArray[Any] | None = None) -> None:
+        matrix, threads = (self._values, self._indptr, self._indices), current_settings().thread_count
+        code = pardiso(self._handle, phase, self._type, n, matrix, self._order, self._iparm, b, x, threads)
+        if code == _BAD_PIVOT:
+            raise SingularFactorError
+        if code == _NO_MEMORY:
+            raise MemoryError(f"MKL PARDISO found no memory for the factor of {n} rows")
+        if code:
+            raise _failure(f"stopped in phase {phase} on {n} rows", code)
+
+
+def _parameters(n: int, single: bool, ordered: bool) -> NDArray[np.int32]:
+    iparm = np.zeros(64, dtype=np.int32)
+    iparm[0] = 1  # values of our own
+    iparm[1] = 3  # nested dissection, on all threads: a small matrix too spends most of its time here
+    iparm[4] = 1 if ordered else 2  # take an order, or give the one that was found
+    iparm[9] = _PERTURBED
+    iparm[17] = iparm[18] = -1  # count entries and operations
+    iparm[20] = 1  # pivots of one or two rows
+    iparm[23] = 1 if n > _TWO_LEVELS else 0
+    iparm[27] = int(single)  # float32
+    iparm[34] = 1  # rows count from 0
+    iparm[55] = 1  # keep the pivots
+    return iparm
+
+
+def _failure(what: str, code: int) -> MatrixError:
+    return MatrixError(
+        f"MKL PARDISO {what} (its error {code}); set solver.backend to superlu or cholmod, which take the same matrices"
+    )
+
+
+def _release(handle: NDArray[np.int64], iparm: NDArray[Any], kind: int, n: int) -> None:
+    """Give the memory of a factor back."""
+    nothing = np.zeros(1, dtype=iparm.dtype)
+    pardiso(handle, _RELEASE, kind, n, (nothing, nothing, nothing), nothing, iparm)

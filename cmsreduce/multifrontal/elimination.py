@@ -1,0 +1,180 @@
+"""Elimination tree of a sparse symmetric matrix, and how many entries each column of its Cholesky factor has."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.multifrontal.loops import loop
+
+__all__ = ["column_counts", "couplings", "elimination_tree", "postorder"]
+
+Ints = NDArray[np.int64]
+Rows = NDArray[np.int32]
+
+
+@loop
+def elimination_tree(starts: Ints, indices: Rows, order: Ints, place: Ints) -> Ints:
+    """Parent of each column in the elimination tree, columns in the order of elimination; -1 for a root.
+
+    Source: J. Liu, "The role of elimination trees in sparse factorization", SIAM J. Matrix Anal. Appl. 11 (1990)
+    134-172.
+    """
+    n = order.size
+    parent, ancestor = np.full(n, -1, np.int64), np.full(n, -1, np.int64)
+    for k in range(n):
+        column = order[k]
+        for p in range(starts[column], starts[column + 1]):
+            i = place[indices[p]]
+            while i != -1 and i < k:
+                above = ancestor[i]
+                ancestor[i] = k
+                if above == -1:
+                    parent[i] = k
+                i = above
+    return parent
+
+
+@loop
+def postorder(tree: Ints) -> Ints:
+    """Vertices of a forest, each right after its subtree."""
+    n = tree.size
+    head, following = np.full(n, -1, np.int64), np.full(n, -1, np.int64)
+    post, stack = np.empty(n, np.int64), np.empty(n, np.int64)
+    for j in range(n - 1, -1, -1):
+        if tree[j] >= 0:
+            following[j] = head[tree[j]]
+            head[tree[j]] = j
+    done = 0
+    for root in range(n):
+        if tree[root] >= 0:
+            continue
+        top = 0
+        stack[0] = root
+        while top >= 0:
+            j = stack[top]
+            child = head[j]
+            if child == -1:
+                post[done] = j
+                done += 1
+                top -= 1
+            else:
+                head[j] = following[child]
+                top += 1
+                stack[top] = child
+    return post
+
+
+@loop
+def column_counts(starts: Ints, indices: Rows, order: Ints, place: Ints, tree: Ints) -> Ints:
+    """Entries of each column of the factor, the diagonal one too; columns in postorder.
+
+    Source: J. Gilbert, E. Ng, B. Peyton, SIAM J. Matrix Anal. Appl. 15 (1994) 1075-1091.
+    """
+    n = order.size
+    first, furthest, last = np.full(n, -1, np.int64), np.full(n, -1, np.int64), np.full(n, -1, np.int64)
+    ancestor, count = np.arange(n), np.zeros(n, np.int64)
+    for k in range(n):
+        count[k] = 1 if first[k] == -1 else 0
+        j = k
+        while j != -1 and first[j] == -1:
+            first[j] = k
+            j = tree[j]
+    for j in range(n):
+        if tree[j] != -1:
+            count[tree[j]] -= 1
+        column = order[j]
+        for p in range(starts[column], starts[column + 1]):
+            i = place[indices[p]]
+            if i <= j or first[j] <= furthest[i]:
+                continue
+            # Column j is a leaf of the subtree that row i's entries span.
+            furthest[i] = first[j]
+            before = last[i]
+            last[i] = j
+            count[j] += 1
+            if before == -1:
+                continue
+            meet = before
+            while meet != ancestor[meet]:
+                meet = ancestor[meet]
+            while before != meet:
+                above = ancestor[before]
+                ancestor[before] = meet
+                before = above
+            count[meet] -= 1
+        if tree[j] != -1:
+            ancestor[j] = tree[j]
+    for j in range(n):
+        if tree[j] != -1:
+            count[tree[j]] += count[j]
+    return count
+
+
+def couplings(A: sp.csc_array) -> tuple[Ints, Rows]:
+    """Rows that each row of a symmetric matrix is coupled with, itself left out, in compressed form.
+
+    Parameters
+    ----------
+    A : (n, n) csc array
+        An entry that is not zero in one triangle alone, as rounding leaves some, couples too.
+
+    Returns
+    -------
+    starts : (n + 1,) int64
+    indices : int32
+        Some may occur twice.
+    """
+    starts, indices = _couplings(A.indptr, A.indices, A.data, not _mirrored(A.indptr, A.indices, A.data))
+    return starts, indices
+
+
+@loop
+def _mirrored(starts: Rows, indices: Rows, data: NDArray[np.float64]) -> bool:
+    """Whether entries that are not zero have their mirror images, by sums over both triangles that would differ."""
+    lower, upper = np.uint64(0), np.uint64(0)
+    for j in range(starts.size - 1):
+        for p in range(starts[j], starts[j + 1]):
+            i = indices[p]
+            if data[p] != 0:
+                if i > j:
+                    lower += _mixed(i, j)
+                elif i < j:
+                    upper += _mixed(j, i)
+    return bool(lower == upper)
+
+
+@loop
+def _mixed(i: int, j: int) -> np.uint64:
+    """Number of an ordered pair (the finalizer of splitmix64)."""
+    x = (np.uint64(i) << np.uint64(32)) ^ np.uint64(j)
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return x ^ (x >> np.uint64(31))
+
+
+@loop
+def _couplings(starts: Rows, indices: Rows, data: NDArray[np.float64], both: bool) -> tuple[Ints, Rows]:
+    n = starts.size - 1
+    ends = np.zeros(n + 1, np.int64)
+    for j in range(n):
+        for p in range(starts[j], starts[j + 1]):
+            i = indices[p]
+            if data[p] != 0 and i != j:
+                ends[j + 1] += 1
+                if both:
+                    ends[i + 1] += 1
+    for j in range(n):
+        ends[j + 1] += ends[j]
+    found, at = np.empty(ends[n], np.int32), ends[:-1].copy()
+    for j in range(n):
+        for p in range(starts[j], starts[j + 1]):
+            i = indices[p]
+            if data[p] != 0 and i != j:
+                found[at[j]] = i
+                at[j] += 1
+                if both:
+                    found[at[i]] = j
+                    at[i] += 1
+    return ends, found

@@ -1,0 +1,138 @@
+"""Forward and back substitution with the dense blocks of a supernodal factor, for many right-hand sides at once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.multifrontal.blas import solve_block, solve_transposed_block, subtract_plain_product, subtract_product
+from cmsreduce.multifrontal.fronts import PANEL, Blocks
+from cmsreduce.multifrontal.loops import loop
+
+__all__ = ["backward", "diagonal", "forward", "gather", "largest", "spread"]
+
+Ints = NDArray[np.int64]
+
+# Rows of a panel that are worked on at a time: their right-hand sides stay at hand.
+_AT_ONCE = 256
+
+
+@loop
+def largest(b: NDArray[Any], scale: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Largest size of an entry of each column of a block (n, k) whose rows are scaled; 1 for a column of zeros."""
+    found = np.zeros(b.shape[1])
+    for i in range(b.shape[0]):
+        for q in range(b.shape[1]):
+            found[q] = max(found[q], abs(b[i, q] * scale[i]))
+    return np.where(found > 0, found, 1.0)
+
+
+@loop
+def gather(
+    low: int,
+    high: int,
+    b: NDArray[Any],
+    order: Ints,
+    scale: NDArray[np.float64],
+    size: NDArray[np.float64],
+    W: NDArray[Any],
+) -> None:
+    """Rows low, ... of a block in the order of elimination, scaled, each column divided by its size."""
+    k = b.shape[1]
+    for i in range(low, high):
+        row = order[i]
+        for q in range(k):
+            W[i, q] = b[row, q] * scale[row] / size[q]
+
+
+@loop
+def spread(
+    low: int,
+    high: int,
+    W: NDArray[Any],
+    order: Ints,
+    scale: NDArray[np.float64],
+    size: NDArray[np.float64],
+    x: NDArray[Any],
+) -> None:
+    """Rows low, ... in the order of elimination back where they were, scaled, each column multiplied by its size."""
+    for i in range(low, high):
+        row = order[i]
+        for q in range(x.shape[1]):
+            x[row, q] = W[i, q] * scale[row] * size[q]
+
+
+@loop
+def forward(chosen: Ints, blocks: Blocks, W: NDArray[Any], shared: int, apart: NDArray[Any], table: Ints) -> None:
+    """Solve with L for a block W (n, k) in place, supernode by supernode.
+
+    Rows of W lie one after the other: to BLAS, which takes matrices by columns, W^T (k, n). What is taken from rows
+    from ``shared`` on is added up in ``apart``, for another thread may take from them too.
+    """
+    k, step, base, here = W.shape[1], W.itemsize, blocks.values.ctypes.data, W.ctypes.data
+    Y, sizes = np.empty((_AT_ONCE, k), W.dtype), np.empty(8, np.int32)
+    for s in chosen:
+        start, c = blocks.first[s], blocks.first[s + 1] - blocks.first[s]
+        below = blocks.rows[blocks.begin[s] : blocks.begin[s + 1]]
+        for panel in range(blocks.panels[s], blocks.panels[s + 1]):
+            a = (panel - blocks.panels[s]) * PANEL
+            w = min(PANEL, c - a)
+            own, height = c - a - w, c - a + below.size
+            triangle, X = base + blocks.entries[panel] * step, here + (start + a) * k * step
+            solve_block(table, sizes, (k, w), (triangle, height), (X, k))
+            for low in range(w, height, _AT_ONCE):
+                rows = min(_AT_ONCE, height - low)
+                Y[:rows] = 0
+                part = triangle + low * step
+                subtract_product(table, sizes, (k, rows, w), (X, k), (part, height), (Y.ctypes.data, k))
+                for i in range(rows):
+                    j = low + i - w
+                    row = start + a + w + j if j < own else below[j - own]
+                    if row < shared:
+                        for q in range(k):
+                            W[row, q] += Y[i, q]
+                    else:
+                        for q in range(k):
+                            apart[row - shared, q] += Y[i, q]
+
+
+@loop
+def backward(chosen: Ints, blocks: Blocks, W: NDArray[Any], table: Ints) -> None:
+    """Solve with L^T for a block W (n, k) in place, the last of some supernodes first."""
+    k, step, base, here = W.shape[1], W.itemsize, blocks.values.ctypes.data, W.ctypes.data
+    Y, sizes = np.empty((_AT_ONCE, k), W.dtype), np.empty(8, np.int32)
+    for s in chosen[::-1]:
+        start, c = blocks.first[s], blocks.first[s + 1] - blocks.first[s]
+        below = blocks.rows[blocks.begin[s] : blocks.begin[s + 1]]
+        for panel in range(blocks.panels[s + 1] - 1, blocks.panels[s] - 1, -1):
+            a = (panel - blocks.panels[s]) * PANEL
+            w = min(PANEL, c - a)
+            own, height = c - a - w, c - a + below.size
+            triangle, X = base + blocks.entries[panel] * step, here + (start + a) * k * step
+            for low in range(w, height, _AT_ONCE):
+                rows = min(_AT_ONCE, height - low)
+                for i in range(rows):
+                    j = low + i - w
+                    row = start + a + w + j if j < own else below[j - own]
+                    for q in range(k):
+                        Y[i, q] = W[row, q]
+                part = triangle + low * step
+                subtract_plain_product(table, sizes, (k, w, rows), (Y.ctypes.data, k), (part, height), (X, k))
+            solve_transposed_block(table, sizes, (k, w), (triangle, height), (X, k))
+
+
+@loop
+def diagonal(blocks: Blocks) -> NDArray[np.float64]:
+    """Diagonal of L, in the order of elimination."""
+    found = np.empty(blocks.first[-1])
+    for s in range(blocks.first.size - 1):
+        c = blocks.first[s + 1] - blocks.first[s]
+        front = c + blocks.begin[s + 1] - blocks.begin[s]
+        for j in range(c):
+            a = j // PANEL * PANEL
+            found[blocks.first[s] + j] = blocks.values[
+                blocks.entries[blocks.panels[s] + j // PANEL] + (j - a) * (front - a + 1)
+            ]
+    return found

@@ -1,0 +1,84 @@
+"""Content keys of the stages of a run: hashes of everything that they depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from cmsreduce import __version__
+from cmsreduce.config import Pipeline
+from cmsreduce.pipeline.bodies import ALL_MODES_LIMIT, FlexibleBody
+from cmsreduce.pipeline.store import stage_key
+
+__all__ = ["projected_error", "read_key", "reference_key", "reference_model_key", "system_key"]
+
+_DOWNSTREAM = {"reduce", "balance"}
+
+
+def read_key(pipeline: Pipeline, name: str) -> str:
+    """Hash of the settings that reading a body depends on; within one sweep its files do not change."""
+    keys = pipeline.reduce_of(name)
+    part = pipeline.components[name].model_dump(mode="json", exclude=_DOWNSTREAM)
+    scene = pipeline.scene.model_dump(mode="json", exclude={"band", "articulation"})
+    return stage_key("read", name, part, scene, None if keys is None else keys.residuals)
+
+
+def reference_key(flexible: FlexibleBody, cutoff_hz: float) -> str:
+    """Hash of everything that the representation of an unreduced body depends on."""
+    # All modes of a small body are taken, whatever the cutoff.
+    beyond = None if flexible.body.n <= ALL_MODES_LIMIT else cutoff_hz
+    return stage_key("reference", flexible.fingerprint, repr(flexible.body.damping), beyond)
+
+
+def reference_model_key(pipeline: Pipeline, points: int, references: Mapping[str, str]) -> str:
+    """Hash of everything that the reference model and its responses depend on."""
+    parts = {name: part.model_dump(mode="json", exclude=_DOWNSTREAM) for name, part in pipeline.components.items()}
+    return stage_key("read", pipeline.scene.model_dump(mode="json"), parts, points, dict(references))
+
+
+def projected_error(pipeline: Pipeline) -> float | None:
+    """The error that projection must meet: its own, else of balance, else verify's limit; None if none is stated."""
+    keys, balance, verify = pipeline.project, pipeline.balance, pipeline.verify
+    stated = (
+        keys.frf_error if keys else None,
+        balance.keep.frf_error if balance else None,
+        verify.limits.frf_error if verify else None,
+    )
+    return next((error for error in stated if error is not None), None)
+
+
+def system_key(stage: str, pipeline: Pipeline, points: int, bodies: Mapping[str, str]) -> str:
+    """Hash of everything that balance, project or verify depends on.
+
+    Parameters
+    ----------
+    stage : str
+        One of the three.
+    pipeline : Pipeline
+        Its settings; those of later stages do not count, nor do limits, which judge the results.
+    points : int
+        Points of the grid that errors are taken on.
+    bodies : mapping of name to str
+        Keys of the bodies' orthonormal modes.
+    """
+    # File names are left out: their contents are in the keys of the bodies.
+    files: dict[str, Any] = {
+        "components": {"__all__": {"stiffness", "mass", "geometry", "extseout", "rows", "damping"}}
+    }
+    elsewhere = dict.fromkeys(("name", "output", "include", "write"), True)
+    # A controller closes loops around finished results.
+    files["scene"] = {"controller"}
+    settings = pipeline.model_dump(mode="json", exclude=files | elsewhere)
+    compared = settings.pop("verify") or {}
+    keys = pipeline.verify
+    checks = ([], True) if keys is None else (sorted(keys.required_checks), keys.checks is None)
+    asked: list[Any] = [points, [compared.get("compare"), *checks] if stage == "verify" else None]
+    if settings["balance"] is not None:
+        # Looking at other choices changes nothing in this one.
+        settings["balance"].pop("sensitivity")
+    if stage == "balance":
+        settings.pop("project")
+    elif pipeline.project is not None:
+        # A limit may be the error that projection must meet.
+        asked.append(projected_error(pipeline))
+    return stage_key(stage, __version__, settings, asked, dict(bodies))

@@ -1,0 +1,136 @@
+"""Files that may be missing, empty or damaged: every failure becomes one clear message."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import struct
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from cmsreduce.errors import ReadError
+
+__all__ = ["LIBRARY_ERRORS", "is_text", "read_head", "read_text", "reading", "require_file", "sha256_of"]
+
+LIBRARY_ERRORS = (
+    struct.error,
+    tokenize.TokenError,
+    zlib.error,
+    zipfile.BadZipFile,
+    ValueError,
+    TypeError,
+    LookupError,
+    OSError,
+    EOFError,
+    ArithmeticError,
+    MemoryError,
+    NotImplementedError,
+    AttributeError,
+    RuntimeError,
+)
+"""Readers of binary formats raise any of these when a file is damaged; none is a message for an engineer."""
+
+
+_TEXT_CONTROLS = b"\t\n\r\f\x1a"
+
+
+@contextmanager
+def reading(path: Path, content: str) -> Iterator[None]:
+    """Turn a library's exception on a damaged file into a ReadError.
+
+    Parameters
+    ----------
+    path : Path
+        File being read.
+    content : str
+        The part being read, such as ``the OP4 matrix 'KAA'``.
+
+    Raises
+    ------
+    ReadError
+        In place of the library's exception.
+    """
+    try:
+        yield
+    except LIBRARY_ERRORS as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ReadError(
+            f"{path}: {content} cannot be read: {reason}. The file ({path.stat().st_size} bytes) is truncated or "
+            "damaged: write it again, or copy it again in binary mode"
+        ) from error
+
+
+def require_file(path: Path) -> None:
+    """Check that a file exists and is not empty.
+
+    Raises
+    ------
+    ReadError
+        If it is missing (with the nearest name in its folder), a folder, unreadable or empty.
+    """
+    if not path.exists():
+        folder = path.parent
+        names = [item.name for item in folder.iterdir()] if folder.is_dir() else []
+        near = difflib.get_close_matches(path.name, names, n=1)
+        hint = f"; there is a {near[0]}" if near else "" if folder.is_dir() else f"; there is no folder {folder}"
+        raise ReadError(f"{path}: there is no such file{hint}")
+    if not path.is_file():
+        raise ReadError(f"{path}: is a folder, not a file; name the matrix file in it")
+    if not read_head(path, 1):
+        raise ReadError(f"{path}: the file is empty; the run that should have written it may have failed")
+
+
+def read_head(path: Path, count: int, subject: str = "") -> bytes:
+    """First bytes of a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    count : int
+        Bytes to read at most.
+    subject : str
+        Start of the message if that fails; by default the path.
+
+    Raises
+    ------
+    ReadError
+        If the file cannot be opened.
+    """
+    try:
+        with path.open("rb") as file:
+            return file.read(count)
+    except OSError as error:
+        raise ReadError(f"{subject or f'{path}:'} cannot be read: {error.strerror or error}") from error
+
+
+def is_text(head: bytes) -> bool:
+    """Whether bytes are plain text."""
+    return not any(byte < 32 and byte not in _TEXT_CONTROLS for byte in head)
+
+
+def read_text(path: Path, subject: str = "") -> str:
+    """Text of a file, as UTF-8; other bytes become replacement characters. Parameters and error as of ``read_head``."""
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise ReadError(f"{subject or f'{path}:'} cannot be read: {error.strerror or error}") from error
+
+
+def sha256_of(path: Path) -> str:
+    """Hash of a file's bytes, in hexadecimal.
+
+    Raises
+    ------
+    ReadError
+        If the file cannot be read.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise ReadError(f"{path}: cannot be read: {error.strerror or error}") from error

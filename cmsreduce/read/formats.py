@@ -1,0 +1,222 @@
+"""Contract of a file format: what its readers return, and its entry in the tables of `matrix.py` and `geometry.py`.
+
+A new format is one folder with its readers and its ``MatrixFormat`` or ``GeometryFormat``, and one line in a table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import DofMapError
+from cmsreduce.model import DofTable, Nodes
+from cmsreduce.read.labelled_matrix import LabelledMatrix
+
+__all__ = [
+    "CELL_CORNERS",
+    "NODE_ROWS",
+    "Cells",
+    "Geometry",
+    "GeometryFormat",
+    "MatrixFormat",
+    "MatrixInfo",
+    "StoredMatrix",
+    "cells_by_kind",
+    "rows_of_nodes",
+]
+
+Size = tuple[int, int, int | None]
+"""Rows, columns and stored entries of a matrix."""
+
+Cells = dict[str, NDArray[np.int64]]
+"""Node ids of the corners of elements, (k, corners), by kind of cell."""
+
+CELL_CORNERS = {
+    "vertex": 1,
+    "line": 2,
+    "triangle": 3,
+    "quad": 4,
+    "tetra": 4,
+    "pyramid": 5,
+    "wedge": 6,
+    "hexahedron": 8,
+}
+"""Corner nodes of each kind of cell, by meshio's names."""
+
+NODE_ROWS = {"translations": 3, "six": 6}
+"""Dofs at every node, sorted by node: the rows that a matrix may have where no deck defines its sets."""
+
+
+@dataclass(frozen=True)
+class MatrixInfo:
+    """Description of one matrix of a file, without its entries.
+
+    Parameters
+    ----------
+    name : str
+        Name as the file spells it.
+    rows, cols : int
+        Size.
+    nnz : int, optional
+        Stored entries, where the headers give them.
+    numbers : str
+        Kind of number: ``real double``, ``real single``, ``complex double``, ``real double, 10 digits``.
+    form : str
+        The file's word for it: ``symmetric``, ``square``, ``rectangular``, or empty.
+    """
+
+    name: str
+    rows: int
+    cols: int
+    nnz: int | None
+    numbers: str
+    form: str = ""
+
+
+@dataclass(frozen=True)
+class StoredMatrix:
+    """One matrix of a file that was checked but is not loaded.
+
+    Parameters
+    ----------
+    name : str
+        Name as the file spells it.
+    numbers, form : str
+        As in MatrixInfo.
+    size : tuple, or callable that returns one
+        Rows, columns and stored entries. Entries are None where only loading can count them; a callable serves where
+        the size itself is not in a header.
+    load : callable
+        Reads the matrix; raises ReadError if the entries are damaged.
+    usable : bool
+        False for a variable that is no matrix of numbers; loading it raises ReadError with the reason.
+    """
+
+    name: str
+    numbers: str
+    form: str
+    size: Size | Callable[[], Size]
+    load: Callable[[], LabelledMatrix]
+    usable: bool = True
+
+    @property
+    def info(self) -> MatrixInfo:
+        """Description without loading."""
+        size = self.size() if callable(self.size) else self.size
+        return MatrixInfo(self.name, *size, self.numbers, self.form)
+
+
+@dataclass(frozen=True)
+class MatrixFormat:
+    """A format of matrix files.
+
+    Parameters
+    ----------
+    name : str
+        Value of the user's key ``format:``.
+    words : str
+        The format in words, for messages.
+    detect : callable
+        Whether a file, given with its first bytes, has this format. Formats earlier in the table come first.
+    read : callable
+        Matrices of a file, in its order. Large libraries are imported inside it.
+    named : bool
+        Whether the file names its matrices; otherwise the file's stem is the name.
+    dof_list : bool
+        Whether a ``.dof`` file of the same stem labels the rows.
+    """
+
+    name: str
+    words: str
+    detect: Callable[[Path, bytes], bool]
+    read: Callable[[Path], list[StoredMatrix]]
+    named: bool = True
+    dof_list: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Nodes of a body and the dof tables that its matrices may have.
+
+    Parameters
+    ----------
+    path : Path
+        File named by the user.
+    nodes : Nodes
+        Nodes in order of the file; none for a deck of scalar points.
+    rows : mapping of str to DofTable
+        Tables that the rows of a matrix may be, the likeliest first, by name of the set.
+    sets : mapping of str to DofTable
+        Named dof sets, such as ``b`` and ``q``.
+    constrained : DofTable, optional
+        Dofs held at zero by the deck.
+    files : tuple of Path
+        Files read.
+    remarks : tuple of str
+        Parts of the deck that were not understood.
+    """
+
+    path: Path
+    nodes: Nodes
+    rows: Mapping[str, DofTable]
+    sets: Mapping[str, DofTable] = field(default_factory=dict)
+    constrained: DofTable | None = None
+    files: tuple[Path, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @classmethod
+    def of_mesh(cls, path: Path, nodes: Nodes) -> Geometry:
+        """Geometry of a mesh, which defines no dof sets."""
+        return cls(path, nodes, {name: rows_of_nodes(nodes, count) for name, count in NODE_ROWS.items()}, files=(path,))
+
+    def table(self, name: str) -> DofTable:
+        """Dof table of a set that the user names.
+
+        Raises
+        ------
+        DofMapError
+            If there is no such set; the message lists those that exist.
+        """
+        for tables in (self.rows, self.sets):
+            if name in tables:
+                return tables[name]
+        known = ", ".join(f"{key} ({len(table)})" for key, table in {**self.rows, **self.sets}.items())
+        raise DofMapError(f"{self.path}: there is no dof set '{name}'; its sets and their sizes are {known}")
+
+
+@dataclass(frozen=True)
+class GeometryFormat:
+    """A format of geometry files: decks, superelements and meshes.
+
+    Parameters
+    ----------
+    detect : callable
+        Whether text from the start of a file has this format. Formats earlier in the table come first.
+    read : callable
+        Geometry of a file.
+    cells : callable
+        Elements of a file, for pictures.
+    """
+
+    detect: Callable[[str], bool]
+    read: Callable[[Path], Geometry]
+    cells: Callable[[Path], Cells]
+
+
+def rows_of_nodes(nodes: Nodes, count: int) -> DofTable:
+    """The first components 1..count of every node, sorted by node."""
+    ids = np.sort(nodes.id)
+    return DofTable(np.repeat(ids, count), np.tile(np.arange(1, count + 1, dtype=np.int8), ids.size))
+
+
+def cells_by_kind(cells: Iterable[tuple[str, list[int]]]) -> Cells:
+    """Collect single cells by kind; cells that lack corners are left out."""
+    found: dict[str, list[list[int]]] = {}
+    for kind, nodes in cells:
+        if len(nodes) == CELL_CORNERS[kind]:
+            found.setdefault(kind, []).append(nodes)
+    return {kind: np.array(nodes, dtype=np.int64) for kind, nodes in found.items()}

@@ -1,0 +1,161 @@
+"""A pipeline file run from Python, and its results as objects."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cmsreduce.config import not_among
+from cmsreduce.errors import StageError
+from cmsreduce.model import ERRORS, RunResult
+from cmsreduce.pipeline import STAGES, Run, execute
+from cmsreduce.pipeline.batch import opened_run
+from cmsreduce.report import Output
+from cmsreduce.steps import AssembledSystem, Component
+from cmsreduce.write import summary
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["FinishedRun", "run"]
+
+
+class FinishedRun:
+    """Results of a run.
+
+    Parameters
+    ----------
+    work : Run
+        The run with its stages; a stage that it has not reached is run when something of it is asked for.
+    result : RunResult, optional
+        Findings of a whole run; None if the run stopped earlier.
+    """
+
+    def __init__(self, work: Run, result: RunResult | None) -> None:
+        self.work, self.folder, self._result = work, work.folder, result
+
+    @property
+    def result(self) -> RunResult:
+        """Findings of the whole run: all that its report shows.
+
+        Raises
+        ------
+        StageError
+            If the run was asked to stop before its last stage.
+        """
+        if self._result is None:
+            raise StageError("the run stopped at the stage of `until`; run it without `until` for errors and verdict")
+        return self._result
+
+    @property
+    def passed(self) -> bool:
+        """Whether every limit and every check is met."""
+        return self.result.passed
+
+    @property
+    def report(self) -> Path:
+        """The HTML report."""
+        return self.folder / "report.html" if self.result else Path()
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """Content of summary.json."""
+        return summary(self.result)
+
+    @cached_property
+    def components(self) -> dict[str, Component]:
+        """Reduced bodies with the modes kept, by name."""
+        return {name: Component.of(modal) for name, modal in self.work.final.items()}
+
+    @cached_property
+    def errors(self) -> pd.DataFrame:
+        """Errors of the reduced system, one row a configuration; no rows if the pipeline has no `verify`.
+
+        ``frf_error`` and ``frequency_error`` are fractions, ``db_error`` is in dB; ``n_full`` and ``n_reduced`` are
+        coordinates of the reference model and of the reduced system.
+        """
+        import pandas as pd
+
+        result = self.result
+        rows = {
+            each.configuration.name: {name: getattr(each.errors[result.model], name) for name in ERRORS}
+            | {"n_full": each.n_full, "n_reduced": each.n_reduced}
+            for each in result.configurations
+        }
+        return pd.DataFrame.from_dict(rows, orient="index").rename_axis("configuration")
+
+    @property
+    def configurations(self) -> tuple[str, ...]:
+        """Names of the configurations, such as ``spin=45 cone=30`` with angles in degrees."""
+        return tuple(each.name for each in self.work.scene.configurations)
+
+    def system(self, configuration: str | None = None) -> AssembledSystem:
+        """The reduced system in a configuration, by default the first one.
+
+        Raises
+        ------
+        SceneError
+            If there is no configuration of this name; the message lists all names.
+        """
+        first = AssembledSystem(self.work.model.assembled, self.work.scene.configurations[0])
+        return first if configuration is None else first.at(configuration)
+
+    def __repr__(self) -> str:
+        name, count = self.work.pipeline.name, len(self.configurations)
+        if self._result is None:
+            return f"<FinishedRun {name}: stopped early, {count} configurations, in {self.folder}>"
+        kept = sum(part.kept_modes for part in self._result.components.values())
+        worst = "".join(f", {key} {value:.3g}" for key, value in self._result.worst().items() if key == "frf_error")
+        verdict = "PASS" if self.passed else "FAIL"
+        return f"<FinishedRun {name}: {verdict}{worst}, {kept} modes kept, {count} configurations, in {self.folder}>"
+
+
+def run(
+    pipeline: str | Path,
+    *,
+    set: Mapping[str, Any] | None = None,
+    out: str | Path | None = None,
+    until: str | None = None,
+    jobs: int = 1,
+    progress: bool = False,
+) -> FinishedRun:
+    """Run a pipeline file; finished stages are reused, and files are written as by the command `cmsreduce run`.
+
+    Parameters
+    ----------
+    pipeline : path
+        YAML file.
+    set : mapping of key to value, optional
+        Keys that win over those of the file: {"balance.keep": {"modes": 20}, "reduce.cutoff": 3}. None leaves
+        a key out.
+    out : path, optional
+        Folder of the results instead of the one that the file names.
+    until : str, optional
+        Last stage to run: read, reduce, orthogonalise, balance, project, assemble, verify or write.
+    jobs : int
+        Processes.
+    progress : bool
+        Print what is being done.
+
+    Raises
+    ------
+    CmsReduceError
+        If the file or its data is wrong; the message says where and what to do. A broken limit is no error: see
+        `FinishedRun.passed`.
+    """
+    if until is not None and until not in STAGES:
+        raise StageError(not_among("stage", until, STAGES))
+    overrides = [f"{key}={json.dumps(value, default=_plain)}" for key, value in (set or {}).items()]
+    with (
+        Output(quiet=not progress).watch() as listener,
+        opened_run(Path(pipeline), overrides, None if out is None else Path(out), listener, jobs=jobs) as work,
+    ):
+        return FinishedRun(work, execute(work, Path(pipeline), overrides, until))
+
+
+def _plain(value: Any) -> Any:
+    """Numbers of numpy and paths as JSON has them."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)

@@ -1,0 +1,56 @@
+"""Products on several threads: the same digits whatever their number, and scipy's to the rounding of a row's sum."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.linalg.blocks import symmetric_product
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
+
+N = 3000
+
+
+def band(width: int) -> sp.csc_array:
+    """Symmetric band of random entries, 2 width + 1 to a row."""
+    rng = np.random.default_rng(width)
+    half = [rng.standard_normal(N - k) for k in range(width + 1)]
+    offsets = list(range(width + 1))
+    upper = sp.diags_array(half, offsets=offsets, shape=(N, N))
+    return sp.csc_array(upper + sp.triu(upper, 1).T)
+
+
+def arrow() -> sp.csc_array:
+    """Half of all entries in a hundred rows and columns: rows split evenly would not share the work."""
+    rng = np.random.default_rng(1)
+    dense = sp.coo_array(rng.standard_normal((100, N)))
+    top = sp.csr_array((dense.data, dense.coords), shape=(N, N))
+    return sp.csc_array(sp.triu(top) + sp.triu(top, 1).T + sp.eye_array(N))
+
+
+def hollow() -> sp.csc_array:
+    """Rows without an entry at both ends."""
+    return sp.block_diag([sp.csc_array((500, 500)), band(40)[500:-500, 500:-500], sp.csc_array((500, 500))], "csc")
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3, 7])
+@pytest.mark.parametrize(
+    "A", [band(2), band(40), arrow(), hollow()], ids=["few entries", "band", "arrow", "empty rows at both ends"]
+)
+@pytest.mark.parametrize("columns", [None, 1, 5])
+def test_every_thread_count_gives_the_same_digits(A, threads, columns):
+    rng = np.random.default_rng(0)
+    X = rng.standard_normal(N if columns is None else (N, columns))
+    with solver_settings(SolverSettings(threads=1)):
+        alone = symmetric_product(A)(X)
+    with solver_settings(SolverSettings(threads=threads)):
+        product = symmetric_product(A)
+        for given in (X, np.asfortranarray(X)):
+            assert np.array_equal(product(given), alone)
+    # MKL adds a row's terms eight at a time where the processor does.
+    longest = np.diff(A.indptr).max()
+    assert (abs(alone - A @ X) <= longest * 2.0**-53 * (abs(A) @ abs(X))).all()
+
+
+def test_a_small_product():
+    A = sp.csc_array(np.array([[2.0, -1.0], [-1.0, 3.0]]))
+    np.testing.assert_array_equal(symmetric_product(A)(np.array([1.0, 2.0])), [0.0, 5.0])

@@ -1,0 +1,113 @@
+"""Products of tall blocks against numpy's, however the blocks lie."""
+
+import numpy as np
+import pytest
+
+from cmsreduce.linalg.blocks import column_products, inner, inner_of_all, less, less_all, times
+from cmsreduce.linalg.blocks.tall_products import combination
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
+
+
+def laid(n: int, columns: int, how: str, seed: int) -> np.ndarray:
+    random = np.random.default_rng(seed)
+    if how == "rows":
+        return random.standard_normal((n, columns))
+    if how == "columns":
+        return np.asfortranarray(random.standard_normal((n, columns)))
+    if how == "some of the columns":
+        return np.asfortranarray(random.standard_normal((n, columns + 3)))[:, 1 : columns + 1]
+    if how == "some of each row":
+        return random.standard_normal((n, columns + 3))[:, 2 : columns + 2]
+    return random.standard_normal((n, 2 * columns))[:, ::2]
+
+
+LAYOUTS = ("rows", "columns", "some of the columns", "some of each row", "every second")
+
+
+@pytest.mark.parametrize("left", LAYOUTS)
+@pytest.mark.parametrize("right", LAYOUTS)
+@pytest.mark.parametrize(
+    ("n", "m", "k"), [(20_000, 7, 4), (30_001, 1, 5), (25_000, 3, 0), (100, 6, 2), (50_001, 11, 5)]
+)
+def test_every_layout(left, right, n, m, k):
+    V, W = laid(n, m, left, 1), laid(n, k, right, 2)
+    found = inner(V, W)
+    assert found.shape == (m, k)
+    np.testing.assert_allclose(found, V.T @ W, rtol=0, atol=1e-13 * n)
+
+
+@pytest.mark.parametrize("left", LAYOUTS)
+@pytest.mark.parametrize(
+    ("n", "m", "k"), [(300, 30, 5), (50_001, 30, 5), (50_001, 24, 17), (50_001, 3, 40), (60_000, 9, 0)]
+)
+def test_what_is_taken_from_a_block(left, n, m, k):
+    V, W, c = laid(n, m, left, 1), laid(n, k, "some of the columns", 2), laid(m, k, "columns", 3)
+    wanted = W - V @ c
+    found = less(W, V, c)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13 * m)
+    assert found is W or np.shares_memory(found, W)
+
+
+@pytest.mark.parametrize("left", LAYOUTS)
+@pytest.mark.parametrize("n", [300, 20_001, 50_001])
+@pytest.mark.parametrize("k", [4, 8, 30])
+def test_what_is_taken_from_a_block_by_rows(left, n, k):
+    V, W, c = laid(n, 30, left, 1), laid(n, k, "rows", 2), laid(30, k, "columns", 3)
+    wanted = W - V @ c
+    found = less(W, V, c)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13 * 30)
+    assert np.shares_memory(found, W)
+
+
+@pytest.mark.parametrize("n", [300, 20_001, 50_001, 200_003])
+@pytest.mark.parametrize("how", LAYOUTS[:4])
+def test_blocks_side_by_side(n, how):
+    """Blocks of several widths, one of a single column, and right-hand sides of several layouts."""
+    widths = (8, 3, 1, 8, 24)
+    blocks = [laid(n, width, LAYOUTS[i], i) for i, width in enumerate(widths)]
+    V, W = np.hstack(blocks), laid(n, 8, how, 9)
+    np.testing.assert_allclose(inner_of_all(blocks, W), V.T @ W, rtol=0, atol=1e-13 * n)
+    c = laid(V.shape[1], 8, "rows", 10)
+    for given in (np.array(W, order="C"), np.array(W, order="F")):
+        found = less_all(given, blocks, c)
+        np.testing.assert_allclose(found, W - V @ c, rtol=0, atol=1e-13 * V.shape[1])
+        assert np.shares_memory(found, given)
+    assert inner_of_all([], W).shape == (0, 8)
+    np.testing.assert_array_equal(less_all(W.copy(), [], np.empty((0, 8))), W)
+
+
+@pytest.mark.parametrize("how", LAYOUTS)
+@pytest.mark.parametrize("n", [300, 50_001])
+@pytest.mark.parametrize("k", [0, 1, 5, 8, 11])
+def test_a_block_times_a_small_matrix(how, n, k):
+    W, C = laid(n, 11, how, 1), laid(11, k, "rows", 2)
+    wanted = W @ C
+    found = times(W, C)
+    assert found.shape == (n, k) and np.shares_memory(found, W) == (k > 0)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("n", [300, 50_001])
+def test_a_combination_of_blocks(n):
+    blocks = [laid(n, 8, how, i) for i, how in enumerate(LAYOUTS[:4])]
+    S = laid(32, 50, "columns", 9)
+    found = combination(blocks, S)
+    assert found.flags.f_contiguous
+    np.testing.assert_allclose(found, np.hstack(blocks) @ S, rtol=0, atol=1e-13 * 32)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_a_tall_product_is_the_same_each_time(threads):
+    V, W = laid(50_001, 40, "columns", 1), laid(50_001, 8, "rows", 2)
+    with solver_settings(SolverSettings(threads=threads)):
+        first, second = inner(V, W), inner(V, W)
+    np.testing.assert_array_equal(first, second)
+    np.testing.assert_allclose(first, V.T @ W, rtol=0, atol=1e-13 * 50_001)
+
+
+@pytest.mark.parametrize("left", LAYOUTS)
+@pytest.mark.parametrize("right", LAYOUTS)
+@pytest.mark.parametrize(("n", "k"), [(9_000, 5), (7, 3), (100, 0)])
+def test_products_column_by_column(left, right, n, k):
+    X, Y = laid(n, k, left, 1), laid(n, k, right, 2)
+    np.testing.assert_allclose(column_products(X, Y), (X * Y).sum(axis=0), rtol=0, atol=1e-13 * n)

@@ -1,0 +1,147 @@
+"""Cards in every field format, continuations, comments, sections, INCLUDE."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cmsreduce.errors import ReadError
+from cmsreduce.read.nastran.cards import read_cards
+from cmsreduce.read.printed_numbers import real_number
+
+GRID = {
+    "small": "GRID    7       2       1.5     -2.5-1  3.+1    4       126",
+    "wide": "GRID*                  7               2             1.5          -2.5-1*\n"
+    "*                   3.+1               4             126",
+    "wide, named": "GRID*   7               2               1.5             -.25            *G7\n"
+    "*G7     30.             4               126",
+    "free": "GRID,7,2,1.5,-.25,30.,4,126",
+    "free, spaced, lower": "grid , 7, 2 ,1.5,-2.5e-1, 3.d1,4,126",
+    "free, broken": "GRID,7,2,1.5,-.25,30.,4,126,,+\n+,",
+    "free, wide": "GRID*,7,2,1.5,-.25,*\n*,30.,4,126",
+    "tabs": "GRID\t7\t2\t1.5\t-.25\t30.\t4\t126",
+    "comment behind": "GRID    7       2       1.5     -.25    30.     4       126     $ the hub",
+    "comment between": "GRID*   7               2               1.5             -.25\n"
+    "$ a comment\n\n*       30.             4               126",
+    "mixed case": "Grid    7       2       1.5     -.25    30.     4       126",
+}
+
+
+def cards_of(tmp_path: Path, text: str, names: set[str], file: str = "deck.bdf") -> list[tuple[str, ...]]:
+    path = tmp_path / file
+    path.write_text(text + "\n")
+    found = read_cards(path, names)
+    return [card.fields for section in found.sections.values() for cards in section.values() for card in cards]
+
+
+@pytest.mark.parametrize("text", GRID.values(), ids=list(GRID))
+def test_one_grid_in_every_format(tmp_path: Path, text: str) -> None:
+    (fields,) = cards_of(tmp_path, text, {"GRID"})
+    assert [real_number(f) for f in fields] == [7, 2, 1.5, -0.25, 30, 4, 126]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1.5-3", 1.5e-3),
+        ("1.+7", 1e7),
+        ("-1.-2", -0.01),
+        ("+.5", 0.5),
+        ("7", 7.0),
+        ("1.0D+02", 100.0),
+        ("2.e3", 2000.0),
+        (" 3.25 ", 3.25),
+        ("", None),
+        ("THRU", None),
+        ("1.5 3", None),
+        ("nan", None),
+        ("1_0", None),
+        ("-", None),
+    ],
+)
+def test_real_numbers(text: str, value: float | None) -> None:
+    assert real_number(text) == value
+
+
+def test_short_continuation_of_a_wide_card_starts_at_the_next_line_of_eight(tmp_path: Path) -> None:
+    text = (
+        "PBAR*    1               1              .002            1.66667-6\n"
+        "*       6.66667-8       2.33071-7\n"
+        "        .05     .01     -.05    .01"
+    )
+    (fields,) = cards_of(tmp_path, text, {"PBAR"})
+    assert fields == ("1", "1", ".002", "1.66667-6", "6.66667-8", "2.33071-7", "", "", ".05", ".01", "-.05", ".01")
+
+
+def test_bulk_data_ends_and_case_control_is_kept_apart(tmp_path: Path) -> None:
+    path = tmp_path / "run.dat"
+    path.write_text(
+        "SOL 103\nCEND\nSPC = 1\nTITLE = GRID,9\nBEGIN BULK\nSPC,1,5,3\n"
+        "BEGIN SUPER = 4\nSPC,1,6,3\nENDDATA\nSPC,1,8,3\n"
+    )
+    found = read_cards(path, {"SPC", "GRID"})
+    assert found.case_control == ("SPC = 1", "TITLE = GRID,9")
+    assert {k: [c.fields for c in v["SPC"]] for k, v in found.sections.items()} == {
+        0: [("1", "5", "3")],
+        4: [("1", "6", "3")],
+    }
+    assert found.sections[0]["SPC"][0].line == 6
+
+
+@pytest.mark.parametrize(
+    "include",
+    [
+        "INCLUDE 'sub/a.bdf'",
+        'include "sub/a.bdf" $ quoted twice',
+        "INCLUDE sub/a.bdf",
+        "INCLUDE 'sub/\n        a.bdf'",
+        r"INCLUDE 'sub\a.bdf'",
+        "INCLUDE='sub/a.bdf'",
+    ],
+)
+def test_include_is_relative_to_the_including_file_then_to_the_deck(tmp_path: Path, include: str) -> None:
+    (tmp_path / "sub" / "deep").mkdir(parents=True)
+    (tmp_path / "sub" / "a.bdf").write_text("GRID,1\nINCLUDE 'deep/b.bdf'\nGRID,2\n")
+    (tmp_path / "sub" / "deep" / "b.bdf").write_text("GRID,3\nINCLUDE 'top.bdf'\n")
+    (tmp_path / "top.bdf").write_text("GRID,4\n")
+    assert cards_of(tmp_path, f"GRID,0\n{include}\nGRID,5", {"GRID"}) == [(k,) for k in "013425"]
+
+
+def test_missing_include_is_refused_in_bulk_data_only(tmp_path: Path) -> None:
+    head = "INCLUDE '/dmap/alter.v9'\nSOL 103\nCEND\nBEGIN BULK\nGRID,1\n"
+    assert cards_of(tmp_path, head, {"GRID"}) == [("1",)]
+    with pytest.raises(ReadError, match=r"deck.bdf, line 6: INCLUDE file 'gone.bdf' is missing"):
+        cards_of(tmp_path, head + "INCLUDE 'gone.bdf'", {"GRID"})
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("INCLUDE 'deck.bdf'", r"includes itself: .*deck.bdf -> .*deck.bdf"),
+        ("INCLUDE 'a", "line 1: INCLUDE has no closing quote"),
+        ("+,1,2", "line 1: a continuation line with no card before it"),
+        (f"{'GRID    1':72}+A1\n+B2     0.", r"names '\+A1'"),
+        ("GRID,1\n=,*1,=,=,*0.5", "repeats fields of the GRID above"),
+        ("GRID,1,2,3,4,5,6,7,8,9,10", "more than 8 data fields"),
+        ("GRID*,1,2,3.,4.,5.", "more than 4 data fields"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_with_its_line(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ReadError, match=message):
+        cards_of(tmp_path, text, {"GRID"})
+
+
+def test_cards_not_asked_for_cannot_stop_the_reader(tmp_path: Path) -> None:
+    text = f"CQUAD4,1,2,3,4,5,6,7,8,9,10\n{'PLOAD   1':72}+A1\n+B2\nGRID,1"
+    assert cards_of(tmp_path, text, {"GRID"}) == [("1",)]
+
+
+def test_field_errors_name_file_line_and_field(tmp_path: Path) -> None:
+    path = tmp_path / "deck.bdf"
+    path.write_text("$\nGRID,1,x,1.0,abc\n")
+    (card,) = read_cards(path, {"GRID"}).sections[0]["GRID"]
+    with pytest.raises(ReadError, match=r"deck.bdf, line 2: GRID: field 3 should be an integer, it is 'X'"):
+        card.integer(1)
+    with pytest.raises(ReadError, match=r"field 5 should be a number, it is 'ABC'"):
+        card.real(3)

@@ -1,0 +1,248 @@
+"""Nodes, rows and elements of decks and of meshes of other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from cmsreduce.errors import ReadError
+from cmsreduce.read import read_cells, read_geometry
+
+FRD_LONG = """    1C
+    1UPGM               CalculiX
+    2C                             3                                     1
+ -1         4 0.00000E+00 1.00000E+00 3.33333E-01
+ -1        17 2.50000E-01-1.50000E+00 8.00000E+00
+ -1         2 1.00000E+02 0.00000E+00-1.00000E-03
+ -3
+    3C                             0                                     1
+ -3
+"""
+FRD_SHORT = """    1C
+    2C                             1                                     0
+ -1    4 0.00000E+00 1.00000E+00 2.00000E+00
+ -3
+"""
+
+
+def write(tmp_path: Path, name: str, text: str) -> Path:
+    path = tmp_path / name
+    path.write_text(text)
+    return path
+
+
+def test_frd_nodes_in_long_and_short_format(tmp_path: Path) -> None:
+    nodes = read_geometry(write(tmp_path, "a.frd", FRD_LONG)).nodes
+    assert nodes.id.tolist() == [4, 17, 2]
+    np.testing.assert_array_equal(nodes.xyz, [[0, 1, 0.333333], [0.25, -1.5, 8], [100, 0, -0.001]])
+    # One coordinate was cut to six digits.
+    assert nodes.xyz_rounding == pytest.approx(5e-7)
+    nodes = read_geometry(write(tmp_path, "b.frd", FRD_SHORT)).nodes
+    assert (nodes.id.tolist(), nodes.xyz.tolist()) == ([4], [[0, 1, 2]])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (FRD_LONG.replace("     3   ", "     4   ", 1), "4 nodes are announced and 3 are there"),
+        (FRD_LONG.replace("8.00000E+00", "8.00x00E+00"), r"line 5: .* is no node"),
+        ("    1C\n", "no node block"),
+        (FRD_LONG.replace("     1\n", "     2\n", 1), "binary"),
+    ],
+)
+def test_damaged_frd_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ReadError, match=message):
+        read_geometry(write(tmp_path, "a.frd", text))
+
+
+FLAT = """*HEADING
+GRID of beams
+*NODE, NSET=all
+1, 0., 1.
+** comment
+ 7 ,2.5d-1,,-3.
+*ELEMENT, TYPE=B31
+1, 1, 7
+*node
+9,1,1,1
+"""
+PARTS = """*Heading
+*Part, name=arm
+*Node
+ 1, 1., 0., 0.
+ 2, 2., 0., 0.
+*End Part
+*Assembly, name=Assembly
+*Instance, name=arm-1, part=ARM
+ 0., 0., 5.
+ 0., 0., 5., 0., 0., 6., 90.
+*End Instance
+*Node
+ 50, 7., 7., 7.
+*End Assembly
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "ids", "xyz"),
+    [
+        (FLAT, [1, 7, 9], [[0, 1, 0], [0.25, 0, -3], [1, 1, 1]]),
+        (PARTS, [1, 2, 50], [[0, 1, 5], [0, 2, 5], [7, 7, 7]]),
+        ("*INCLUDE, INPUT=other.msh\n*NODE\n3,3.\n", [8, 3], [[8, 0, 0], [3, 0, 0]]),
+        ("*NODE, INPUT=nodes.txt\n*STEP\n", [5, 6], [[5, 1, 0], [6, 2, 0]]),
+    ],
+)
+def test_abaqus_and_calculix_input(tmp_path: Path, text: str, ids: list[int], xyz: list[list[float]]) -> None:
+    write(tmp_path, "other.msh", "*NODE\n8,8.\n")
+    write(tmp_path, "nodes.txt", "5,5.,1.\n** comment\n6,6.,2.\n")
+    nodes = read_geometry(write(tmp_path, "model.inp", text)).nodes
+    assert nodes.id.tolist() == ids
+    np.testing.assert_allclose(nodes.xyz, xyz, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (PARTS.replace(" 50, 7.", " 2, 7."), r"node 2 has two places"),
+        ("*NODE\n1,0.,x\n", r"line 2: '1,0.,x' is no node"),
+        ("*NODE\n1,0.\n*NGEN\n1,5,1\n", "line 3: \\*NGEN: generated nodes are not read"),
+        ("*NODE\n1,0.\n*TRANSFORM, NSET=A, TYPE=C\n", "degrees of freedom in a local system"),
+        ("*NODE, SYSTEM=C\n1,0.\n", "write rectangular ones"),
+        ("*HEADING\n*STEP\n", "there are no nodes in it"),
+        ("*INCLUDE, INPUT=gone.inp\n", "gone.inp: cannot be read: No such file"),
+        ("*NODE, INPUT=gone.txt\n*STEP\n", "gone.txt cannot be read"),
+        ("*INCLUDE, INPUT=model.inp\n", "includes itself"),
+    ],
+)
+def test_input_that_would_give_wrong_nodes_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ReadError, match=message):
+        read_geometry(write(tmp_path, "model.inp", text))
+
+
+def test_other_meshes_are_numbered_from_one(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.vtk"
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1 / 3, 0]])
+    meshio.Mesh(points, [("triangle", [[0, 1, 2]])]).write(path)
+    nodes = read_geometry(path).nodes
+    assert nodes.id.tolist() == [1, 2, 3]
+    np.testing.assert_array_equal(nodes.xyz, points)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.vtk", "rubbish", "no geometry in a format that is known"),
+        ("a.what", "rubbish", "no geometry in a format that is known"),
+        ("a.bdf", "CQUAD4,1\n", "neither a NASTRAN deck"),
+    ],
+)
+def test_unknown_files_are_refused_without_a_word_on_the_terminal(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str, text: str, message: str
+) -> None:
+    with pytest.raises(ReadError, match=message):
+        read_geometry(write(tmp_path, name, text))
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match=r"gone.bdf: the geometry cannot be read: No such file"):
+        read_geometry(tmp_path / "gone.bdf")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "rows"),
+    [
+        ("mesh.inp", FLAT, {"translations": 9, "six": 18}),
+        (
+            "deck.inp",
+            "SOL 103\nCEND\nBEGIN BULK\nGRID,1\nGRID,2,,,,,,3\n",
+            {"a": 11, "f": 11, "n": 12, "g": 12, "translations": 5},
+        ),
+        ("noname", FRD_SHORT, {"translations": 3, "six": 6}),
+        ("x.dat", "BEGIN SUPER 4\nEXTRN,1,12\nGRID,1\n", {"a": 2}),
+    ],
+)
+def test_geometry_is_found_by_content(tmp_path: Path, name: str, text: str, rows: dict[str, int]) -> None:
+    found = read_geometry(write(tmp_path, name, text))
+    assert {key: len(table) for key, table in found.rows.items()} == rows
+
+
+@pytest.mark.shared
+def test_real_meshes(shared_data: Path) -> None:
+    beam = read_geometry(shared_data / "calculix_body" / "calculix.frd").nodes
+    assert len(beam) == 261
+    np.testing.assert_array_equal(np.ptp(beam.xyz, axis=0), [1.0, 1.5, 8.0])
+    block = read_geometry(shared_data / "abaqus_c3d10" / "blockC3D10.inp").nodes
+    assert len(block) == 257
+    np.testing.assert_array_equal(np.ptp(block.xyz, axis=0), [4.0, 1.0, 1.0])
+
+
+DECK = """\
+GRID,1,,0.,0.,0.
+GRID,2,,1.,0.,0.
+CBAR,10,1,1,2,0.,0.,1.
+CQUAD4  11      1       1       2       3       4
+CTETRA  12      1       1       2       3       4       5       6       +
++       7       8       9       10
+RBE2,13,1,123456,2,3
+CELAS2,14,1.0,1,1,2,1
+CELAS2,15,1.0,1,1
+CBUSH,16,1,4
+ENDDATA
+"""
+INPUT = """\
+*NODE
+1, 0., 0., 0.
+*ELEMENT, TYPE=C3D10, ELSET=A
+1, 1, 2, 3, 4, 5, 6, 7,
+8, 9, 10
+2, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20
+*ELEMENT, TYPE=B32
+3, 1, 2, 3
+*ELEMENT, TYPE=MASS
+4, 1
+"""
+
+
+def listed(path: Path) -> dict[str, list[list[int]]]:
+    return {kind: nodes.tolist() for kind, nodes in read_cells(path).items()}
+
+
+def test_elements_of_a_deck(tmp_path: Path) -> None:
+    path = tmp_path / "deck.bdf"
+    path.write_text(DECK)
+    found = listed(path)
+    assert sorted(found["line"]) == [[1, 2], [1, 2], [1, 2], [1, 3]]
+    assert (found["quad"], found["tetra"]) == ([[1, 2, 3, 4]], [[1, 2, 3, 4]])
+
+
+def test_elements_of_an_input_file(tmp_path: Path) -> None:
+    path = tmp_path / "body.inp"
+    path.write_text(INPUT)
+    assert listed(path) == {"tetra": [[1, 2, 3, 4], [11, 12, 13, 14]], "line": [[1, 3]]}
+
+
+def test_elements_of_a_mesh_that_meshio_reads(tmp_path: Path) -> None:
+    path = tmp_path / "body.vtu"
+    meshio.Mesh(np.eye(4)[:, :3], [("tetra", np.array([[0, 1, 2, 3]]))]).write(path)
+    assert listed(path) == {"tetra": [[1, 2, 3, 4]]}
+
+
+def test_files_without_elements(tmp_path: Path) -> None:
+    path = tmp_path / "grids.bdf"
+    path.write_text("GRID,1,,0.,0.,0.\n")
+    assert read_cells(path) == {}
+    with pytest.raises(ReadError, match="cannot be read"):
+        read_cells(tmp_path / "absent.bdf")
+
+
+@pytest.mark.shared
+def test_elements_of_the_body_of_another_program(shared_data: Path) -> None:
+    path = next((shared_data / "calculix_body").glob("*.frd"))
+    (kind, cells), *_ = read_cells(path).items()
+    assert kind in ("hexahedron", "tetra", "wedge")
+    assert len(cells) > 10
+    assert (np.diff(np.sort(cells, axis=1), axis=1) > 0).all()
