@@ -86,7 +86,7 @@ def _lines(body: FlexibleBody) -> Iterator[str]:
 def _joints(body: FlexibleBody) -> list[tuple[str, int]]:
     """Name of each interface and place of its node among the nodes."""
     found = []
-    for name, nodes in body.interfaces:
+    for name, nodes in body.interfaces.items():
         if len(nodes) != 1:
             raise WriteError(
                 f"component '{body.name}': interface '{name}' has {len(nodes)} nodes, and a joint of 42 has one; tie "

@@ -102,7 +102,7 @@ def _change(A: Array, T: Array) -> Array:
 
 def _boundary(component: ComponentFile) -> tuple[DofTable, Array]:
     """Dofs of all interfaces, each once, and their rows of the shapes (i, m)."""
-    names = sorted({path.rpartition("/")[0] for path in component.arrays if path.startswith("interfaces/")})
+    names = [f"interfaces/{name}" for name in component.interfaces]
     if not names:
         raise WriteError(f"component '{component.name}': a superelement is joined at its interfaces, and it has none")
     node = np.concatenate([component.arrays[f"{name}/node"] for name in names])

@@ -121,7 +121,7 @@ def component_states(component: ComponentFile) -> StateSpace:
             f"component '{name}': structural damping is a complex stiffness and has no real state space; give it "
             "modal damping, or take `matlab` and `abcd` out of write.formats"
         )
-    faces = sorted({path.split("/")[1] for path in arrays if path.startswith("interfaces/")})
+    faces = tuple(component.interfaces)
     labels = [label for face in faces for label in _labels(component, face)]
     back = _to_free_modes(component)
     shapes = [np.empty((0, back.shape[0])), *(arrays[f"interfaces/{face}/shapes"] for face in faces)]

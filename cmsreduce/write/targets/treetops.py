@@ -72,7 +72,7 @@ def write_treetops_h5(path: Path, component: ComponentFile, integrals: ModalInte
         put(nodes, "slope", np.swapaxes(body.rotation, 1, 2), about="[node, mode, axis]; 0 where it is not known")
         put(nodes, "slope_known", (~np.isin(body.node, body.blind)).astype(np.int8), about="1 where it is known")
         faces = file.create_group("interfaces")
-        for name, ids in body.interfaces:
+        for name, ids in body.interfaces.items():
             put(faces, name, np.array(ids, dtype=np.int64), about="the nodes a joint attaches to")
 
 
@@ -113,7 +113,7 @@ def _lines(body: FlexibleBody, stiffening: FrameStiffening | None) -> Iterator[s
         rows = np.vstack([body.translation[index], body.rotation[index]]).T
         about = "translation x y z and slope x y z, a mode a row"
         yield from table(f"SHAPES {node}", rows, f"{about}{'; slope not known' if node in body.blind else ''}")
-    for name, nodes in body.interfaces:
+    for name, nodes in body.interfaces.items():
         yield f"$ INTERFACE {name}: nodes {' '.join(str(node) for node in nodes)}"
     yield "$ END"
 
