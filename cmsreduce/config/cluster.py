@@ -1,4 +1,4 @@
-"""The grammar of a cluster file: where the processes of a sweep are started."""
+"""The grammar of a cluster file, which states where the processes of a sweep run."""
 
 from __future__ import annotations
 
@@ -20,32 +20,34 @@ _Some = Annotated[Count, Field(ge=1)]
 
 
 class ClusterKeys(Keys):
-    """Where processes are started, and how many."""
+    """Processes of a sweep: their number, machines and resources."""
 
     kind: Literal["local", "slurm", "pbs", "ssh"] = Field(
-        description="local: this machine. slurm, pbs: a job of the queueing system for each process. ssh: machines "
-        "that can be reached without a password.",
+        description="local: this machine. slurm, pbs: one job of the queueing system for each process. ssh: machines "
+        "with login without a password.",
         examples=["slurm"],
     )
     workers: _Some = Field(default=1, description="Processes; each runs one task at a time.", examples=[8])
     threads: _Some = Field(default=1, description="Cores of each process.", examples=[4])
     memory: Memory | None = Field(default=None, description="Memory of each process.", examples=["16 GiB"])
     queue: str | None = Field(default=None, description="Queue or partition of the jobs.", examples=["short"])
-    account: str | None = Field(default=None, description="Account that is charged.", examples=["structures"])
+    account: str | None = Field(default=None, description="Account of the jobs.", examples=["structures"])
     walltime: str | None = Field(default=None, description="Longest time of a job, hh:mm:ss.", examples=["04:00:00"])
     prologue: list[str] | None = Field(
         default=None,
-        description="Shell lines before the process is started, for instance to load a module.",
+        description="Shell lines that run before the process, for instance to load a module.",
         examples=[["module load python/3.11"]],
     )
     directives: list[str] | None = Field(
-        default=None, description="More lines for the head of a job.", examples=[["--exclusive"]]
+        default=None, description="More header lines of a job.", examples=[["--exclusive"]]
     )
     hosts: list[str] | None = Field(
         default=None, min_length=1, description="Machines; the scheduler runs on the first.", examples=[["node1"]]
     )
     python: str | None = Field(
-        default=None, description="Interpreter on the machines that has cmsreduce.", examples=["/opt/cms/bin/python"]
+        default=None,
+        description="Python interpreter with cmsreduce on these machines.",
+        examples=["/opt/cms/bin/python"],
     )
 
     @model_validator(mode="after")
@@ -56,7 +58,7 @@ class ClusterKeys(Keys):
         if strange:
             raise ValueError(f"kind: {self.kind} takes no {' and no '.join(strange)}")
         if queued and self.memory is None:
-            raise ValueError(f"kind: {self.kind} needs memory, e.g. memory: 16 GiB: jobs are given what they ask for")
+            raise ValueError(f"kind: {self.kind} needs memory, e.g. memory: 16 GiB: a job gets only what it asks for")
         if self.kind == "ssh" and self.hosts is None:
             raise ValueError("kind: ssh needs hosts, e.g. hosts: [node1, node2]")
         return self
@@ -70,7 +72,7 @@ def load_cluster(path: Path) -> ClusterKeys:
     ReadError
         If there is no such file.
     ConfigError
-        One line for each thing that is wrong: file, line, key.
+        One line for each error: file, line, key.
     """
     try:
         text = path.read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Read a pipeline file: includes, overrides, validation, and one message for all that is wrong."""
+"""Read a pipeline file: includes, overrides, validation, and one message with all errors."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ def load_pipeline(path: Path, overrides: Sequence[str] = ()) -> Pipeline:
         YAML 1.2 file. Names of data files in it, and in files it includes, are relative to the file they are
         written in; ``output`` is relative to the working directory.
     overrides : sequence of str
-        ``a.b=value`` each, the value as YAML; they win over the file, later ones over earlier ones. A mapping takes
-        the place of the one in the file, while an included file is merged key by key.
+        ``a.b=value`` each, the value as YAML. They win over the file, and later ones over earlier ones. A mapping
+        replaces the one in the file, while an included file is merged key by key.
 
     Returns
     -------
     Pipeline
-        Its ``include`` names every file that was included, directly or not.
+        Its ``include`` names every included file, directly or through another file.
 
     Raises
     ------
     ReadError
-        If the file, or one it includes, is missing or cannot be read.
+        If the file, or one that it includes, is missing or cannot be read.
     ConfigError
-        One line for each thing that is wrong: file, line, key, what was found, what is expected.
+        One line for each error: file, line, key, what was found, what is expected.
     """
     included: list[Path] = []
     root = _read(Path(path), (), included)
@@ -73,7 +73,7 @@ def pipeline_from_keys(keys: Mapping[str, Any], source: str) -> Pipeline:
 
 
 def _checked(root: Entry) -> Pipeline:
-    """Pipeline of a tree of keys, or one message for all that is wrong in it."""
+    """Validate a tree of keys; all errors make one message."""
     try:
         pipeline = Pipeline.model_validate(plain(root))
     except ValidationError as error:
@@ -132,7 +132,7 @@ def _text_of(path: Path) -> str:
 
 
 def _similar(path: Path) -> str:
-    """Name a file beside the missing one that is probably meant."""
+    """Suggest a file of the same folder with a similar name."""
     folder = path.parent
     beside = [file.name for file in folder.iterdir()] if folder.is_dir() else []
     meant = closest(path.name, beside)
@@ -149,7 +149,7 @@ def _override(root: Entry, text: str) -> Entry:
     if not value.strip():
         raise ConfigError(f"{where}: there is no value: write null to leave a key out")
     if parts[0] == "include":
-        raise ConfigError(f"{where}: files are included before keys are set: write 'include' into the file")
+        raise ConfigError(f"{where}: 'include' cannot be set here: write 'include' into the file")
     entry = Entry(parse(value, where.source, where.folder, in_override=True).value, where, whole=True)
     for key in reversed(_split(root, parts)):
         entry = Entry({key: entry}, where)
@@ -157,7 +157,7 @@ def _override(root: Entry, text: str) -> Entry:
 
 
 def _split(root: Entry, parts: list[str]) -> list[str]:
-    """Keys of an override, of which some hold dots themselves: ``scene.sensors.los.rows.rotor.1300.x``."""
+    """Keys of an override; a key may contain dots, as in ``scene.sensors.los.rows.rotor.1300.x``."""
     keys: list[str] = []
     entry: Entry | None = root
     while parts:
@@ -177,7 +177,7 @@ def _split(root: Entry, parts: list[str]) -> list[str]:
 
 
 def _adapt(keys: tuple[str, ...], base: Entry, over: Entry) -> Entry:
-    """Write out a short form that keys are merged into, and clear what another alternative replaces."""
+    """Write out a short form before a merge, and clear it where ``over`` has another alternative."""
     path = [int(key) if key.isdigit() else key for key in keys]
     for model in models_at(path):
         if model.short_key and not isinstance(base.value, (dict, list)) and base.value is not None:

@@ -1,4 +1,4 @@
-"""YAML as a tree that remembers where each entry was written, so that a message can name file and line."""
+"""YAML as a tree in which each entry has its file and line, for messages."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NUMBER_TAGS = {_TAG + name for name in ("int", "float", "bool")}
 
 @dataclass(frozen=True)
 class Location:
-    """Where an entry was written.
+    """Place of an entry in a file or override.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Location:
 
 
 class Text(str):
-    """A text that knows the folder its file stands in."""
+    """A text with the folder of its file."""
 
     folder: Path
 
@@ -61,16 +61,16 @@ Value = dict[str, "Entry"] | list["Entry"] | str | int | float | bool | None
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """A value and where its key was written.
+    """A value and the place of its key.
 
     Parameters
     ----------
     value : mapping of str to Entry, list of Entry, or scalar
-        What was written.
+        The value as written.
     where : Location
-        Of the key, or of the item of a list.
+        Place of the key, or of the item of a list.
     whole : bool
-        Whether it takes the place of a mapping instead of being merged into it.
+        True if the value replaces a mapping instead of being merged into it.
     """
 
     value: Value
@@ -90,11 +90,11 @@ def parse(text: str, source: str, folder: Path, in_override: bool = False) -> En
     text : str
         The document.
     source : str
-        Name of its file for messages, or the override it is the value of.
+        Name of its file for messages, or the override whose value it is.
     folder : Path
         Folder that file names in it are relative to.
     in_override : bool
-        Whether it is the value of an override, which has no lines.
+        True for the value of an override, which has no lines.
 
     Raises
     ------
@@ -184,7 +184,7 @@ class _Reader:
                 raise ConfigError(f"{self.location(node.start_mark.line)}: '<<' in '{path}' takes in itself")
             if not isinstance(source, MappingNode):
                 raise ConfigError(f"{self.location(node.start_mark.line)}: '<<' in '{path}' takes a mapping")
-            # The first of several merged mappings wins, as YAML has it.
+            # The first of several merged mappings wins, by the rule of YAML.
             found = {**self.mapping(source, path, (*above, id(source))), **found}
         return found
 
@@ -206,7 +206,7 @@ class _Reader:
 
 
 def plain(entry: Entry) -> object:
-    """Values without their places; texts keep their folder."""
+    """Values without their places; each text keeps its folder."""
     if isinstance(entry.value, dict):
         return {key: plain(item) for key, item in entry.value.items()}
     if isinstance(entry.value, list):
@@ -215,9 +215,9 @@ def plain(entry: Entry) -> object:
 
 
 def find(root: Entry, keys: Sequence[str | int]) -> tuple[Entry, tuple[str | int, ...]]:
-    """Innermost entry that keys lead to, and those of them that were followed.
+    """Innermost entry along keys, and the keys on the way to it.
 
-    Keys that are not in the tree are passed over: a validator puts names of its own among them.
+    Keys that are not in the tree are skipped: the validator adds names of its own.
     """
     entry, followed = root, list[str | int]()
     for key in keys:
@@ -237,7 +237,7 @@ def _below(value: Value, key: str | int) -> Entry | None:
 
 
 def merge(base: Entry, over: Entry, adapt: Adapt, keys: tuple[str, ...] = ()) -> Entry:
-    """Deep merge: mappings key by key unless they are whole, everything else replaced by ``over``.
+    """Deep merge: mappings key by key unless ``over`` is whole, everything else replaced by ``over``.
 
     An override may name an item of a list by its number, from 0.
 
@@ -248,7 +248,7 @@ def merge(base: Entry, over: Entry, adapt: Adapt, keys: tuple[str, ...] = ()) ->
     adapt : callable
         Writes out the short form of ``base`` and drops the alternatives that ``over`` replaces.
     keys : tuple of str
-        Where in the tree both stand.
+        Keys that lead to both in their trees.
     """
     if over.whole or not isinstance(over.value, dict):
         return over
@@ -260,7 +260,7 @@ def merge(base: Entry, over: Entry, adapt: Adapt, keys: tuple[str, ...] = ()) ->
     joined = dict(base.value)
     for key, item in over.value.items():
         joined[key] = merge(joined[key], item, adapt, (*keys, key)) if key in joined else item
-    # An override has one key; what the mapping lacks besides is to be mended in the file.
+    # An override has one key. If the mapping lacks others, the message must name the place in the file.
     return Entry(joined, base.where if over.where.line is None else over.where)
 
 

@@ -1,4 +1,4 @@
-"""Messages on what is wrong in a pipeline file: where, which key, what was found, what is expected."""
+"""Messages on errors in a pipeline file, each with its place and key; the grammar is walked to find known keys."""
 
 from __future__ import annotations
 
@@ -31,139 +31,7 @@ __all__ = [
     "problems_of",
 ]
 
-# Half of the letters in place: lower and unrelated words are offered.
-_LIKENESS = 0.6
-# Letters from which a word may be the beginning of the one that is meant.
-_STEM = 3
-
-
-def closest(word: str, known: Iterable[str]) -> str | None:
-    """Known word most like another, whatever the case of its letters; None if there is none.
-
-    Examples
-    --------
-    >>> closest("Balanse", ["balance", "reduce"])
-    'balance'
-    """
-    by_lower = {name.lower(): name for name in known}
-    begun = [name for lower, name in by_lower.items() if len(word) >= _STEM and lower.startswith(word.lower())]
-    if len(begun) == 1:
-        return begun[0]
-    found = get_close_matches(word.lower(), by_lower, n=1, cutoff=_LIKENESS)
-    return by_lower[found[0]] if found else None
-
-
-def not_among(what: str, word: str, known: Iterable[str]) -> str:
-    """Say that there is no such thing, what was probably meant, and what there is.
-
-    Examples
-    --------
-    >>> not_among("joint", "spn", ["spin", "cone"])
-    "there is no joint 'spn', did you mean 'spin'? There are: spin, cone"
-    """
-    names = list(known)
-    meant = closest(word, names)
-    guess = f", did you mean '{meant}'?" if meant else "."
-    return f"there is no {what} '{word}'{guess} There are: {', '.join(names) or 'none'}"
-
-
-def _plain_kinds(kind: Any) -> list[Any]:
-    """Take annotations and unions apart."""
-    if get_origin(kind) is Annotated:
-        return _plain_kinds(get_args(kind)[0])
-    if get_origin(kind) in (Union, UnionType):
-        return [plain for arm in get_args(kind) for plain in _plain_kinds(arm)]
-    return [kind]
-
-
-def _is_model(kind: Any) -> bool:
-    return isinstance(kind, type) and issubclass(kind, BaseModel)
-
-
-def _field_names(name: str, field: FieldInfo) -> list[str]:
-    """Names a key may be written with, the usual one first."""
-    if isinstance(field.validation_alias, AliasChoices):
-        return [str(choice) for choice in field.validation_alias.choices]
-    return [field.alias or name]
-
-
-def _step(kind: Any, key: str | int) -> list[Any]:
-    if _is_model(kind):
-        return [
-            plain
-            for name, field in kind.model_fields.items()
-            if key in _field_names(name, field)
-            for plain in _plain_kinds(field.annotation)
-        ]
-    arguments = get_args(kind)
-    if get_origin(kind) is dict:
-        return _plain_kinds(arguments[1])
-    if get_origin(kind) is tuple and isinstance(key, int):
-        variadic = len(arguments) == 2 and arguments[1] is Ellipsis
-        return _plain_kinds(arguments[0 if variadic else min(key, len(arguments) - 1)])
-    return []
-
-
-def _kinds_at(keys: Sequence[str | int], grammar: type[Keys]) -> list[Any]:
-    """Kinds of value that keys lead to; names that a validator puts among the keys lead nowhere."""
-    kinds: list[Any] = [grammar]
-    for key in keys:
-        kinds = [further for kind in kinds for further in _step(kind, key)] or kinds
-    return kinds
-
-
-def models_at(keys: Sequence[str | int], grammar: type[Keys] = Pipeline) -> list[type[Keys]]:
-    """Mappings of the grammar that may stand where keys lead to."""
-    return [kind for kind in _kinds_at(keys, grammar) if _is_model(kind) and issubclass(kind, Keys)]
-
-
-def is_mapping_of_values(keys: Sequence[str | int]) -> bool:
-    """Whether keys lead to a mapping of the user's own names to single values."""
-    mappings = [kind for kind in _kinds_at(keys, Pipeline) if get_origin(kind) is dict]
-    return bool(mappings) and not any(_is_model(value) for kind in mappings for value in _step(kind, ""))
-
-
-def known_keys(keys: Sequence[str | int], grammar: type[Keys] = Pipeline) -> list[str]:
-    """Keys that may be written in the mapping that keys lead to."""
-    return [
-        _field_names(name, field)[0] for model in models_at(keys, grammar) for name, field in model.model_fields.items()
-    ]
-
-
-def field_at(keys: Sequence[str | int], grammar: type[Keys] = Pipeline) -> FieldInfo | None:
-    """Description and examples of the key that keys lead to."""
-    for end in range(len(keys), 0, -1):
-        above, key = keys[: end - 1], keys[end - 1]
-        for model in models_at(above, grammar):
-            for name, field in model.model_fields.items():
-                if key in _field_names(name, field):
-                    return field
-        # Items of a list, and names that a validator adds, share the description of what holds them.
-        if isinstance(key, str) and any(_step(kind, key) for kind in _kinds_at(above, grammar)):
-            return None
-    return None
-
-
-def _walk(model: type[Keys], path: str, above: tuple[type[Keys], ...]) -> Iterator[tuple[str, str]]:
-    for name, field in model.model_fields.items():
-        key = _field_names(name, field)[0]
-        yield key, path
-        for kind in _plain_kinds(field.annotation):
-            inner = _plain_kinds(get_args(kind)[1]) if get_origin(kind) is dict else [kind]
-            for below in inner:
-                if _is_model(below) and below not in above:
-                    at = f"{path}.{key}" if path else key
-                    at = f"{at}.NAME" if get_origin(kind) is dict else at
-                    yield from _walk(below, at, (*above, below))
-
-
-def places_of(key: str, grammar: type[Keys] = Pipeline) -> list[str]:
-    """Mappings of the grammar that know a key, outermost first; NAME stands for a name of the user's."""
-    places = {place for known, place in _walk(grammar, "", (grammar,)) if known == key}
-    return sorted(places, key=lambda place: (place.count("."), place))
-
-
-# More than a screen of messages hides the first one, which often causes the others.
+# More messages would push the first one off the screen, and that one often causes the others.
 _MOST_REPORTED = 10
 
 _EXPECTED = {
@@ -180,10 +48,45 @@ _EXPECTED = {
     "finite_number": "a finite number",
 }
 
+# At a lower similarity, unrelated words are suggested.
+_SIMILARITY = 0.6
+# A word of at least this many letters may be the beginning of a known word.
+_STEM = 3
+
+
+def closest(word: str, known: Iterable[str]) -> str | None:
+    """Known word most similar to another, in upper or lower case; None if none is similar.
+
+    Examples
+    --------
+    >>> closest("Balanse", ["balance", "reduce"])
+    'balance'
+    """
+    by_lower = {name.lower(): name for name in known}
+    begun = [name for lower, name in by_lower.items() if len(word) >= _STEM and lower.startswith(word.lower())]
+    if len(begun) == 1:
+        return begun[0]
+    found = get_close_matches(word.lower(), by_lower, n=1, cutoff=_SIMILARITY)
+    return by_lower[found[0]] if found else None
+
+
+def not_among(what: str, word: str, known: Iterable[str]) -> str:
+    """Message that a name is unknown, with the most similar name and all known ones.
+
+    Examples
+    --------
+    >>> not_among("joint", "spn", ["spin", "cone"])
+    "there is no joint 'spn', did you mean 'spin'? There are: spin, cone"
+    """
+    names = list(known)
+    meant = closest(word, names)
+    guess = f", did you mean '{meant}'?" if meant else "."
+    return f"there is no {what} '{word}'{guess} There are: {', '.join(names) or 'none'}"
+
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong.
+    """One error in a pipeline file.
 
     Parameters
     ----------
@@ -201,7 +104,7 @@ class Problem:
 
 
 def config_error(problems: Sequence[Problem]) -> ConfigError:
-    """One error that lists the problems, a line each, those of a file by line."""
+    """Exception that lists problems, one a line, in the order of the lines of each file."""
     files = list(dict.fromkeys(problem.where.source for problem in problems))
     ordered = sorted(problems, key=lambda problem: (files.index(problem.where.source), problem.where.line or 0))
     lines = list(dict.fromkeys(str(problem) for problem in ordered))
@@ -210,7 +113,7 @@ def config_error(problems: Sequence[Problem]) -> ConfigError:
 
 
 def path_text(keys: Sequence[str | int]) -> str:
-    """Keys as they are written in messages: ``scene.articulation.spin[2]``."""
+    """Keys as in messages: ``scene.articulation.spin[2]``."""
     text = ""
     for key in keys:
         text += f"[{key}]" if isinstance(key, int) else f".{key}" if text else key
@@ -218,7 +121,7 @@ def path_text(keys: Sequence[str | int]) -> str:
 
 
 def located(root: Entry, keys: Sequence[str | int], message: str) -> Problem:
-    """Put a problem where its key was written."""
+    """Add to a message the place where its key was written."""
     entry, followed = find(root, keys)
     return Problem(entry.where, f"key '{path_text(followed)}': {message}" if followed else message)
 
@@ -226,22 +129,22 @@ def located(root: Entry, keys: Sequence[str | int], message: str) -> Problem:
 def problems_of(
     root: Entry, errors: Sequence[ErrorDetails], grammar: type[Keys] = Pipeline, whole: str = "the pipeline"
 ) -> list[Problem]:
-    """Word the errors of the validator.
+    """Messages on the errors of the validator.
 
     Parameters
     ----------
     root : Entry
-        What was validated.
+        The tree that was validated.
     errors : sequence of ErrorDetails
     grammar : type of Keys
-        The mapping that the file is.
+        Grammar of the file.
     whole : str
-        What it is called.
+        Name of the file's contents in messages.
     """
     places = [error["loc"] for error in errors]
 
     def follows_from_another(error: ErrorDetails) -> bool:
-        # A list whose only item was refused is reported as empty besides.
+        # The validator also reports a list as empty if its only item was refused.
         loc = error["loc"]
         return error["type"] == "too_short" and any(len(place) > len(loc) == _shared(place, loc) for place in places)
 
@@ -344,3 +247,99 @@ def _found(value: object) -> str:
     if isinstance(value, (str, Path)):
         return f"the text '{value}'"
     return "a mapping" if isinstance(value, Mapping) else "a list"
+
+
+def _plain_kinds(kind: Any) -> list[Any]:
+    """Types of an annotation or union."""
+    if get_origin(kind) is Annotated:
+        return _plain_kinds(get_args(kind)[0])
+    if get_origin(kind) in (Union, UnionType):
+        return [plain for arm in get_args(kind) for plain in _plain_kinds(arm)]
+    return [kind]
+
+
+def _is_model(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+def _field_names(name: str, field: FieldInfo) -> list[str]:
+    """Names of a key in the file, the usual one first."""
+    if isinstance(field.validation_alias, AliasChoices):
+        return [str(choice) for choice in field.validation_alias.choices]
+    return [field.alias or name]
+
+
+def _step(kind: Any, key: str | int) -> list[Any]:
+    if _is_model(kind):
+        return [
+            plain
+            for name, field in kind.model_fields.items()
+            if key in _field_names(name, field)
+            for plain in _plain_kinds(field.annotation)
+        ]
+    arguments = get_args(kind)
+    if get_origin(kind) is dict:
+        return _plain_kinds(arguments[1])
+    if get_origin(kind) is tuple and isinstance(key, int):
+        variadic = len(arguments) == 2 and arguments[1] is Ellipsis
+        return _plain_kinds(arguments[0 if variadic else min(key, len(arguments) - 1)])
+    return []
+
+
+def _kinds_at(keys: Sequence[str | int], grammar: type[Keys]) -> list[Any]:
+    """Types of the value at keys; names that the validator adds to the keys are skipped."""
+    kinds: list[Any] = [grammar]
+    for key in keys:
+        kinds = [further for kind in kinds for further in _step(kind, key)] or kinds
+    return kinds
+
+
+def models_at(keys: Sequence[str | int], grammar: type[Keys] = Pipeline) -> list[type[Keys]]:
+    """Mappings of the grammar that are allowed at keys."""
+    return [kind for kind in _kinds_at(keys, grammar) if _is_model(kind) and issubclass(kind, Keys)]
+
+
+def is_mapping_of_values(keys: Sequence[str | int]) -> bool:
+    """True if keys lead to a mapping from the user's own names to single values."""
+    mappings = [kind for kind in _kinds_at(keys, Pipeline) if get_origin(kind) is dict]
+    return bool(mappings) and not any(_is_model(value) for kind in mappings for value in _step(kind, ""))
+
+
+def known_keys(keys: Sequence[str | int], grammar: type[Keys] = Pipeline) -> list[str]:
+    """Keys that are allowed in the mapping at keys."""
+    return [
+        _field_names(name, field)[0] for model in models_at(keys, grammar) for name, field in model.model_fields.items()
+    ]
+
+
+def field_at(keys: Sequence[str | int], grammar: type[Keys] = Pipeline) -> FieldInfo | None:
+    """Description and examples of the last of some keys."""
+    for end in range(len(keys), 0, -1):
+        above, key = keys[: end - 1], keys[end - 1]
+        for model in models_at(above, grammar):
+            for name, field in model.model_fields.items():
+                if key in _field_names(name, field):
+                    return field
+        # Items of a list, and names that the validator adds, share the description of the key above.
+        if isinstance(key, str) and any(_step(kind, key) for kind in _kinds_at(above, grammar)):
+            return None
+    return None
+
+
+def _walk(model: type[Keys], path: str, above: tuple[type[Keys], ...]) -> Iterator[tuple[str, str]]:
+    for name, field in model.model_fields.items():
+        key = _field_names(name, field)[0]
+        yield key, path
+        for kind in _plain_kinds(field.annotation):
+            inner = _plain_kinds(get_args(kind)[1]) if get_origin(kind) is dict else [kind]
+            for below in inner:
+                if _is_model(below) and below not in above:
+                    at = f"{path}.{key}" if path else key
+                    at = f"{at}.NAME" if get_origin(kind) is dict else at
+                    yield from _walk(below, at, (*above, below))
+
+
+def places_of(key: str, grammar: type[Keys] = Pipeline) -> list[str]:
+    """Mappings of the grammar that have a key, outermost first; NAME stands for the user's own name."""
+    places = {place for known, place in _walk(grammar, "", (grammar,)) if known == key}
+    return sorted(places, key=lambda place: (place.count("."), place))

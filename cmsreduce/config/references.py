@@ -1,4 +1,4 @@
-"""What no key can show by itself: references from one part of a pipeline to another."""
+"""References from one part of a pipeline to another, which no key can check by itself."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from cmsreduce.config.keys import (
     parse_row,
 )
 from cmsreduce.config.problems import not_among
-from cmsreduce.config.scene_channels import free_dof, free_dof_named, setting, sized_names
+from cmsreduce.config.scene_channels import free_dof, free_dof_named, joint_value, sized_names
 from cmsreduce.errors import SceneError, UnitsError
 from cmsreduce.model import Point, UnitLoad
 
@@ -28,14 +28,14 @@ __all__ = ["BrokenReference", "broken_references"]
 
 
 class BrokenReference(NamedTuple):
-    """A reference that leads nowhere.
+    """A reference to something that does not exist or does not fit.
 
     Parameters
     ----------
     keys : tuple of str or int
-        Where it is written.
+        Place of the reference in the pipeline file.
     message : str
-        What is wrong with it.
+        Fault in words.
     """
 
     keys: tuple[str | int, ...]
@@ -43,7 +43,7 @@ class BrokenReference(NamedTuple):
 
 
 def broken_references(pipeline: Pipeline) -> Iterator[BrokenReference]:
-    """Every reference of a pipeline that leads nowhere, in the order of the grammar."""
+    """Broken references of a pipeline, in the order of the grammar."""
     yield from _components(pipeline)
     yield from _joints(pipeline)
     scene = pipeline.scene
@@ -77,7 +77,7 @@ def broken_references(pipeline: Pipeline) -> Iterator[BrokenReference]:
 
 
 def _stiffening(pipeline: Pipeline) -> Iterator[BrokenReference]:
-    """Interfaces that geometric stiffness names, and bodies that the scene spins."""
+    """Check interfaces that geometric stiffness names, and bodies that the scene spins."""
     for name, component in pipeline.components.items():
         keys, at = component.geometric_stiffness, ("components", name, "geometric_stiffness")
         if keys is None:
@@ -89,7 +89,7 @@ def _stiffening(pipeline: Pipeline) -> Iterator[BrokenReference]:
             if point and not (point.isdigit() and key != ("held",)) and point not in component.interfaces:
                 yield BrokenReference((*at, *key), not_among("interface", point, component.interfaces))
         if keys.bars and component.geometry is None:
-            yield BrokenReference((*at, "bars"), "the bars are those of the deck: give the component its `geometry:`")
+            yield BrokenReference((*at, "bars"), "bars are read from the deck: give the component its `geometry:`")
     flexible = [name for name, component in pipeline.components.items() if component.rigid is None]
     for name in pipeline.scene.spin:
         if name not in flexible:
@@ -102,8 +102,8 @@ def _residuals(pipeline: Pipeline) -> Iterator[BrokenReference]:
     for text in pipeline.reduce.own_points:
         yield BrokenReference(
             ("reduce", "residuals"),
-            f"'{text}' is a node of one body: write it under components.NAME.reduce.residuals; here sensors and "
-            "actuators can stand",
+            f"'{text}' is a node of one body: write it under components.NAME.reduce.residuals; only `sensors`, "
+            "`actuators` and `dampers` are valid for all bodies",
         )
 
 
@@ -133,7 +133,7 @@ def _components(pipeline: Pipeline) -> Iterator[BrokenReference]:
 
 
 def _frames(pipeline: Pipeline) -> Iterator[BrokenReference]:
-    """Interfaces that frames and integrals are about."""
+    """Check interfaces that frames and integrals name."""
     for name, component in pipeline.components.items():
         if component.rigid is not None or pipeline.reduce_of(name) is None:
             continue
@@ -147,7 +147,7 @@ def _frames(pipeline: Pipeline) -> Iterator[BrokenReference]:
             if own is not None and group in own.model_fields_set:
                 yield BrokenReference(("components", name, "write", group, key), message)
             else:
-                message += f"; give this body keys of its own, components.{name}.write"
+                message += f"; give this body its own keys, components.{name}.write"
                 yield BrokenReference(("write", group, key), message)
 
 
@@ -158,7 +158,7 @@ def _joints(pipeline: Pipeline) -> Iterator[BrokenReference]:
 
 
 def _interface(pipeline: Pipeline, keys: tuple[str | int, ...], text: str) -> Iterator[BrokenReference]:
-    """Check a reference that must be to an interface."""
+    """Check a reference to an interface."""
     point = parse_point(text)
     if point.body not in pipeline.components:
         yield BrokenReference(keys, not_among("component", point.body, pipeline.components))
@@ -179,7 +179,7 @@ def _point(pipeline: Pipeline, keys: tuple[str | int, ...], point: Point) -> Ite
         yield BrokenReference(keys, not_among("component", point.body, pipeline.components))
     elif point.name == "cg":
         if component.rigid is None:
-            yield BrokenReference(keys, f"'{point}': a flexible body's centre of mass is no point of it; name a node")
+            yield BrokenReference(keys, f"'{point}': the centre of mass is not a point of a flexible body; name a node")
     elif point.name.isdigit():
         if component.rigid is not None:
             places = ", ".join(["cg", *component.interfaces])
@@ -191,9 +191,9 @@ def _point(pipeline: Pipeline, keys: tuple[str | int, ...], point: Point) -> Ite
 
 def _articulation(pipeline: Pipeline, articulation: Articulation) -> Iterator[BrokenReference]:
     at = ("scene", "articulation")
-    for joint, settings in (articulation.product or {}).items():
-        quantities = settings.quantities()
-        yield from _settings(pipeline, (*at, joint), joint, quantities)
+    for joint, values in (articulation.product or {}).items():
+        quantities = values.quantities()
+        yield from _joint_values(pipeline, (*at, joint), joint, quantities)
         repeated = [item for k, item in enumerate(quantities) if item in quantities[:k]]
         if repeated:
             yield BrokenReference((*at, joint), f"{repeated[0]} is listed twice")
@@ -202,7 +202,7 @@ def _articulation(pipeline: Pipeline, articulation: Articulation) -> Iterator[Br
     names: list[str | None] = []
     for k, named in enumerate(articulation.named or ()):
         for joint, quantity in named.joints.items():
-            yield from _settings(pipeline, (*at, k, joint), joint, (quantity,))
+            yield from _joint_values(pipeline, (*at, k, joint), joint, (quantity,))
         for joint, others in _same_motion(pipeline, list(named.joints)):
             yield BrokenReference((*at, k, joint), f"the same motion is set by '{others}'")
         if named.name is not None and named.name in names:
@@ -211,7 +211,7 @@ def _articulation(pipeline: Pipeline, articulation: Articulation) -> Iterator[Br
 
 
 def _same_motion(pipeline: Pipeline, joints: list[str]) -> Iterator[tuple[str, str]]:
-    """Pairs of keys that name one motion, once as JOINT and once as JOINT.DOF."""
+    """Pairs of keys that name the same motion, once as JOINT and once as JOINT.DOF."""
     seen: dict[tuple[str, int], str] = {}
     for key in joints:
         try:
@@ -223,14 +223,14 @@ def _same_motion(pipeline: Pipeline, joints: list[str]) -> Iterator[tuple[str, s
         seen[motion] = key
 
 
-def _settings(
+def _joint_values(
     pipeline: Pipeline, keys: tuple[str | int, ...], joint: str, quantities: tuple[Quantity, ...]
 ) -> Iterator[BrokenReference]:
     try:
         _, dof = free_dof_named(pipeline.scene, joint)
-        # The largest first: a zero fits everything and shows nothing.
+        # The largest first: a zero needs no unit, so it would hide a wrong one.
         for quantity in sorted(quantities, key=lambda item: -abs(item.value)):
-            setting(dof, quantity, pipeline.units)
+            joint_value(dof, quantity, pipeline.units)
     except (SceneError, UnitsError) as error:
         yield BrokenReference(keys, str(error))
 
@@ -274,7 +274,7 @@ def _sizes(pipeline: Pipeline, keys: tuple[str | int, ...], scaling: ScalingKeys
     try:
         inputs, outputs = sized_names(pipeline)
     except SceneError:
-        # A channel is wrong, and said to be.
+        # The broken channel is reported by itself.
         return
     for kind, sizes, channels in (("inputs", scaling.inputs, inputs), ("outputs", scaling.outputs, outputs)):
         what = "actuator" if kind == "inputs" else "sensor"
@@ -284,6 +284,6 @@ def _sizes(pipeline: Pipeline, keys: tuple[str | int, ...], scaling: ScalingKeys
                 continue
             try:
                 for channel in channels[name]:
-                    size.worth(channel_kind(channel, effort=kind == "inputs"), pipeline.units)
+                    size.value_in(pipeline.units, channel_kind(channel, effort=kind == "inputs"))
             except UnitsError as error:
                 yield BrokenReference((*keys, kind, name), str(error))

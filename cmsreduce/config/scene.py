@@ -8,7 +8,7 @@ from itertools import product
 
 from cmsreduce.config.keys import Pipeline, Quantity, parse_point
 from cmsreduce.config.references import broken_references
-from cmsreduce.config.scene_channels import actuator_channel, free_dof_named, sensor_channels, setting
+from cmsreduce.config.scene_channels import actuator_channel, free_dof_named, joint_value, sensor_channels
 from cmsreduce.errors import SceneError
 from cmsreduce.model import Configuration, Joint, Scene, dof_index
 
@@ -33,7 +33,7 @@ def build_scene(pipeline: Pipeline) -> Scene:
     Raises
     ------
     SceneError
-        If a part of the pipeline refers to another that is not there.
+        If a part of the pipeline refers to another that does not exist.
     """
     wrong = [f"{'.'.join(map(str, broken.keys))}: {broken.message}" for broken in broken_references(pipeline)]
     if wrong:
@@ -73,7 +73,7 @@ def _joints(pipeline: Pipeline) -> Iterator[Joint]:
 
 
 def _configurations(pipeline: Pipeline) -> Iterator[Configuration]:
-    """Every combination of settings, the last joint turning fastest, or the named ones."""
+    """All combinations of joint values, the last joint varying fastest, or the named configurations."""
     articulation = pipeline.scene.articulation
     if articulation is None or not (articulation.product or articulation.named):
         yield Configuration("as built")
@@ -82,18 +82,18 @@ def _configurations(pipeline: Pipeline) -> Iterator[Configuration]:
         for named in articulation.named:
             yield _configuration(pipeline, named.joints, named.name)
         return
-    settings = articulation.product or {}
-    for values in product(*(listed.quantities() for listed in settings.values())):
-        yield _configuration(pipeline, dict(zip(settings, values, strict=True)), None)
+    joints = articulation.product or {}
+    for values in product(*(listed.quantities() for listed in joints.values())):
+        yield _configuration(pipeline, dict(zip(joints, values, strict=True)), None)
 
 
-def _configuration(pipeline: Pipeline, settings: dict[str, Quantity], name: str | None) -> Configuration:
+def _configuration(pipeline: Pipeline, values: dict[str, Quantity], name: str | None) -> Configuration:
     angles: dict[tuple[str, int], float] = {}
     labels: list[str] = []
-    for key, quantity in settings.items():
+    for key, quantity in values.items():
         joint, dof = free_dof_named(pipeline.scene, key)
-        value = setting(dof, quantity, pipeline.units)
+        value = joint_value(dof, quantity, pipeline.units)
         angles[joint, dof] = value
-        # Adding zero turns -0 into 0; six digits hide the round-off of degrees.
+        # Adding zero turns -0 into 0. Six digits hide the round-off of the conversion to degrees.
         labels.append(f"{key}={(math.degrees(value) if dof >= _FIRST_ROTATION else value) + 0.0:.6g}")
     return Configuration(name or " ".join(labels) or "as built", angles)

@@ -1,7 +1,4 @@
-"""Which motion of a joint is meant, and how far it is set.
-
-Actuators and sensors of a pipeline as the channels that stages take.
-"""
+"""Motions and values of joints, and the channels of actuators and sensors, from the keys of a pipeline."""
 
 from __future__ import annotations
 
@@ -9,7 +6,6 @@ from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cmsreduce.config.keys import ActuatorKeys, Pipeline, Quantity, SceneKeys, SensorKeys, parse_point, parse_row
 from cmsreduce.config.problems import not_among
@@ -21,15 +17,16 @@ __all__ = [
     "free_dof",
     "free_dof_named",
     "sensor_channels",
-    "setting",
+    "joint_value",
     "sized_names",
 ]
 
 _FIRST_ROTATION = 3
+_Quantity = Literal["translation", "rotation", "combination"]
 
 
 def free_dof(scene: SceneKeys, joint: str, dof: str | None) -> int:
-    """Free motion 0..5 of a joint; the only one where none is named.
+    """Free motion 0..5 of a joint; if no dof is named, the only free one.
 
     Raises
     ------
@@ -40,7 +37,7 @@ def free_dof(scene: SceneKeys, joint: str, dof: str | None) -> int:
         raise SceneError(not_among("joint", joint, scene.joints))
     free = scene.joints[joint].free
     if not free:
-        raise SceneError(f"joint '{joint}' is locked in all dofs: nothing moves in it")
+        raise SceneError(f"joint '{joint}' is locked in all dofs: it has no motion")
     if dof is None:
         if len(free) > 1:
             raise SceneError(f"joint '{joint}' is free in {', '.join(free)}: name one, such as {joint}.{free[0]}")
@@ -49,7 +46,7 @@ def free_dof(scene: SceneKeys, joint: str, dof: str | None) -> int:
     if DOF_NAMES[index] not in free:
         raise SceneError(
             f"joint '{joint}' is locked in {DOF_NAMES[index]}, it is free in {', '.join(free)}: "
-            f"name one of these, or free the joint"
+            f"name one of these, or free this dof"
         )
     return index
 
@@ -66,8 +63,8 @@ def free_dof_named(scene: SceneKeys, key: str) -> tuple[str, int]:
     return joint, free_dof(scene, joint, dof if dot else None)
 
 
-def setting(dof: int, quantity: Quantity, units: Units) -> float:
-    """Setting of a motion in radians, or in the scene's unit of length.
+def joint_value(dof: int, quantity: Quantity, units: Units) -> float:
+    """Value of a joint motion in radians, or in the scene's unit of length.
 
     Raises
     ------
@@ -77,16 +74,13 @@ def setting(dof: int, quantity: Quantity, units: Units) -> float:
     return quantity.to_si("angle") if dof >= _FIRST_ROTATION else quantity.length_in(units)
 
 
-_Quantity = Literal["translation", "rotation", "combination"]
-
-
 def actuator_channel(pipeline: Pipeline, name: str, actuator: ActuatorKeys) -> Channel:
-    """One input of the scene.
+    """Input channel of an actuator.
 
     Raises
     ------
     SceneError
-        If its joint is unknown, or locked in the motion named.
+        If its joint is unknown, or locked in the named motion.
     """
     if actuator.at is None:
         return _shared_form(pipeline, name, actuator, rate=False)
@@ -100,12 +94,12 @@ def actuator_channel(pipeline: Pipeline, name: str, actuator: ActuatorKeys) -> C
 
 
 def sensor_channels(pipeline: Pipeline, name: str, sensor: SensorKeys) -> Iterator[Channel]:
-    """Outputs of one sensor, one for each motion measured.
+    """Output channels of a sensor, one for each measured motion.
 
     Raises
     ------
     SceneError
-        If its joint is unknown, or locked in the motion named.
+        If its joint is unknown, or locked in the named motion.
     """
     if sensor.at is None:
         yield _shared_form(pipeline, name, sensor, sensor.rate)
@@ -114,18 +108,18 @@ def sensor_channels(pipeline: Pipeline, name: str, sensor: SensorKeys) -> Iterat
     for motion in motions:
         index = dof_index(motion)
         label = name if len(motions) == 1 else f"{name}.{motion}"
-        yield Channel(label, (PointTerm(point, _along(index)),), _kind({index}), sensor.rate)
+        yield Channel(label, (PointTerm(point, np.eye(6)[index]),), _kind({index}), sensor.rate)
 
 
 def sized_names(pipeline: Pipeline) -> tuple[dict[str, list[Channel]], dict[str, list[Channel]]]:
-    """Inputs and outputs of the scene by the names that a size is stated for.
+    """Inputs and outputs of the scene by the names for which the user can state a size.
 
-    An actuator has one channel; a sensor of several motions has several, and each of them its own name as well.
+    An actuator has one channel. A sensor of several motions has several; each of them also has its own name.
 
     Raises
     ------
     SceneError
-        If the joint of a channel is unknown, or locked in the motion named.
+        If the joint of a channel is unknown, or locked in the named motion.
     """
     keys = pipeline.scene
     inputs = {name: [actuator_channel(pipeline, name, actuator)] for name, actuator in keys.actuators.items()}
@@ -134,7 +128,7 @@ def sized_names(pipeline: Pipeline) -> tuple[dict[str, list[Channel]], dict[str,
 
 
 def _shared_form(pipeline: Pipeline, name: str, keys: ActuatorKeys | SensorKeys, rate: bool) -> Channel:
-    """Channel on a joint, between two points, or of rows: the same for actuators and sensors."""
+    """Channel on a joint, between two points, or of rows, for actuators and sensors alike."""
     if keys.joint is not None:
         dof = free_dof(pipeline.scene, keys.joint, keys.dof)
         return Channel(name, (JointTerm(keys.joint, dof),), _kind({dof}), rate)
@@ -142,18 +136,11 @@ def _shared_form(pipeline: Pipeline, name: str, keys: ActuatorKeys | SensorKeys,
         a, b = (parse_point(text) for text in keys.between)
         return Channel(name, (StrutTerm(a, b),), "translation", rate)
     rows = [(*parse_row(row), weight) for row, weight in (keys.rows or {}).items()]
-    terms = tuple(PointTerm(point, _along(dof, weight)) for point, dof, weight in rows)
+    terms = tuple(PointTerm(point, np.where(np.arange(6) == dof, weight, 0.0)) for point, dof, weight in rows)
     return Channel(name, terms, _kind({dof for _, dof, _ in rows}), rate)
 
 
-def _along(dof: int, weight: float = 1.0) -> NDArray[np.float64]:
-    direction = np.zeros(6)
-    direction[dof] = weight
-    return direction
-
-
 def _kind(dofs: set[int]) -> _Quantity:
-    rotations = {dof >= _FIRST_ROTATION for dof in dofs}
-    if len(rotations) > 1:
-        return "combination"
-    return "rotation" if True in rotations else "translation"
+    if min(dofs) >= _FIRST_ROTATION:
+        return "rotation"
+    return "combination" if max(dofs) >= _FIRST_ROTATION else "translation"

@@ -1,7 +1,4 @@
-"""A commented pipeline to start from.
-
-A pipeline for one body, filled in with what its files say.
-"""
+"""Draft pipelines: a commented example, and a pipeline for one body from its files."""
 
 from __future__ import annotations
 
@@ -102,33 +99,33 @@ scene:
   # units: m-kg-s                         # of this file and of all results
   # CHECK: accuracy is asked for up to here{elastic}
   band: {band}
-  actuators:                              # what loads the body in your system
+  actuators:                              # loads on the body in your system
 {actuators}
-  sensors:                                # what your system feels of it
+  sensors:                                # motions that matter to your system
     mount_motion: {{at: {name}.{node}, measure: [{axes}]}}
     far_motion: {{at: {name}.{far}, measure: [{axes}]}}    # the grid farthest from the mount
 
 reduce:
   method: macneal-rubin                   # or craig-bampton, if the mount holds the body
   cutoff: 3.0                             # modes up to cutoff x band
-  residuals: [sensors]                    # static shapes for what sensors measure away from the mount
-balance: {{rank: gregory, keep: all}}     # ranked, none dropped; in a scene of your own: keep: {{frf_error: 0.01}}
+  residuals: [sensors]                    # static shapes for sensors away from the mount
+balance: {{rank: gregory, keep: all}}     # ranked, all kept; in your own scene: keep: {{frf_error: 0.01}}
 verify:
   limits:                                 # a broken limit fails the run: exit code 1
     frf_error: 0.05                       # of all responses over the band, resonances above all
     db_error: 1.0                         # at any frequency, between resonances too
     frequency_error: 1e-3
-    static_lack: 0.01                     # strain energy missed under loads at the mount
+    static_lack: 0.01                     # share of strain energy missed under loads at the mount
 write: {{formats: [hdf5]}}
 """
-# The share of the band below the first elastic mode is what a rigid body would do as well.
+# In multiples of the first elastic frequency: below that frequency, a rigid body would be enough.
 _BAND_OF_FIRST_MODE = 5.0
 _UNKNOWN_BAND = "10 Hz"
 
 
 @dataclass(frozen=True)
 class BodyDraft:
-    """What files say of a body, for a pipeline to start from.
+    """Data of a body from its files, for a draft pipeline.
 
     Parameters
     ----------
@@ -137,17 +134,17 @@ class BodyDraft:
     geometry : Path, optional
         Deck or mesh.
     extseout : Path, optional
-        Stem of a NASTRAN external superelement, which stands for all of them.
+        Stem of a NASTRAN external superelement, which stands for the matrices and the geometry.
     interface : str
-        Interface to start with, as YAML.
+        Proposed interface, as YAML.
     node, far : int
-        A node of the interface, and the one farthest from it.
+        A node of the interface, and the node farthest from it.
     axes : str
         Translations of the node, such as ``xyz``.
     elastic_hz : float, optional
         First elastic frequency of the free body in Hz.
     remark : str
-        Why the files do not fit together yet; empty if they do.
+        Reason why the files do not fit together; empty if they do.
     """
 
     stiffness: tuple[Path, str]
@@ -170,12 +167,12 @@ def body_pipeline(name: str, draft: BodyDraft) -> str:
     name : str
         Name of the study and of the body: letters, digits, _ and -.
     draft : BodyDraft
-        What its files say.
+        Data from its files.
 
     Raises
     ------
     ConfigError
-        If the name cannot stand in a file name, or is that of the assembled system.
+        If the name cannot stand in a file name, or is ``system``.
     """
     try:
         check_name(name)
@@ -186,9 +183,9 @@ def body_pipeline(name: str, draft: BodyDraft) -> str:
     elastic, band = "", _UNKNOWN_BAND
     if draft.elastic_hz is not None:
         elastic = f"; the first elastic mode of the free body is at {draft.elastic_hz:.4g} Hz"
-        # Two digits, without an exponent: a figure to be changed by hand.
+        # Two digits without an exponent, because users edit this number.
         band = f"{float(f'{_BAND_OF_FIRST_MODE * draft.elastic_hz:.2g}'):g} Hz"
-    pushes = [
+    forces = [
         f"    push_{axis}: {{at: {name}.{draft.node}, force: {[int(other == axis) for other in 'xyz']}}}"
         for axis in draft.axes
     ]
@@ -198,7 +195,7 @@ def body_pipeline(name: str, draft: BodyDraft) -> str:
         interface=draft.interface,
         band=band,
         elastic=elastic,
-        actuators="\n".join(pushes),
+        actuators="\n".join(forces),
         node=draft.node,
         far=draft.far,
         axes=", ".join(draft.axes),

@@ -1,8 +1,9 @@
-"""Files that appear under their name only when they are whole: text files of numbers, and HDF5."""
+"""Text and HDF5 files that appear under their name only when they are complete."""
 
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import platform
 import re
@@ -19,7 +20,21 @@ from numpy.typing import ArrayLike, NDArray
 from cmsreduce.errors import WriteError
 from cmsreduce.model import CHECKSUM, Units, add_dataset, checksum
 
-__all__ = ["atomic_path", "hdf5_file", "number", "put", "put_lines", "put_texts", "put_units", "table"]
+__all__ = [
+    "atomic_path",
+    "fixed_texts",
+    "hdf5_file",
+    "number",
+    "put",
+    "put_json",
+    "put_lines",
+    "put_texts",
+    "put_units",
+    "table",
+]
+
+# Below this many bytes compression saves nothing.
+_SMALL = 512
 
 
 @contextmanager
@@ -29,12 +44,12 @@ def atomic_path(path: Path) -> Iterator[Path]:
     Parameters
     ----------
     path : Path
-        Where the file is to be; its folders are made.
+        Final name of the file; missing folders are made.
 
     Yields
     ------
     Path
-        Where to write it.
+        Temporary name to write to.
 
     Raises
     ------
@@ -49,7 +64,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
             yield temporary
             _flush(temporary)
             temporary.replace(path)
-            # Some disks do not flush folders; the file is in its place by now.
+            # Some disks cannot flush folders; the file already has its final name here.
             with contextlib.suppress(OSError):
                 _flush(path.parent)
         finally:
@@ -62,8 +77,8 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 
 def _flush(path: Path) -> None:
-    """Have the disk hold what the system only promised, so that a power cut finds the old file or the new one."""
-    # Windows flushes only what is open for writing.
+    """Flush a file to the disk, so that a power failure leaves either the old file or the new one."""
+    # Windows flushes only files that are open for writing.
     handle = os.open(path, os.O_RDONLY if os.name == "posix" else os.O_RDWR)
     try:
         os.fsync(handle)
@@ -72,7 +87,7 @@ def _flush(path: Path) -> None:
 
 
 def _sweep(path: Path) -> None:
-    """Remove what killed processes of this machine left of earlier attempts at the same file."""
+    """Remove temporary files of the same name that killed processes of this machine have left."""
     ours = re.compile(rf"\.{re.escape(path.name)}\.{_machine()}-(\d+)-[0-9a-f]+\.tmp")
     for left in path.parent.iterdir():
         found = ours.fullmatch(left.name)
@@ -82,13 +97,13 @@ def _sweep(path: Path) -> None:
 
 
 def _machine() -> str:
-    # On a shared disk the process of another machine is alive, though its number means nothing here.
+    # On a shared disk, a process number of another machine has no meaning here.
     return f"{zlib.crc32(platform.node().encode()):08x}"
 
 
 def _alive(pid: int) -> bool:
     if os.name != "posix":
-        # Elsewhere os.kill ends the process that it is asked about.
+        # On Windows, os.kill would end the process.
         return True
     try:
         os.kill(pid, 0)
@@ -100,7 +115,7 @@ def _alive(pid: int) -> bool:
 
 
 def put_lines(path: Path, lines: Iterable[str]) -> None:
-    """Write lines of ASCII; characters beyond it, as in a body's name, become question marks.
+    """Write lines of ASCII; other characters, as in a body's name, become question marks.
 
     Raises
     ------
@@ -129,11 +144,11 @@ def table(name: str, values: NDArray[np.float64] | NDArray[np.int64], meaning: s
     Parameters
     ----------
     name : str
-        Capital letters, by which the block is found.
+        Name of the block in capital letters.
     values : (r, c) float64 or int64
         Rows of numbers.
     meaning : str
-        In words, for whoever opens the file.
+        Explanation for readers of the file.
     """
     rows, columns = values.shape
     yield f"$ {name} {rows} {columns}: {meaning}" if meaning else f"$ {name} {rows} {columns}"
@@ -141,25 +156,22 @@ def table(name: str, values: NDArray[np.float64] | NDArray[np.int64], meaning: s
         yield " ".join(str(value) if values.dtype.kind == "i" else number(value) for value in row)
 
 
-# Below this many bytes compression saves nothing.
-_SMALL = 512
-
-
 @contextmanager
 def hdf5_file(path: Path, large: Mapping[str, NDArray[np.float64]] | None = None) -> Iterator[Any]:
-    """Compose an HDF5 file, and put it under its name when the block ends without an error.
+    """Compose an HDF5 file, and write it when the block ends without an error.
 
     Parameters
     ----------
     path : Path
-        Where; the file is whole or not there.
+        Name of the file, which is complete or absent.
     large : mapping of name to (n, m) float64, optional
-        Shapes that outgrow memory: each becomes a contiguous dataset (m, n), to be mapped, with `CHECKSUM` beside it.
+        Shapes larger than memory: each becomes a contiguous dataset (m, n) for memory mapping, with the attribute
+        `CHECKSUM`.
 
     Yields
     ------
     h5py.File
-        Of HDF5 1.10, the oldest whose files can be read with ``swmr``.
+        In the format of HDF5 1.10, the oldest that ``swmr`` can read.
 
     Raises
     ------
@@ -168,7 +180,7 @@ def hdf5_file(path: Path, large: Mapping[str, NDArray[np.float64]] | None = None
     """
     import h5py
 
-    # Composed in memory: the HDF5 library ends the whole process where the disk fills up under it.
+    # Composed in memory, because the HDF5 library aborts the process if the disk becomes full.
     with h5py.File(path.name, "w", driver="core", backing_store=False, libver="v110") as file:
         yield file
         file.flush()
@@ -189,7 +201,7 @@ def _put_large(path: Path, name: str, Phi: NDArray[np.float64]) -> None:
         for k in range(Phi.shape[1]):
             file.write(np.ascontiguousarray(Phi[:, k], dtype="<f8").data)
     with h5py.File(path, "r+", libver="v110") as file:
-        # In the room that the attribute has already.
+        # The attribute exists, so that the file does not grow.
         file[name].attrs.modify(CHECKSUM, np.uint32(checksum(Phi)))
 
 
@@ -199,17 +211,17 @@ def put(group: Any, name: str, data: ArrayLike, unit: str = "", about: str = "")
     Parameters
     ----------
     group : h5py.Group
-        Where.
+        Group of the dataset.
     name : str
         Name of the dataset.
     data : array_like
         Values.
     unit, about : str
-        Attributes of the dataset, for whoever opens the file without the documentation.
+        Attributes of the dataset, for readers without the documentation.
     """
     array = np.asarray(data)
     options: dict[str, Any] = {"track_times": False}
-    # HDF5 has no filters for single values and for arrays of nothing.
+    # HDF5 has no filters for scalars and for empty arrays.
     if array.ndim and array.size:
         options |= {"fletcher32": True, "chunks": True}
         if array.nbytes > _SMALL:
@@ -222,14 +234,24 @@ def put(group: Any, name: str, data: ArrayLike, unit: str = "", about: str = "")
 
 
 def put_texts(group: Any, name: str, texts: Iterable[str], about: str = "") -> None:
-    """Write texts as fixed-length UTF-8, which every HDF5 reader understands and which leaves no heap behind."""
+    """Write texts as `fixed_texts`."""
+    put(group, name, fixed_texts(texts), about=about)
+
+
+def fixed_texts(texts: Iterable[str]) -> NDArray[np.bytes_]:
+    """Texts as UTF-8 of fixed length, which every HDF5 reader understands and which equal input makes equal."""
     encoded = [text.encode("utf-8") for text in texts]
-    width = max([len(text) for text in encoded] + [1])
-    put(group, name, np.array(encoded, dtype=f"S{width}"), about=about)
+    return np.array(encoded, dtype=f"S{max([len(text) for text in encoded] + [1])}")
+
+
+def put_json(group: Any, facts: Mapping[str, Any]) -> None:
+    """Write values as JSON, a dataset for each key."""
+    for key, value in facts.items():
+        put_texts(group, key, [json.dumps(value, sort_keys=True, default=str)], about="JSON")
 
 
 def put_units(group: Any, units: Units) -> None:
-    """Write what the units are worth in SI."""
+    """Write the values of units in SI."""
     group.attrs["name"] = units.name
     for what in ("length", "mass", "time"):
         group.attrs[f"{what}_in_si"] = getattr(units, what)

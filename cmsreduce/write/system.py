@@ -1,8 +1,7 @@
-"""system.h5: the assembled reduced system in every configuration."""
+"""The file system.h5: the assembled reduced system in every configuration."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.eigen import elastic_pairs
 from cmsreduce.model import DOF_NAMES, Joint, Matrix, System, Units
-from cmsreduce.write.files import hdf5_file, put, put_texts, put_units
+from cmsreduce.write.files import hdf5_file, put, put_json, put_texts, put_units
 
 __all__ = ["write_system"]
 
@@ -48,9 +47,9 @@ def write_system(
     Parameters
     ----------
     path : Path
-        Where; the file is whole or not there.
+        Name of the file, which is complete or absent.
     systems : sequence of System
-        One for each configuration. What an unreduced body makes sparse is written sparse, by compressed columns.
+        One for each configuration. Sparse matrices, as of an unreduced body, are written by compressed columns.
     provenance : mapping
         JSON values: settings, notes.
     units : Units, optional
@@ -69,9 +68,7 @@ def write_system(
         file.attrs["created_utc"] = datetime.now(UTC).isoformat(timespec="seconds")
         if units is not None:
             put_units(file.create_group("units"), units)
-        notes = file.create_group("provenance")
-        for key, value in provenance.items():
-            put_texts(notes, key, [json.dumps(value, sort_keys=True, default=str)], about="JSON")
+        put_json(file.create_group("provenance"), provenance)
         for number, system in enumerate(systems):
             group = file.create_group(f"configuration_{number}")
             group.attrs["name"] = system.configuration.name
@@ -92,7 +89,7 @@ def write_system(
 
 
 def _put_joints(group: Any, joints: Iterable[Joint]) -> None:
-    """What joins the bodies, and what the joints themselves add to M, K and D."""
+    """Write the joints, and what their springs, dampers and inertias add to K, D and M."""
     for joint in joints:
         own = group.create_group(joint.name)
         own.attrs["first"], own.attrs["second"] = str(joint.first), str(joint.second)
@@ -107,7 +104,7 @@ def _put_joints(group: Any, joints: Iterable[Joint]) -> None:
 
 def _frequencies(system: System) -> NDArray[np.float64]:
     squared, _ = elastic_pairs(np.asarray(system.K), np.asarray(system.M), system.rigid, system.rounding)
-    # Round-off may leave a soft mode a hair below zero.
+    # Round-off may make the squared frequency of a soft mode slightly negative.
     omega = np.concatenate([np.zeros(system.rigid.shape[1]), np.sqrt(np.maximum(squared, 0.0))])
     return np.asarray(omega / (2 * np.pi))
 

@@ -15,7 +15,7 @@ MISTAKES = {
     "key that was removed": (
         "balance: {rank: gregory", "balance: {clusters: {rotate: true}, rank: gregory", 0,
         "key 'balance.clusters.rotate' has been removed. Shapes of a cluster are not rotated any more. Take the key "
-        "out: `rank: hankel` weighs modes of a cluster together"),
+        "out: `rank: hankel` weighs the modes of a cluster together"),
     "ranking that was removed": (
         "rank: gregory, keep: {frf", "rank: peak-amplitude, keep: {frf", 0,
         "key 'balance.rank': 'peak-amplitude' is no longer a ranking: write gregory, which gives the same order"),
@@ -89,7 +89,7 @@ MISTAKES = {
         "key 'write': 'lumped' is no dialect of sid (its dialects: by-axis, by-mode)"),
     "dialect of what is not written": (
         "{formats: [hdf5]}", "{formats: [hdf5], dialects: {sid: by-mode}}", 0,
-        "key 'write': sid is not written, so its dialect says nothing: add it to the formats"),
+        "key 'write': sid is not written, so its dialect has no effect: add it to the formats"),
     "length for a frequency": (
         "band: 10 Hz", "band: 10 m", 0, "key 'scene.band': 10 m is a length, a frequency is expected, e.g. 10 Hz"),
     "empty band": ("band: 10 Hz", "band: [10, 1 Hz]", 0, "the band from 10 to 1 Hz is empty"),

@@ -94,11 +94,11 @@ def test_a_folder_takes_the_name_of_the_component(finished_study: Path, tmp_path
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["arm.h5", "arm.xyz"], "the name does not say the target; give --format, or one of: nastran *.op4"),
+        (["arm.h5", "arm.xyz"], "the name does not show the target; give --format, or one of: nastran *.op4"),
         (["arm.h5", "arm.op4", "--format", "adams"], "'adams' is no target (targets: nastran, 42"),
         (["arm.h5", "arm.op4", "--dialect", "old"], "'old' is no dialect of nastran (it has none)"),
         (["arm.h5", "x.fem", "--dialect", "old"], "'old' is no dialect of mbdyn (its dialects: invariants, lumped)"),
-        (["arm.h5", "arm.h5", "--format", "mbsim"], "would take the place of the component file itself"),
+        (["arm.h5", "arm.h5", "--format", "mbsim"], "would replace the component file itself"),
         (["system.h5", "x.op4"], "this HDF5 file is no component file"),
         (["none.h5", "x.op4"], "there is no such file"),
         (["arm.h5", "arm.flx", "--format", "mbdyn"], ".FLX names TREETOPS's own file"),
@@ -123,7 +123,7 @@ def test_a_superelement_needs_shapes_for_its_interface(finished_study: Path, tmp
         shapes[...] = component.arrays["interfaces/root/shapes"]
     result = CliRunner().invoke(main, ["convert", str(out), str(tmp_path / "arm.op4")])
     assert result.exit_code == 2
-    assert "do not move its 12 interface dofs one by one" in result.output
+    assert "cannot move its 12 interface dofs independently" in result.output
 
 
 def test_dialects_of_the_grammar_are_those_of_the_targets() -> None:

@@ -1,7 +1,7 @@
 """Keys of the pipeline file: one pydantic model for each mapping.
 
-Key names, units, defaults and the checks of single values belong here.
-References between parts of the file are checked in `config.consistency`.
+Key names, units, defaults and checks of single values belong here.
+References between parts of the file are checked in `config.references`.
 """
 
 from cmsreduce.config.keys.balance import KeepKeys, RankingKeys, ScalingKeys

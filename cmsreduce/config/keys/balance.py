@@ -48,6 +48,14 @@ __all__ = [
 ]
 
 
+Rank = Annotated[
+    Literal["gregory", "hankel", "component-cost", "modal-gain", "frequency", "system-cost"],
+    refused({"peak-amplitude": "is no longer a ranking: write gregory, which gives the same order"}),
+]
+KeepRule = Literal["all", "modes", "total", "fraction", "frf_error", "bound"]
+_KEEP_RULES: tuple[KeepRule, ...] = ("modes", "total", "fraction", "bound", "frf_error")
+
+
 class WeightingKeys(Keys):
     """A filter that weighs the modes by their frequencies; ``band`` alone stands for the scene's own band."""
 
@@ -56,8 +64,8 @@ class WeightingKeys(Keys):
 
     scene_band: Flag | None = Field(
         default=None,
-        description="Band-pass over scene.band: rankings by Gramians (hankel, component-cost) count what happens in it "
-        "exactly, the others take the gain at each mode's frequency. Short: `weighting: band`.",
+        description="Band-pass over scene.band. Rankings by Gramians (hankel, component-cost) count exactly the "
+        "response in the band; the others take the gain at each mode's frequency. Short: `weighting: band`.",
         examples=[True],
     )
     band_pass: Band | None = Field(
@@ -81,7 +89,7 @@ class WeightingKeys(Keys):
 
     @classmethod
     def written_out(cls, value: object) -> object:
-        """``band`` is the scene's."""
+        """Read ``band`` as the band of the scene."""
         if value == "band":
             return {"scene_band": True}
         if not isinstance(value, (dict, Keys)):
@@ -103,21 +111,17 @@ def _parse_arm(value: object) -> object:
     return length
 
 
-def _plainly(value: Quantity | str) -> str | float:
-    return value if isinstance(value, str) else str(value) if value.unit else value.value
-
-
 Arm = Annotated[
     Quantity | Literal["auto", "none"],
     BeforeValidator(reported(_parse_arm)),
-    PlainSerializer(_plainly),
+    PlainSerializer(lambda value: value if isinstance(value, str) else value.plain),
     WithJsonSchema({"anyOf": [{"enum": ["auto", "none"]}, {"type": "number"}, {"type": "string"}]}),
 ]
-"""Arm at which angles count as displacements: a length, the body's own, or none."""
+"""Arm at which angles count as displacements: a length, ``auto`` or ``none``."""
 
 
 class ScalingKeys(Keys):
-    """What counts as one in a ranking; a length, auto or none alone stands for the first key."""
+    """Scales of inputs and outputs in a ranking; a lone length, auto or none stands for the first key."""
 
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = (
         {"enum": ["auto", "none"]},
@@ -127,26 +131,26 @@ class ScalingKeys(Keys):
 
     length: Arm = Field(
         default="auto",
-        description="Arm at which rotations count as arcs and moments as forces, so that the unit of length does not "
-        "decide: auto for the body's radius of gyration, a length, or none to take radians beside the scene's unit.",
+        description="Arm at which rotations count as arcs and moments as forces, so that the ranking does not depend "
+        "on the unit of length: auto for the body's radius of gyration, a length, or none to take radians as they are.",
         examples=["auto", "300 mm"],
     )
     inputs: dict[Plain, ChannelSize] = Field(
         default={},
-        description="Effort of an actuator that counts as one, such as the largest it can give. A number alone is in "
-        "the scene's units. What an actuator has no size for counts as `length` has it.",
+        description="Effort of an actuator that counts as one, such as its largest effort. A number alone is in the "
+        "scene's units. An actuator without a size is scaled by `length`.",
         examples=[{"motor": "2 Nm"}],
     )
     outputs: dict[Plain, ChannelSize] = Field(
         default={},
-        description="Motion of a sensor that counts as one, such as the largest that may be wrong; SENSOR for all it "
-        "measures, or SENSOR.DOF for one of them. A number alone is in the scene's units, radians, per second.",
+        description="Motion of a sensor that counts as one, such as the largest error allowed; SENSOR for all its "
+        "motions, or SENSOR.DOF for one of them. A number alone is in the scene's units, radians, per second.",
         examples=[{"gyro": "10 arcsec"}],
     )
 
     @classmethod
     def written_out(cls, value: object) -> object:
-        """A length, auto or none is short for a scaling without sizes."""
+        """Read a lone length, auto or none as a scaling without sizes."""
         return value if isinstance(value, (dict, Keys)) else {"length": value}
 
 
@@ -174,28 +178,21 @@ class ClusterKeys(Keys):
         {"type": "number", "exclusiveMinimum": 0, "maximum": 1},
     )
     removed: ClassVar[Mapping[str, str]] = {
-        "rotate": "Shapes of a cluster are not rotated any more. Take the key out: `rank: hankel` weighs modes of a "
-        "cluster together, and `keep: {frf_error: ...}` finds the fewest modes"
+        "rotate": "Shapes of a cluster are not rotated any more. Take the key out: `rank: hankel` weighs the modes of "
+        "a cluster together, and `keep: {frf_error: ...}` finds the fewest modes"
     }
 
     correlation: ClusterLimit = Field(
         default=0.1,
-        description="Correlation of two modes' Gramians above which they belong to one cluster; none for no clusters "
-        "but repeated modes.",
+        description="Correlation of two modes' Gramians above which they belong to one cluster. With none, only "
+        "repeated modes form clusters.",
         examples=[0.1],
     )
 
     @classmethod
     def written_out(cls, value: object) -> object:
-        """A correlation is short for a mapping with this key."""
+        """Read a lone correlation as a mapping with this key."""
         return value if isinstance(value, (dict, Keys)) else {"correlation": value}
-
-
-Rank = Annotated[
-    Literal["gregory", "hankel", "component-cost", "modal-gain", "frequency", "system-cost"],
-    refused({"peak-amplitude": "is no longer a ranking: write gregory, which gives the same order"}),
-]
-KeepRule = Literal["all", "modes", "total", "fraction", "frf_error", "bound"]
 
 
 def _check_modes(value: object) -> object:
@@ -211,7 +208,7 @@ Modes = Annotated[
     Discriminator(lambda value: "number" if isinstance(value, int) else "mapping"),
     BeforeValidator(_check_modes),
 ]
-"""A number, or a number for each body named."""
+"""A number, or a number for each body that is named."""
 
 
 class KeepKeys(Keys):
@@ -222,21 +219,22 @@ class KeepKeys(Keys):
 
     modes: Modes | None = Field(
         default=None,
-        description="Number of elastic modes that stay, for every body or by name; a body not named keeps all. "
+        description="Number of elastic modes to keep, for every body or by name; a body that is not named keeps all. "
         "Modes of one repeated frequency stay or go together: a number that would split them keeps the whole group.",
         examples=[20],
     )
     total: Count | None = Field(
         default=None,
-        description="Number of elastic modes of all bodies together, wherever they are; for rank system-cost, whose "
-        "coefficients compare modes of different bodies.",
+        description="Number of elastic modes of all bodies together; for rank system-cost, whose coefficients compare "
+        "modes of different bodies.",
         examples=[34],
     )
     fraction: Positive | None = Field(
         default=None,
         lt=1,
         validation_alias=AliasChoices("fraction", "hankel_fraction"),
-        description="Modes with at least this fraction of their body's largest influence stay (also hankel_fraction).",
+        description="Keep modes with at least this fraction of their body's largest coefficient (also "
+        "hankel_fraction).",
         examples=[1e-4],
     )
     frf_error: Positive | None = Field(
@@ -253,7 +251,7 @@ class KeepKeys(Keys):
 
     @classmethod
     def written_out(cls, value: object) -> object:
-        """``all`` is no rule at all."""
+        """Read ``all`` as a mapping without a rule."""
         if value == "all":
             return {}
         if isinstance(value, (str, int, float, list)):
@@ -264,11 +262,9 @@ class KeepKeys(Keys):
 
     @model_validator(mode="after")
     def _one_rule(self) -> KeepKeys:
-        given = [
-            name for name in ("modes", "total", "fraction", "frf_error", "bound") if getattr(self, name) is not None
-        ]
+        given = self.given(_KEEP_RULES)
         if len(given) > 1:
-            raise ValueError(f"{' and '.join(given)} are two rules: keep one")
+            raise ValueError(f"{' and '.join(given)} are different rules: state one of them")
         return self
 
     @classmethod
@@ -282,15 +278,7 @@ class KeepKeys(Keys):
     @property
     def rule(self) -> KeepRule:
         """Name of the rule in force."""
-        if self.modes is not None:
-            return "modes"
-        if self.total is not None:
-            return "total"
-        if self.fraction is not None:
-            return "fraction"
-        if self.bound is not None:
-            return "bound"
-        return "frf_error" if self.frf_error is not None else "all"
+        return next((rule for rule in _KEEP_RULES if getattr(self, rule) is not None), "all")
 
     def modes_of(self, component: str) -> int | None:
         """Elastic modes that a body keeps; None for all of them."""
@@ -302,31 +290,31 @@ class RankingKeys(Keys):
 
     rank: Rank = Field(
         default="gregory",
-        description="Order of the modes. gregory: modal influence coefficient; hankel: exact Hankel norm of what is "
-        "lost, clusters seen whole; component-cost: share in the mean square response to white noise; modal-gain: "
-        "INCA's criterion; frequency: lowest first; system-cost: share in the mean square response of "
+        description="Order of the modes. gregory: modal influence coefficient; hankel: exact Hankel norm of the error "
+        "without the mode, clusters as a whole; component-cost: share in the mean square response to white noise; "
+        "modal-gain: INCA's criterion; frequency: lowest first; system-cost: share in the mean square response of "
         "the assembled system to white noise at its actuators, at the worst configuration.",
         examples=["gregory"],
     )
     keep: KeepKeys = Field(
-        default=KeepKeys(), description="How many of the ranked modes stay.", examples=[{"modes": 20}]
+        default=KeepKeys(), description="Rule by which ranked modes are kept.", examples=[{"modes": 20}]
     )
     weighting: WeightingKeys | None = Field(
         default=None,
-        description="Which frequencies count: `band` for those of the scene, or a filter. All by default; a ranking by "
-        "frequency or by system-cost takes no notice.",
+        description="Weight of frequencies: `band` for those of the scene, or a filter. By default all count alike; "
+        "rankings by frequency and by system-cost ignore it.",
         examples=["band"],
     )
     scaling: ScalingKeys = Field(
         default=ScalingKeys(),
-        description="What counts as one: an arm for rotations, and where wanted the size of each actuator's effort and "
-        "of each sensor's motion.",
+        description="Scales of the channels: an arm for rotations, and optionally the size of each actuator's effort "
+        "and of each sensor's motion.",
         examples=["auto", {"inputs": {"motor": "2 Nm"}, "outputs": {"gyro": "10 arcsec"}}],
     )
     clusters: ClusterKeys = Field(
         default=ClusterKeys(),
-        description="Which modes act together: the correlation of their Gramians above which they are a cluster, which "
-        "the hankel ranking sees whole; none for no clusters but repeated modes.",
+        description="Modes that act together: the correlation of Gramians above which modes form a cluster, which the "
+        "hankel ranking takes as a whole. With none, only repeated modes form clusters.",
         examples=[0.1, {"correlation": 0.1}],
     )
 
@@ -334,19 +322,18 @@ class RankingKeys(Keys):
     def _compares_bodies(self) -> RankingKeys:
         if self.keep.rule == "total" and self.rank != "system-cost":
             raise ValueError(
-                f"keep.total compares modes of different bodies, whose coefficients of rank {self.rank} have "
+                f"keep.total compares modes of different bodies, but their coefficients of rank {self.rank} have "
                 "different units: take rank system-cost, or state `modes` for each body"
             )
         return self
 
 
 class BalanceKeys(RankingKeys):
-    """Rank the modes by their influence in the scene, and keep those that matter."""
+    """Ranking of the modes by their influence in the scene, and the modes to keep."""
 
     sensitivity: Flag = Field(
         default=False,
-        description="Also choose with the bodies' damping times 0.2 and 5, and without each sensor, and mark the modes "
-        "on the edge: those that some of these cases keep and the run does not, or the reverse. With frf_error each "
-        "case is a search of its own.",
+        description="Repeat the choice with the bodies' damping times 0.2 and 5, and without each sensor. Modes that "
+        "only some of these cases keep are marked as on the edge. With frf_error each case is a separate search.",
         examples=[True],
     )

@@ -1,4 +1,4 @@
-"""Keys of actuators and sensors, and sizes of their efforts and motions."""
+"""Keys of actuators and sensors, and of the sizes of their efforts and motions."""
 
 from __future__ import annotations
 
@@ -26,6 +26,21 @@ from cmsreduce.model import DOF_NAMES, Channel, Point, Units, dof_index, units_o
 
 __all__ = ["ActuatorKeys", "ChannelSize", "DofName", "Kind", "Pair", "SensorKeys", "Size", "channel_kind", "parse_row"]
 
+Kind = Literal["force", "torque", "length", "angle", "velocity", "angular velocity"]
+
+_EFFORTS: dict[str, tuple[Kind, float]] = {
+    **{name: ("force", value) for name, value in units_of("force").items()},
+    **{name: ("torque", value) for name, value in units_of("torque").items()},
+}
+_EXAMPLE: dict[Kind, str] = {
+    "force": "5 N",
+    "torque": "2 Nm",
+    "length": "1 mm",
+    "angle": "10 arcsec",
+    "velocity": "1 mm/s",
+    "angular velocity": "0.01 deg/s",
+}
+
 _PLACES = ("at", "joint", "between", "rows")
 
 
@@ -52,7 +67,7 @@ def parse_row(text: str) -> tuple[Point, int]:
     Raises
     ------
     ValueError
-        If it is not of this form.
+        If the text has another form.
     """
     head, _, dof = text.rpartition(".")
     try:
@@ -96,13 +111,15 @@ class _ChannelKeys(Keys):
         description="Point of a body: COMPONENT.INTERFACE, COMPONENT.NODE, or COMPONENT.cg of a rigid one.",
         examples=["rotor.1200"],
     )
-    joint: Name | None = Field(default=None, description="Joint whose relative motion it works on.", examples=["spin"])
+    joint: Name | None = Field(
+        default=None, description="Joint whose relative motion is driven or measured.", examples=["spin"]
+    )
     dof: DofName | None = Field(
-        default=None, description="Dof of the joint; may be left out where only one is free.", examples=["rz"]
+        default=None, description="Dof of the joint; needed where several are free.", examples=["rz"]
     )
     between: Pair | None = Field(
         default=None,
-        description="Two points: works on the distance between them.",
+        description="Two points; the distance between them is driven or measured.",
         examples=[["rotor.1200", "stator.12"]],
     )
     rows: Rows | None = Field(
@@ -157,22 +174,6 @@ class SensorKeys(_ChannelKeys):
         return self
 
 
-Kind = Literal["force", "torque", "length", "angle", "velocity", "angular velocity"]
-
-_EFFORTS: dict[str, tuple[Kind, float]] = {
-    **{name: ("force", value) for name, value in units_of("force").items()},
-    **{name: ("torque", value) for name, value in units_of("torque").items()},
-}
-_EXAMPLE: dict[Kind, str] = {
-    "force": "5 N",
-    "torque": "2 Nm",
-    "length": "1 mm",
-    "angle": "10 arcsec",
-    "velocity": "1 mm/s",
-    "angular velocity": "0.01 deg/s",
-}
-
-
 @dataclass(frozen=True)
 class Size:
     """A positive number and its unit, as written; a number alone is in the scene's units and radians.
@@ -182,7 +183,7 @@ class Size:
     si : float
         In N, N m, m, rad, m/s or rad/s; as written where there is no unit.
     kind : Kind, optional
-        What the unit measures; None without one.
+        Kind of the unit; None without a unit.
     written : str or float
         As written.
     """
@@ -191,20 +192,20 @@ class Size:
     kind: Kind | None
     written: str | float
 
-    def worth(self, kind: Kind | None, units: Units) -> float:
+    def value_in(self, units: Units, kind: Kind | None) -> float:
         """Size in the scene's units.
 
         Parameters
         ----------
-        kind : Kind, optional
-            What the channel is; None for one that adds translations and rotations, which has no unit.
         units : Units
-            Of the scene.
+            Units of the scene.
+        kind : Kind, optional
+            Kind of the channel; None where it adds translations and rotations, which has no unit.
 
         Raises
         ------
         UnitsError
-            If the unit is that of something else.
+            If the unit does not fit the channel.
         """
         if self.kind is None:
             return self.si
@@ -213,9 +214,9 @@ class Size:
                 f"{self.written}: the channel adds translations and rotations, and has no unit: write a number"
             )
         if self.kind != kind:
-            raise UnitsError(f"{self.written} is no {kind}, which the channel is: write e.g. {_EXAMPLE[kind]}")
+            raise UnitsError(f"{self.written} is no {kind}, as the channel needs: write e.g. {_EXAMPLE[kind]}")
         force = units.mass * units.length / units.time**2
-        worth: dict[Kind, float] = {
+        unit: dict[Kind, float] = {
             "force": force,
             "torque": force * units.length,
             "length": units.length,
@@ -223,17 +224,17 @@ class Size:
             "velocity": units.length / units.time,
             "angular velocity": 1 / units.time,
         }
-        return self.si / worth[kind]
+        return self.si / unit[kind]
 
 
 def channel_kind(channel: Channel, *, effort: bool) -> Kind | None:
-    """What a unit of a channel is; None if it adds translations and rotations.
+    """Kind of unit of a channel; None if the channel adds translations and rotations.
 
     Parameters
     ----------
     channel : Channel
     effort : bool
-        Whether it is an actuator.
+        True for an actuator, False for a sensor.
     """
     if channel.quantity == "combination":
         return None
@@ -255,7 +256,7 @@ def _parse(value: object) -> Size:
 
 
 def _effort(value: object) -> Size | None:
-    # "2 N m" and "2 N*m" are written, too.
+    # "2 N m" and "2 N*m" are accepted, too.
     text = "".join(value.replace("*", "").split()) if isinstance(value, str) else ""
     unit = max((unit for unit in _EFFORTS if text.endswith(unit)), key=len, default="")
     if not unit or not isinstance(value, str):
@@ -286,4 +287,4 @@ ChannelSize = Annotated[
     PlainSerializer(lambda size: size.written),
     WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"type": "string"}]}),
 ]
-"""Largest effort of an actuator, or the motion of a sensor that counts as one: a number, or one with a unit."""
+"""Effort of an actuator, or motion of a sensor, that counts as one: a number, or a number with a unit."""

@@ -17,11 +17,11 @@ from cmsreduce.config.keys.mapping import (
     Flag,
     Frequency,
     Keys,
+    LengthVector,
     Number,
     Positive,
     UnitSystem,
     Vector,
-    WrittenVector,
     exactly_one,
 )
 from cmsreduce.config.keys.quantities import Quantity
@@ -34,6 +34,12 @@ from cmsreduce.model import Damping, Placement, RigidBody, Units
 
 __all__ = ["Component", "DampingKeys", "FLEXIBLE_ONLY", "PlacementKeys", "RayleighKeys", "RigidKeys"]
 
+FLEXIBLE_ONLY = (
+    *("extseout", "stiffness", "mass", "geometry", "rows", "damping", "grounded", "geometric_stiffness"),
+    *("reduce", "balance", "write"),
+)
+"""Keys that a rigid body does not have."""
+_EXTSEOUT_SUFFIXES = (".op4", ".asm", ".pch")
 _LAWS = ("modal", "table", "per_mode", "rayleigh", "structural", "matrix")
 
 
@@ -44,14 +50,14 @@ def _check_pair(value: object) -> object:
 
 
 class RayleighKeys(Keys):
-    """Damping matrix alpha M + beta K; the first part does not brake rigid motion."""
+    """Damping matrix alpha M + beta K; alpha M does not act on rigid motion."""
 
     alpha: Number = Field(default=0.0, description="Factor of the mass matrix, 1/s.", examples=[0.1])
     beta: Number = Field(default=0.0, description="Factor of the stiffness matrix, s.", examples=[1e-5])
 
 
 class DampingKeys(Keys):
-    """How a body loses energy: one of the keys; without damping it is undamped."""
+    """Damping of a body, stated by one of the keys."""
 
     alternatives: ClassVar[tuple[str, ...]] = _LAWS
 
@@ -60,17 +66,17 @@ class DampingKeys(Keys):
     )
     table: tuple[Annotated[tuple[Frequency, Number], BeforeValidator(_check_pair)], ...] | None = Field(
         default=None,
-        description="Damping ratio against frequency (Hz unless written), interpolated linearly, held outside.",
+        description="Damping ratio over frequency (Hz without a unit), interpolated linearly, constant outside.",
         examples=[[["1 Hz", 0.01], ["10 Hz", 0.005]]],
     )
     per_mode: tuple[Number, ...] | None = Field(
         default=None,
-        description="Damping ratio of each elastic mode by frequency; the last one holds for the rest.",
+        description="Damping ratio of each elastic mode in order of frequency; the last one holds for the rest.",
         examples=[[0.01, 0.01, 0.005]],
     )
     rayleigh: RayleighKeys | None = Field(
         default=None,
-        description="Damping matrix alpha M + beta K; alpha M does not brake rigid motion.",
+        description="Damping matrix alpha M + beta K; alpha M does not act on rigid motion.",
         examples=[{"alpha": 0.1, "beta": 1e-05}],
     )
     structural: Number | None = Field(
@@ -98,7 +104,7 @@ class DampingKeys(Keys):
         return self
 
     def law(self) -> Damping:
-        """Damping law of the body; the one of no damping where a matrix is given."""
+        """Damping law of the body; no damping where a matrix is given."""
         return Damping(
             modal=self.modal,
             table=self.table,
@@ -106,14 +112,6 @@ class DampingKeys(Keys):
             rayleigh=None if self.rayleigh is None else (self.rayleigh.alpha, self.rayleigh.beta),
             structural=self.structural,
         )
-
-
-FLEXIBLE_ONLY = (
-    *("extseout", "stiffness", "mass", "geometry", "rows", "damping", "grounded", "geometric_stiffness"),
-    *("reduce", "balance", "write"),
-)
-"""Keys that a rigid body does not have."""
-_EXTSEOUT_SUFFIXES = (".op4", ".asm", ".pch")
 
 
 def _check_inertia(value: object) -> object:
@@ -148,26 +146,18 @@ class RigidKeys(Keys):
 
 
 class PlacementKeys(Keys):
-    """Where a body stands in the scene: turned about its basic origin first, then moved."""
+    """Place of a body in the scene: it is rotated about its basic origin first, then moved."""
 
-    at: WrittenVector = Field(
+    at: LengthVector = Field(
         default=(Quantity(0.0),) * 3,
-        description="Where the origin of the body's basic frame goes, in the scene's unit of length or with units.",
+        description="Position of the origin of the body's basic frame, in the scene's unit of length or with units.",
         examples=[[0, 0, "120 mm"]],
     )
     rotate: Rotations | None = Field(
         default=None,
-        description="One rotation or a list, carried out in order about the axes of the scene.",
+        description="One rotation or a list of rotations, in order, about the axes of the scene.",
         examples=[{"axis": "z", "angle": "30 deg"}],
     )
-
-    @field_validator("at")
-    @classmethod
-    def _lengths(cls, at: tuple[Quantity, Quantity, Quantity]) -> tuple[Quantity, Quantity, Quantity]:
-        for item in at:
-            if item.unit and item.dimension != "length":
-                raise ValueError(f"{item} is no length, e.g. 3 mm")
-        return at
 
     def placement(self, units: Units) -> Placement:
         """Rotation and translation in the scene's units."""
@@ -184,8 +174,8 @@ class Component(Keys):
     )
     extseout: DataPath | None = Field(
         default=None,
-        description="NASTRAN EXTSEOUT body by the common stem of its .asm, .pch and .op4: stands for stiffness KXX and "
-        "mass MXX of the .op4 and the geometry of the .asm, where these keys are not given.",
+        description="NASTRAN EXTSEOUT body by the common stem of its .asm, .pch and .op4. Stands for stiffness KXX and "
+        "mass MXX of the .op4 and for the geometry of the .asm, unless these keys are given.",
         examples=["../bodies/inboard"],
     )
     stiffness: MatrixFile | None = Field(
@@ -201,15 +191,15 @@ class Component(Keys):
     )
     rows: RowOrder | None = Field(
         default=None,
-        description="Which dof each matrix row is: a set of the deck (a, f, g, b, ...) or a dof list file; by default "
-        "what the sources say.",
+        description="Order of the matrix rows: a set of the deck (a, f, g, b, ...) or a dof list file; by default the "
+        "order that the sources state.",
         examples=["a"],
     )
     interfaces: dict[InterfaceName, InterfaceKeys] = Field(
-        default={}, description="Named places where joints attach.", examples=[{"hinge": {"node": 1001}}]
+        default={}, description="Interfaces by name: places where joints attach.", examples=[{"hinge": {"node": 1001}}]
     )
     damping: DampingKeys | None = Field(
-        default=None, description="How the body loses energy; undamped without it.", examples=[{"modal": 0.005}]
+        default=None, description="Damping of the body; undamped without this key.", examples=[{"modal": 0.005}]
     )
     units: UnitSystem | None = Field(
         default=None,
@@ -218,18 +208,17 @@ class Component(Keys):
     )
     grounded: Flag = Field(
         default=False,
-        description="The matrices hold the body to the ground, so that its stiffness resists rigid motion.",
+        description="The matrices include supports to the ground, so that the stiffness resists rigid motion.",
         examples=[True],
     )
     geometric_stiffness: GeometricStiffnessKeys | None = Field(
         default=None,
-        description="What the stress of spinning, of accelerations and of forces adds to the stiffness; without it the "
-        "term is absent.",
+        description="Geometric stiffness of spinning, of accelerations and of forces; without this key it is absent.",
         examples=[{"bars": "all", "held": "root"}],
     )
     place: PlacementKeys | None = Field(
         default=None,
-        description="Moves the body from the basic frame that all bodies share.",
+        description="Rotates and moves the body relative to the basic frame that all bodies share.",
         examples=[{"at": [0, 0, 1.5]}],
     )
     reduce: ReduceKeys | None = Field(
@@ -246,7 +235,7 @@ class Component(Keys):
 
     @classmethod
     def written_out(cls, value: object) -> object:
-        """Name the files that an EXTSEOUT stem stands for."""
+        """Add the files that an EXTSEOUT stem stands for."""
         stem = value.get("extseout") if isinstance(value, dict) else None
         if not isinstance(value, dict) or not isinstance(stem, (str, Path)) or not str(stem):
             return value

@@ -1,4 +1,4 @@
-"""Keys of joints and of the articulation."""
+"""Keys of a joint, and of the articulation, which sets the joints."""
 
 from __future__ import annotations
 
@@ -14,22 +14,21 @@ from pydantic import (
     SerializerFunctionWrapHandler,
     Strict,
     WithJsonSchema,
-    field_validator,
     model_serializer,
     model_validator,
 )
 from pydantic_core import CoreSchema
 
 from cmsreduce.config.keys.channels import DofName, Pair
-from cmsreduce.config.keys.mapping import DofNames, Keys, Plain, Written, WrittenItems, WrittenVector, reported
+from cmsreduce.config.keys.mapping import DofNames, Keys, LengthVector, Plain, Written, WrittenItems, reported
 from cmsreduce.config.keys.quantities import Compound, ElementFigure, Quantity, parse_compound
 from cmsreduce.errors import UnitsError
 from cmsreduce.model import DOF_NAMES, SI, JointElement, Units
 
-__all__ = ["Articulation", "JointKeys", "NamedSettings", "Settings"]
+__all__ = ["Articulation", "JointKeys", "NamedConfiguration", "JointValues"]
 
 ELEMENT_FIGURES: tuple[ElementFigure, ...] = ("stiffness", "damping", "inertia")
-"""Keys of what acts on a joint's free motions."""
+"""Keys of springs, dampers and inertias on free motions of a joint."""
 _FIRST_ROTATION = 3
 
 
@@ -42,11 +41,11 @@ FreeDofs = Annotated[DofNames, BeforeValidator(_all_or_some)]
 _Figure = Annotated[
     Compound,
     BeforeValidator(reported(parse_compound)),
-    PlainSerializer(lambda figure: str(figure) if figure.unit else figure.value),
+    PlainSerializer(lambda figure: figure.plain),
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
 ]
 Figures = dict[DofName, _Figure]
-"""A figure for each of some motions."""
+"""A value for each motion that is named."""
 
 
 class JointKeys(Keys):
@@ -57,14 +56,14 @@ class JointKeys(Keys):
     )
     free: FreeDofs = Field(
         default=(),
-        description="Motions that are free, along the axes of the first interface, or `all`; the others are locked. By "
-        "default, and with none, all are: a weld.",
+        description="Free motions along the axes of the first interface, or `all`; the others are locked. Without this "
+        "key, and with `none`, all are locked: a weld.",
         examples=["[rz]"],
     )
-    offset: WrittenVector | None = Field(
+    offset: LengthVector | None = Field(
         default=None,
-        description="Rigid arm from the first interface to the second in the first body's basic frame, in the scene's "
-        "unit of length or with units, where the two do not coincide.",
+        description="Rigid arm from the first interface to the second, where the two do not coincide; in the first "
+        "body's basic frame, in the scene's unit of length or with units.",
         examples=[[0, 0, "120 mm"]],
     )
     stiffness: Figures = Field(
@@ -80,18 +79,10 @@ class JointKeys(Keys):
     )
     inertia: Figures = Field(
         default={},
-        description="Moments of inertia about free axes that belong to the joint, such as a motor's rotor; they turn "
-        "with the first interface and are in no body's mass.",
+        description="Moments of inertia of the joint itself about free axes, such as that of a motor's rotor. They "
+        "turn with the first interface and are not in the mass of a body.",
         examples=[{"rz": "1e-3 kg*m^2"}],
     )
-
-    @field_validator("offset")
-    @classmethod
-    def _lengths(cls, offset: tuple[Quantity, ...] | None) -> tuple[Quantity, ...] | None:
-        for item in offset or ():
-            if item.unit and item.dimension != "length":
-                raise ValueError(f"{item} is no length, e.g. 3 mm")
-        return offset
 
     @model_validator(mode="after")
     def _on_free_motions(self) -> JointKeys:
@@ -104,7 +95,7 @@ class JointKeys(Keys):
                     raise ValueError(f"{what}: {figure} is negative")
                 if what == "inertia" and DOF_NAMES.index(dof) < _FIRST_ROTATION:
                     raise ValueError(
-                        f"inertia: {dof} slides, and what slides has mass in every direction: give it to a body"
+                        f"inertia: {dof} is a translation, and a sliding mass acts in every direction: add it to a body"
                     )
                 try:
                     figure.figure_in(SI, what, DOF_NAMES.index(dof) >= _FIRST_ROTATION)
@@ -133,7 +124,7 @@ class JointKeys(Keys):
 
 
 def _share_unit(items: tuple[Quantity, ...]) -> tuple[Quantity, ...]:
-    """Give the one unit that is written to the items without one."""
+    """Apply the one unit that is written to the items without a unit."""
     units = {item.unit for item in items if item.unit}
     bare = [item for item in items if not item.unit and item.value != 0]
     if bare and len(units) > 1:
@@ -142,8 +133,8 @@ def _share_unit(items: tuple[Quantity, ...]) -> tuple[Quantity, ...]:
     return tuple(item if item.unit else Quantity(item.value, unit) for item in items)
 
 
-class Settings(Keys):
-    """Settings of one joint: a list, one value, or a range."""
+class JointValues(Keys):
+    """Values of one joint: a list, one value, or a range."""
 
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = (
         {"type": "array", "items": {"type": ["number", "string"]}, "minItems": 1},
@@ -152,18 +143,18 @@ class Settings(Keys):
 
     values: Annotated[WrittenItems, Field(min_length=1), AfterValidator(_share_unit)] | None = Field(
         default=None,
-        description="Settings; a unit on one of them holds for all without one.",
+        description="Values; the unit of one of them holds for all that have none.",
         examples=[[0, 45, "90 deg"]],
     )
-    from_: Written | None = Field(default=None, alias="from", description="First setting.", examples=["0 deg"])
-    to: Written | None = Field(default=None, description="Last setting.", examples=["90 deg"])
+    from_: Written | None = Field(default=None, alias="from", description="First value.", examples=["0 deg"])
+    to: Written | None = Field(default=None, description="Last value.", examples=["90 deg"])
     steps: Annotated[int, Strict(), Field(ge=2)] | None = Field(
-        default=None, description="Number of settings, both ends among them.", examples=[4]
+        default=None, description="Number of values, both ends included.", examples=[4]
     )
 
     @classmethod
     def written_out(cls, value: object) -> object:
-        """A list, or a lone setting."""
+        """Read a list, or a lone value."""
         if isinstance(value, (list, tuple)):
             return {"values": value}
         if isinstance(value, (int, float, str, Quantity)) and not isinstance(value, bool):
@@ -171,10 +162,10 @@ class Settings(Keys):
         return value
 
     @model_validator(mode="after")
-    def _list_or_range(self) -> Settings:
+    def _list_or_range(self) -> JointValues:
         ends = (self.from_, self.to, self.steps)
         if (self.values is None) == all(end is None for end in ends):
-            raise ValueError("a list of settings or a range is expected, e.g. {from: 0, to: 90 deg, steps: 4}")
+            raise ValueError("a list of values or a range is expected, e.g. {from: 0, to: 90 deg, steps: 4}")
         if self.values is None and any(end is None for end in ends):
             raise ValueError("a range needs from, to and steps, e.g. {from: 0, to: 90 deg, steps: 4}")
         self.quantities()
@@ -182,10 +173,10 @@ class Settings(Keys):
 
     @model_serializer
     def _plainly(self) -> list[str | float]:
-        return [str(item) if item.unit else item.value for item in self.quantities()]
+        return [item.plain for item in self.quantities()]
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """Every setting in order, each with its unit where one is written."""
+        """All values in order, each with its unit where one is written."""
         if self.values is not None:
             return self.values
         if self.from_ is None or self.to is None or self.steps is None:
@@ -198,15 +189,15 @@ class Settings(Keys):
         return (*inner, last)
 
 
-class NamedSettings(Keys):
-    """One configuration: a name, and beside it the setting of each joint, as JOINT or JOINT.DOF."""
+class NamedConfiguration(Keys):
+    """One configuration: a name, and the value of each joint as JOINT or JOINT.DOF."""
 
-    name: Plain | None = Field(default=None, description="Label; by default the settings.", examples=["stowed"])
-    joints: dict[str, Written] = Field(description="Setting of each joint.")
+    name: Plain | None = Field(default=None, description="Label; by default the joint values.", examples=["stowed"])
+    joints: dict[str, Written] = Field(description="Value of each joint.")
 
     @classmethod
     def written_out(cls, value: object) -> object:
-        """Every key but the name is a joint."""
+        """Take every key but the name as a joint."""
         if not isinstance(value, Mapping):
             return value
         joints = {key: item for key, item in value.items() if key != "name"}
@@ -215,11 +206,11 @@ class NamedSettings(Keys):
     @model_serializer
     def _plainly(self) -> dict[str, str | float]:
         named: dict[str, str | float] = {} if self.name is None else {"name": self.name}
-        return named | {joint: str(item) if item.unit else item.value for joint, item in self.joints.items()}
+        return named | {joint: item.plain for joint, item in self.joints.items()}
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Schema of what is written: the joints stand beside the name."""
+        """Schema as written: the joints stand beside the name."""
         keys = handler.resolve_ref_schema(handler(core_schema))["properties"]
         return {
             "type": "object",
@@ -230,14 +221,14 @@ class NamedSettings(Keys):
 
 
 class Articulation(Keys):
-    """Settings of the joints: a mapping means all combinations, a list names configurations one by one."""
+    """Configurations of the joints: a mapping stands for all combinations, a list for single configurations."""
 
-    product: dict[str, Settings] | None = None
-    named: Annotated[tuple[NamedSettings, ...], Field(min_length=1)] | None = None
+    product: dict[str, JointValues] | None = None
+    named: Annotated[tuple[NamedConfiguration, ...], Field(min_length=1)] | None = None
 
     @classmethod
     def written_out(cls, value: object) -> object:
-        """Tell a mapping of joints from a list of configurations."""
+        """Read a mapping of joints or a list of configurations."""
         if isinstance(value, (list, tuple)):
             return {"named": value}
         if isinstance(value, Mapping):
@@ -245,7 +236,7 @@ class Articulation(Keys):
         if isinstance(value, Articulation):
             return value
         raise ValueError(
-            "a mapping JOINT: [settings] or a list of configurations is expected, e.g. {spin: [0, 45, 90 deg]}, "
+            "a mapping JOINT: [values] or a list of configurations is expected, e.g. {spin: [0, 45, 90 deg]}, "
             f"found {value!r}"
         )
 
@@ -256,7 +247,7 @@ class Articulation(Keys):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Schema of what is written: a mapping or a list."""
+        """Schema as written: a mapping or a list."""
         keys = handler.resolve_ref_schema(handler(core_schema))["properties"]
         forms = [form for key in ("product", "named") for form in keys[key]["anyOf"] if form != {"type": "null"}]
         return {"description": cls.__doc__ or "", "anyOf": forms}

@@ -36,6 +36,7 @@ __all__ = [
     "Flag",
     "Frequency",
     "Keys",
+    "LengthVector",
     "Name",
     "Number",
     "OneOrMore",
@@ -47,7 +48,6 @@ __all__ = [
     "Written",
     "check_name",
     "WrittenItems",
-    "WrittenVector",
     "exactly_one",
     "parse_point",
     "refused",
@@ -222,12 +222,15 @@ def _check_vector(value: object) -> object:
     return value
 
 
+def _check_lengths(vector: tuple[Quantity, Quantity, Quantity]) -> tuple[Quantity, Quantity, Quantity]:
+    for item in vector:
+        if item.unit and item.dimension != "length":
+            raise ValueError(f"{item} is no length, e.g. 3 mm")
+    return vector
+
+
 def _check_units(text: str) -> str:
     return Units.parse(text).name
-
-
-def _plainly(quantity: Quantity) -> str | float:
-    return str(quantity) if quantity.unit else quantity.value
 
 
 _QUANTITY_SCHEMA = {"anyOf": [{"type": "number"}, {"type": "string"}]}
@@ -266,11 +269,13 @@ Frequency = Annotated[
 Written = Annotated[
     Quantity,
     BeforeValidator(reported(parse_quantity)),
-    PlainSerializer(_plainly),
+    PlainSerializer(lambda quantity: quantity.plain),
     WithJsonSchema(_QUANTITY_SCHEMA),
 ]
 """Number with or without a unit, kept as written until its dimension is known."""
 WrittenItems = tuple[Written, ...]
 """Numbers with or without units."""
-WrittenVector = Annotated[tuple[Written, Written, Written], BeforeValidator(_check_vector)]
-"""Three numbers with or without units."""
+LengthVector = Annotated[
+    tuple[Written, Written, Written], BeforeValidator(_check_vector), AfterValidator(_check_lengths)
+]
+"""Three lengths with or without units."""

@@ -1,4 +1,4 @@
-"""The grammar of the pipeline file: every key, with its meaning."""
+"""The grammar of the pipeline file, and the keys of the solver."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MEMORY = re.compile(r"([0-9]+(?:\.[0-9]*)?)\s*([kKMGT]?i?B)")
 
 
 def _memory(value: object) -> object:
-    """Bytes of an amount of memory as people write it."""
+    """Bytes of an amount of memory such as ``8 GiB``."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         raise ValueError(f"an amount of memory with its unit is expected, such as 8 GiB, found {value!r}")
     if not isinstance(value, str):
@@ -42,53 +42,52 @@ Memory = Annotated[float, BeforeValidator(_memory), Field(gt=0), WithJsonSchema(
 
 
 class SolverKeys(Keys):
-    """How sparse matrices are factorised, and with how much of the machine."""
+    """Sparse solver, and the threads and memory that it may use."""
 
     removed: ClassVar[Mapping[str, str]] = NO_PARTS
 
     backend: Backend = Field(
         default="auto",
         description="Sparse direct solver: pardiso (MKL), multifrontal (cmsreduce's own, for definite matrices), "
-        "cholmod (scikit-sparse) or superlu (scipy); auto takes the quickest that is installed: superlu for small "
-        "bodies, multifrontal for large ones. mumps (petsc4py) works on several processes under mpiexec, and is only "
-        "taken where it is named. summary.json says which one ran.",
+        "cholmod (scikit-sparse) or superlu (scipy); auto takes the fastest that is installed: superlu for small "
+        "bodies, multifrontal for large ones. mumps (petsc4py) works on several processes under mpiexec, and must be "
+        "asked for by name. summary.json states which one ran.",
         examples=["auto"],
     )
     threads: Count | None = Field(
         default=None,
         ge=1,
-        description="Threads of dense and sparse algebra; by default all cores, or what OMP_NUM_THREADS says.",
+        description="Threads of dense and sparse algebra; by default OMP_NUM_THREADS, or all cores.",
         examples=[2],
     )
     memory: Memory | None = Field(
         default=None,
-        description="Memory that a factor may take; one that needs more is refused before anything is made, or made on "
-        "disk (pardiso with replace_allocators). By default most of what is free.",
+        description="Memory that a factor may take. A factor that needs more is refused before it is computed, or "
+        "computed on disk (pardiso with replace_allocators). By default most of the free memory.",
         examples=["8 GiB"],
     )
     precision: Precision = Field(
         default="auto",
         description="Precision of the factor, with pardiso or multifrontal: double, or single, which takes half the "
-        "memory and is refined to the same accuracy in several times the solves; auto takes single where double would "
-        "not fit in memory. Anything so ill conditioned that "
-        "refinement does not converge is refused.",
+        "memory and is refined to the same accuracy with several times the solves. auto takes single where double does "
+        "not fit in memory. A matrix so ill conditioned that refinement does not converge is refused.",
         examples=["auto"],
     )
     ranks: Annotated[int, Strict(), Field(ge=1)] = Field(
-        default=2, description="Processes of mumps, which share a factor and its memory.", examples=[2]
+        default=2, description="Processes of mumps, among which a factor is distributed.", examples=[2]
     )
     python: Plain | None = Field(
         default=None,
-        description="Interpreter of the processes of mumps, which has petsc4py; by default the one that runs "
-        "cmsreduce, or else /usr/bin/python3, which Debian's python3-petsc4py belongs to.",
+        description="Python interpreter with petsc4py for the processes of mumps; by default the one that runs "
+        "cmsreduce, or else /usr/bin/python3, for which Debian packages python3-petsc4py.",
         examples=["/usr/bin/python3"],
     )
     replace_allocators: bool = Field(
         default=False,
         strict=True,
-        description="Whether MKL's allocator may be replaced by one of cmsreduce's, so that a factor of pardiso which "
-        "does not fit in memory lies in a file, and the C library's be set to use freed pages again while a body is "
-        "reduced (docs/large-bodies.md). Linux only; it changes the whole process.",
+        description="Allow two changes to the whole process (Linux only, docs/large-bodies.md): MKL's allocator is "
+        "replaced, so that a factor of pardiso that does not fit in memory lies in a file, and the C library reuses "
+        "freed pages while a body is reduced.",
         examples=[True],
     )
 
@@ -105,20 +104,22 @@ class Pipeline(Keys):
     name: Name = Field(description="Name of the study.", examples=["galileo"])
     output: Annotated[Path, WithJsonSchema({"type": "string"})] = Field(
         default=Path("build"),
-        description="Folder the results are written to, relative to where the command is run (unlike every other file "
-        "name, which is relative to the file it is written in); by default build/NAME.",
+        description="Folder of the results, relative to the working directory (every other file name is relative to "
+        "the file it is written in); by default build/NAME.",
         examples=["build/galileo"],
     )
     include: Annotated[tuple[DataPath, ...], OneOrMore()] = Field(
         default=(),
-        description="File or files with keys to start from, merged in order; this file wins over them. Names are "
-        "relative to this file.",
+        description="File or files with keys to start from, merged in order; keys of this file win. Names are relative "
+        "to this file.",
         examples=[["../configs/default.yaml"]],
     )
     components: dict[Annotated[Name, AfterValidator(_check_component_name)], Component] = Field(
         min_length=1, description="The bodies by name.", examples=[{"rotor": {"extseout": "rotor"}}]
     )
-    scene: SceneKeys = Field(description="What the bodies are for.", examples=[{"band": "10 Hz"}])
+    scene: SceneKeys = Field(
+        description="Band, joints, articulation, actuators and sensors.", examples=[{"band": "10 Hz"}]
+    )
     reduce: ReduceKeys | None = Field(
         default=None,
         description="Reduce each body to a mode set.",
@@ -126,7 +127,7 @@ class Pipeline(Keys):
     )
     balance: BalanceKeys | None = Field(
         default=None,
-        description="Rank the modes by their influence and keep those that matter.",
+        description="Rank the modes by their influence and keep the important ones.",
         examples=[{"rank": "gregory", "keep": {"frf_error": 0.01}}],
     )
     project: ProjectKeys | None = Field(
@@ -136,7 +137,7 @@ class Pipeline(Keys):
     )
     verify: VerifyKeys | None = Field(
         default=None,
-        description="Compare reduced and full system, with limits.",
+        description="Compare the reduced with the unreduced system, with limits.",
         examples=[{"frf": {"points": 400}, "limits": {"frf_error": 0.05}}],
     )
     write: WriteKeys | None = Field(
@@ -176,7 +177,7 @@ class Pipeline(Keys):
         return base.model_copy(update={key: getattr(own, key) for key in own.model_fields_set})
 
     def write_of(self, component: str) -> BodyWriteKeys:
-        """In which frame one body is written: its own keys over the pipeline's."""
+        """Frame in which one body is written: its own keys over the pipeline's."""
         base = BodyWriteKeys() if self.write is None else self.write
         own = self.components[component].write
         if own is None:

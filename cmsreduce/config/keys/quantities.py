@@ -70,7 +70,7 @@ _FACTOR = re.compile(r"\s*([*Â·/]?)\s*([A-Za-z]+)\s*(?:(?:\^|\*\*)?\s*([23])|([Â
 
 
 @dataclass(frozen=True)
-class Quantity:
+class _Written:
     """A number and its unit, as written.
 
     Parameters
@@ -78,7 +78,7 @@ class Quantity:
     value : float
         The number.
     unit : str
-        Unit, empty where none was written.
+        Unit or product of units, empty where none was written.
     """
 
     value: float
@@ -86,6 +86,16 @@ class Quantity:
 
     def __str__(self) -> str:
         return f"{self.value!r} {self.unit}" if self.unit else repr(self.value)
+
+    @property
+    def plain(self) -> str | float:
+        """Value for a file: a text with the unit, or a number where there is none."""
+        return str(self) if self.unit else self.value
+
+
+@dataclass(frozen=True)
+class Quantity(_Written):
+    """A number with one unit."""
 
     @property
     def dimension(self) -> Dimension | None:
@@ -206,22 +216,8 @@ def measure(value: object, dimension: Dimension, bare: float | None = None) -> f
 
 
 @dataclass(frozen=True)
-class Compound:
-    """A number and the product of units after it, as written.
-
-    Parameters
-    ----------
-    value : float
-        The number.
-    unit : str
-        Units as written, empty where none were written.
-    """
-
-    value: float
-    unit: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.value!r} {self.unit}".rstrip()
+class Compound(_Written):
+    """A number with a product of units."""
 
     def figure_in(self, units: Units, figure: ElementFigure, rotation: bool) -> float:
         """Value in a unit system; a number without a unit is in that system and in radians already.

@@ -1,4 +1,4 @@
-"""Keys of the scene: what the bodies are for."""
+"""Keys of the scene: band, joints, articulation, actuators and sensors."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ Band = Annotated[
 
 
 class SceneKeys(Keys):
-    """Joints, articulation, actuators, sensors and the band of frequencies: they decide which modes matter."""
+    """Joints, articulation, actuators, sensors and the frequency band, which decide which modes matter."""
 
     band: Band = Field(
-        description="Frequencies where accuracy is asked for: the highest, or both ends; Hz unless written (rpm, "
-        "rad/s, kHz).",
+        description="Frequencies where accuracy is asked for: the highest, or both ends; Hz without a unit (others: "
+        "rpm, rad/s, kHz).",
         examples=["10 Hz"],
     )
     joints: dict[Name, JointKeys] = Field(
@@ -55,7 +55,7 @@ class SceneKeys(Keys):
     )
     articulation: Articulation | None = Field(
         default=None,
-        description="Settings of free joints at which the system is assembled and checked: all combinations of a "
+        description="Configurations in which the system is assembled and checked: all combinations of a "
         "mapping JOINT or JOINT.DOF: [values] or {from, to, steps}, or a list of named configurations.",
         examples=[{"spin": [0, 45, "90 deg"]}],
     )
@@ -69,38 +69,38 @@ class SceneKeys(Keys):
     )
     controller: ControllerFile | None = Field(
         default=None,
-        description="A controller whose stability on the full system is checked: A, B, C, D of x' = A x + B y, "
-        "u = -(C x + D y), with the sensors as inputs (one of several motions counts as many) and the actuators as "
-        "outputs, in their order here.",
+        description="A controller whose stability on the unreduced system is checked: A, B, C, D of x' = A x + B y, "
+        "u = -(C x + D y). Its inputs are the motions of the sensors and its outputs the actuators, in their order "
+        "here.",
         examples=["controller.mat"],
     )
     ground: Annotated[tuple[PointName, ...], OneOrMore()] = Field(
         default=(),
-        description="Interface or interfaces that are held to the ground; without them the system floats free.",
+        description="Interface or interfaces that are fixed to the ground; without this key the system floats free.",
         examples=["platform.hinge"],
     )
     floating: Annotated[tuple[Name, ...], OneOrMore()] = Field(
         default=(),
-        description="Components that no chain of joints leads to from the base, on purpose: each moves freely by "
-        "itself, with what is joined to it.",
+        description="Components that are intentionally not connected to the base by joints: each moves freely, with "
+        "the bodies joined to it.",
         examples=["probe"],
     )
     redundant: Literal["refuse", "drop"] = Field(
         default="refuse",
-        description="Motions that joints lock twice, as in a closed loop of rigid links: refuse them by name, or drop "
-        "the surplus and say which.",
+        description="Motions that joints lock twice, as in a closed loop of rigid links: refuse them, or drop the "
+        "redundant constraints; both name them.",
         examples=["drop"],
     )
     spin: dict[Name, SpinKeys] = Field(
         default={},
-        description="How fast the scene spins a component, for the warning where its geometric stiffness is absent and "
-        "for the frequencies that it has at that rate.",
+        description="Spin rate of a component. It is used for its frequencies at that rate, and for a warning where "
+        "its geometric stiffness is absent.",
         examples=[{"rotor": {"rate": "30 rpm", "axis": "z"}}],
     )
     base: Name | None = Field(
         default=None,
-        description="Body that articulation does not move; by default the first component (those of included files "
-        "come before those of the file).",
+        description="Body that articulation does not move; by default the first component (components of included "
+        "files come first).",
         examples=["platform"],
     )
     units: UnitSystem = Field(

@@ -55,15 +55,15 @@ Cutoff = Annotated[
     Discriminator(lambda value: "auto" if isinstance(value, str) else "number"),
     BeforeValidator(_check_cutoff),
 ]
-"""A multiple of the band, or ``auto``."""
+"""A multiple of the band's upper end, or ``auto``."""
 
 _ALL_OF_A_KIND = ("sensors", "actuators", "dampers")
 Residual = Annotated[str, BeforeValidator(_check_residual)]
-"""Everything of a kind, or a node, or a dof of it."""
+"""All of one kind, a node, or a dof of a node."""
 
 
 class ModeSetKeys(Keys):
-    """A mode set, and up to which frequency."""
+    """A mode set and its cutoffs."""
 
     method: Method = Field(
         default="craig-bampton",
@@ -75,8 +75,8 @@ class ModeSetKeys(Keys):
     cutoff_bands: Cutoff = Field(
         default=2.0,
         alias="cutoff",
-        description="Normal modes are kept up to this multiple of the upper end of scene.band. `auto`: from 1.5 times "
-        "the band, raised for each body until the modes left out cost less than the error asked for.",
+        description="Normal modes are kept up to this multiple of the upper end of scene.band. `auto` starts at 1.5 "
+        "and raises the multiple of each body until the error of the omitted modes is below the error asked for.",
         examples=[2.0, "auto"],
     )
     interface_cutoff_bands: Positive | None = Field(
@@ -100,23 +100,22 @@ class ModeSetKeys(Keys):
 
 
 class ReduceKeys(ModeSetKeys):
-    """Which mode set a body is reduced with, up to which frequency, and which loads it shall answer exactly."""
+    """Mode set of a body, its cutoffs, and the loads whose static response it represents exactly."""
 
     removed: ClassVar[Mapping[str, str]] = NO_PARTS
 
     residuals: tuple[Residual, ...] = Field(
         default=(),
-        description="Residual vectors, which make the static response exact: `sensors` for what they measure, "
-        "`actuators` for their efforts (their dofs then leave the interface), `dampers` for the forces of a damping "
-        "matrix of few dampers, NODE or NODE.DOF for unit loads there.",
+        description="Residual vectors, which make the static response exact: `sensors` for loads along the measured "
+        "motions, `actuators` for their efforts (their dofs then leave the interface), `dampers` for the forces of a "
+        "damping matrix of few dampers, NODE or NODE.DOF for unit loads there.",
         examples=[["sensors"]],
     )
-
     static_above_bands: Positive | None = Field(
         default=None,
         alias="static_above",
         description="Modes above this multiple of the upper end of scene.band are treated statically: they keep their "
-        "stiffness and lose their mass, so that they ask for no small steps of an integrator.",
+        "stiffness and lose their mass, so that they do not force small steps of an integrator.",
         examples=[8.0],
     )
 
@@ -127,17 +126,17 @@ class ReduceKeys(ModeSetKeys):
 
 
 class CompareKeys(RankingKeys):
-    """Another model to show beside the run's own: other modes of the same sets, or another mode set."""
+    """Another model for comparison: other modes of the same mode sets, or another mode set."""
 
     reduce: ModeSetKeys | None = Field(
         default=None,
-        description="Another mode set for every body that is reduced; keys left out are the body's own.",
+        description="Another mode set for every body that is reduced; omitted keys are those of the body.",
         examples=[{"method": "macneal-rubin"}],
     )
 
 
 class FrfKeys(Keys):
-    """Where the frequency responses are compared."""
+    """Frequency grid on which responses are compared."""
 
     points: Annotated[int, Strict(), Field(ge=2)] = Field(
         default=400,
@@ -151,7 +150,7 @@ NotNegative = Annotated[float, Strict(), Field(ge=0)]
 
 
 class LimitKeys(Keys):
-    """Largest errors that pass; a limit that is left out is not checked."""
+    """Largest errors that pass; an error without a limit is not checked."""
 
     frf_error: Positive | None = Field(
         default=None,
@@ -173,35 +172,38 @@ class LimitKeys(Keys):
         default=None, description="Relative error of the height of a channel's highest peak.", examples=[0.05]
     )
     frac_error: Positive | None = Field(
-        default=None, description="1 less the frequency response assurance criterion of a channel.", examples=[0.01]
+        default=None, description="1 minus the frequency response assurance criterion of a channel.", examples=[0.01]
     )
     nrfd: Positive | None = Field(
-        default=None, description="Relative shift of a resonance that a channel shows as a peak.", examples=[1e-3]
+        default=None, description="Relative shift of a resonance peak of a channel.", examples=[1e-3]
     )
     static_lack: Positive | None = Field(
         default=None,
-        description="Share of the strain energy that a body lacks under a static load at an interface or actuator.",
+        description="Share of the strain energy that the reduced body misses under a static load at an interface or "
+        "actuator.",
         examples=[0.01],
     )
     gain_error: Positive | None = Field(
         default=None,
-        description="Error of a static gain between channels, relative to the sum of the sizes of its modal gains.",
+        description="Error of a static gain between channels, relative to the sum of magnitudes of its modal gains.",
         examples=[0.01],
     )
     zero_error: Positive | None = Field(
         default=None, description="Relative shift of a transmission zero in the band.", examples=[0.01]
     )
     zeros_lost: NotNegative | None = Field(
-        default=None, description="Zeros in the band that the reduced system has not, of one pair.", examples=[0]
+        default=None,
+        description="Number of zeros in the band that the reduced system misses, for one input and output.",
+        examples=[0],
     )
     step_error: Positive | None = Field(
         default=None,
-        description="Root mean square error of a step response, relative.",
+        description="Relative root mean square error of a step response.",
         examples=[0.01],
     )
     controller_ratio: Positive | None = Field(
         default=None,
-        description="sigma_max(dG K) / sigma_min(I + G_R K) of scene.controller; just below 1 if it is left out.",
+        description="sigma_max(dG K) / sigma_min(I + G_R K) of scene.controller; just below 1 without this key.",
         examples=[0.5],
     )
 
@@ -217,34 +219,34 @@ _CHECK_OF: dict[str, CheckName] = {
 
 
 class VerifyKeys(Keys):
-    """Compare the reduced system with the full one at every configuration."""
+    """Comparison of the reduced with the unreduced system at every configuration."""
 
     frf: FrfKeys = Field(default=FrfKeys(), description="Grid of the frequency responses.")
-    limits: LimitKeys = Field(default=LimitKeys(), description="Errors beyond which the run fails.")
+    limits: LimitKeys = Field(default=LimitKeys(), description="Errors above which the run fails.")
     checks: tuple[CheckName, ...] | None = Field(
         default=None,
-        description="Checks beside the responses. static: strain energy that the bodies lack under loads at interfaces "
-        "and actuators; gains: modal gains between channels; zeros: transmission zeros; step: step responses in time. "
-        "Those named here, or by a limit, are done whatever they cost; by default static, gains and zeros, of bodies "
-        "of up to 20000 dofs and full systems of up to 600 coordinates.",
+        description="Checks in addition to the responses. static: strain energy that the bodies miss under loads at "
+        "interfaces and actuators; gains: modal gains between channels; zeros: transmission zeros; step: step "
+        "responses in time. Checks that are named here or have a limit are always done; by default static, gains and "
+        "zeros, for bodies of up to 20000 dofs and unreduced systems of up to 600 coordinates.",
         examples=[["static", "gains", "zeros", "step"]],
     )
     compare: dict[Plain, CompareKeys] = Field(
         default={},
-        description="Other rankings and mode sets to show beside the model of the run, by label; limits do not apply "
+        description="Other rankings and mode sets to compare with the model of the run, by label; limits do not apply "
         "to them.",
         examples=[{"by_frequency": {"rank": "frequency", "keep": {"modes": 19}}}],
     )
 
     @property
     def required_checks(self) -> tuple[CheckName, ...]:
-        """Checks that are asked for by name, or by a limit on what they find."""
+        """Checks that are named, or whose results have a limit."""
         limited = [check for figure, check in _CHECK_OF.items() if getattr(self.limits, figure) is not None]
         return tuple(dict.fromkeys([*(self.checks or ()), *limited]))
 
 
 class SystemModeKeys(Keys):
-    """Which modes of the whole system are projected on the bodies: one of the keys, or ``auto``."""
+    """System modes that are projected on the bodies: one of the keys, or ``auto``."""
 
     alternatives: ClassVar[tuple[str, ...]] = ("cutoff", "list", "count")
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"const": "auto"},)
@@ -252,24 +254,24 @@ class SystemModeKeys(Keys):
     cutoff_bands: Positive | None = Field(
         default=None,
         alias="cutoff",
-        description="All elastic modes up to this multiple of the upper end of scene.band, at each configuration.",
+        description="All elastic modes up to this multiple of the upper end of scene.band, in each configuration.",
         examples=[1.5],
     )
     list: Annotated[tuple[Annotated[Count, Field(ge=1)], ...], OneOrMore()] | None = Field(
         default=None,
-        description="Elastic modes by number, in order of frequency, the first is 1; the same at each configuration.",
+        description="Elastic modes by number in order of frequency, from 1; the same in each configuration.",
         examples=[[1, 2, 5]],
     )
     count: Count | None = Field(
         default=None,
         ge=1,
-        description="So many elastic modes, the first by `rank` between actuators and sensors, at each configuration.",
+        description="Number of elastic modes, the first by `rank` from actuators to sensors, in each configuration.",
         examples=[20],
     )
 
     @classmethod
     def written_out(cls, value: object) -> object:
-        """``auto`` is no rule: the error decides."""
+        """Read ``auto`` as a mapping without a rule: the error decides."""
         if value == "auto":
             return {}
         if isinstance(value, (str, int, float, list)):
@@ -298,62 +300,63 @@ Sampled = Annotated[
 
 
 class ProjectKeys(Keys):
-    """Project modes of the whole system on the bodies, so that these make them again when they are joined."""
+    """Projection of system modes on the bodies, so that the assembled bodies reproduce these modes."""
 
     modes: SystemModeKeys = Field(
         default=SystemModeKeys(),
-        description="Which modes of the system: auto takes as few as frf_error allows.",
+        description="Modes of the system; auto takes the fewest with which frf_error is met.",
         examples=["auto"],
     )
     rank: Literal["hankel", "gregory"] = Field(
         default="hankel",
-        description="What orders the system's modes for count and auto: exact Hankel values of what leaving them out "
-        "costs, or Gregory's coefficient, their value where modes lie far apart.",
+        description="Ranking of the system's modes for count and auto: exact Hankel norms of the error without each "
+        "mode, or Gregory's coefficient, which equals them where modes are well separated.",
         examples=["hankel"],
     )
     configurations: Sampled = Field(
         default="all",
-        description="Where the system's modes are taken: at all configurations of the scene, at those named, or auto: "
-        "at the first, then at the one with the largest error, until frf_error holds at all of them.",
+        description="Configurations in which the system's modes are computed: all of the scene, those named, or auto: "
+        "the first, then the one with the largest error, until frf_error is met in all of them.",
         examples=["all"],
     )
     of: Literal["reduced", "full"] = Field(
         default="reduced",
-        description="What the system is made of: the bodies as the stages before leave them, or unreduced.",
+        description="Bodies of the system: reduced by the earlier stages, or unreduced (full).",
         examples=["reduced"],
     )
     frf_error: Positive | None = Field(
         default=None,
-        description="Error that auto goes for; by default that of balance.keep, of verify.limits, or 0.01.",
+        description="Error that auto must meet; by default that of balance.keep, of verify.limits, or 0.01.",
         examples=[0.01],
     )
     tolerance: Positive = Field(
         default=1e-8,
         lt=1,
-        description="What a body holds of a system mode of unit modal mass up to this amplitude is no shape of its "
-        "own. A larger one compresses: the modes then no longer return exactly, and the error is shown.",
+        description="A part of a system mode (of unit modal mass) in a body with at most this amplitude adds no shape "
+        "to the body. A larger tolerance gives fewer shapes: the system modes are then not reproduced exactly, and the "
+        "error is reported.",
         examples=[1e-8],
     )
     feedback: dict[Plain, dict[Plain, Number]] = Field(
         default={},
-        description="Gains from sensors to actuators, effort = -gain x measurement, in the scene's units: the modes "
-        "are then those of the closed loop, with all damping, and their real and imaginary parts are projected.",
+        description="Gains from sensors to actuators, effort = -gain x measurement, in the scene's units. The modes "
+        "are then those of the closed loop with all damping, and their real and imaginary parts are projected.",
         examples=[{"motor": {"gyro.rz": 12.0}}],
     )
     damped: Flag = Field(
         default=False,
-        description="Take the complex modes of the system with all its damping, without feedback, too; their real and "
+        description="Take the complex modes of the system with all its damping, also without feedback; their real and "
         "imaginary parts are projected.",
         examples=[True],
     )
     suppress: Flag = Field(
         default=False,
-        description="Add static shapes of the interfaces, which move the modes that come along uncalled out of the "
-        "band where they can.",
+        description="Add static shapes of the interfaces, which move extraneous modes out of the band where possible.",
         examples=[True],
     )
     between: Flag = Field(
         default=True,
-        description="Measure the error halfway between neighbouring angles, too, where no modes were taken.",
+        description="Also measure the error at midpoint configurations between neighbouring angles, where no modes "
+        "were computed.",
         examples=[True],
     )

@@ -1,4 +1,4 @@
-"""Keys of the write stage: files, and the frame of a body in them."""
+"""Keys of the write stage: file formats, the floating frame of a body, and the frame of its integrals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["BASIC", "BodyWriteKeys", "CENTRE", "FloatingFrameKeys", "IntegralKey
 
 BASIC = "basic"
 CENTRE = "centre-of-mass"
-"""Words for a place that no interface has to be named for."""
+"""Names of places that are not interfaces."""
 
 _INTERFACES: dict[str, tuple[str, ...]] = {"clamped": ("at",), "mean-axis": (), "chord": ("at", "to")}
 """Keys of interfaces that each kind of frame takes."""
@@ -46,22 +46,22 @@ About = Annotated[
 
 
 class FloatingFrameKeys(Keys):
-    """Which rigid motion of a body its deforming modes are rid of, because a floating-frame code brings it."""
+    """Floating frame of a body: its rigid motion is removed from the deforming modes, because the code adds it."""
 
     kind: FrameKind = Field(
-        description="clamped: the modes do not move or turn the interface `at`; mean-axis: they have no momentum "
-        "(Buckens); chord: the interface `at` stays where it is and `to` on the line between them.",
+        description="clamped: the modes do not move or rotate the interface `at`; mean-axis: they have no momentum "
+        "(Buckens); chord: the interface `at` does not move, and `to` stays on the line between them.",
         examples=["clamped"],
     )
     at: Name | None = Field(
         default=None,
-        description="Interface that the frame is clamped at, or where the chord starts.",
+        description="Interface to which the frame is clamped, or where the chord starts.",
         examples=["hinge"],
     )
     to: Name | None = Field(default=None, description="Interface where the chord ends.", examples=["tip"])
     roll: Annotated[str, BeforeValidator(_check_roll)] | None = Field(
         default=None,
-        description="INTERFACE.DOF or NODE.DOF, along the basic axes, that holds a chord against turning about itself; "
+        description="INTERFACE.DOF or NODE.DOF, along the basic axes, that fixes the rotation of a chord about itself; "
         "by default the rotation of `at` about the chord.",
         examples=["1200.z"],
     )
@@ -78,7 +78,7 @@ class FloatingFrameKeys(Keys):
         if self.roll is not None and self.kind != "chord":
             raise ValueError(f"a {self.kind} frame has no roll to hold: take `roll` out, or use chord")
         if self.kind == "chord" and self.at == self.to:
-            raise ValueError(f"a chord leads from one interface to another, and both are '{self.at}'")
+            raise ValueError(f"a chord joins two interfaces, and both are '{self.at}'")
         return self
 
     @property
@@ -87,23 +87,23 @@ class FloatingFrameKeys(Keys):
         return {key: face for key, face in (("at", self.at), ("to", self.to)) if face is not None}
 
     def condition(self) -> FrameCondition:
-        """The condition that it states."""
+        """Condition of the frame for the stages."""
         return FrameCondition(self.kind, self.at or "", self.to or "", self.roll or "")
 
 
 class IntegralKeys(Keys):
-    """About which point, along which axes and over which mass the modal integrals are taken."""
+    """Reference point, axes and mass of the modal integrals."""
 
     about: About | None = Field(
         default=None,
         description="basic: the origin of the body's basic frame; centre-of-mass; an interface (its first node); or a "
-        "point [x, y, z] in the body's basic frame and unit of length. By default where the floating frame stands, "
-        "without one basic.",
+        "point [x, y, z] in the body's basic frame and unit of length. By default the origin of the floating frame, "
+        "or basic without one.",
         examples=["centre-of-mass"],
     )
     axes: Name | None = Field(
         default=None,
-        description="basic, or an interface whose axes to take. By default basic, with a chord its own: x along it.",
+        description="basic, or an interface whose axes to take. By default basic; with a chord, x along the chord.",
         examples=["hinge"],
     )
     mass: Lumping = Field(
@@ -122,11 +122,11 @@ class IntegralKeys(Keys):
 
 
 class BodyWriteKeys(Keys):
-    """In which frame a body is written."""
+    """Frame in which a body is written."""
 
     frame: FloatingFrameKeys | None = Field(
         default=None,
-        description="Floating frame; without it the modes are those of the free body, which have no momentum.",
+        description="Floating frame; without this key the modes are those of the free body, which have no momentum.",
         examples=[{"kind": "clamped", "at": "hinge"}],
     )
     integrals: IntegralKeys = Field(
@@ -156,7 +156,7 @@ _DIALECTS = {"sid": ("by-axis", "by-mode"), "mbdyn": ("invariants", "lumped")}
 
 
 def _as_text(value: object) -> object:
-    # YAML takes the name of NASA's code for a number.
+    # YAML reads `42`, the name of NASA's code, as a number.
     return str(value) if type(value) is int else value
 
 
@@ -164,30 +164,30 @@ WrittenFormat = Annotated[Format, BeforeValidator(_as_text)]
 
 
 class WriteKeys(BodyWriteKeys):
-    """Which files the reduced bodies are written to, and in which frame."""
+    """Files and frame in which the reduced bodies are written."""
 
     formats: tuple[WrittenFormat, ...] = Field(
         default=("hdf5",),
         min_length=1,
         description="Formats of the files. hdf5: component files and the system; matlab, abcd: their state space, as "
-        ".mat and as text; the others are those of codes (docs/targets.md).",
+        ".mat and as text; the others are formats of multibody codes (docs/targets.md).",
         examples=[["hdf5", "matlab"]],
     )
     dialects: dict[Plain, Plain] = Field(
         default={},
-        description="How a format is written that comes in several ways. sid: by-axis or by-mode, the columns of Gr; "
+        description="Dialect of each format that has several. sid: by-axis or by-mode, the order of the columns of Gr; "
         "mbdyn: invariants or lumped.",
         examples=[{"sid": "by-mode"}],
     )
     balanced_states: Annotated[int, Strict(), Field(ge=2, multiple_of=2)] | None = Field(
         default=None,
-        description="Also write, with the system's state space, its elastic part balanced and cut down to so many "
-        "states, which are displacements and rates of points. For matlab.",
+        description="Also write the elastic part of the system's state space, balanced and truncated to this number of "
+        "states. The states are displacements and rates of points. For matlab.",
         examples=[12],
     )
     all_nodes: Flag = Field(
         default=False,
-        description="Write shapes at every node, not only where interfaces, actuators and sensors are.",
+        description="Write shapes at every node, not only at interfaces, actuators and sensors.",
         examples=[True],
     )
 
@@ -199,7 +199,7 @@ class WriteKeys(BodyWriteKeys):
             if dialect not in _DIALECTS[name]:
                 raise ValueError(f"'{dialect}' is no dialect of {name} (its dialects: {', '.join(_DIALECTS[name])})")
             if name not in self.formats:
-                raise ValueError(f"{name} is not written, so its dialect says nothing: add it to the formats")
+                raise ValueError(f"{name} is not written, so its dialect has no effect: add it to the formats")
         return self
 
     @model_validator(mode="after")

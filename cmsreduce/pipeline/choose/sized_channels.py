@@ -86,7 +86,7 @@ def sized_in(component: ModalComponent, ports: Ports, rows: SizedRows) -> tuple[
 def _size(size: Size | None, channel: Channel, units: Units, *, effort: bool) -> float:
     if size is None:
         return np.nan
-    worth = size.worth(channel_kind(channel, effort=effort), units)
+    worth = size.value_in(units, channel_kind(channel, effort=effort))
     if effort and size.kind is not None and len(channel.terms) == 1 and isinstance(channel.terms[0], PointTerm):
         # An input of 1 is a force as long as its vector.
         worth /= float(np.linalg.norm(channel.terms[0].direction))

@@ -1,8 +1,7 @@
-"""The component file: a reduced body as a multibody code takes it (docs/component-file.md)."""
+"""Writer of the component file: a reduced body for multibody codes (docs/component-file.md)."""
 
 from __future__ import annotations
 
-import json
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -29,7 +28,7 @@ from cmsreduce.model import (
 from cmsreduce.write.component.component_file import FORMAT, FORMAT_VERSION
 from cmsreduce.write.component.integrals import put_augmented, put_frame, put_integrals, put_stiffening, support
 from cmsreduce.write.component.shapes import basic_shapes, lumps_of_nodes
-from cmsreduce.write.files import hdf5_file, put, put_texts, put_units
+from cmsreduce.write.files import hdf5_file, put, put_json, put_texts, put_units
 
 __all__ = ["write_component"]
 
@@ -57,31 +56,31 @@ def write_component(
     Parameters
     ----------
     path : Path
-        Where; the file is whole or not there.
+        Name of the file, which is complete or absent.
     component : ModalComponent
         Modes that were kept.
     nodes : sequence of int
-        Nodes whose shapes are written, besides those of the interfaces.
+        Nodes whose shapes are written in addition to those of the interfaces.
     inputs : mapping of name to (m,) float64
         Modal force of a unit effort of each actuator.
     outputs : mapping of name to ((m,), (m,)) float64
         Displacement and rate row of each sensor.
     checks : sequence of Check
-        What the body was checked for.
+        Results of the body's checks.
     provenance : mapping
-        ``settings`` and ``notes`` of the run, and anything else that is JSON.
+        ``settings`` and ``notes`` of the run, and other JSON values.
     all_nodes : bool
         Write the shapes at every node.
     frame : FloatingFrame, optional
-        Frame that the deforming modes are written in; by default as they are.
+        Floating frame of the deforming modes; by default these are written as they are.
     about : IntegralFrame, optional
         Frame and mass of the integrals; by default the basic frame and the consistent mass.
     augmented : sequence of OutboardMass
-        What hangs on the interfaces.
+        Masses outboard of the interfaces.
     costly : CostlyModes, optional
-        Modes that set an integrator's step without serving the band.
+        Modes that force small integrator steps but do not matter in the band.
     stiffening : GeometricStiffness, optional
-        What stress adds to the stiffness.
+        Geometric stiffness.
 
     Raises
     ------
@@ -90,7 +89,7 @@ def write_component(
     """
     body = component.body
     T = np.eye(component.omega.size) if frame is None else frame.change
-    # A mode that is treated statically has no share in any integral over the mass.
+    # A mode that is treated statically has no mass, and so no part in integrals over the mass.
     inertial = replace(component, Phi=component.inertial_shapes)
     if frame is not None:
         inertial = replace(component, Phi=combined(inertial.Phi, T))
@@ -153,8 +152,7 @@ def _provenance(group: Any, body: FEModel, provenance: Mapping[str, Any]) -> Non
     }
     for name, version in versions.items():
         group.attrs[f"{name}_version"] = version
-    for key, value in provenance.items():
-        put_texts(group, key, [json.dumps(value, sort_keys=True, default=str)], about="JSON")
+    put_json(group, provenance)
     put_texts(group, "source", [Path(source.path).name for source in body.sources], about="files read")
     put_texts(group, "sha256", [source.sha256 for source in body.sources], about="of each file")
     put_texts(group, "holds", [source.holds for source in body.sources], about="what was taken from each file")
@@ -171,7 +169,7 @@ def _modes(group: Any, component: ModalComponent, T: Row) -> None:
     put(group, "frequency_hz", omega / (2 * np.pi), "cycles/time")
     put(group, "zeta", component.zeta, "", "damping ratios; half the loss factor for structural damping")
     mass = T.T @ np.diag(component.mass) @ T
-    put(group, "mass", mass, "", "modal mass: 1, and 0 of a static mode, but for what the frame moves with")
+    put(group, "mass", mass, "", "modal mass: 1, and 0 of a static mode, except for rigid motion that the frame adds")
     put(group, "stiffness", np.diag(component.stiffness), "rad^2/time^2", "omega^2, and 1 of a static mode")
     damping = np.diag(component.viscous) if component.D is None else T.T @ component.D @ T
     put(group, "damping", damping, "rad/time", "viscous damping")
@@ -235,7 +233,7 @@ def _interface(group: Any, component: ModalComponent, face: Interface, name: str
 
 
 def _integration(group: Any, component: ModalComponent, costly: CostlyModes | None) -> None:
-    """Largest steps (theory section 8), and the modes that set them without serving the band."""
+    """Write largest steps (theory section 8), and the modes that force them but do not matter in the band."""
     top = float(component.omega[component.elastic].max(initial=0.0))
     group.attrs["highest_omega"] = top
     group.attrs["highest_hz"] = top / (2 * np.pi)
@@ -248,5 +246,5 @@ def _integration(group: Any, component: ModalComponent, costly: CostlyModes | No
     if costly is not None:
         group.attrs["serving_hz"] = costly.serving_hz
         columns = np.array([each.mode for each in costly.modes], dtype=np.int64)
-        put(group, "costly", columns, "", "columns that set steps in vain")
+        put(group, "costly", columns, "", "columns of modes that force small steps but do not matter in the band")
         put(group, "share", np.array([each.share for each in costly.modes]), "", "of flexibility in the band, of each")

@@ -1,7 +1,4 @@
-"""What a component file must hold, and of which shape.
-
-Reading component files back, without the body they came from.
-"""
+"""Reader of component files, with the datasets that a file must hold and their shapes."""
 
 from __future__ import annotations
 
@@ -56,7 +53,7 @@ _SHAPES: Mapping[str, tuple[str | int, ...]] = {
     "provenance/sha256": ("s",),
     "provenance/holds": ("s",),
 }
-"""Datasets of every file; a letter stands for one length throughout."""
+"""Datasets of every file; a letter stands for the same length everywhere."""
 
 _WITH_GEOMETRY: Mapping[str, tuple[str | int, ...]] = {
     "nodes/id": ("k",),
@@ -82,7 +79,7 @@ _SECOND_ORDER: Mapping[str, tuple[str | int, ...]] = {
     "integrals/r_phi": (3, 3, "e"),
     "integrals/phi_phi": (3, 3, "e", "e"),
 }
-"""Integrals of the modes that deform the body; files that were written before there were any have none of them."""
+"""Integrals of the deforming modes; files of early versions have none of them."""
 
 _FRAME: Mapping[str, tuple[str | int, ...]] = {
     "frame/origin": (3,),
@@ -91,7 +88,7 @@ _FRAME: Mapping[str, tuple[str | int, ...]] = {
     "frame/component": ("f",),
     "frame/removed": (6, "e"),
 }
-"""The floating frame, where one was asked for."""
+"""Datasets of a floating frame."""
 
 _AUGMENTED: Mapping[str, tuple[str | int, ...]] = {
     "point": (3,),
@@ -101,7 +98,7 @@ _AUGMENTED: Mapping[str, tuple[str | int, ...]] = {
     "rigid_mass": (6, 6),
     "bodies": ("b",),
 }
-"""What hangs on an interface; the letter is its own."""
+"""Datasets of the mass outboard of an interface; the letter stands for a length of this group alone."""
 
 _INTERFACE: Mapping[str, tuple[str | int, ...]] = {
     "node": ("i",),
@@ -110,7 +107,7 @@ _INTERFACE: Mapping[str, tuple[str | int, ...]] = {
     "frame": (3, 3),
     "shapes": ("i", "m"),
 }
-"""Datasets of every interface; the letters but m are its own."""
+"""Datasets of every interface; the letters other than m stand for lengths of this group alone."""
 
 _STIFFENING: Mapping[str, tuple[str | int, ...]] = {
     "geometric_stiffness/load": ("g",),
@@ -123,71 +120,18 @@ _STIFFENING: Mapping[str, tuple[str | int, ...]] = {
 _GROUPS = ("modes", "dofs", "inputs", "outputs", "checks", "provenance", "units", "interfaces", "integration")
 
 
-def fault(groups: Iterable[str], shapes: Mapping[str, tuple[int, ...]]) -> str | None:
-    """Say what is missing from a component file or does not fit the rest of it.
-
-    Parameters
-    ----------
-    groups : iterable of str
-        Paths of the groups in the file.
-    shapes : mapping of path to tuple of int
-        Shape of every dataset in it.
-
-    Returns
-    -------
-    str or None
-        The first fault in words; None if there is none.
-    """
-    groups = list(groups)
-    missing = [group for group in _GROUPS if group not in groups]
-    if missing:
-        return f"group '{missing[0]}' is missing"
-    wanted = dict(_SHAPES)
-    if "nodes" in groups or "integrals" in groups:
-        wanted |= _WITH_GEOMETRY
-    if any(path in shapes for path in _SECOND_ORDER):
-        wanted |= _SECOND_ORDER
-    if any(path in shapes for path in _FRAME):
-        wanted |= _FRAME
-    wanted |= {path: ("m",) for path in shapes if path.startswith("modes/rankings/")}
-    if "geometric_stiffness" in groups:
-        wanted |= _STIFFENING
-    for group in groups:
-        for above, parts in (("interfaces", _INTERFACE), ("augmented", _AUGMENTED)):
-            if group.startswith(f"{above}/"):
-                own = {name: tuple(_owned(size, group) for size in shape) for name, shape in parts.items()}
-                wanted |= {f"{group}/{name}": shape for name, shape in own.items()}
-    length: dict[str | int, int] = {}
-    for path, shape in wanted.items():
-        if path not in shapes:
-            return f"dataset '{path}' is missing"
-        found = shapes[path]
-        fits = len(found) == len(shape) and all(
-            there == (size if isinstance(size, int) else length.setdefault(size, there))
-            for size, there in zip(shape, found, strict=True)
-        )
-        if not fits:
-            expected = ", ".join(str(length.get(size, size)) for size in shape)
-            return f"dataset '{path}' has shape {found}, where ({expected}) fits the others"
-    return None
-
-
-def _owned(size: str | int, group: str) -> str | int:
-    return size if size == "m" or isinstance(size, int) else f"{group}:{size}"
-
-
 @dataclass(frozen=True, eq=False)
 class ComponentFile:
-    """What a component file holds.
+    """Contents of a component file.
 
     Parameters
     ----------
     name, method : str
-        Body, and mode set it was reduced with.
+        Body and mode set.
     rigid_count : int
-        The first so many modes are rigid.
+        Number of rigid modes, which come first.
     static_count : int
-        The last so many modes are static: without mass, and so without a frequency.
+        Number of static modes, which come last: they have no mass, and so no frequency.
     arrays : mapping of path to array
         Every numeric dataset by its path in the file, such as ``modes/omega``.
     texts : mapping of path to tuple of str
@@ -195,7 +139,7 @@ class ComponentFile:
     attributes : mapping of path to mapping
         Attributes of the file (path ``""``) and of its groups.
     checks : tuple of Check
-        What the body was checked for.
+        Results of the body's checks.
     """
 
     name: str
@@ -209,7 +153,7 @@ class ComponentFile:
 
     @property
     def omega(self) -> NDArray[np.float64]:
-        """Natural frequencies in rad per unit of time, NaN of static modes (m,)."""
+        """Natural frequencies in rad per unit of time, NaN for static modes (m,)."""
         return self.arrays["modes/omega"]
 
     @property
@@ -219,12 +163,18 @@ class ComponentFile:
 
     @property
     def rankings(self) -> dict[str, NDArray[np.float64]]:
-        """Coefficient of each mode in every ranking that was taken (m,); empty in files of before there were any."""
+        """Coefficient of each mode (m,) by ranking; empty in files of early versions."""
         return {Path(name).name: values for name, values in self.arrays.items() if name.startswith("modes/rankings/")}
 
     @property
+    def interfaces(self) -> dict[str, tuple[int, ...]]:
+        """Ids of the nodes of each interface, by name in alphabetical order."""
+        names = sorted({path.split("/")[1] for path in self.arrays if path.startswith("interfaces/")})
+        return {name: tuple(dict.fromkeys(self.arrays[f"interfaces/{name}/node"].tolist())) for name in names}
+
+    @property
     def settings(self) -> dict[str, Any]:
-        """The pipeline as it was understood; empty if the writer gave none."""
+        """Keys of the pipeline; empty if the writer gave none."""
         found: dict[str, Any] = json.loads(self.texts.get("provenance/settings", ("{}",))[0])
         return found
 
@@ -235,7 +185,7 @@ def read_component(path: Path | str) -> ComponentFile:
     Raises
     ------
     ReadError
-        If the file is missing, damaged, not whole, or of another format or a later version.
+        If the file is missing, damaged, incomplete, or of another format or a later version.
     """
     import h5py
 
@@ -268,7 +218,7 @@ def read_component(path: Path | str) -> ComponentFile:
             name=str(attributes[""]["name"]),
             method=str(attributes[""]["method"]),
             rigid_count=int(attributes["modes"]["rigid_count"]),
-            # Format version 1 knew no static modes.
+            # Format version 1 has no static modes.
             static_count=int(attributes["modes"].get("static_count", 0)),
             arrays=arrays,
             texts=texts,
@@ -282,8 +232,58 @@ def read_component(path: Path | str) -> ComponentFile:
         )
     except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
         raise ReadError(
-            f"{path}: the file is damaged or not whole ({error}); write it again with `cmsreduce run`"
+            f"{path}: the file is damaged or incomplete ({error}); write it again with `cmsreduce run`"
         ) from None
+
+
+def fault(groups: Iterable[str], shapes: Mapping[str, tuple[int, ...]]) -> str | None:
+    """First dataset of a component file that is missing or does not fit the others.
+
+    Parameters
+    ----------
+    groups : iterable of str
+        Paths of the groups in the file.
+    shapes : mapping of path to tuple of int
+        Shape of every dataset in it.
+
+    Returns
+    -------
+    str or None
+        The first fault in words; None if there is none.
+    """
+    groups = list(groups)
+    missing = [group for group in _GROUPS if group not in groups]
+    if missing:
+        return f"group '{missing[0]}' is missing"
+    wanted = dict(_SHAPES)
+    if "nodes" in groups or "integrals" in groups:
+        wanted |= _WITH_GEOMETRY
+    if any(path in shapes for path in _SECOND_ORDER):
+        wanted |= _SECOND_ORDER
+    if any(path in shapes for path in _FRAME):
+        wanted |= _FRAME
+    wanted |= {path: ("m",) for path in shapes if path.startswith("modes/rankings/")}
+    if "geometric_stiffness" in groups:
+        wanted |= _STIFFENING
+    for group in groups:
+        for above, parts in (("interfaces", _INTERFACE), ("augmented", _AUGMENTED)):
+            if group.startswith(f"{above}/"):
+                for name, shape in parts.items():
+                    own = (size if size == "m" or isinstance(size, int) else f"{group}:{size}" for size in shape)
+                    wanted[f"{group}/{name}"] = tuple(own)
+    length: dict[str | int, int] = {}
+    for path, shape in wanted.items():
+        if path not in shapes:
+            return f"dataset '{path}' is missing"
+        found = shapes[path]
+        fits = len(found) == len(shape) and all(
+            there == (size if isinstance(size, int) else length.setdefault(size, there))
+            for size, there in zip(shape, found, strict=True)
+        )
+        if not fits:
+            expected = ", ".join(str(length.get(size, size)) for size in shape)
+            return f"dataset '{path}' has shape {found}, where ({expected}) fits the others"
+    return None
 
 
 def _refuse_other_formats(path: Path, attributes: Mapping[str, Any]) -> None:
@@ -291,8 +291,8 @@ def _refuse_other_formats(path: Path, attributes: Mapping[str, Any]) -> None:
     if not isinstance(kind, str) or kind != FORMAT:
         raise ReadError(f"{path}: this HDF5 file is no component file (format {kind!r}, expected {FORMAT!r})")
     if not isinstance(version, (int, np.integer)) or version < 1:
-        raise ReadError(f"{path}: format_version {version} is none; write the file again with `cmsreduce run`")
+        raise ReadError(f"{path}: format_version {version} is not valid; write the file again with `cmsreduce run`")
     if version > FORMAT_VERSION:
         raise ReadError(
-            f"{path}: format version {version} is newer than this program reads ({FORMAT_VERSION}); update it"
+            f"{path}: format version {version} is newer than this program can read ({FORMAT_VERSION}); update cmsreduce"
         )

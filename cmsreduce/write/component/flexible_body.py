@@ -1,4 +1,4 @@
-"""A reduced body as a floating-frame code takes it: what a component file holds, in the frame of its integrals."""
+"""A reduced body for floating-frame codes: data of a component file in the frame of its integrals."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from cmsreduce.write.component.integrals import stored_stiffening
 
 __all__ = ["FlexibleBody", "FrameStiffening", "flexible_body", "frame_stiffening", "require_mass"]
 
-# Of the largest modal mass. Integrals over the same mass as the modal mass differ from it by round-off of sums over all
-# nodes; integrals over another mass differ by per cents (theory section 8).
+# Of the largest modal mass. Integrals over the same mass differ from it by round-off of sums over all nodes, integrals
+# over another mass by per cents (theory section 8).
 _SAME_MASS = 1e-9
 
-# Of a length of one and of a direction: a frame that was meant to be the same is off by round-off of its axes.
+# Of a unit length and of a direction: two equal frames differ by round-off of their axes.
 _SAME_FRAME = 1e-12
 _PAIRS = tuple(("xyz".index(axes[0]), "xyz".index(axes[1])) for axes in SQUARES)
 
-# Rigid motions that a floating frame carries.
+# Rigid motions of a floating frame.
 _SIX = 6
 
 Array = NDArray[np.float64]
@@ -31,30 +31,30 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class FlexibleBody:
-    """Modes that deform a body and the nodes they move, along the axes of a frame that carries its rigid motion.
+    """Deforming modes of a body and their shapes at nodes, along the axes of the floating frame.
 
     Parameters
     ----------
     name : str
         Name of the body.
     integrals : ModalIntegrals
-        Over the body and the k modes.
+        Integrals over the body and the k modes.
     mass, stiffness, damping : (k, k) float64
         Modal matrices.
     omega : (k,) float64
-        Natural frequencies in rad per unit of time; NaN of static modes.
+        Natural frequencies in rad per unit of time; NaN for static modes.
     node : (n,) int64
         Ids of the nodes.
     position : (n, 3) float64
-        Of each node, from the origin of the frame.
+        Position of each node from the origin of the frame.
     translation : (n, 3, k) float64
         Displacement of each node in each mode.
     rotation : (n, 3, k) float64
         Slope of each node in each mode; 0 where it is not known.
     blind : (b,) int64
-        Ids of the nodes whose slope is not known, as those of solid elements.
-    interfaces : tuple of (name, ids of its nodes)
-        Where joints attach.
+        Ids of the nodes whose slope is not known, as with solid elements.
+    interfaces : mapping of name to tuple of int
+        Ids of the nodes at which joints attach.
     """
 
     name: str
@@ -68,7 +68,7 @@ class FlexibleBody:
     translation: Array
     rotation: Array
     blind: NDArray[np.int64]
-    interfaces: tuple[tuple[str, tuple[int, ...]], ...]
+    interfaces: Mapping[str, tuple[int, ...]]
 
     @property
     def k(self) -> int:
@@ -77,19 +77,40 @@ class FlexibleBody:
 
     @property
     def static_count(self) -> int:
-        """Number of modes that carry no mass, and so have no frequency."""
+        """Number of modes without mass, and so without a frequency."""
         return int(np.isnan(self.omega).sum())
 
 
+@dataclass(frozen=True, eq=False)
+class FrameStiffening:
+    """Stiffness of k deforming modes per unit load, along the axes and about the origin of the frame of the integrals.
+
+    Parameters
+    ----------
+    acceleration, turning : (3, k, k) float64
+        Per unit acceleration and angular acceleration of the frame.
+    spinning : (6, k, k) float64
+        Per product xx yy zz xy yz xz of its angular velocities.
+    force, moment : mapping of node to (3, k, k) float64
+        Per unit force and moment at a node.
+    """
+
+    acceleration: Array
+    turning: Array
+    spinning: Array
+    force: Mapping[int, Array]
+    moment: Mapping[int, Array]
+
+
 def flexible_body(component: ComponentFile, integrals: ModalIntegrals) -> FlexibleBody:
-    """Take from a component file what a floating-frame code asks for.
+    """Data of a component file for floating-frame codes.
 
     Parameters
     ----------
     component : ComponentFile
         The body.
     integrals : ModalIntegrals
-        Over its modes; their frame becomes the frame of the body.
+        Integrals over its modes; their frame becomes the frame of the body.
 
     Raises
     ------
@@ -100,19 +121,19 @@ def flexible_body(component: ComponentFile, integrals: ModalIntegrals) -> Flexib
     arrays, columns = component.arrays, integrals.modes
     if "nodes/id" not in arrays:
         raise WriteError(
-            f"component '{component.name}': a body of scalar points without geometry has no place in a floating "
-            "frame; write it as nastran or matlab"
+            f"component '{component.name}': a body of scalar points has no geometry, so a floating frame cannot hold "
+            "it; write it as nastran or matlab"
         )
     if component.rigid_count > _SIX:
         raise WriteError(
-            f"component '{component.name}': it has {component.rigid_count} motions without strain, six of which are "
-            "the frame's: the others are a mechanism, which a floating-frame code would lose; lock it, or write the "
-            "body as nastran or matlab"
+            f"component '{component.name}': it has {component.rigid_count} motions without strain. Six belong to the "
+            "floating frame; the others are a mechanism, which a floating-frame code would lose. Lock it, or write "
+            "the body as nastran or matlab"
         )
     if "modes/loss" in arrays:
         raise WriteError(
-            f"component '{component.name}': structural damping is a complex stiffness, which no code of motions in "
-            "time takes; give it modal damping"
+            f"component '{component.name}': structural damping is a complex stiffness, which codes in the time domain "
+            "cannot use; give it modal damping"
         )
     if columns.size and (columns.min() < component.rigid_count or columns.max() >= component.omega.size):
         raise WriteError(
@@ -139,80 +160,35 @@ def flexible_body(component: ComponentFile, integrals: ModalIntegrals) -> Flexib
         translation=translation,
         rotation=np.where(unknown[:, None, None], 0.0, rotation),
         blind=arrays["nodes/id"][unknown],
-        interfaces=_interfaces(component),
+        interfaces=component.interfaces,
     )
 
 
 def require_mass(body: FlexibleBody, because: str) -> None:
-    """Refuse modes without mass where a code cannot take them.
+    """Refuse modes without mass for codes that cannot use them.
 
     Raises
     ------
     WriteError
-        If there are any; ``because`` says what the code would do with them.
+        If there are any; ``because`` is the reason of the code.
     """
     if body.static_count:
         raise WriteError(
-            f"component '{body.name}': {body.static_count} static modes carry no mass, and {because}; leave "
-            "`residuals` out of `reduce`, or give the nodes that they move some inertia"
+            f"component '{body.name}': {body.static_count} static modes have no mass, and {because}; leave "
+            "`residuals` out of `reduce`, or give their nodes some inertia"
         )
-
-
-def _modal_mass(component: ComponentFile, integrals: ModalIntegrals) -> Array:
-    """Phi^T M Phi over the mass of the integrals, so that a code that takes both is given one mass.
-
-    It is the trace of int phi_i phi_j dm, whatever the mass matrix.
-    """
-    total = np.asarray(np.einsum("iiab->ab", integrals.phi_phi))
-    if integrals.lumping != "consistent":
-        return total
-    mass = component.arrays["modes/mass"][np.ix_(integrals.modes, integrals.modes)]
-    apart = abs(total - mass).max(initial=0.0)
-    if apart > _SAME_MASS * abs(mass).max(initial=0.0):
-        raise WriteError(
-            f"component '{component.name}': the modal mass of its integrals is {apart:.2e} off its own: they are over "
-            "another mass or other shapes; write the component file again"
-        )
-    return np.asarray(mass)
-
-
-def _interfaces(component: ComponentFile) -> tuple[tuple[str, tuple[int, ...]], ...]:
-    names = sorted({path.split("/")[1] for path in component.arrays if path.startswith("interfaces/")})
-    ids = (dict.fromkeys(component.arrays[f"interfaces/{name}/node"].tolist()) for name in names)
-    return tuple((name, tuple(nodes)) for name, nodes in zip(names, ids, strict=True))
-
-
-@dataclass(frozen=True, eq=False)
-class FrameStiffening:
-    """Stiffness of k deforming modes per unit load, along the axes and about the origin of the frame of the integrals.
-
-    Parameters
-    ----------
-    acceleration, turning : (3, k, k) float64
-        Per unit acceleration and angular acceleration of the frame.
-    spinning : (6, k, k) float64
-        Per product xx yy zz xy yz xz of its angular velocities.
-    force, moment : mapping of node to (3, k, k) float64
-        Per unit force and moment at a node.
-    """
-
-    acceleration: Array
-    turning: Array
-    spinning: Array
-    force: Mapping[int, Array]
-    moment: Mapping[int, Array]
 
 
 def frame_stiffening(component: ComponentFile, integrals: ModalIntegrals) -> FrameStiffening | None:
     """Geometric stiffness of the deforming modes, about the frame of the integrals; None where the file has none.
 
-    A term that the file lacks is zero here.
+    A term that is missing in the file is zero here.
 
     Raises
     ------
     WriteError
-        If the frame is another than that of the stored terms, and not all twelve inertia loads are there to restate
-        them with.
+        If the frame is another than that of the stored terms, and not all twelve inertia loads are in the file, which
+        are needed to transform them.
 
     Notes
     -----
@@ -231,8 +207,8 @@ def frame_stiffening(component: ComponentFile, integrals: ModalIntegrals) -> Fra
     if not same and 0 < len(lacking) < len(INERTIA_LOADS):
         raise WriteError(
             f"component '{component.name}': its geometric stiffness is along the basic axes about {stored.origin}, and "
-            f"its integrals are in another frame; to restate it, all twelve loads of a moving frame are needed, and "
-            f"'{lacking[0]}' is not there: ask for all of them, or for integrals in the frame of the stiffness"
+            f"its integrals are in another frame; to transform it, all twelve loads of a moving frame are needed, and "
+            f"'{lacking[0]}' is missing: ask for all of them, or for integrals in the frame of the stiffness"
         )
 
     def of(kind: str, axes: tuple[str, ...]) -> Array:
@@ -256,3 +232,21 @@ def frame_stiffening(component: ComponentFile, integrals: ModalIntegrals) -> Fra
         force=points["force"],
         moment=points["moment"],
     )
+
+
+def _modal_mass(component: ComponentFile, integrals: ModalIntegrals) -> Array:
+    """Phi^T M Phi over the mass of the integrals, so that both describe the same mass.
+
+    For any mass matrix, it is the trace of int phi_i phi_j dm.
+    """
+    total = np.asarray(np.einsum("iiab->ab", integrals.phi_phi))
+    if integrals.lumping != "consistent":
+        return total
+    mass = component.arrays["modes/mass"][np.ix_(integrals.modes, integrals.modes)]
+    apart = abs(total - mass).max(initial=0.0)
+    if apart > _SAME_MASS * abs(mass).max(initial=0.0):
+        raise WriteError(
+            f"component '{component.name}': the modal mass of its integrals differs by {apart:.2e} from its modal "
+            "mass: they are over another mass or other shapes; write the component file again"
+        )
+    return np.asarray(mass)

@@ -1,7 +1,4 @@
-"""The modal integrals and the floating frame in a component file.
-
-Geometric stiffness in the component file.
-"""
+"""Modal integrals, geometric stiffness and floating frame in a component file, written and read back."""
 
 from __future__ import annotations
 
@@ -39,21 +36,19 @@ __all__ = [
 ]
 
 _LUMPED: tuple[tuple[Lumping, str], ...] = (("row-sum", "rigid_mass_row_sum"), ("diagonal", "rigid_mass_diagonal"))
-
-
 _ARRAYS = ("origin", "axes", "first_moment", "inertia", "phi", "r_cross_phi", "r_phi", "phi_phi", "modes")
 _GROUP = "geometric_stiffness"
 
 
 def put_integrals(group: Any, component: ModalComponent, about: IntegralFrame) -> None:
-    """Write rigid mass, momentum of every mode, and the integrals over the modes that deform a body.
+    """Write rigid mass, momentum of every mode, and the integrals of the deforming modes.
 
     Parameters
     ----------
     group : h5py.Group
-        Where.
+        Group of the integrals.
     component : ModalComponent
-        Modes, as seen from the floating frame if there is one; a body with geometry.
+        Modes of a body with geometry, relative to the floating frame if there is one.
     about : IntegralFrame
         Frame and mass of the integrals. The rigid mass and the momenta are of the consistent mass, in the basic frame.
     """
@@ -90,49 +85,26 @@ def put_integrals(group: Any, component: ModalComponent, about: IntegralFrame) -
     put(group, "phi_phi", found.phi_phi, "", "int phi_i phi_j dm, entry [i, j, a, b] of modes a and b")
 
 
-def put_frame(group: Any, frame: FloatingFrame | None) -> None:
-    """Write which rigid motion the deforming modes are rid of, how, and how much of it is left."""
-    group.attrs["kind"] = "none" if frame is None else frame.condition.kind
-    if frame is None:
-        return
-    condition = frame.condition
-    for name, text in (("at", condition.at), ("to", condition.to), ("roll", condition.roll)):
-        if text:
-            group.attrs[name] = text
-    group.attrs["residual"] = frame.residual
-    put(group, "origin", frame.origin, "length", "of the floating frame in the body at rest, in basic")
-    put(group, "axes", frame.axes, "", "of the floating frame as rows, in basic")
-    put(group, "node", frame.node, "", "nodes that the condition is on; none for mean axes")
-    put(group, "component", frame.component.astype(np.int8), "", "1..3 translations, 4..6 rotations of each")
-    put(group, "removed", frame.removed, "", "amounts of the rigid modes taken off each deforming mode")
+def stored_integrals(component: ComponentFile) -> ModalIntegrals:
+    """Modal integrals of a component file.
 
-
-def put_augmented(group: Any, masses: Sequence[OutboardMass]) -> None:
-    """Write the rigid mass of everything outboard of each interface, about the interface, along basic axes."""
-    for outboard in masses:
-        own = group.create_group(outboard.interface)
-        put(own, "point", outboard.point, "length", "first node of the interface, in basic: the rest is about it")
-        put(own, "mass", outboard.mass, "mass")
-        put(own, "first_moment", outboard.first_moment, "mass length", "int r dm from the point, basic axes")
-        put(own, "inertia", outboard.inertia, "mass length^2", "int (r.r 1 - r r^T) dm about the point")
-        put(own, "rigid_mass", outboard.rigid_mass, "", "of translations and rotations, 6 x 6")
-        put_texts(own, "bodies", outboard.bodies, "what is outboard")
-
-
-def support(component: ModalComponent, frame: FloatingFrame | None) -> str:
-    """How the body is held in its modes: their rigid motion is what a floating frame brings itself."""
-    if not component.rigid_count:
-        return "held: no rigid motion is left in the modes"
-    rigid = f"floating: the first {component.rigid_count} modes are its rigid motions"
-    return rigid if frame is None else f"{rigid}; the others are {_said(frame)}"
-
-
-def _said(frame: FloatingFrame) -> str:
-    dofs: dict[int, str] = {}
-    for node, part in zip(frame.node.tolist(), frame.component.tolist(), strict=True):
-        dofs[node] = dofs.get(node, "") + str(part)
-    at = ", ".join(f"{node} {parts}" for node, parts in dofs.items())
-    return f"seen from a frame by {frame.condition}{f' (nodes and dofs {at})' if at else ''}"
+    Raises
+    ------
+    WriteError
+        If it has none, or is of an early version without integrals of second order.
+    """
+    arrays = component.arrays
+    missing = [name for name in ("mass", *_ARRAYS) if f"integrals/{name}" not in arrays]
+    if missing:
+        raise WriteError(
+            f"component '{component.name}': its file has no modal integrals (integrals/{missing[0]} is missing). A "
+            "body without geometry has none; write a file of an earlier version again with `cmsreduce run`"
+        )
+    return ModalIntegrals(
+        mass=float(arrays["integrals/mass"]),
+        lumping=cast(Lumping, str(component.attributes["integrals"].get("lumping", "consistent"))),
+        **{name: np.asarray(arrays[f"integrals/{name}"]) for name in _ARRAYS},
+    )
 
 
 def put_stiffening(group: Any, stiffening: GeometricStiffness, Phi: NDArray[np.float64]) -> None:
@@ -142,30 +114,8 @@ def put_stiffening(group: Any, stiffening: GeometricStiffness, Phi: NDArray[np.f
     group.attrs["held"] = stiffening.held
     put_texts(group, "load", [load.label for load in reduced.loads], about="unit load of each matrix")
     put_texts(group, "source", stiffening.sources, about="where each comes from")
-    put(group, "origin", reduced.origin, "length", "that accelerations are of and rotations turn about, in basic")
+    put(group, "origin", reduced.origin, "length", "reference point of accelerations and rotations, in basic")
     put(group, "K", reduced.K, "", "Phi^T K_l Phi per unit of load l: the stiffness is K + sum of load times K_l")
-
-
-def stored_integrals(component: ComponentFile) -> ModalIntegrals:
-    """Modal integrals of a component file.
-
-    Raises
-    ------
-    WriteError
-        If it has none, or was written before there were any of second order.
-    """
-    arrays = component.arrays
-    missing = [name for name in ("mass", *_ARRAYS) if f"integrals/{name}" not in arrays]
-    if missing:
-        raise WriteError(
-            f"component '{component.name}': its file has no modal integrals (integrals/{missing[0]} is missing); a "
-            "body without geometry has none, and a file of an earlier version is written again with `cmsreduce run`"
-        )
-    return ModalIntegrals(
-        mass=float(arrays["integrals/mass"]),
-        lumping=cast(Lumping, str(component.attributes["integrals"].get("lumping", "consistent"))),
-        **{name: np.asarray(arrays[f"integrals/{name}"]) for name in _ARRAYS},
-    )
 
 
 def stored_stiffening(component: ComponentFile) -> ModalStiffening | None:
@@ -177,3 +127,46 @@ def stored_stiffening(component: ComponentFile) -> ModalStiffening | None:
         component.arrays[f"{_GROUP}/K"],
         component.arrays[f"{_GROUP}/origin"],
     )
+
+
+def put_frame(group: Any, frame: FloatingFrame | None) -> None:
+    """Write the floating frame: its condition, its place, and the rigid motion removed from the deforming modes."""
+    group.attrs["kind"] = "none" if frame is None else frame.condition.kind
+    if frame is None:
+        return
+    condition = frame.condition
+    for name, text in (("at", condition.at), ("to", condition.to), ("roll", condition.roll)):
+        if text:
+            group.attrs[name] = text
+    group.attrs["residual"] = frame.residual
+    put(group, "origin", frame.origin, "length", "of the floating frame in the body at rest, in basic")
+    put(group, "axes", frame.axes, "", "of the floating frame as rows, in basic")
+    put(group, "node", frame.node, "", "nodes of the condition; none for mean axes")
+    put(group, "component", frame.component.astype(np.int8), "", "1..3 translations, 4..6 rotations of each")
+    put(group, "removed", frame.removed, "", "amounts of the rigid modes removed from each deforming mode")
+
+
+def put_augmented(group: Any, masses: Sequence[OutboardMass]) -> None:
+    """Write the rigid mass of all bodies outboard of each interface, about the interface, along basic axes."""
+    for outboard in masses:
+        own = group.create_group(outboard.interface)
+        put(own, "point", outboard.point, "length", "first node of the interface, in basic: reference point")
+        put(own, "mass", outboard.mass, "mass")
+        put(own, "first_moment", outboard.first_moment, "mass length", "int r dm from the point, basic axes")
+        put(own, "inertia", outboard.inertia, "mass length^2", "int (r.r 1 - r r^T) dm about the point")
+        put(own, "rigid_mass", outboard.rigid_mass, "", "of translations and rotations, 6 x 6")
+        put_texts(own, "bodies", outboard.bodies, "bodies outboard of the interface")
+
+
+def support(component: ModalComponent, frame: FloatingFrame | None) -> str:
+    """Support of the body in its modes, in words; a floating-frame code adds the rigid motion itself."""
+    if not component.rigid_count:
+        return "held: no rigid motion is left in the modes"
+    rigid = f"floating: the first {component.rigid_count} modes are its rigid motions"
+    if frame is None:
+        return rigid
+    dofs: dict[int, str] = {}
+    for node, part in zip(frame.node.tolist(), frame.component.tolist(), strict=True):
+        dofs[node] = dofs.get(node, "") + str(part)
+    at = ", ".join(f"{node} {parts}" for node, parts in dofs.items())
+    return f"{rigid}; the others are seen from a frame by {frame.condition}{f' (nodes and dofs {at})' if at else ''}"

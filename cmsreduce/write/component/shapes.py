@@ -1,7 +1,4 @@
-"""Translation and slope of modes at nodes, along the basic axes.
-
-Mass of a finite-element body lumped at its nodes, for codes that integrate over nodes themselves.
-"""
+"""Shapes and lumped mass of a body at its nodes, along the basic axes."""
 
 from __future__ import annotations
 
@@ -20,8 +17,8 @@ __all__ = [
     "lumps_of_nodes",
 ]
 
-# A displacement axis this near to square with a basic one, in radians, is square with it: decks print 8 digits.
-_SQUARE = 1e-6
+# A displacement axis is perpendicular to a basic axis within this angle in radians: decks have 8 digits.
+_PERPENDICULAR = 1e-6
 
 
 def basic_shapes(
@@ -49,8 +46,8 @@ def basic_shapes(
     Returns
     -------
     (k, 3, m) float64
-        NaN along a basic axis in which the motion is not known. A constrained dof is known to stay at zero; but a
-        constrained rotation of a node without any other one is the mark of a solid element, whose slope is not known.
+        NaN along a basic axis in which the motion is not known. A constrained dof is known to be zero. But if all
+        rotations of a node are constrained, it belongs to solid elements, and its slope is not known.
     """
     first = 1 if motion == "translation" else 4
     asked = np.repeat(chosen, 3), np.tile(np.arange(first, first + 3), chosen.size)
@@ -64,8 +61,8 @@ def basic_shapes(
     axes = nodes.frame[nodes.index(chosen)]
     along = np.where(have[..., None], observed(recovery.T[rows.ravel()], Phi).reshape(*rows.shape, Phi.shape[1]), 0.0)
     shapes = np.asarray(np.einsum("kca,kcm->kam", axes, along))
-    # What moves along an axis of unknown motion is unknown along every basic axis that it is not square with.
-    unknown = (abs(axes) > _SQUARE) & ~known[..., None]
+    # An unknown motion along an axis is unknown along every basic axis that is not perpendicular to it.
+    unknown = (abs(axes) > _PERPENDICULAR) & ~known[..., None]
     shapes[unknown.any(axis=1)] = np.nan
     return shapes
 
@@ -87,9 +84,9 @@ def lumps_of_nodes(
     Returns
     -------
     mass : (k,) float64
-        0 of a point that nodes are tied to, whose mass stays at these, and of a node that does not move.
+        0 for a point to which nodes are tied, because their mass stays at them, and for a node that cannot move.
     inertia : (k, 3, 3) float64
-        About the node itself.
+        Inertia about the node itself.
 
     Raises
     ------
@@ -97,11 +94,11 @@ def lumps_of_nodes(
         If the body has no geometry.
     """
     if body.nodes is None:
-        raise DofMapError(f"body '{body.name}' has no geometry, so its mass cannot be gathered at its nodes")
-    whole, _ = untied_body(body)
-    M = lumped_mass(whole, lumping)
+        raise DofMapError(f"body '{body.name}' has no geometry, so its mass cannot be lumped at its nodes")
+    untied, _ = untied_body(body)
+    M = lumped_mass(untied, lumping)
     axes = body.nodes.frame[body.nodes.index(chosen)]
-    rows = whole.dofs.rows(np.repeat(chosen, 6), np.tile(np.arange(1, 7), chosen.size)).reshape(-1, 2, 3)
+    rows = untied.dofs.rows(np.repeat(chosen, 6), np.tile(np.arange(1, 7), chosen.size)).reshape(-1, 2, 3)
     along = np.where(rows[:, 0] >= 0, M.diagonal()[rows[:, 0]], 0.0)
     turning = rows[:, 1]
     known = (turning >= 0)[:, :, None] & (turning >= 0)[:, None, :]

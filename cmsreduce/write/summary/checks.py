@@ -1,4 +1,4 @@
-"""The part of summary.json on channels, modes, static loads, gains, zeros, steps and control."""
+"""Parts of summary.json on channels, modes, static loads, gains, zeros, steps and control."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from cmsreduce.model import (
 
 __all__ = ["basis", "channels", "controller", "figures", "pole_pairs", "static_lack", "system_checks"]
 
-# Steps of a running sum below this share of the whole are no more than a line's width, and with more pairs than these
-# the sums are left to the store: a summary is read by people and small programs.
+# Steps of a running sum below this share of the total are not visible in a plot. With more pairs of channels, the sums
+# are left out, because a summary is read by people and small programs.
 _SHOWN, _PAIRS = 0.01, 200
 
 
 def figures(run: RunResult) -> dict[str, dict[str, Any]]:
-    """Every error and check by name: worst value, where, limit, whether it passed (None without a limit)."""
+    """Errors and checks by name: worst value, its place, limit, and verdict (None without a limit)."""
     return {
         name: {"value": each.value, "where": each.where, "limit": each.limit, "passed": each.met}
         for name, each in run.figures.items()
@@ -45,7 +45,7 @@ def basis(part: ComponentResult) -> dict[str, Any]:
 
 
 def static_lack(loads: Mapping[str, float] | None) -> list[dict[str, Any]] | None:
-    """Strain energy that a reduced body lacks, load by load; None if not looked at."""
+    """Share of strain energy that a reduced body misses under each load; None if not computed."""
     return None if loads is None else [{"load": load, "lack": lack} for load, lack in loads.items()]
 
 
@@ -67,7 +67,7 @@ def channels(run: RunResult, errors: ModelErrors | None) -> list[dict[str, Any]]
 
 
 def pole_pairs(errors: ModelErrors | None) -> list[dict[str, float]] | None:
-    """Natural frequencies of the reduced system in the band, each beside the full one that it is paired with."""
+    """Natural frequencies of the reduced system in the band, each with its partner in the reference model."""
     if errors is None:
         return None
     columns = (errors.full_hz, errors.reduced_hz, errors.mac, errors.shift)
@@ -76,7 +76,7 @@ def pole_pairs(errors: ModelErrors | None) -> list[dict[str, float]] | None:
 
 
 def system_checks(run: RunResult, result: ConfigurationResult) -> dict[str, Any] | None:
-    """Gains, zeros and steps in one configuration; None if none of them was looked at."""
+    """Gains, zeros and steps in one configuration; None if none was computed."""
     every = () if run.checks is None else run.checks.systems
     found = next((each for each in every if each.configuration == result.configuration.name), None)
     if found is None:
@@ -91,7 +91,7 @@ def system_checks(run: RunResult, result: ConfigurationResult) -> dict[str, Any]
 
 
 def controller(run: RunResult) -> list[dict[str, Any]] | None:
-    """Spillover of the scene's controller, configuration by configuration; None without one."""
+    """Spillover of the scene's controller in each configuration; None without a controller."""
     if not run.margins:
         return None
     return [
@@ -125,7 +125,7 @@ def _gains(run: RunResult, found: SystemChecks, *, running: bool) -> list[dict[s
 
 
 def _running(gains: GainSum, y: int, u: int) -> dict[str, list[float]]:
-    """Running sum at the modes that change it visibly, and at the last."""
+    """Running sum at the modes that change it visibly, and at the last mode."""
     seen = abs(gains.gain[:, y, u]) > _SHOWN * gains.size[y, u]
     seen[-1:] = True
     return {"hz": gains.hz[seen].tolist(), "sum": gains.running[seen, y, u].tolist()}
@@ -165,7 +165,7 @@ def _zeros(run: RunResult, found: SystemChecks) -> list[dict[str, Any]] | None:
 
 
 def _complex_hz(zeros: Any) -> list[list[float]]:
-    """Real and imaginary part over 2 pi: [0, f] is a zero on the frequency axis."""
+    """Real and imaginary part divided by 2 pi; a zero on the frequency axis is [0, f]."""
     return [[float(z.real) / (2 * np.pi), float(z.imag) / (2 * np.pi)] for z in zeros]
 
 

@@ -1,4 +1,4 @@
-"""summary.json: the run in figures, with stable keys."""
+"""The file summary.json: results of a run under stable keys."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from cmsreduce.model import (
     ERRORS,
     ComponentResult,
     Configuration,
-    CostlyModes,
     Factorisation,
     ModeCertificate,
     ModelErrors,
@@ -33,7 +32,7 @@ __all__ = ["angles", "summary", "write_summary"]
 
 
 def summary(run: RunResult) -> dict[str, Any]:
-    """State the run as plain JSON values.
+    """Results of a run as plain JSON values.
 
     Parameters
     ----------
@@ -42,12 +41,12 @@ def summary(run: RunResult) -> dict[str, Any]:
     Returns
     -------
     dict
-        The keys of the contract, and beside them ``comparisons``, ``limits``, ``reference``, ``band_hz``,
-        ``system``, ``projection``, ``search``, ``sensitivity``, ``completeness``, ``figures``,
-        ``controller``, ``not_checked`` and ``notes``. What has no finite value is None.
+        The keys ``name``, ``version``, ``components``, ``configurations``, ``worst``, ``speed`` and ``passed``, and
+        ``comparisons``, ``limits``, ``reference``, ``band_hz``, ``system``, ``projection``, ``search``,
+        ``sensitivity``, ``completeness``, ``figures``, ``controller``, ``not_checked`` and ``notes``. A value that is
+        not finite is None.
     """
     labels = dict.fromkeys(label for result in run.configurations for label in result.errors)
-    speed = run.speed
     facts: dict[str, Any] = _finite(
         {
             "name": run.name,
@@ -55,13 +54,7 @@ def summary(run: RunResult) -> dict[str, Any]:
             "components": {name: _component(part, run) for name, part in run.components.items()},
             "configurations": _configurations(run, run.model, sizes=True),
             "worst": _worst(run, run.model),
-            "speed": None
-            if speed is None
-            else {
-                "reduce_s": speed.reduce_s,
-                "full_frf_s": speed.full_frf_s,
-                "reduced_frf_s": speed.reduced_frf_s,
-            },
+            "speed": _record(run.speed),
             "passed": run.passed,
             "comparisons": {
                 label: {"worst": _worst(run, label), "configurations": _configurations(run, label, sizes=False)}
@@ -82,9 +75,9 @@ def summary(run: RunResult) -> dict[str, Any]:
                 for modes in run.systems
             ],
             "projection": None if run.projection is None else _projection(run.projection),
-            "search": None if run.search is None else asdict(run.search),
+            "search": _record(run.search),
             "sensitivity": None if run.sensitivity is None else _sensitivity(run.sensitivity),
-            "completeness": [{**asdict(axis), "missing": axis.missing} for axis in run.completeness],
+            "completeness": [_record(axis, "missing") for axis in run.completeness],
             "figures": figures(run),
             "controller": controller(run),
             "not_checked": [] if run.checks is None else list(run.checks.left_out),
@@ -95,10 +88,15 @@ def summary(run: RunResult) -> dict[str, Any]:
 
 
 def write_summary(path: Path, run: RunResult) -> None:
-    """Write summary.json; the file is whole or not there."""
+    """Write summary.json; the file is complete or absent."""
     text = json.dumps(summary(run), indent=2, allow_nan=False) + "\n"
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def _record(record: Any, *computed: str) -> dict[str, Any] | None:
+    """Fields of a dataclass and some of its properties; None without the dataclass."""
+    return None if record is None else asdict(record) | {name: getattr(record, name) for name in computed}
 
 
 def _worst(run: RunResult, label: str) -> dict[str, float | None]:
@@ -108,7 +106,7 @@ def _worst(run: RunResult, label: str) -> dict[str, float | None]:
 
 
 def _complex_modes(errors: ModelErrors | None) -> list[dict[str, float]] | None:
-    """Complex modes of the reduced system in the band, each beside its full one; None without damping."""
+    """Complex modes of the reduced system in the band, each with its partner in the reference model."""
     if errors is None or errors.damped is None:
         return None
     names = ("full_hz", "reduced_hz", "full_zeta", "reduced_zeta", "mac")
@@ -132,7 +130,7 @@ def _component(part: ComponentResult, run: RunResult) -> dict[str, Any]:
         "peak_mib": part.peak_mib,
         "certificate": _certificate(modes.certificate),
         "solver": _solver(part.factorised),
-        "bound": None if part.bound is None else {**asdict(part.bound), "tightness": part.bound.tightness},
+        "bound": _record(part.bound, "tightness"),
         "cutoff": None
         if (found := part.cutoff) is None
         else {
@@ -142,31 +140,24 @@ def _component(part: ComponentResult, run: RunResult) -> dict[str, Any]:
             "tried": found.tried,
         },
         "scaling": part.scaling,
-        "integration": _integration(part.highest_hz, costly=_costly(part.costly)),
-        "single_precision": None if part.rounding is None else asdict(part.rounding),
+        "integration": _integration(part.highest_hz, costly=_record(part.costly, "gain")),
+        "single_precision": _record(part.rounding),
         "basis": basis(part),
         "health": health_data(part.health) if part.health else None,
         "static_lack": None if run.checks is None else static_lack(run.checks.static.get(part.name)),
-        "checks": [
-            {"name": check.name, "value": check.value, "limit": check.limit, "passed": check.passed}
-            for check in part.checks
-        ],
+        "checks": [_record(check, "passed") for check in part.checks],
     }
 
 
 def _integration(highest_hz: float | None, **more: Any) -> dict[str, Any] | None:
-    """Steps that a highest frequency asks for; None where it is not known."""
+    """Integrator steps for a highest frequency; None where it is not known."""
     if highest_hz is None:
         return None
     return {"highest_hz": highest_hz, "steps": advised_steps(2 * math.pi * highest_hz), **more}
 
 
-def _costly(found: CostlyModes | None) -> dict[str, Any] | None:
-    return None if found is None else {**asdict(found), "gain": found.gain}
-
-
 def _certificate(certificate: ModeCertificate | None) -> dict[str, Any] | None:
-    """What is proven of the normal modes; None without any."""
+    """Proven facts on the normal modes; None without a certificate."""
     if certificate is None:
         return None
     return {
@@ -178,7 +169,7 @@ def _certificate(certificate: ModeCertificate | None) -> dict[str, Any] | None:
 
 
 def _projection(record: ProjectionRecord) -> dict[str, Any]:
-    """What projection and assembly did: chosen modes and their return, ranks, modes that came along."""
+    """Projection and assembly: chosen modes, the error with which they return, ranks, extraneous modes."""
     return {
         "sampled": [
             {
@@ -213,7 +204,7 @@ def _projection(record: ProjectionRecord) -> dict[str, Any]:
 
 
 def _sensitivity(record: SensitivityRecord) -> dict[str, Any]:
-    """What would be kept otherwise, and the modes on the edge; modes are numbered as in the tables."""
+    """Modes kept in each case, and the modes on the edge; modes are numbered as in the tables."""
     cases = []
     for case in record.cases:
         more, less = case.against(record.chosen)
@@ -229,13 +220,13 @@ def _sensitivity(record: SensitivityRecord) -> dict[str, Any]:
 
 
 def _solver(done: Sequence[Factorisation]) -> dict[str, Any]:
-    """Sparse factorisations of a body: by which solvers, how many, how large the largest was."""
+    """Sparse factorisations of a body: solvers, number, time, and the largest one."""
     largest = max(done, key=lambda each: each.entries, default=None)
     return {
         "backends": sorted({each.backend for each in done}),
         "factorisations": len(done),
         "seconds": sum(each.seconds for each in done),
-        # Always factorised as a whole; readers may look for the key.
+        # The key of earlier versions, which could factorise in parts; readers may need it.
         "largest": None if largest is None else asdict(largest) | {"parts": 1},
     }
 
@@ -248,28 +239,29 @@ def _configurations(run: RunResult, label: str, *, sizes: bool) -> list[dict[str
         errors = result.errors.get(label)
         row |= {name: None if errors is None else getattr(errors, name) for name in ERRORS}
         if sizes:
-            row["complex_modes"] = _complex_modes(errors)
             row |= {
+                "complex_modes": _complex_modes(errors),
                 "channels": channels(run, errors),
                 "modes": pole_pairs(errors),
                 "checks": system_checks(run, result),
+                "n_full": result.n_full,
+                "n_reduced": result.n_reduced,
+                "modes_full": result.modes_full,
+                "modes_reduced": result.modes_reduced,
             }
-            row |= {"n_full": result.n_full, "n_reduced": result.n_reduced}
-            row |= {"modes_full": result.modes_full, "modes_reduced": result.modes_reduced}
         rows.append(row)
     return rows
 
 
 def angles(configuration: Configuration, among: Sequence[Configuration] = ()) -> dict[str, float]:
-    """Settings by joint, in degrees; translations in the scene's unit of length.
+    """Joint values in degrees; translations in the scene's unit of length.
 
     Parameters
     ----------
     configuration : Configuration
-        Whose settings.
     among : sequence of Configuration
-        All configurations of the run: a joint that is set in several motions anywhere in it is written ``joint.dof``
-        everywhere.
+        All configurations of the run. A joint with values for several motions in any of them is written ``joint.dof``
+        in all of them.
 
     Examples
     --------
@@ -281,7 +273,7 @@ def angles(configuration: Configuration, among: Sequence[Configuration] = ()) ->
     found = {}
     for (joint, dof), value in configuration.angles.items():
         key = joint if joints.count(joint) == 1 else f"{joint}.{DOF_NAMES[dof]}"
-        # Twelve decimals give back the degrees that were typed.
+        # Twelve decimals restore the degrees that the user typed.
         found[key] = round(math.degrees(value), 12) if dof >= 3 else value
     return found
 

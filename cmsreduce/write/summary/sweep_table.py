@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.model import SweepResult, SweepRow
-from cmsreduce.write.files import atomic_path, hdf5_file, put, put_texts
+from cmsreduce.write.files import atomic_path, fixed_texts, hdf5_file, put, put_texts
 
 __all__ = ["write_sweep_csv", "write_sweep_table"]
 
@@ -26,7 +26,7 @@ _ABOUT = "one row for each point of the sweep; errors are the worst over all con
 
 
 def write_sweep_csv(path: Path, sweep: SweepResult) -> None:
-    """Write one line for each point, the swept keys as columns; a figure that a point has not got is empty."""
+    """Write one line for each point, the swept keys as columns; a missing value is an empty field."""
     text = io.StringIO()
     lines = csv.writer(text, lineterminator="\n")
     lines.writerow(["point", *sweep.axes, "status", *_COUNTS, *_FIGURES, *_TIMES, "folder", "message"])
@@ -57,12 +57,12 @@ def write_sweep_table(path: Path, sweep: SweepResult) -> None:
     for key in sweep.axes:
         columns[key] = _column([row.overrides[key] for row in sweep.rows])
     columns |= {
-        "status": _texts([row.status for row in sweep.rows]),
+        "status": fixed_texts(row.status for row in sweep.rows),
         "passed": np.array([row.status == "passed" for row in sweep.rows]),
         **{name: _gathered(sweep.rows, name, np.int64) for name in _COUNTS},
         **{name: _gathered(sweep.rows, name, np.float64) for name in (*_FIGURES, *_TIMES)},
-        "folder": _texts([row.folder for row in sweep.rows]),
-        "message": _texts([row.message for row in sweep.rows]),
+        "folder": fixed_texts(row.folder for row in sweep.rows),
+        "message": fixed_texts(row.message for row in sweep.rows),
     }
     table = np.zeros(len(sweep.rows), dtype=[(name, column.dtype) for name, column in columns.items()])
     for name, column in columns.items():
@@ -87,9 +87,4 @@ def _column(values: list[str]) -> NDArray[Any]:
     try:
         return np.array([float(value) for value in values])
     except ValueError:
-        return _texts(values)
-
-
-def _texts(values: list[str]) -> NDArray[Any]:
-    encoded = [value.encode("utf-8") for value in values]
-    return np.array(encoded, dtype=f"S{max([len(text) for text in encoded] + [1])}")
+        return fixed_texts(values)

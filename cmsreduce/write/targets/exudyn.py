@@ -1,4 +1,4 @@
-"""Exudyn: the arrays that ObjectFFRFreducedOrderInterface.LoadFromFile takes from an .npz file."""
+"""Exudyn: the arrays that ObjectFFRFreducedOrderInterface.LoadFromFile reads from an .npz file."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ def write_exudyn(path: Path, component: ComponentFile, integrals: ModalIntegrals
     Parameters
     ----------
     path : Path
-        Where; the file is whole or not there.
+        Name of the file, which is complete or absent.
     component : ComponentFile
         The body.
     integrals : ModalIntegrals
-        Over its modes, about the origin of the frame that Exudyn moves.
+        Integrals over its modes, about the origin of the frame that Exudyn moves.
 
     Raises
     ------
     WriteError
-        If the component file lacks what is needed, or the file cannot be written.
+        If the component file lacks data, or the file cannot be written.
     """
     image = io.BytesIO()
     np.savez(image, **exudyn_arrays(flexible_body(component, integrals)))  # type: ignore[arg-type]
@@ -45,9 +45,9 @@ def write_exudyn(path: Path, component: ComponentFile, integrals: ModalIntegrals
 
 
 def exudyn_arrays(body: FlexibleBody) -> dict[str, NDArray[np.generic]]:
-    """Arrays by the names of the attributes that Exudyn keeps them under.
+    """Arrays by the names of the attributes of Exudyn.
 
-    Exudyn forms them as sums over nodes, with a mass matrix of translations alone that is the same in every direction.
+    Exudyn computes them as sums over nodes, with a mass matrix of translations only that is the same in all directions.
     Here they follow from the integrals, which hold for any mass, rotational inertia included.
 
     Source: Zwoelfer and Gerstmayr, Acta Mechanica 232 (2021), nodal-based floating frame with modal reduction.

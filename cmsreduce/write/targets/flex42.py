@@ -22,23 +22,23 @@ _NAME = 40  # characters: 42 reads a comment into a fixed buffer of 80
 def write_42(path: Path, component: ComponentFile, integrals: ModalIntegrals) -> None:
     """Write the body for 42.
 
-    42 numbers joints over the whole spacecraft: the file counts the body's interfaces from 0 in alphabetical order, one
-    node each, and names them. Analysis nodes are the file's nodes, counted from 0 in the order of their ids.
+    42 numbers joints over the whole spacecraft. The file numbers the body's interfaces from 0 in alphabetical order,
+    one node each, and names them. Analysis nodes are the nodes of the file, numbered from 0 in the order of their ids.
 
     Parameters
     ----------
     path : Path
-        Where; the file is whole or not there.
+        Name of the file, which is complete or absent.
     component : ComponentFile
         The body.
     integrals : ModalIntegrals
-        Over its modes, about the body's reference point in 42.
+        Integrals over its modes, about the body's reference point in 42.
 
     Raises
     ------
     WriteError
-        If the component file lacks what is needed, a mode carries no mass, an interface has several nodes, or the file
-        cannot be written.
+        If the component file lacks data, a mode has no mass, an interface has several nodes, or the file cannot be
+        written.
     """
     body = flexible_body(component, integrals)
     require_mass(body, "42 divides by the modal mass")
@@ -64,7 +64,7 @@ def _lines(body: FlexibleBody) -> Iterator[str]:
             ("Rotation Mode Shape (THETA)", body.rotation),
         ):
             yield _heading(f"  Non-zero {kind} Elements ")
-            # [mode, node, axis], modes first as in the samples.
+            # [mode, node, axis], modes first as in the sample files of 42.
             yield from _entries(np.transpose(shapes[rows], (2, 0, 1)), _MODE_NODE_AXIS, names)
     for name, matrix in (("Mass", body.mass), ("Stiffness", body.stiffness), ("Damping", body.damping)):
         yield _heading(f"  Non-zero {name} Matrix Elements ")
@@ -84,9 +84,9 @@ def _lines(body: FlexibleBody) -> Iterator[str]:
 
 
 def _joints(body: FlexibleBody) -> list[tuple[str, int]]:
-    """Name of each interface and place of its node among the nodes."""
+    """Name of each interface, and position of its node among the nodes."""
     found = []
-    for name, nodes in body.interfaces:
+    for name, nodes in body.interfaces.items():
         if len(nodes) != 1:
             raise WriteError(
                 f"component '{body.name}': interface '{name}' has {len(nodes)} nodes, and a joint of 42 has one; tie "
@@ -97,7 +97,7 @@ def _joints(body: FlexibleBody) -> list[tuple[str, int]]:
 
 
 def _entries(values: NDArray[np.float64], comment: str, names: list[str] | None = None) -> Iterator[str]:
-    """Number of entries that are not zero, then their indices and values."""
+    """Number of nonzero entries, then their indices and values."""
     places = np.argwhere(values)
     yield f"{len(places)} ! Number of non-zero elements"
     for place in places:

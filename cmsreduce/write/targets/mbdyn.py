@@ -29,24 +29,24 @@ def write_mbdyn(
 ) -> None:
     """Write the body for MBDyn's modal joint.
 
-    Every group is of one mass: with invariants, that of the integrals; lumped, that of the nodal masses. The slope of a
-    node of solid elements is not known and written as zero: attach such a node by its translations only.
+    All groups describe the same mass: that of the integrals, or in the dialect ``lumped`` that of the nodal masses. The
+    slope of a node of solid elements is not known and written as zero: attach such a node by its translations only.
 
     Parameters
     ----------
     path : Path
-        Where; the file is whole or not there.
+        Name of the file, which is complete or absent.
     component : ComponentFile
         The body.
     integrals : ModalIntegrals
-        Over its modes, about the origin of the modal node.
+        Integrals over its modes, about the origin of the modal node.
     dialect : {"invariants", "lumped"}
         Which record groups describe the mass.
 
     Raises
     ------
     WriteError
-        If the component file lacks what is needed, or the file cannot be written.
+        If the component file lacks data, or the file cannot be written.
     """
     body = flexible_body(component, integrals)
     groups = _invariants(body) if dialect == "invariants" else _lumped(body, nodal_mass(component, body))
@@ -130,7 +130,7 @@ def _lumped(body: FlexibleBody, lumps: NodalMass) -> dict[int, tuple[str, Array]
 
 
 def _rigid(mass: float, centre: Array, inertia: Array) -> Array:
-    """Mass, centre of mass, and inertia about it (5, 3), of the inertia about the origin; the mass stands first."""
+    """Mass, centre of mass, and inertia about it (5, 3), from the inertia about the origin."""
     about_centre = inertia - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
     return np.vstack([np.array([mass, 0.0, 0.0]), centre, about_centre])
 

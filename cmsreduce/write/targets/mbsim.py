@@ -18,21 +18,21 @@ _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 def write_mbsim(path: Path, component: ComponentFile, integrals: ModalIntegrals) -> None:
     """Write the body for MBSim.
 
-    MBSim reads the datasets by name and forms its own inertia, coupling and centrifugal terms from them.
+    MBSim reads the datasets by name and computes inertia, coupling and centrifugal terms from them.
 
     Parameters
     ----------
     path : Path
-        Where; the file is whole or not there.
+        Name of the file, which is complete or absent.
     component : ComponentFile
         The body.
     integrals : ModalIntegrals
-        Over its modes, about the frame that MBSim moves.
+        Integrals over its modes, about the frame that MBSim moves.
 
     Raises
     ------
     WriteError
-        If the component file lacks what is needed, a mode carries no mass, or the file cannot be written.
+        If the component file lacks data, a mode has no mass, or the file cannot be written.
     """
     body = flexible_body(component, integrals)
     require_mass(body, "MBSim solves with the modal mass")
@@ -52,5 +52,5 @@ def write_mbsim(path: Path, component: ComponentFile, integrals: ModalIntegrals)
             "nodal shape matrix of translation": body.translation.reshape(3 * n, k),
             "nodal shape matrix of rotation": body.rotation.reshape(3 * n, k),
         }.items():
-            # Its reader knows plain datasets only.
+            # MBSim reads only plain datasets.
             file.create_dataset(name, data=values, track_times=False)

@@ -1,7 +1,4 @@
-"""A reduced body in coordinates that a finite-element code joins: dofs of its interfaces, then modes with them held.
-
-NASTRAN: a reduced body as OP4 matrices, as DMIG entries, and a deck of its boundary grids and scalar points.
-"""
+"""NASTRAN: a reduced body as a superelement of OP4 matrices, DMIG entries, and a deck of its interface grids."""
 
 from __future__ import annotations
 
@@ -24,137 +21,15 @@ __all__ = [
     "write_nastran",
 ]
 
-# Rows of the shapes are scaled to unit length. A row that is a combination of the others to nine digits is one to the
-# digits that shapes are known to.
+# Rows of the shapes are scaled to unit length. Shapes are known to about nine digits, so a row that is a combination of
+# the others to nine digits is dependent on them.
 _DEPENDENT = 1e-9
 
 Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True, eq=False)
-class Superelement:
-    """Mass and stiffness of i boundary dofs and q fixed-interface modes.
-
-    Parameters
-    ----------
-    boundary : DofTable
-        Boundary dofs, sorted by node and component.
-    omega : (q,) float64
-        Frequencies with the boundary held, in rad per unit of time; infinite for shapes without mass.
-    M, K : (i + q, i + q) float64
-        Boundary dofs first.
-    D, loss : (i + q, i + q) float64, optional
-        Viscous damping, and imaginary part of the stiffness.
-    """
-
-    boundary: DofTable
-    omega: Array
-    M: Array
-    K: Array
-    D: Array | None
-    loss: Array | None
-
-
-def superelement(component: ComponentFile) -> Superelement:
-    """Change a component's modes to constraint modes of its interfaces and fixed-interface modes: the same space.
-
-    Parameters
-    ----------
-    component : ComponentFile
-        m modes.
-
-    Raises
-    ------
-    WriteError
-        If it has no interface, or fewer shapes than its interface dofs need.
-
-    Notes
-    -----
-    Constraint modes are the shapes of least strain energy for a unit displacement each, so that no stiffness couples
-    them to the others (Craig and Bampton, 1968).
-    """
-    boundary, shapes = _boundary(component)
-    K, M, D = (component.arrays[f"modes/{name}"] for name in ("stiffness", "mass", "damping"))
-    loss = component.arrays.get("modes/loss")
-    psi = _constraint_modes(component, shapes, np.diag(K))
-    omega, Y = _fixed_interface_modes(shapes, K, M)
-    T = np.hstack([psi, Y])
-    i, massless = shapes.shape[0], np.isinf(omega)
-    reduced_K, reduced_M = _change(K, T), _change(M, T)
-    # What is zero or one by construction is written as such: least strain energy, and modes of unit mass.
-    reduced_K[:i, i:] = reduced_K[i:, :i] = 0.0
-    reduced_K[i:, i:] = np.diag(np.where(massless, 1.0, omega) ** 2)
-    reduced_M[i:, i:] = np.diag(np.where(massless, 0.0, 1.0))
-    return Superelement(
-        boundary,
-        omega,
-        reduced_M,
-        reduced_K,
-        _change(D, T) if D.any() else None,
-        None if loss is None else _change(loss, T),
-    )
-
-
-def _change(A: Array, T: Array) -> Array:
-    B = T.T @ A @ T
-    return np.asarray(0.5 * (B + B.T))
-
-
-def _boundary(component: ComponentFile) -> tuple[DofTable, Array]:
-    """Dofs of all interfaces, each once, and their rows of the shapes (i, m)."""
-    names = sorted({path.rpartition("/")[0] for path in component.arrays if path.startswith("interfaces/")})
-    if not names:
-        raise WriteError(f"component '{component.name}': a superelement is joined at its interfaces, and it has none")
-    node = np.concatenate([component.arrays[f"{name}/node"] for name in names])
-    part = np.concatenate([component.arrays[f"{name}/component"] for name in names])
-    rows = np.vstack([component.arrays[f"{name}/shapes"] for name in names])
-    _, first = np.unique(node * 8 + part, return_index=True)
-    return DofTable(node[first], part[first]), rows[first]
-
-
-def _constraint_modes(component: ComponentFile, shapes: Array, stiffness: Array) -> Array:
-    """Modal coordinates (m, i) of the shapes of least strain energy that displace one boundary dof each."""
-    r, i = component.rigid_count, shapes.shape[0]
-    scale = 1 / np.linalg.norm(shapes, axis=1)
-    if not np.isfinite(scale).all():
-        raise WriteError(f"component '{component.name}': an interface dof moves in no mode kept; keep more modes")
-    scaled = scale[:, None] * shapes
-    rigid, strained = scaled[:, :r], scaled[:, r:] / np.sqrt(stiffness[r:])
-    # What rigid motion reaches costs nothing; only the rest of the boundary's motions strains the body.
-    left = null_space(rigid.T, rcond=_DEPENDENT) if r else np.eye(i)
-    remaining = left.T @ strained
-    if np.linalg.matrix_rank(left.T @ scaled[:, r:], tol=_DEPENDENT) < left.shape[1]:
-        raise WriteError(
-            f"component '{component.name}': its {shapes.shape[1]} modes do not move its {i} interface dofs one by one; "
-            "keep more modes, or the constraint modes of the interface"
-        )
-    p = np.linalg.pinv(remaining) @ left.T if left.shape[1] else np.zeros((strained.shape[1], i))
-    q = np.linalg.pinv(rigid, rcond=_DEPENDENT) @ (np.eye(i) - strained @ p)
-    return np.asarray(np.vstack([q, p / np.sqrt(stiffness[r:])[:, None]]) * scale)
-
-
-def _fixed_interface_modes(shapes: Array, K: Array, M: Array) -> tuple[Array, Array]:
-    """Frequencies (q,) and modal coordinates (m, q) of the modes with the boundary held."""
-    held = null_space(shapes / np.linalg.norm(shapes, axis=1)[:, None], rcond=_DEPENDENT)
-    if not held.shape[1]:
-        return np.zeros(0), held
-    # Shapes without mass and shapes without stiffness both occur; K + shift M is positive for either. A shift no larger
-    # than the lowest modes leaves them their digits.
-    k, m = held.T @ K @ held, held.T @ M @ held
-    resisting = np.diag(K)[(np.diag(K) > 0) & (np.diag(M) > 0)]
-    shift = resisting.min(initial=np.inf) if resisting.size else 1.0
-    compliance, Y = eigh(0.5 * (m + m.T), 0.5 * (k + shift * m + (k + shift * m).T))
-    compliance, Y = compliance[::-1], Y[:, ::-1]
-    # Modal mass is 1 or 0, so that combinations without mass show whatever their stiffness.
-    massless = np.arange(Y.shape[1]) >= np.linalg.matrix_rank(m, rtol=_DEPENDENT, hermitian=True)
-    squared = np.where(massless, np.inf, 1 / np.where(massless, 1.0, compliance) - shift)
-    # Orthonormal in K + shift M as they come: to unit mass, but for those that have none, whose stiffness is 1 already.
-    return np.sqrt(np.maximum(squared, 0.0)), held @ (Y / np.sqrt(np.where(massless, 1.0, compliance)))
-
-
 _SYMMETRIC = 6  # form of a matrix in OP4 and DMIG
 _LARGEST_ID = 99_999_999  # eight digits, a field of a card
-# Axes of a displacement frame that differ from the basic ones by less are the basic ones: round-off of products.
+# Axes that differ from the basic ones by less are the basic ones: round-off of products.
 _BASIC = 1e-12
 
 _MATRICES = {"K": "KAA", "M": "MAA", "D": "BAA", "loss": "K4AA"}
@@ -171,7 +46,7 @@ def write_nastran(path: Path, component: ComponentFile) -> tuple[Path, ...]:
     Parameters
     ----------
     path : Path
-        Where; its suffix is replaced. Each file is whole or not there.
+        Name of the files without its suffix; each file is complete or absent.
     component : ComponentFile
         The body.
 
@@ -190,7 +65,7 @@ def write_nastran(path: Path, component: ComponentFile) -> tuple[Path, ...]:
     body = superelement(component)
     points = _scalar_points(component, body)
     matrices = {name: getattr(body, letter) for letter, name in _MATRICES.items() if getattr(body, letter) is not None}
-    labels = [*zip(body.boundary.node.tolist(), body.boundary.component.tolist(), strict=True)]
+    labels = [*zip(body.interface.node.tolist(), body.interface.component.tolist(), strict=True)]
     labels += [(point, SCALAR) for point in points]
     exact, punch, deck = (path.with_suffix(suffix) for suffix in (".op4", ".pch", ".bdf"))
     with atomic_path(exact) as temporary:
@@ -200,8 +75,129 @@ def write_nastran(path: Path, component: ComponentFile) -> tuple[Path, ...]:
     return exact, punch, deck
 
 
+@dataclass(frozen=True, eq=False)
+class Superelement:
+    """Mass and stiffness of i interface dofs and q fixed-interface modes.
+
+    Parameters
+    ----------
+    interface : DofTable
+        Interface dofs, sorted by node and component.
+    omega : (q,) float64
+        Frequencies with fixed interfaces, in rad per unit of time; infinite for shapes without mass.
+    M, K : (i + q, i + q) float64
+        Interface dofs first.
+    D, loss : (i + q, i + q) float64, optional
+        Viscous damping, and imaginary part of the stiffness.
+    """
+
+    interface: DofTable
+    omega: Array
+    M: Array
+    K: Array
+    D: Array | None
+    loss: Array | None
+
+
+def superelement(component: ComponentFile) -> Superelement:
+    """Express a component's modes as constraint modes of its interfaces and fixed-interface modes of the same space.
+
+    Parameters
+    ----------
+    component : ComponentFile
+        m modes.
+
+    Raises
+    ------
+    WriteError
+        If it has no interface, or fewer shapes than its interface dofs need.
+
+    Notes
+    -----
+    A constraint mode is the shape of least strain energy for a unit displacement of one interface dof. No stiffness
+    couples it to the fixed-interface modes (Craig and Bampton, 1968).
+    """
+    interface, shapes = _interface(component)
+    K, M, D = (component.arrays[f"modes/{name}"] for name in ("stiffness", "mass", "damping"))
+    loss = component.arrays.get("modes/loss")
+    psi = _constraint_modes(component, shapes, np.diag(K))
+    omega, Y = _fixed_interface_modes(shapes, K, M)
+    T = np.hstack([psi, Y])
+    i, massless = shapes.shape[0], np.isinf(omega)
+    reduced_K, reduced_M = _change(K, T), _change(M, T)
+    # Remove the round-off of entries that are exactly zero or one: least strain energy, and modes of unit mass.
+    reduced_K[:i, i:] = reduced_K[i:, :i] = 0.0
+    reduced_K[i:, i:] = np.diag(np.where(massless, 1.0, omega) ** 2)
+    reduced_M[i:, i:] = np.diag(np.where(massless, 0.0, 1.0))
+    return Superelement(
+        interface,
+        omega,
+        reduced_M,
+        reduced_K,
+        _change(D, T) if D.any() else None,
+        None if loss is None else _change(loss, T),
+    )
+
+
+def _change(A: Array, T: Array) -> Array:
+    B = T.T @ A @ T
+    return np.asarray(0.5 * (B + B.T))
+
+
+def _interface(component: ComponentFile) -> tuple[DofTable, Array]:
+    """Dofs of all interfaces, each once, and their rows of the shapes (i, m)."""
+    names = [f"interfaces/{name}" for name in component.interfaces]
+    if not names:
+        raise WriteError(f"component '{component.name}': a superelement needs interfaces, and this body has none")
+    node = np.concatenate([component.arrays[f"{name}/node"] for name in names])
+    part = np.concatenate([component.arrays[f"{name}/component"] for name in names])
+    rows = np.vstack([component.arrays[f"{name}/shapes"] for name in names])
+    _, first = np.unique(node * 8 + part, return_index=True)
+    return DofTable(node[first], part[first]), rows[first]
+
+
+def _constraint_modes(component: ComponentFile, shapes: Array, stiffness: Array) -> Array:
+    """Modal coordinates (m, i) of the shapes of least strain energy that displace one interface dof each."""
+    r, i = component.rigid_count, shapes.shape[0]
+    scale = 1 / np.linalg.norm(shapes, axis=1)
+    if not np.isfinite(scale).all():
+        raise WriteError(f"component '{component.name}': an interface dof moves in no mode kept; keep more modes")
+    scaled = scale[:, None] * shapes
+    rigid, strained = scaled[:, :r], scaled[:, r:] / np.sqrt(stiffness[r:])
+    # Rigid motions need no strain energy; only the remaining motions of the interface strain the body.
+    left = null_space(rigid.T, rcond=_DEPENDENT) if r else np.eye(i)
+    remaining = left.T @ strained
+    if np.linalg.matrix_rank(left.T @ scaled[:, r:], tol=_DEPENDENT) < left.shape[1]:
+        raise WriteError(
+            f"component '{component.name}': its {shapes.shape[1]} modes cannot move its {i} interface dofs "
+            "independently; keep more modes, or the constraint modes of the interface"
+        )
+    p = np.linalg.pinv(remaining) @ left.T if left.shape[1] else np.zeros((strained.shape[1], i))
+    q = np.linalg.pinv(rigid, rcond=_DEPENDENT) @ (np.eye(i) - strained @ p)
+    return np.asarray(np.vstack([q, p / np.sqrt(stiffness[r:])[:, None]]) * scale)
+
+
+def _fixed_interface_modes(shapes: Array, K: Array, M: Array) -> tuple[Array, Array]:
+    """Frequencies (q,) and modal coordinates (m, q) of the fixed-interface modes."""
+    held = null_space(shapes / np.linalg.norm(shapes, axis=1)[:, None], rcond=_DEPENDENT)
+    if not held.shape[1]:
+        return np.zeros(0), held
+    # There are shapes without mass and shapes without stiffness; K + shift M is positive for both. The lowest modes
+    # keep their digits if the shift is not above them.
+    k, m = held.T @ K @ held, held.T @ M @ held
+    resisting = np.diag(K)[(np.diag(K) > 0) & (np.diag(M) > 0)]
+    shift = resisting.min(initial=np.inf) if resisting.size else 1.0
+    compliance, Y = eigh(0.5 * (m + m.T), 0.5 * (k + shift * m + (k + shift * m).T))
+    compliance, Y = compliance[::-1], Y[:, ::-1]
+    # Modal masses are 1 or 0, so the rank of the mass counts the combinations with mass, for any stiffness.
+    massless = np.arange(Y.shape[1]) >= np.linalg.matrix_rank(m, rtol=_DEPENDENT, hermitian=True)
+    squared = np.where(massless, np.inf, 1 / np.where(massless, 1.0, compliance) - shift)
+    # The eigenvectors are orthonormal in K + shift M. Scale them to unit mass; those without mass have unit stiffness.
+    return np.sqrt(np.maximum(squared, 0.0)), held @ (Y / np.sqrt(np.where(massless, 1.0, compliance)))
+
+
 def _scalar_points(component: ComponentFile, body: Superelement) -> list[int]:
-    first = int(body.boundary.node.max()) + 1
+    first = int(body.interface.node.max()) + 1
     if first + body.omega.size > _LARGEST_ID:
         raise WriteError(
             f"component '{component.name}': node {first - 1} leaves no ids of eight digits for {body.omega.size} "
@@ -230,9 +226,9 @@ def _double(value: float) -> str:
 def _cards(
     component: ComponentFile, body: Superelement, points: list[int], matrices: list[str], punch: str
 ) -> Iterator[str]:
-    """Boundary grids with their frames, scalar points, and the sets that order the rows."""
-    node, parts = body.boundary.node, body.boundary.component
-    yield f"$ Superelement of {component.name}: {len(body.boundary)} boundary dofs, {len(points)} modal coordinates"
+    """Interface grids with their frames, scalar points, and the sets that order the rows."""
+    node, parts = body.interface.node, body.interface.component
+    yield f"$ Superelement of {component.name}: {len(body.interface)} interface dofs, {len(points)} modal coordinates"
     yield f"$ To use it, include {punch} in the bulk data and ask in case control for:"
     for name in matrices:
         yield f"$   {_DMIG[name]} = {name}"
@@ -253,7 +249,7 @@ def _cards(
 
 
 def _grid(component: ComponentFile, grid: int, number: int) -> Iterator[str]:
-    """A grid in basic coordinates; a frame of its own where it moves along other axes than the basic ones."""
+    """A grid in basic coordinates, with a frame of its own if its displacement axes are not the basic ones."""
     at = int(np.flatnonzero(component.arrays["nodes/id"] == grid)[0])
     xyz, axes = component.arrays["nodes/xyz"][at], component.arrays["nodes/frame"][at]
     own = abs(axes - np.eye(3)).max() > _BASIC

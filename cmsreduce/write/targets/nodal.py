@@ -1,4 +1,4 @@
-"""Nodal masses, inertias, coordinates and shapes, as DISCOS and DADS take a flexible body: plain tables of text."""
+"""DISCOS and DADS: tables of nodal masses, inertias, coordinates and shapes as text."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from cmsreduce.write.files import put_lines, table
 
 __all__ = ["NodalMass", "nodal_mass", "write_nodal"]
 
-# Of the mass of the body. Lumping conserves mass to round-off; nodes that are missing take theirs with them.
-_WHOLE = 1e-9
+# Relative to the mass of the body: lumping conserves it to round-off, unless nodes are missing in the file.
+_COMPLETE = 1e-9
 
 Array = NDArray[np.float64]
 
@@ -29,9 +29,9 @@ class NodalMass:
     Parameters
     ----------
     mass : (n,) float64
-        Of each node, the same in every direction.
+        Mass of each node, the same in every direction.
     inertia : (n, 3, 3) float64
-        Of each node about itself, along the axes of the body's frame.
+        Inertia of each node about itself, along the axes of the body's frame.
     """
 
     mass: Array
@@ -49,14 +49,14 @@ def nodal_mass(component: ComponentFile, body: FlexibleBody) -> NodalMass:
     Raises
     ------
     WriteError
-        If the file has none, or nodes with mass are not in it.
+        If the file has none, or lacks nodes with mass.
     """
     arrays, remedy = component.arrays, "write the component file with `write: {all_nodes: true}`"
     if "nodes/lumped_mass" not in arrays:
         raise WriteError(f"component '{body.name}': its file has no nodal masses; {remedy}")
     mass = arrays["nodes/lumped_mass"]
     total = body.integrals.mass
-    if abs(mass.sum() - total) > _WHOLE * total:
+    if abs(mass.sum() - total) > _COMPLETE * total:
         raise WriteError(
             f"component '{body.name}': the nodes in its file have {mass.sum():.6g} of its mass of {total:.6g}; {remedy}"
         )
@@ -65,15 +65,15 @@ def nodal_mass(component: ComponentFile, body: FlexibleBody) -> NodalMass:
 
 
 def write_nodal(path: Path, component: ComponentFile, integrals: ModalIntegrals) -> None:
-    """Write the tables from which DISCOS and DADS form the integrals themselves.
+    """Write the tables from which DISCOS and DADS compute the integrals themselves.
 
-    Blocks of numbers separated by blanks, each under a line ``$ NAME rows columns: meaning``. The modal mass in it is
-    of the lumped mass as well, since a code that takes both must be given one mass twice.
+    Blocks of numbers separated by blanks, each under a line ``$ NAME rows columns: meaning``. The modal mass in the
+    file belongs to the lumped mass, too, because a code that reads both needs the same mass in both.
 
     Parameters
     ----------
     path : Path
-        Where; the file is whole or not there.
+        Name of the file, which is complete or absent.
     component : ComponentFile
         The body, with every node.
     integrals : ModalIntegrals
@@ -82,7 +82,7 @@ def write_nodal(path: Path, component: ComponentFile, integrals: ModalIntegrals)
     Raises
     ------
     WriteError
-        If the component file lacks what is needed, or the file cannot be written.
+        If the component file lacks data, or the file cannot be written.
     """
     body = flexible_body(component, integrals)
     put_lines(path, _lines(body, nodal_mass(component, body)))

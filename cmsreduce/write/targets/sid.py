@@ -24,20 +24,20 @@ from cmsreduce.write.files import put_lines
 __all__ = ["SidDialect", "write_sid"]
 
 SidDialect = Literal["by-axis", "by-mode"]
-"""Column of Gr and Ge of axis a and mode l, counted from 0: a nq + l as FEMBS writes them, or 3 l + a as blocks."""
+"""Column of Gr and Ge for axis a and mode l, from 0: a nq + l as FEMBS writes them, or 3 l + a, a block a mode."""
 
 _SYMMETRIC, _FULL, _ZERO = 2, 3, 0
 _SECOND_MOMENTS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Rows of J: xx yy zz xy xz yz."""
 _SQUARES = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
-"""Columns of Oe: products of angular velocities, which swap the last two against J."""
+"""Columns of Oe: products of angular velocities; the last two are swapped compared with J."""
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class _Taylor:
-    """m0 (rows, columns), and m1 (rows, modes, columns) if it depends on the modal coordinates."""
+    """A term m0 (rows, columns), and m1 (rows, modes, columns) if it depends on the modal coordinates."""
 
     name: str
     m0: Array
@@ -51,18 +51,18 @@ def write_sid(path: Path, component: ComponentFile, integrals: ModalIntegrals, d
     Parameters
     ----------
     path : Path
-        Where; the file is whole or not there.
+        Name of the file, which is complete or absent.
     component : ComponentFile
         The body.
     integrals : ModalIntegrals
-        Over its modes, about the frame of reference.
+        Integrals over its modes, about the frame of reference.
     dialect : {"by-axis", "by-mode"}
         Order of the columns of Gr and Ge.
 
     Raises
     ------
     WriteError
-        If the component file lacks what is needed, a mode carries no mass, or the file cannot be written.
+        If the component file lacks data, a mode has no mass, or the file cannot be written.
     """
     body = flexible_body(component, integrals)
     require_mass(body, "a code that reads SID inverts Me")
@@ -95,19 +95,17 @@ def _lines(body: FlexibleBody, stiffening: FrameStiffening | None, dialect: SidD
 
 def _node(body: FlexibleBody, index: int, stiffening: FrameStiffening | None) -> Sequence[_Taylor]:
     phi, psi = body.translation[index], body.rotation[index]
-    # A node turns with the slope of each mode: AP = 1 + S(psi q).
+    # A node rotates with the slope of each mode: AP = 1 + S(psi q).
     turned = np.moveaxis(cross_matrix(psi.T), 0, 1)
+    # Geometric stiffness of a load at the node, with the sign of its generalised force: entry [axis, mode, mode].
+    node = int(body.node[index])
+    force, moment = (None, None) if stiffening is None else (stiffening.force.get(node), stiffening.moment.get(node))
     return (
         _Taylor("origin", body.position[index][:, None], phi[:, :, None]),
-        _Taylor("phi", phi, None if stiffening is None else _taken(stiffening.force.get(int(body.node[index])))),
-        _Taylor("psi", psi, None if stiffening is None else _taken(stiffening.moment.get(int(body.node[index])))),
+        _Taylor("phi", phi, None if force is None else -force),
+        _Taylor("psi", psi, None if moment is None else -moment),
         _Taylor("AP", np.eye(3), turned),
     )
-
-
-def _taken(per_force: Array | None) -> Array | None:
-    """What a load at a node (3, k, k) takes from its own generalised force: entry [axis, mode, mode]."""
-    return None if per_force is None else -per_force
 
 
 def _body(body: FlexibleBody, stiffening: FrameStiffening | None, dialect: SidDialect) -> Sequence[_Taylor]:
@@ -156,7 +154,7 @@ def _centrifugal(integrals: ModalIntegrals) -> tuple[Array, Array, Array]:
 
 
 def _products(moments: Array) -> Array:
-    """Columns of Oe (k, 6) of half the derivatives of -J (k, 6): mixed products count twice, and stand as in Oe."""
+    """Columns of Oe (k, 6) from half the derivatives of -J (k, 6): mixed products count twice, in the order of Oe."""
     doubled = moments * np.array([1, 1, 1, 2, 2, 2])
     return np.asarray(doubled[:, [_SECOND_MOMENTS.index(pair) for pair in _SQUARES]])
 
@@ -199,7 +197,7 @@ def _taylor(part: _Taylor, modes: int, indent: int) -> Iterator[str]:
 
 
 def _value(indent: int, name: str, value: str) -> str:
-    """A line with its sign of equality in the column of the others."""
+    """A line with the equals sign in the same column as the others."""
     return f"{'':{indent}}{name}".ljust(48) + f"={value}"
 
 

@@ -1,7 +1,4 @@
-"""MATLAB files of state-space models: MAT 5, which MATLAB, Octave and scipy read.
-
-State space of a reduced body, from its component file: a MATLAB file, or A B C D as text.
-"""
+"""State space of a reduced body, as a MATLAB file (MAT 5, read by MATLAB, Octave and scipy) or as text."""
 
 from __future__ import annotations
 
@@ -45,7 +42,7 @@ class StateSpace:
     inputs, outputs : sequence of str
         Names of the channels.
     facts : mapping
-        What else is known of it: arrays, texts, lists of texts.
+        Other data of the model: arrays, texts, lists of texts.
     """
 
     A: Array
@@ -68,7 +65,7 @@ def write_matlab(path: Path, variables: Mapping[str, Any]) -> None:
     Parameters
     ----------
     path : Path
-        Where; the file is whole or not there.
+        Name of the file, which is complete or absent.
     variables : mapping
         Arrays, numbers, texts; a list of texts becomes a cell array, a mapping a structure, a list of mappings a cell
         array of structures.
@@ -85,7 +82,7 @@ def write_matlab(path: Path, variables: Mapping[str, Any]) -> None:
     savemat(image, values, do_compression=True, oned_as="column")  # type: ignore[arg-type]
     content = _HEADER + image.getvalue()[len(_HEADER) :]
     if len(content) >= _LARGEST:
-        raise WriteError(f"{path}: {len(content) / 2**30:.1f} GiB are more than a MAT 5 file holds; keep fewer modes")
+        raise WriteError(f"{path}: {len(content) / 2**30:.1f} GiB do not fit in a MAT 5 file; keep fewer modes")
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
 
@@ -107,8 +104,9 @@ def component_states(component: ComponentFile) -> StateSpace:
     Parameters
     ----------
     component : ComponentFile
-        m modes: rigid, elastic, static. Inputs are its actuators, then forces on the dofs of its interfaces; outputs
-        its sensors, then displacements of these dofs. Modes are orthonormal whatever frame the file is written in.
+        m modes: rigid, elastic, static. Inputs are its actuators, then forces on the dofs of its interfaces. Outputs
+        are its sensors, then displacements of these dofs. The modes are orthonormal, also if the file has a floating
+        frame.
 
     Raises
     ------
@@ -121,7 +119,7 @@ def component_states(component: ComponentFile) -> StateSpace:
             f"component '{name}': structural damping is a complex stiffness and has no real state space; give it "
             "modal damping, or take `matlab` and `abcd` out of write.formats"
         )
-    faces = sorted({path.split("/")[1] for path in arrays if path.startswith("interfaces/")})
+    faces = tuple(component.interfaces)
     labels = [label for face in faces for label in _labels(component, face)]
     back = _to_free_modes(component)
     shapes = [np.empty((0, back.shape[0])), *(arrays[f"interfaces/{face}/shapes"] for face in faces)]
@@ -132,8 +130,8 @@ def component_states(component: ComponentFile) -> StateSpace:
     C2 = np.vstack([arrays["outputs/C2"] @ back, np.zeros_like(at_faces)])
     if (C2[:, m:] @ force[m:]).any():
         raise WriteError(
-            f"component '{name}': a rate sensor feels a static mode, whose rate is the derivative of an input and no "
-            "state; measure the displacement, or take `matlab` and `abcd` out of write.formats"
+            f"component '{name}': a rate sensor measures a static mode, whose rate is the derivative of an input and "
+            "not a state; measure the displacement, or take `matlab` and `abcd` out of write.formats"
         )
     damping = back.T @ arrays["modes/damping"] @ back
     stiffness = np.diag(arrays["modes/stiffness"])
@@ -174,7 +172,7 @@ def write_abcd(path: Path, component: ComponentFile) -> None:
     Parameters
     ----------
     path : Path
-        Where; the file is whole or not there. Lines that begin with ``%`` say what follows, ``% A rows columns``.
+        Name of the file, which is complete or absent. Lines that begin with ``%`` are headings: ``% A rows columns``.
     component : ComponentFile
         The body.
 
@@ -199,7 +197,7 @@ def _labels(component: ComponentFile, face: str) -> list[str]:
 
 
 def _to_free_modes(component: ComponentFile) -> Array:
-    """Modes seen from no frame, as combinations of those in the file (m, m): what a frame took off is put back."""
+    """Modes of the free body as combinations of those in the file (m, m): restores what a floating frame removed."""
     back = np.eye(component.omega.size)
     if "frame/removed" in component.arrays:
         r = component.rigid_count

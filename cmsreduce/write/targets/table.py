@@ -1,13 +1,14 @@
-"""Every file that a component file can be turned into, and the table that `write.formats` and `convert` go by."""
+"""Table of the formats of other programs, and the conversion of a component file to one of them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from cmsreduce.errors import WriteError
-from cmsreduce.write.component import ComponentFile, read_component, stored_integrals
+from cmsreduce.write.component import read_component, stored_integrals
 from cmsreduce.write.targets.exudyn import write_exudyn
 from cmsreduce.write.targets.flex42 import write_42
 from cmsreduce.write.targets.mbdyn import write_mbdyn
@@ -20,80 +21,61 @@ from cmsreduce.write.targets.treetops import write_treetops, write_treetops_h5
 
 __all__ = ["TARGETS", "Target", "convert"]
 
-Writer = Callable[[Path, ComponentFile, str], tuple[Path, ...]]
-
 
 @dataclass(frozen=True)
 class Target:
-    """A file that another code reads.
+    """A file of another program.
 
     Parameters
     ----------
     suffix : str
-        End of the name, by which ``convert`` knows it; the component's name stands before it.
-    write : callable of (path, component, dialect)
-        Writes it and returns the files written.
+        End of the file name, after the name of the component; `convert` recognises the target by it.
+    write : callable of (path, component), then (integrals) and (dialect) where the target has them
+        Writes the file; returns the files written if they are not ``path`` alone.
     dialects : tuple of str
-        Ways to write it, the default first; none for most.
+        Variants of the format, the default first; most have none.
+    integrals : bool
+        True if the writer takes the modal integrals.
     """
 
     suffix: str
-    write: Writer
+    write: Callable[..., tuple[Path, ...] | None]
     dialects: tuple[str, ...] = ()
-
-
-def _with_integrals(write: Callable[..., None], *, dialect: bool = False) -> Writer:
-    """A writer of one file that takes the integrals, and the dialect if it has any."""
-
-    def one(path: Path, component: ComponentFile, chosen: str) -> tuple[Path, ...]:
-        write(path, component, stored_integrals(component), *([chosen] if dialect else []))
-        return (path,)
-
-    return one
-
-
-def _alone(write: Callable[[Path, ComponentFile], None]) -> Writer:
-    """A writer of one file that takes the component and nothing else."""
-
-    def one(path: Path, component: ComponentFile, _: str) -> tuple[Path, ...]:
-        write(path, component)
-        return (path,)
-
-    return one
+    integrals: bool = True
 
 
 TARGETS: dict[str, Target] = {
-    "nastran": Target(".op4", lambda path, component, _: write_nastran(path, component)),
-    "42": Target(".42.txt", _with_integrals(write_42)),
-    "sid": Target(".SID_FEM", _with_integrals(write_sid, dialect=True), ("by-axis", "by-mode")),
-    "mbdyn": Target(".fem", _with_integrals(write_mbdyn, dialect=True), ("invariants", "lumped")),
-    "mbsim": Target(".mbsim.h5", _with_integrals(write_mbsim)),
-    "exudyn": Target(".npz", _with_integrals(write_exudyn)),
-    "discos": Target(".discos.txt", _with_integrals(write_nodal)),
-    "dads": Target(".dads.txt", _with_integrals(write_nodal)),
-    "treetops": Target(".treetops.txt", _with_integrals(write_treetops)),
-    "treetops-h5": Target(".treetops.h5", _with_integrals(write_treetops_h5)),
-    "matlab": Target(".mat", _alone(write_states)),
-    "abcd": Target(".abcd.txt", _alone(write_abcd)),
+    "nastran": Target(".op4", write_nastran, integrals=False),
+    "42": Target(".42.txt", write_42),
+    "sid": Target(".SID_FEM", write_sid, ("by-axis", "by-mode")),
+    "mbdyn": Target(".fem", write_mbdyn, ("invariants", "lumped")),
+    "mbsim": Target(".mbsim.h5", write_mbsim),
+    "exudyn": Target(".npz", write_exudyn),
+    "discos": Target(".discos.txt", write_nodal),
+    "dads": Target(".dads.txt", write_nodal),
+    "treetops": Target(".treetops.txt", write_treetops),
+    "treetops-h5": Target(".treetops.h5", write_treetops_h5),
+    "matlab": Target(".mat", write_states, integrals=False),
+    "abcd": Target(".abcd.txt", write_abcd, integrals=False),
 }
-"""By the name that ``write.formats`` and ``convert --format`` know."""
+"""Targets by their name in ``write.formats`` and ``convert --format``; one line registers a format."""
 
 
 def convert(
     source: str | Path, destination: str | Path, target: str | None = None, dialect: str | None = None
 ) -> tuple[Path, ...]:
-    """Turn a component file into another code's.
+    """Convert a component file to the format of another program.
 
     Parameters
     ----------
     source : Path
-        Component file, all that is needed.
+        Component file.
     destination : Path
-        File to write; in an existing folder, under the component's name.
+        File to write, or an existing folder for a file with the component's name.
     target : str, optional
-        Name in ``TARGETS``; by the end of the destination's name if not given.
+        Name in ``TARGETS``; by default found by the end of the destination's name.
     dialect : str, optional
-        One of the target's; its first if not given.
+        A dialect of the target; by default its first.
 
     Returns
     -------
@@ -103,7 +85,7 @@ def convert(
     Raises
     ------
     ReadError
-        If the source is no whole component file.
+        If the source is not a complete component file.
     WriteError
         If the target or dialect is unknown, the source lacks what it needs, or it cannot be written.
     """
@@ -121,8 +103,11 @@ def convert(
             f"{path}: .FLX names TREETOPS's own file, whose layout is not public; this one needs another name"
         )
     if path.exists() and path.samefile(source):
-        raise WriteError(f"{path}: would take the place of the component file itself; choose another name")
-    return chosen.write(path, component, dialect or (chosen.dialects or ("",))[0])
+        raise WriteError(f"{path}: would replace the component file itself; choose another name")
+    arguments: list[Any] = [stored_integrals(component)] if chosen.integrals else []
+    if chosen.dialects:
+        arguments.append(dialect or chosen.dialects[0])
+    return chosen.write(path, component, *arguments) or (path,)
 
 
 def _by_name(destination: Path) -> str:
@@ -130,5 +115,5 @@ def _by_name(destination: Path) -> str:
     found = [name for name, target in TARGETS.items() if ends.endswith(target.suffix.lower())]
     if len(found) != 1 or destination.is_dir():
         suffixes = ", ".join(f"{name} *{target.suffix}" for name, target in TARGETS.items())
-        raise WriteError(f"{destination}: the name does not say the target; give --format, or one of: {suffixes}")
+        raise WriteError(f"{destination}: the name does not show the target; give --format, or one of: {suffixes}")
     return found[0]

@@ -1,4 +1,4 @@
-"""What TREEFLX documents of a TREETOPS flexible body, as text and as HDF5: its own file layout is not public."""
+"""TREETOPS: the data that TREEFLX documents, as text and as HDF5; TREETOPS's own file layout is not public."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ def write_treetops(path: Path, component: ComponentFile, integrals: ModalIntegra
     Parameters
     ----------
     path : Path
-        Where; the file is whole or not there. ``.FLX`` is the name of TREETOPS's own files, which this is not.
+        Name of the file, which is complete or absent. ``.FLX`` is reserved for the files of TREETOPS itself.
     component : ComponentFile
         The body.
     integrals : ModalIntegrals
-        Over its modes, about the body frame.
+        Integrals over its modes, about the body frame.
 
     Raises
     ------
     WriteError
-        If the component file lacks what is needed, the name ends in ``.flx``, or the file cannot be written.
+        If the component file lacks data, the name ends in ``.flx``, or the file cannot be written.
     """
     _refuse_name(path)
     put_lines(path, _lines(flexible_body(component, integrals), frame_stiffening(component, integrals)))
 
 
 def write_treetops_h5(path: Path, component: ComponentFile, integrals: ModalIntegrals) -> None:
-    """Write the same quantities as named arrays of an HDF5 file (docs/treetops.md); arguments and errors as there."""
+    """Write the same quantities as arrays of an HDF5 file; arguments and errors as `write_treetops`."""
     _refuse_name(path)
     body, stiffening = flexible_body(component, integrals), frame_stiffening(component, integrals)
     titled = [] if stiffening is None else list(_stiffness(stiffening))
@@ -72,7 +72,7 @@ def write_treetops_h5(path: Path, component: ComponentFile, integrals: ModalInte
         put(nodes, "slope", np.swapaxes(body.rotation, 1, 2), about="[node, mode, axis]; 0 where it is not known")
         put(nodes, "slope_known", (~np.isin(body.node, body.blind)).astype(np.int8), about="1 where it is known")
         faces = file.create_group("interfaces")
-        for name, ids in body.interfaces:
+        for name, ids in body.interfaces.items():
             put(faces, name, np.array(ids, dtype=np.int64), about="the nodes a joint attaches to")
 
 
@@ -113,7 +113,7 @@ def _lines(body: FlexibleBody, stiffening: FrameStiffening | None) -> Iterator[s
         rows = np.vstack([body.translation[index], body.rotation[index]]).T
         about = "translation x y z and slope x y z, a mode a row"
         yield from table(f"SHAPES {node}", rows, f"{about}{'; slope not known' if node in body.blind else ''}")
-    for name, nodes in body.interfaces:
+    for name, nodes in body.interfaces.items():
         yield f"$ INTERFACE {name}: nodes {' '.join(str(node) for node in nodes)}"
     yield "$ END"
 

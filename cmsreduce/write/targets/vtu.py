@@ -1,4 +1,4 @@
-"""Mode shapes of a body on its mesh, as ParaView reads them."""
+"""ParaView: mode shapes of a body on its mesh, as a VTU file."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def write_vtu(
     Parameters
     ----------
     path : Path
-        Where; the file is whole or not there.
+        Name of the file, which is complete or absent.
     node : (p,) int64
         Node ids, stored as ``node``.
     xyz : (p, 3) float64
         Coordinates.
     cells : mapping of meshio cell kind to (k, corners) int64
-        Positions in ``node``; without any, every point is a vertex.
+        Positions in ``node``; without cells, every point is a vertex.
     names : sequence of str
         One for each mode, unique.
     shapes : (p, 3, m) float64

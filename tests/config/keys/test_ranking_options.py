@@ -70,7 +70,7 @@ def test_defaults_and_words():
 )
 def test_sizes_of_channels(written, units, kind, worth):
     keys = RankingKeys(scaling={"outputs": {"gyro.rx": written}})
-    assert keys.scaling.outputs["gyro.rx"].worth(kind, Units.parse(units)) == pytest.approx(worth, rel=1e-12)
+    assert keys.scaling.outputs["gyro.rx"].value_in(Units.parse(units), kind) == pytest.approx(worth, rel=1e-12)
     assert keys.model_dump(mode="json")["scaling"]["outputs"] == {"gyro.rx": written}
     assert RankingKeys.model_validate(keys.model_dump(mode="json")) == keys
 
@@ -105,7 +105,7 @@ def test_clusters(written, correlation):
         ({"clusters": True}, "between 0 and 1"),
         ({"clusters": {"correlation": 0}}, "between 0 and 1"),
         ({"keep": {"total": 5}}, "take rank system-cost"),
-        ({"keep": {"total": 5, "modes": 3}, "rank": "system-cost"}, "modes and total are two rules"),
+        ({"keep": {"total": 5, "modes": 3}, "rank": "system-cost"}, "modes and total are different rules"),
         ({"rank": "hankels"}, "hankel"),
         ({"rank": "peak-amplitude"}, "write gregory, which gives the same order"),
     ],

@@ -307,7 +307,7 @@ def test_arrays_that_do_not_fit_each_other_are_named(tmp_path, component):
         (lambda path: path.write_bytes(path.read_bytes()[:3000]), "damaged"),
         (lambda path: path.write_bytes(b"no HDF5 at all"), "damaged"),
         (lambda path: h5py.File(path, "r+").attrs.modify("format_version", 99), "newer"),
-        (lambda path: h5py.File(path, "r+").attrs.create("format_version", "one"), "format_version one is none"),
+        (lambda path: h5py.File(path, "r+").attrs.create("format_version", "one"), "format_version one is not valid"),
         (lambda path: h5py.File(path, "r+").attrs.modify("format", "other"), "no component file"),
         (lambda path: path.unlink(), "no such file"),
     ],

@@ -82,6 +82,6 @@ def test_equal_bodies_give_equal_bytes(tmp_path: Path) -> None:
 
 def test_modes_without_mass_are_refused(tmp_path: Path) -> None:
     body = particles(static=True)
-    with pytest.raises(WriteError, match="1 static modes carry no mass, and MBSim solves with the modal mass"):
+    with pytest.raises(WriteError, match="1 static modes have no mass, and MBSim solves with the modal mass"):
         write_mbsim(tmp_path / "body.h5", body.file, body.integrals)
     assert not list(tmp_path.iterdir())

@@ -171,5 +171,5 @@ def test_nodes_and_matrices(tmp_path: Path) -> None:
 
 def test_modes_without_mass_are_refused(tmp_path: Path) -> None:
     body = particles(static=True)
-    with pytest.raises(WriteError, match="1 static modes carry no mass, and a code that reads SID inverts Me"):
+    with pytest.raises(WriteError, match="1 static modes have no mass, and a code that reads SID inverts Me"):
         write_sid(tmp_path / "body.sid", body.file, body.integrals)
