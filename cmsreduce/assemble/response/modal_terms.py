@@ -94,12 +94,12 @@ class ModalTerms:
         self, dH: Complex, known: Marks, part: slice, Z: Complex, alpha: Real, Sv: Complex, P: Complex, Q: Complex
     ) -> None:
         """Set the effects of the changes as `_set_effects` does; Z (f, modes) is the signed stiffness of each mode."""
-        change, wide = np.repeat(self.which, np.diff(self.start)), np.broadcast_to(alpha, (Z.shape[0], *alpha.shape))
 
         def block(own: slice) -> Complex:
             return np.asarray(Z[:, own, None] * np.eye(own.stop - own.start))
 
-        _set_effects(dH, known, part, change, Z, block, wide, Sv, P, Q)
+        change = np.repeat(self.which, np.diff(self.start))
+        _set_effects(dH, known, part, change, Z, block, alpha[None], Sv, P, Q)
 
 
 def add_terms(G: Complex, table: ModalTable, columns: Columns, points: Columns | None = None) -> None:
@@ -293,7 +293,7 @@ def _set_effects(
         Stiffness of each column alone.
     block : callable
         Returns the stiffness (f, s, s) of the columns of a change with several.
-    alpha, Sv : (f, c, k) complex128
+    alpha, Sv : (f or 1, c, k), (f, c, k) complex128
         Joint motions of the columns, and the joined stiffness times them.
     P, Q : (f, outputs, k), (f, inputs, k) complex128
         Response of the outputs to the columns, and of the columns to the inputs, with the bodies joined.
