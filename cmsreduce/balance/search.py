@@ -2,8 +2,8 @@
 
 The error of leaving several modes out is not the sum of their own: two modes may replace one another. Trying every set
 takes far too long, so the search considers sets one step away from the best one so far, predicts their errors from the
-effect of every single mode on the response, and tries those that promise to pass. Only sets whose true error meets the
-limit are ever kept. The search has no random part.
+effect of every single mode on the response, and tries those that are predicted to pass. Only sets whose true error
+meets the limit are ever kept. The search has no random part.
 """
 
 from __future__ import annotations

@@ -95,5 +95,5 @@ class Basis:
         scale = 1 / np.sqrt(np.maximum(G.diagonal(), np.finfo(float).tiny))
         weight, W = np.linalg.eigh(G * np.outer(scale, scale))
         own = weight > _DEPENDENT
-        answered = np.sum((W[:, own].T @ (held * scale[:, None])) ** 2 / weight[own, None], axis=0)
-        return np.asarray(np.clip(1 - answered / np.where(every > 0, every, np.inf), 0.0, 1.0) * (every > 0))
+        covered = np.sum((W[:, own].T @ (held * scale[:, None])) ** 2 / weight[own, None], axis=0)
+        return np.asarray(np.clip(1 - covered / np.where(every > 0, every, np.inf), 0.0, 1.0) * (every > 0))

@@ -57,12 +57,12 @@ def costly_modes(component: ModalComponent, points: Array, band_hz: float) -> Co
     compliance = points[:, elastic] ** 2 / omega**2
     static = (points[:, elastic.stop :] ** 2).sum(axis=1)
     flexibility = compliance.sum(axis=1) + static
-    felt = flexibility > 0
+    moving = flexibility > 0
     # Modes near the band serve it by their frequency alone, whatever their share.
     beyond = omega >= _FACTOR * band
     lost = np.zeros_like(omega)
     lost[beyond] = 1 / ((omega[beyond] / band) ** 2 - 1)
-    shares = (compliance[felt] / flexibility[felt, None]).max(axis=0, initial=0.0) * lost
+    shares = (compliance[moving] / flexibility[moving, None]).max(axis=0, initial=0.0) * lost
     serving = np.flatnonzero(~beyond | (shares > _SHARE))
     first = int(serving[-1]) + 1 if serving.size else 0
     return CostlyModes(

@@ -29,7 +29,7 @@ _ON_AXIS = 1e-7
 _ALIKE = 1e-6
 
 
-def zeros_below(omega: Array, residue: Array, top: float, *, static: float = 0.0) -> Complex:
+def zeros_below(omega: Array, residue: Array, omega_max: float, *, static: float = 0.0) -> Complex:
     """All undamped zeros of sum residue / (s^2 + w^2) + static up to a frequency.
 
     Parameters
@@ -38,7 +38,7 @@ def zeros_below(omega: Array, residue: Array, top: float, *, static: float = 0.0
         Frequencies in rad/s, 0 of rigid modes; all different.
     residue : (k,) float64
         c b of each.
-    top : float
+    omega_max : float
         Highest frequency of interest in rad/s.
     static : float
         Gain of static modes.
@@ -46,7 +46,7 @@ def zeros_below(omega: Array, residue: Array, top: float, *, static: float = 0.0
     Returns
     -------
     (z,) complex128
-        In rad/s up to a little above ``top``, those of positive imaginary part and those on the real axis, by
+        In rad/s up to a little above ``omega_max``, those of positive imaginary part and those on the real axis, by
         magnitude, the one on the right first of a pair of mirror images. Of a collocated pair they lie on the imaginary
         axis, between the poles.
 
@@ -56,11 +56,11 @@ def zeros_below(omega: Array, residue: Array, top: float, *, static: float = 0.0
     polynomial in lambda.
     """
     largest = float(abs(residue).max(initial=0.0)) or 1.0
-    w2, r = (omega / top) ** 2, residue / largest
-    low = omega <= _FAR * top
+    w2, r = (omega / omega_max) ** 2, residue / largest
+    low = omega <= _FAR * omega_max
     k, p = int(low.sum()), np.arange(_TERMS)
     series = (-1.0) ** p * np.sum(r[~low, None] / w2[~low, None] ** (p + 1), axis=0)
-    series[0] += static * top**2 / largest
+    series[0] += static * omega_max**2 / largest
     A, E = np.zeros((2, k + _TERMS, k + _TERMS))
     at = np.arange(k)
     A[at, at], A[:k, k], E[at, at] = -w2[low], 1.0, 1.0
@@ -69,7 +69,7 @@ def zeros_below(omega: Array, residue: Array, top: float, *, static: float = 0.0
     A[-1, :k], A[-1, k:] = r[low], series
     alpha, beta = la.eigvals(A, E, homogeneous_eigvals=True)
     near = abs(alpha) <= _BEYOND**2 * abs(beta)
-    root = top * np.sqrt(alpha[near] / beta[near] + 0j)
+    root = omega_max * np.sqrt(alpha[near] / beta[near] + 0j)
     real = abs(root.imag) <= _ON_AXIS * abs(root)
     upper = np.where(root.imag < 0, -root, root)
     zeros = np.concatenate([upper[~real], root.real[real], -root.real[real]])

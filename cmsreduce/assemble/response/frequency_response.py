@@ -22,20 +22,20 @@ __all__ = ["body_receptances", "couple", "frequency_response", "rigid_response"]
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# Memory of the receptances and joined flexibilities of the frequencies coupled at a time: of 2^22 to 2^27, a face of 90
-# joint forces takes least time with 2^23 and 2^24, half of that with 2^27.
+# Memory of the receptances and joined flexibilities of the frequencies coupled at a time. Of 2^22 to 2^27 bytes, an
+# interface of 90 joint forces takes least time with 2^23 and 2^24, half of that with 2^27.
 _BLOCK_BYTES = 2**24
 
 
 def body_receptances(stack: PointStack, omega: Array) -> dict[str, Receptance]:
-    """Prepare the receptances of all bodies over the motions that these have (`PointStack.moving`).
+    """Prepare the receptances of all bodies over their motions (`PointStack.moving`).
 
     Parameters
     ----------
     stack : PointStack
         Points of all bodies.
     omega : (f,) float64
-        Circular frequencies in rad/s; others up to the highest may be asked for.
+        Circular frequencies in rad/s; the receptances are valid up to the highest.
 
     Raises
     ------
@@ -56,8 +56,8 @@ def couple(
     Parameters
     ----------
     receptances : mapping of body to Receptance
-        Dynamic flexibilities over the motions that each body has, see `body_receptances`; they do not depend on how the
-        bodies are turned.
+        Dynamic flexibilities over the motions of each body, see `body_receptances`; they do not depend on the
+        configuration.
     stack : PointStack
         Points of all bodies.
     wirings : sequence of Wiring
@@ -72,12 +72,12 @@ def couple(
 
     Notes
     -----
-    With lambda the joint forces, A Y (B u + A^T lambda) = 0. Rows of A that depend on others in the motions that the
-    bodies have are dropped. A frequency of several grids is asked of the bodies once, and all configurations with as
-    many joint forces are solved together. Frequencies are taken in blocks: the receptances of none but these are in
-    memory.
+    With lambda the joint forces, A Y (B u + A^T lambda) = 0. Rows of A that depend on others in the motions of the
+    bodies are dropped. The receptances at a frequency of several grids are computed once, and all configurations with
+    as many joint forces are solved together. Frequencies are processed in blocks, to save memory.
 
-    Bodies in modes that many forces join are taken as their modes near the band instead, see `residual_flexibility`.
+    Bodies in modes with many joint forces are represented by their modes near the band instead, see
+    `residual_flexibility`.
     """
     joined = [JoinedRows.of(wiring, stack) for wiring in wirings]
     found = [np.empty(0, dtype=np.complex128)] * len(joined)
@@ -90,7 +90,7 @@ def couple(
         try:
             found[k] = smooth(grid)
         except np.linalg.LinAlgError:
-            # A free motion at zero frequency, or a resonance without damping: receptances say whose.
+            # A free motion at zero frequency, or a resonance without damping: receptances name the body.
             rest.append(k)
     if rest:
         solved = _from_receptances(receptances, stack, [joined[k] for k in rest], [grids[k] for k in rest])
@@ -140,10 +140,7 @@ def _alike(joined: Sequence[JoinedRows]) -> list[list[int]]:
 
 
 def rigid_response(system: System, omega: Array) -> Complex:
-    """Rigid-body part of a system's response: (f, outputs, inputs) complex128.
-
-    Free motions that dampers of the joints, or of the ground, resist answer with their drag.
-    """
+    """Rigid-body part of a system's response (f, outputs, inputs), with the drag of dampers in joints or to ground."""
     Pr = system.rigid
     gain = (system.C1 @ Pr)[None] + 1j * omega[:, None, None] * (system.C2 @ Pr)[None]
     load = Pr.T @ system.B
@@ -177,7 +174,7 @@ def frequency_response(
     scene : Scene
         Joints, actuators, sensors.
     configuration : Configuration
-        Setting of the joints.
+        Angles of the joints.
     omega : (f,) float64
         Circular frequencies in rad/s.
 

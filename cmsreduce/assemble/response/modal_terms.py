@@ -1,11 +1,8 @@
-"""Modes of a body as terms of its receptance between the rows of a wiring, tabulated over frequency.
-
-Modes of a body that its damping couples, cluster by cluster, as terms of its receptance.
-"""
+"""Modes of a body as terms of its receptance between the rows of a wiring, uncoupled or in coupled clusters."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,15 +20,16 @@ __all__ = ["Change", "CoupledModes", "CoupledTerms", "Kept", "ModalTable", "Moda
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Columns = NDArray[np.int64]
+Marks = NDArray[np.bool_]
 Kept = Mapping[str, Columns]
-"""Elastic coordinates kept of each body; rigid and static ones are always kept, and bodies not named, whole."""
+"""Elastic coordinates kept of each body; rigid and static ones, and all of a body not named, are always kept."""
 Change = tuple[str, Columns]
-"""A body, and elastic coordinates of it to put in where they are left out, or to leave out where they are in."""
+"""A body, and elastic coordinates of it to add if they are left out, or to leave out if they are kept."""
 
-# Memory, in numbers, of the products of ports in one multiplication.
+# Most entries in the products of rows in one multiplication.
 _PRODUCTS = 2**20
 SINGULAR = 1e-10
-"""A change that brings the joined flexibility this near to singular, relative to its terms, has no figure."""
+"""The effect of a change that makes the joined flexibility singular to this, relative to its terms, is not known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,18 +44,18 @@ class ModalTable:
 
 @dataclass(frozen=True, eq=False)
 class ModalTerms:
-    """Modes that changes put in or leave out, side by side.
+    """Uncoupled modes that changes add or leave out, side by side.
 
     Parameters
     ----------
     tables, columns : tuple
         Of each change.
     which : (k,) int64
-        Number of each change among all that were asked for.
+        Number of each change among all changes.
     start : (k + 1,) int64
         First mode of each change.
     sign : (modes,) float64
-        1 put in, -1 left out.
+        1 for a mode added, -1 for one left out.
     left, right : (ports, modes) float64
     """
 
@@ -71,7 +69,7 @@ class ModalTerms:
 
     @classmethod
     def of(cls, tables: Mapping[str, ModalTable], changes: Sequence[Change], which: Columns, kept: Kept) -> ModalTerms:
-        """Lay those changes side by side that ``which`` numbers."""
+        """Put the changes with the numbers ``which`` side by side."""
         chosen = [changes[k] for k in which]
         sizes = [columns.size for _, columns in chosen]
         signs = [-1.0 if body not in kept or np.isin(columns, kept[body]).all() else 1.0 for body, columns in chosen]
@@ -93,34 +91,15 @@ class ModalTerms:
         return out * self.sign
 
     def update(
-        self,
-        dH: Complex,
-        known: NDArray[np.bool_],
-        part: slice,
-        Z: Complex,
-        alpha: Real,
-        Sv: Complex,
-        P: Complex,
-        Q: Complex,
+        self, dH: Complex, known: Marks, part: slice, Z: Complex, alpha: Real, Sv: Complex, P: Complex, Q: Complex
     ) -> None:
-        """Set what each change adds to the response at a block of frequencies."""
-        sizes = np.diff(self.start)
-        alone = self.start[:-1][sizes == 1]
-        W = np.einsum("ck,fck->fk", alpha[:, alone], Sv[:, :, alone])
-        pivot = Z[:, alone] + W
-        regular = np.all(abs(pivot) > SINGULAR * (abs(Z[:, alone]) + abs(W)), axis=0)
-        number = self.which[sizes == 1]
-        known[number[~regular]] = False
-        good = alone[regular]
-        dH[part, :, :, number[regular]] = P[:, :, None, good] * (Q[:, None, :, good] / pivot[:, None, None, regular])
-        for k in np.flatnonzero(sizes > 1):
-            own = slice(self.start[k], self.start[k + 1])
-            W = alpha[:, own].T @ Sv[:, :, own]
-            pivots = W + Z[:, :, None][:, own] * np.eye(sizes[k])
-            if np.linalg.cond(pivots).max() * SINGULAR > 1:
-                known[self.which[k]] = False
-            else:
-                dH[part, :, :, self.which[k]] = P[:, :, own] @ np.linalg.solve(pivots, Q[:, :, own].transpose(0, 2, 1))
+        """Set the effects of the changes as `_set_effects` does; Z (f, modes) is the signed stiffness of each mode."""
+
+        def block(own: slice) -> Complex:
+            return np.asarray(Z[:, own, None] * np.eye(own.stop - own.start))
+
+        change = np.repeat(self.which, np.diff(self.start))
+        _set_effects(dH, known, part, change, Z, block, alpha[None], Sv, P, Q)
 
 
 def add_terms(G: Complex, table: ModalTable, columns: Columns, points: Columns | None = None) -> None:
@@ -133,9 +112,9 @@ def add_terms(G: Complex, table: ModalTable, columns: Columns, points: Columns |
     table : ModalTable
     columns : (k,) int64
     points : (f,) int64, optional
-        Which of the table's frequencies, all of them if left out.
+        Numbers of the frequencies; all if absent.
     """
-    # A joint elsewhere, or a sensor of another body, has rows of nothing but zeros here.
+    # Joints and sensors of other bodies have zero rows here.
     rows, ports = (np.flatnonzero(side[:, columns].any(axis=1)) for side in (table.left, table.right))
     if not (rows.size and ports.size and G.size):
         return
@@ -151,7 +130,7 @@ def add_terms(G: Complex, table: ModalTable, columns: Columns, points: Columns |
 
 @dataclass(frozen=True, eq=False)
 class CoupledModes:
-    """Clusters of a body's coordinates that are coupled within and not with each other.
+    """Clusters of a body's coordinates, coupled inside and not with each other.
 
     Parameters
     ----------
@@ -176,7 +155,7 @@ class CoupledModes:
 
     @classmethod
     def of(cls, sub: Substructure, left: Real, right: Real) -> CoupledModes:
-        """Find the clusters of a body in coordinates of which it couples some."""
+        """Find the clusters of coupled coordinates of a body."""
         M, K, D, loss = (
             np.zeros((sub.m, sub.m)) if part is None else dense(part) for part in (sub.M, sub.K, sub.D, sub.loss)
         )
@@ -195,7 +174,7 @@ class CoupledModes:
         at, w = np.ix_(rows, columns), omega[:, None, None]
         return np.asarray(self.K[at] - w**2 * self.M[at] + 1j * (self.loss[at] + w * self.D[at]))
 
-    def flexibility(self, present: NDArray[np.bool_], omega: Real) -> Complex:
+    def flexibility(self, present: Marks, omega: Real) -> Complex:
         """Flexibility of the present coordinates of the clusters between the rows of the wiring (f, left, right).
 
         Raises
@@ -211,7 +190,7 @@ class CoupledModes:
         return G
 
     def solved(self, rows: Columns, load: Complex, omega: Real) -> Complex:
-        """Motions under loads (s, k) or (f, s, k) where only some coordinates are present (f, s, k)."""
+        """Motions (f, s, k) under loads (s, k) or (f, s, k), where only some coordinates are present."""
         wide = np.broadcast_to(load, (omega.size, *load.shape[-2:]))
         if not rows.size:
             return np.array(wide)
@@ -225,14 +204,14 @@ class CoupledModes:
 
 @dataclass(frozen=True, eq=False)
 class CoupledTerms:
-    """What coordinates of clusters add to a receptance, or take from it, at some frequencies: left N^-1 right^T.
+    """Parts left N^-1 right^T of a receptance, at some frequencies, of coupled coordinates that are added or left out.
 
     Parameters
     ----------
     left, right : (f, ports, k) complex128
     N : (f, k, k) complex128
     change : (k,) int64
-        Number of the change that each column is of.
+        Number of the change of each column.
     """
 
     left: Complex
@@ -246,17 +225,17 @@ class CoupledTerms:
         bodies: Mapping[str, CoupledModes],
         changes: Sequence[Change],
         which: Columns,
-        present: Mapping[str, NDArray[np.bool_]],
+        present: Mapping[str, Marks],
         omega: Real,
     ) -> Iterator[CoupledTerms]:
-        """Terms of those changes that ``which`` numbers, cluster by cluster.
+        """Terms of the changes with the numbers ``which``, cluster by cluster.
 
-        A change's coordinates are of one cluster, and all of them are present or none is.
+        The coordinates of a change belong to one cluster, and all or none of them are present.
 
         Notes
         -----
-        With Z the dynamic stiffness of a cluster and S what is present of it, coordinates J put in add
-        V N^-1 V^T, V = E_J - E_S Z_SS^-1 Z_SJ, N = Z_JJ - Z_JS Z_SS^-1 Z_SJ; those taken out add the same with
+        With Z the dynamic stiffness of a cluster and S its coordinates that are present, added coordinates J contribute
+        V N^-1 V^T, V = E_J - E_S Z_SS^-1 Z_SJ, N = Z_JJ - Z_JS Z_SS^-1 Z_SJ; those left out contribute the same with
         V = E_S Z_SS^-1 E_J and N = -E_J^T V.
         """
         for name, body in bodies.items():
@@ -279,37 +258,58 @@ class CoupledTerms:
                     yield cls(left, right, N, np.repeat(numbers, sizes))
 
     def update(
-        self, dH: Complex, known: NDArray[np.bool_], part: slice, alpha: Complex, Sv: Complex, P: Complex, Q: Complex
+        self, dH: Complex, known: Marks, part: slice, alpha: Complex, Sv: Complex, P: Complex, Q: Complex
     ) -> None:
-        """Set what each change adds to the response at a block of frequencies.
+        """Set the effects of the changes as `_set_effects` does."""
+        Z = np.diagonal(self.N, axis1=1, axis2=2)
+        _set_effects(dH, known, part, self.change, Z, lambda own: self.N[:, own, own], alpha, Sv, P, Q)
 
-        Parameters
-        ----------
-        dH : (f, outputs, inputs, n) complex128
-            Of all frequencies, written at ``part``.
-        known : (n,) bool
-            Set to False for a change that brings the joined flexibility to singular.
-        part : slice
-        alpha, Sv : (f, c, k) complex128
-            Joint motions of the columns, and the joined stiffness times them.
-        P, Q : (f, outputs, k), (f, inputs, k) complex128
-            What the columns do to the outputs, and the inputs to them, with the bodies joined.
-        """
-        first, sizes = np.unique(self.change, return_index=True, return_counts=True)[1:]
-        alone = first[sizes == 1]
-        stiff = self.N[:, alone, alone]
-        W = np.einsum("fck,fck->fk", alpha[:, :, alone], Sv[:, :, alone])
-        pivot = stiff + W
-        regular = np.all(abs(pivot) > SINGULAR * (abs(stiff) + abs(W)), axis=0)
-        known[self.change[alone[~regular]]] = False
-        good = alone[regular]
-        dH[part, :, :, self.change[good]] = P[:, :, None, good] * (Q[:, None, :, good] / pivot[:, None, None, regular])
-        for start, size in zip(first[sizes > 1], sizes[sizes > 1], strict=True):
-            own = slice(start, start + size)
-            pivots = self.N[:, own, own] + alpha[:, :, own].transpose(0, 2, 1) @ Sv[:, :, own]
-            if np.linalg.cond(pivots).max() * SINGULAR > 1:
-                known[self.change[start]] = False
-            else:
-                dH[part, :, :, self.change[start]] = P[:, :, own] @ np.linalg.solve(
-                    pivots, Q[:, :, own].transpose(0, 2, 1)
-                )
+
+def _set_effects(
+    dH: Complex,
+    known: Marks,
+    part: slice,
+    change: Columns,
+    Z: Complex,
+    block: Callable[[slice], Complex],
+    alpha: Real | Complex,
+    Sv: Complex,
+    P: Complex,
+    Q: Complex,
+) -> None:
+    """Set the effect of each change on the response at a block of frequencies.
+
+    Parameters
+    ----------
+    dH : (f, outputs, inputs, n) complex128
+        Effects at all frequencies, written at ``part``.
+    known : (n,) bool
+        Set to False for a change that makes the joined flexibility singular.
+    part : slice
+        The block.
+    change : (k,) int64
+        Number of the change of each column, ascending in runs.
+    Z : (f, k) complex128
+        Stiffness of each column alone.
+    block : callable
+        Returns the stiffness (f, s, s) of the columns of a change with several.
+    alpha, Sv : (f or 1, c, k), (f, c, k) complex128
+        Joint motions of the columns, and the joined stiffness times them.
+    P, Q : (f, outputs, k), (f, inputs, k) complex128
+        Response of the outputs to the columns, and of the columns to the inputs, with the bodies joined.
+    """
+    first, sizes = np.unique(change, return_index=True, return_counts=True)[1:]
+    alone = first[sizes == 1]
+    W = np.einsum("fck,fck->fk", alpha[:, :, alone], Sv[:, :, alone])
+    pivot = Z[:, alone] + W
+    regular = np.all(abs(pivot) > SINGULAR * (abs(Z[:, alone]) + abs(W)), axis=0)
+    known[change[alone[~regular]]] = False
+    good = alone[regular]
+    dH[part, :, :, change[good]] = P[:, :, None, good] * (Q[:, None, :, good] / pivot[:, None, None, regular])
+    for start, size in zip(first[sizes > 1].tolist(), sizes[sizes > 1].tolist(), strict=True):
+        own = slice(start, start + size)
+        pivots = block(own) + alpha[:, :, own].transpose(0, 2, 1) @ Sv[:, :, own]
+        if np.linalg.cond(pivots).max() * SINGULAR > 1:
+            known[change[start]] = False
+        else:
+            dH[part, :, :, change[start]] = P[:, :, own] @ np.linalg.solve(pivots, Q[:, :, own].transpose(0, 2, 1))

@@ -40,34 +40,34 @@ __all__ = [
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Receptance = Callable[[Real], Complex]
-"""Gives L (K + i loss + i w D - w^2 M)^-1 L^T (f, p, p) at frequencies (f,) in rad/s.
+"""Returns L (K + i loss + i w D - w^2 M)^-1 L^T (f, p, p) at frequencies (f,) in rad/s.
 
-Frequencies that lie side by side in memory, as those of a body in modes do, make products of it long ones.
+Products are fast where the frequencies of one entry are contiguous in memory, as for a body in modes.
 """
 
 # Bodies with this many coordinates or more, and no modes, are solved sparse; smaller ones, dense, many points at once.
 _SPARSE = 200
-# Fewer points than this are solved one by one: a model over shapes takes the time of about as many.
+# Fewer points than this are solved one by one: a model over shapes costs about as much time.
 _FEWEST = 20
 BRAKED = 1e-9
-"""Damping that leaves more than this share of itself on rigid motion brakes it; projection leaves less by rounding."""
-# Memory of a table of receptances that are wanted again.
+"""Damping with more than this share of its size on rigid motion brakes it; projection leaves less by rounding."""
+# Memory of a table of receptances that are used again.
 _TABLE_BYTES = 2**28
-# Amplitudes of modes at the frequencies taken at a time stay in the cache.
+# Memory of the mode amplitudes of a block of frequencies, which stay in the cache.
 _CACHED_BYTES = 2**21
 
 
 def receptance(sub: Substructure, omega: Real, motions: Matrix) -> Receptance:
     """Prepare a body's receptance for some frequencies.
 
-    A body in its modes is a sum over them. One in many dofs gets a small model over shapes, good to
-    ``RESPONSE_TOLERANCE`` at every frequency up to the highest; where its bound does not say so, the body itself is
-    solved. Any other frequencies may be asked for later.
+    The receptance of a body in its modes is a sum over them. A body in many dofs gets a small model over shapes,
+    accurate to ``RESPONSE_TOLERANCE`` at every frequency up to the highest; where its bound does not confirm this, the
+    body itself is solved. The result may be evaluated at any other frequencies.
 
     Parameters
     ----------
     sub : Substructure
-        The body alone, free or held as it is.
+        The body alone, free or held.
     omega : (f,) float64
         Circular frequencies in rad/s, none of them zero for a free body.
     motions : (p, m) Matrix
@@ -89,7 +89,7 @@ def receptance(sub: Substructure, omega: Real, motions: Matrix) -> Receptance:
     M, K = sp.csc_array(sub.M), sp.csc_array(sub.K)
     D, loss = (None if part is None else sp.csc_array(part) for part in (sub.D, sub.loss))
     Z = DynamicStiffness(K, M, D, loss)
-    # Points have six motions, of which a solid's have three.
+    # Points have six motions; those of a solid have three.
     here = np.flatnonzero(L.any(axis=1))
     model: FlexibilityModel | None = None
     if omega.size >= _FEWEST and here.size:
@@ -100,7 +100,7 @@ def receptance(sub: Substructure, omega: Real, motions: Matrix) -> Receptance:
         except InsufficientMemoryError:
             raise
         except (MatrixError, la.LinAlgError):
-            # No model can be built on such matrices, or it was not confirmed: every point is solved.
+            # No model is possible with these matrices, or it was not confirmed: every point is solved.
             model = None
     return _named(sub, partial(_sparse, Z, model, load[:, here], rigid, here))
 
@@ -117,13 +117,14 @@ def receptances(sub: Substructure, omega: Real, motions: Matrix) -> Complex:
 
 
 def tabulated(source: Receptance, omega: Real, motions: int) -> Receptance:
-    """Keep a receptance at some frequencies in memory, or leave it as it is where that would take much.
+    """Keep a receptance at some frequencies in memory; return it unchanged where the table would be too large.
 
     Parameters
     ----------
     source : Receptance
+        To tabulate.
     omega : (f,) float64
-        Ascending; only these can be asked for afterwards.
+        Ascending; the table has no other frequencies.
     motions : int
         Rows of the receptance.
     """
@@ -144,14 +145,14 @@ def add_between(G: Complex, left: Real, Y: Complex, right: Real) -> None:
     Y : (p, p, f) complex128
         Contiguous: one body's receptance, frequencies last.
     """
-    # A joint elsewhere, or a sensor of another body, has rows of nothing but zeros here.
+    # Joints and sensors of other bodies have zero rows here.
     rows, columns = (np.flatnonzero(side.any(axis=1)) for side in (left, right))
     if not (rows.size and columns.size and Y.size):
         return
     p, _, f = Y.shape
     half = (left[rows] @ Y.view(np.float64).reshape(p, -1)).reshape(rows.size, p, 2 * f)
     both = right[columns] @ half
-    # Picked rows and columns are copied before and after the sum.
+    # Selected rows and columns would be copied before and after the sum.
     if both.size == 2 * G.size:
         G.view(np.float64)[...] += both
     else:
@@ -159,7 +160,7 @@ def add_between(G: Complex, left: Real, Y: Complex, right: Real) -> None:
 
 
 def frequencies_last(Y: Complex) -> Complex:
-    """The same receptance (f, p, p) as (p, p, f), contiguous; that of a body in modes is not copied."""
+    """Reorder a receptance (f, p, p) to (p, p, f), contiguous; that of a body in modes is not copied."""
     return np.ascontiguousarray(Y.transpose(1, 2, 0))
 
 
@@ -174,7 +175,7 @@ def _named(sub: Substructure, at: Receptance) -> Receptance:
 
 
 def resonant(sub: Substructure, error: ResonanceError) -> MatrixError:
-    """What to tell of a body without damping that is driven at its resonance."""
+    """Error for a body without damping that is driven at its resonance."""
     return MatrixError(
         f"body '{sub.name}' has no damping and resonates at {error.omega / 2 / np.pi:.6g} Hz, where its "
         "response is infinite; give it `damping:`, or move the frequency grid"
@@ -182,7 +183,7 @@ def resonant(sub: Substructure, error: ResonanceError) -> MatrixError:
 
 
 def modal_weights(sub: Substructure, omega: Real, columns: NDArray[np.int64] | None = None) -> Complex:
-    """Amplitudes of the modes of a body under unit modal forces (f, m), or of some that nothing couples (f, k).
+    """Amplitudes of the modes of a body under unit modal forces (f, m), or of some uncoupled ones (f, k).
 
     Raises
     ------
@@ -256,9 +257,9 @@ def _sparse(
 
 
 def _elastic_load(sub: Substructure, L: Real) -> tuple[Real, Real]:
-    """Loads at the points without their share in rigid motion (m, p), and the flexibility of that share times -w^2.
+    """Loads at the points without their share in rigid motion (m, p), and the flexibility of this share times -w^2.
 
-    K is zero on rigid motion only to round-off, which a solve at low frequency magnifies by K over w^2 M.
+    K is zero on rigid motion only to round-off, which a solve at low frequency would magnify by K over w^2 M.
     """
     if _is_braked(sub):
         return L.T, np.zeros((L.shape[0], L.shape[0]))
@@ -268,12 +269,12 @@ def _elastic_load(sub: Substructure, L: Real) -> tuple[Real, Real]:
 
 
 def _over_square(rigid: Real, omega: Real) -> Real:
-    # A held body has none of it, at zero frequency either.
+    # A held body has no rigid motion, also not at zero frequency.
     return rigid / omega[:, None, None] ** 2 if rigid.any() else rigid
 
 
 def _is_braked(sub: Substructure) -> bool:
-    """Whether a damping matrix of the user acts on rigid motion, which is then no motion of its own."""
+    """Tell if a damping matrix of the user acts on rigid motion, which is then not separate from elastic motion."""
     if sub.D is None:
         return False
     size = spla.norm(sp.csc_array(sub.D), 1) * abs(sub.rigid).max(initial=0.0)
@@ -281,7 +282,7 @@ def _is_braked(sub: Substructure) -> bool:
 
 
 def is_diagonal(sub: Substructure) -> bool:
-    """Whether a body is given in modes that nothing couples."""
+    """Tell if a body is in uncoupled modes."""
     parts = [part for part in (sub.M, sub.K, sub.D, sub.loss) if part is not None]
     if sub.omega is None:
         return False

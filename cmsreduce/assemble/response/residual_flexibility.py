@@ -1,24 +1,22 @@
-"""What joins, drives and measures the bodies of a scene, as rows over the motions of their points.
+"""Joined bodies as their modes near a band and the residual flexibility of all other modes.
 
-Joined bodies as their modes near a band, and the residual flexibility of all others.
-
-Modes that resonate well above the band answer within it by flexibilities that vary smoothly with frequency, and so do
-the joint forces that they alone would pass on. With a, b, c the rows of A, B, C over the modes near the band, Z their
+Within the band, modes that resonate well above it have flexibilities that vary smoothly with frequency, and so do the
+joint forces that they alone would transmit. With a, b, c the rows of A, B, C over the modes near the band, Z their
 dynamic stiffness and Y the receptance of the residual modes,
 
     (Z + a^T S a) q = (b^T - a^T S A Y B) u,    S = (A Y A^T)^-1,
     y = (c - C Y A^T S a) q + (C Y B - C Y A^T S A Y B) u,
 
-in which everything but Z is taken at a few Chebyshev points of the band and interpolated: no matter how many modes the
-bodies have and how many forces act in their joints, a frequency costs a solve for the modes near the band.
+in which everything but Z is computed at a few Chebyshev points of the band and interpolated: for any number of modes of
+the bodies and of joint forces, a frequency costs a solve for the modes near the band.
 
-Every root of a residual mode is at least 1.5 times the top of the band away from zero. Joined they are no nearer: for
-any shape x the coefficients of x^H (K + i w D - w^2 M) x are sums of those of the modes, none negative, and its roots
-are no nearer than the nearest of theirs. Loss factors that differ from mode to mode turn the stiffness of each by an
-angle of its own, and may bring them nearer by the root of the cosine of half the largest difference of these. The
-ellipse with foci at both ends of the band [0, top] that reaches to 1.5 top lies within that distance, and 24 points of
-the band leave (2 + sqrt(3))^-24 = 2e-14 of what is analytic there (Trefethen, Approximation Theory and Approximation
-Practice, SIAM 2013, theorem 8.2).
+Every root of a residual mode is at least 1.5 times the top of the band away from zero. The roots of the joined residual
+modes are no nearer: for any shape x the coefficients of x^H (K + i w D - w^2 M) x are sums of those of the modes, none
+negative, and its roots are no nearer than the nearest of theirs. Loss factors that differ from mode to mode turn the
+stiffness of each by a different angle, and may bring the roots nearer by the root of the cosine of half the largest
+difference. The ellipse with foci at both ends of the band [0, top] that reaches to 1.5 top lies within this distance,
+and for functions that are analytic there 24 points of the band leave an error of (2 + sqrt(3))^-24 = 2e-14 (Trefethen,
+Approximation Theory and Approximation Practice, SIAM 2013, theorem 8.2).
 """
 
 from __future__ import annotations
@@ -49,14 +47,14 @@ Ints = NDArray[np.int64]
 # Modes with a root nearer to zero than this many times the top of the band are near it.
 _BEYOND = 1.5
 _NODES = 24
-# To fewer forces or frequencies the receptances are coupled as quickly: 12 forces and 21 modes near the band take as
-# long either way, 90 forces and 21 modes a sixteenth.
+# For fewer forces or frequencies, coupling of receptances takes no more time: 12 forces and 21 modes near the band take
+# the same time either way, 90 forces and 21 modes a sixteenth.
 _FEWEST_FORCES = 12
 _FEWEST_POINTS = 4 * _NODES
-# Least eigenvalue of A Y A^T, scaled to ones on its diagonal: below it the residual modes do not span the joints, and S
-# would have fewer than six digits. Where they do it was 3e-3 and more, where they do not it is rounding, 1e-16.
+# Least eigenvalue of A Y A^T, scaled to a unit diagonal: below it the residual modes do not span the joints, and S
+# would have fewer than six digits. Observed values are 3e-3 and more if they do, and rounding, 1e-16, if they do not.
 _SPANNED = 1e-10
-# Memory of the matrices of the frequencies solved at a time, which stay in the cache.
+# Memory of the matrices of a block of frequencies, which stay in the cache.
 _BLOCK_BYTES = 2**22
 
 
@@ -67,13 +65,13 @@ class JoinedRows:
     Parameters
     ----------
     left : (c + displacements + rates, size) float64
-        Independent constraints, then the outputs that measure anything.
+        Constraints, then the outputs that are not zero.
     right : (c + inputs, size) float64
         The same constraints, then the inputs.
     c, outputs : int
-        Constraints; outputs, silent ones too.
+        Constraints; outputs, including those that are zero.
     displacement, rate : tuple of int
-        Which outputs the last rows on the left are.
+        Outputs of the last rows on the left.
     """
 
     left: Real
@@ -84,10 +82,10 @@ class JoinedRows:
     rate: tuple[int, ...]
 
     @classmethod
-    def of(cls, wiring: Wiring, stack: PointStack) -> JoinedRows:
-        """Take the rows of a configuration that count."""
-        # Joints that lock the same motion of a reduced body twice would leave lambda undetermined.
-        A = row_basis(dense(stack.spread(wiring.A))) @ wiring.A
+    def of(cls, wiring: Wiring, stack: PointStack | None = None) -> JoinedRows:
+        """Collect the rows of a configuration; with a stack, without constraints that are dependent in its motions."""
+        # Joints that lock one motion of a reduced body twice would leave lambda undetermined.
+        A = wiring.A if stack is None else row_basis(dense(stack.spread(wiring.A))) @ wiring.A
         displacement, rate = (np.flatnonzero(rows.any(axis=1)) for rows in (wiring.C1, wiring.C2))
         left = np.vstack([A, wiring.C1[displacement], wiring.C2[rate]])
         measured = tuple(displacement.tolist()), tuple(rate.tolist())
@@ -106,8 +104,8 @@ class JoinedRows:
             both = both - G[:, c:, :c] @ np.linalg.solve(G[:, :c, :c], G[:, :c, c:])
         return self.measured(both, omega)
 
-    def measured(self, both: Complex, omega: Real) -> Complex:
-        """Outputs (f, outputs, inputs), from what the rows that measure anything answer: rates are i w times these."""
+    def measured(self, both: Complex | Real, omega: Real) -> Complex:
+        """Outputs (f, outputs, inputs) from the motions of the measuring rows: rates are i w times their motions."""
         H = np.zeros((omega.size, self.outputs, both.shape[2]), dtype=np.complex128)
         d = len(self.displacement)
         H[:, self.displacement] = both[:, :d]
@@ -128,9 +126,9 @@ class ResidualFlexibility:
     drag, mass : (k, k) float64
         Their D and M.
     residual : (nodes, k + rows measured, k + inputs) complex128
-        What the residual modes add at the Chebyshev points of [0, top].
-    top : float
-        In rad/s.
+        Part of the residual modes at the Chebyshev points of [0, top].
+    omega_max : float
+        Top of the band in rad/s.
     """
 
     joined: JoinedRows
@@ -138,7 +136,7 @@ class ResidualFlexibility:
     drag: Real
     mass: Real
     residual: Complex
-    top: float
+    omega_max: float
 
     def __call__(self, omega: Real) -> Complex:
         """Response (f, outputs, inputs) at frequencies (f,) in rad/s, none above the top."""
@@ -147,7 +145,7 @@ class ResidualFlexibility:
         H = np.empty((omega.size, self.joined.outputs, columns - k), dtype=np.complex128)
         for part in frequency_blocks(omega.size, 3 * 16 * rows * columns, _BLOCK_BYTES):
             w = omega[part, None, None]
-            values = _interpolation(omega[part] / self.top) @ self.residual.reshape(nodes, -1).view(np.float64)
+            values = _interpolation(omega[part] / self.omega_max) @ self.residual.reshape(nodes, -1).view(np.float64)
             E = values.view(np.complex128).reshape(-1, rows, columns)
             Z = E[:, :k, :k] + self.stiffness + 1j * w * self.drag - w**2 * self.mass
             both = E[:, k:, k:] + E[:, k:, :k] @ np.linalg.solve(Z, E[:, :k, k:])
@@ -156,9 +154,9 @@ class ResidualFlexibility:
 
 
 def residual_flexibility(stack: PointStack, joined: JoinedRows, omega: Real) -> ResidualFlexibility | None:
-    """Split the modes of joined bodies in those near a band and the residual ones.
+    """Split the modes of joined bodies into those near a band and the residual ones.
 
-    Coordinates of a body that is not in modes all count as near.
+    All coordinates of a body that is not in modes count as near.
 
     Parameters
     ----------
@@ -167,24 +165,24 @@ def residual_flexibility(stack: PointStack, joined: JoinedRows, omega: Real) -> 
     joined : JoinedRows
         Joints, inputs and outputs of the configuration.
     omega : (f,) float64
-        Circular frequencies in rad/s that will be asked for.
+        Circular frequencies in rad/s of the response.
 
     Returns
     -------
     ResidualFlexibility or None
-        None where the receptances are coupled in less time, or where the residual modes do not span the joints.
+        None where coupling of receptances takes less time, or where the residual modes do not span the joints.
     """
     if omega.size < _FEWEST_POINTS or joined.c < _FEWEST_FORCES:
         return None
-    top, c = float(omega.max()), joined.c
-    near = {name: _near(sub, _BEYOND * top) for name, sub in stack.substructures.items()}
+    omega_max, c = float(omega.max()), joined.c
+    near = {name: _near(sub, _BEYOND * omega_max) for name, sub in stack.substructures.items()}
     if sum(int(np.count_nonzero(columns)) for columns in near.values()) > c:
         return None
     modes = _near_modes(stack, joined, {name: np.flatnonzero(columns) for name, columns in near.items()})
     far = {name: np.flatnonzero(~columns) for name, columns in near.items()}
     left, right = _over(joined.left, stack, far), _over(joined.right, stack, far)
     k = modes.left.shape[1]
-    nodes = (chebyshev.chebpts1(_NODES) + 1) / 2 * top
+    nodes = (chebyshev.chebpts1(_NODES) + 1) / 2 * omega_max
     weights = [modal_weights(stack.substructures[name], nodes, own) for name, own in far.items() if own.size]
     residual = np.empty((_NODES, left.shape[0] - c + k, right.shape[0] - c + k), dtype=np.complex128)
     for E, weight in zip(residual, np.hstack([np.empty((_NODES, 0)), *weights]), strict=True):
@@ -196,7 +194,7 @@ def residual_flexibility(stack: PointStack, joined: JoinedRows, omega: Real) -> 
         E[:k, k:] = modes.right[c:].T - E[:k, k:]
         E[k:, :k] += modes.left[c:]
         E[k:, k:] += G[c:, c:]
-    return ResidualFlexibility(joined, modes.stiffness, modes.drag, modes.mass, residual, top)
+    return ResidualFlexibility(joined, modes.stiffness, modes.drag, modes.mass, residual, omega_max)
 
 
 class _NearModes(NamedTuple):
@@ -210,10 +208,10 @@ class _NearModes(NamedTuple):
 
 
 def _near_modes(stack: PointStack, joined: JoinedRows, columns: Mapping[str, Ints]) -> _NearModes:
-    """The modes near the band, those that are no more than a free motion of the whole first.
+    """Modes near the band, beginning with the free rigid motions of the system.
 
-    Joints and stiffness do nothing in these: their inertia is all there is of them, and far below the resonances less
-    than the rounding of the stiffness that the joints have, unless that is known to be zero.
+    Joints and stiffness do not act in these: they have inertia alone, which far below the resonances is less than the
+    rounding of the stiffness at the joints. Entries that vanish are therefore set to zero.
     """
     c, bodies = joined.c, stack.substructures
     left, right = _over(joined.left, stack, columns), _over(joined.right, stack, columns)
@@ -234,19 +232,19 @@ def _near_modes(stack: PointStack, joined: JoinedRows, columns: Mapping[str, Int
 
 
 def _near(sub: Substructure, reach: float) -> NDArray[np.bool_]:
-    """Which coordinates have a root m w^2 - i d w - (k + i g) = 0 with ``abs(w) <= reach``, or are no modes."""
+    """Mark coordinates with a root m w^2 - i d w - (k + i g) = 0 with ``abs(w) <= reach``, or that are no modes."""
     if not is_diagonal(sub):
         return np.ones(sub.m, dtype=bool)
     m, k, d, g = (np.zeros(sub.m) if A is None else np.asarray(A.diagonal()) for A in (sub.M, sub.K, sub.D, sub.loss))
     stiffness = k + 1j * g
     root = np.sqrt(4 * m * stiffness - d**2)
-    # m times the root farther away; the nearer one is their product divided by it. Without mass there is one root.
+    # m times the farther root; the nearer one is the product of both divided by it. Without mass there is one root.
     far = np.maximum(abs(1j * d + root), abs(1j * d - root)) / 2
     return np.asarray(abs(stiffness) <= reach * far)
 
 
 def _over(rows: Real, stack: PointStack, columns: Mapping[str, Ints]) -> Real:
-    """Rows over the motions as rows over some coordinates of each body."""
+    """Rows over some coordinates of each body, from rows over the motions."""
     parts = [rows[:, stack.body_columns(name)] @ dense(stack.motions(name)[:, own]) for name, own in columns.items()]
     return np.hstack([np.empty((rows.shape[0], 0)), *parts])
 
