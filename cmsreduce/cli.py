@@ -295,9 +295,9 @@ def new(name: str, files: tuple[Path, ...]) -> None:
         click.echo(f"{path} written; fill in your files, then: cmsreduce run {path}")
         click.echo(f"or have it filled in for one body: cmsreduce new {name}2 MATRICES.op4 DECK.bdf")
         return
-    from cmsreduce.pipeline.bodies import first_look
+    from cmsreduce.pipeline.bodies import draft_body
 
-    draft = first_look(name, files)
+    draft = draft_body(name, files)
     path.write_text(body_pipeline(name, draft), encoding="utf-8")
     if draft.remark:
         click.echo(f"warning: the files do not fit together yet: {draft.remark}", err=True)
