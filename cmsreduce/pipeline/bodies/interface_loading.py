@@ -1,4 +1,4 @@
-"""The mode set of one body with the loading of its interfaces by the neighbours, and with shapes of shared interfaces."""
+"""The mode set of one body, with the loading of its interfaces by neighbours and with shapes of shared interfaces."""
 
 from __future__ import annotations
 
@@ -141,8 +141,8 @@ def shared_interfaces(
 
     Notes
     -----
-    Two bodies whose common interface is reduced to different shapes could hardly move together there. Both therefore get
-    the shapes of both.
+    Two bodies whose common interface is reduced to different shapes could hardly move together there. Both therefore
+    get the shapes of both.
     """
     body, rows = bodies[name].body, _many_rows(bodies[name].body)
     if not rows.size:

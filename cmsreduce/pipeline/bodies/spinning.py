@@ -83,7 +83,7 @@ def _of_body(name: str, spin: SpinKeys, flexible: FlexibleBody, component: Modal
 
 
 def _held_modes(component: ModalComponent) -> tuple[Array, Array, str]:
-    """Lowest modes (n, k), orthonormal in mass, of the body held at its softest interface; frequencies in rad/s; support.
+    """Lowest modes (n, k), orthonormal in mass, of the body held at its softest interface; rad/s; the support in words.
 
     The neighbour at an interface spins the body, so that interface holds it; a body that no interface holds is free.
     """

@@ -137,8 +137,8 @@ def _held(
         return tuple(body.interfaces)
     among = f"; it has {', '.join(body.interfaces)}" if body.interfaces else ", but it has none"
     raise SceneError(
-        f"components.{body.name}.geometric_stiffness: an interface must hold the body while its unit loads act; name it "
-        f"with `held:`{among}"
+        f"components.{body.name}.geometric_stiffness: an interface must hold the body while its unit loads act; name "
+        f"it with `held:`{among}"
     )
 
 

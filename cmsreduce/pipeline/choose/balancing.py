@@ -88,7 +88,7 @@ class Balancing:
         return replace(chosen, selection={name: chosen.selection[name] for name in self.ranked})
 
     def scaling(self, name: str) -> str:
-        """How a body's inputs and outputs were made comparable for its ranking, in words; empty without a ranking."""
+        """Scaling of the inputs and outputs of a body for its ranking, in words; empty without a ranking."""
         keys = self.pipeline.balance_of(name)
         return "" if keys is None else scaling_words(self.bodies[name].body, keys, self.scene)
 

@@ -57,8 +57,8 @@ class ModeSets:
     def unneeded(self) -> dict[str, str]:
         """Bodies that stay rigid because no response depends on their elasticity, with the reason.
 
-        A body is reduced as ever if a number of its modes is asked for, or if its own supports hold it, so that it has
-        no rigid motion.
+        A body is reduced nevertheless if a number of its modes is asked for, or if its own supports hold it, so that
+        it has no rigid motion.
         """
         off = off_every_path(self.scene)
         return {

@@ -1,4 +1,4 @@
-"""Which bodies lie between an actuator and a sensor: those of the others no response depends on."""
+"""Paths from actuators to sensors: no response depends on a body that lies on none of them."""
 
 from __future__ import annotations
 

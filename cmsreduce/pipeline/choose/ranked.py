@@ -33,9 +33,9 @@ from cmsreduce.pipeline.choose.sized_channels import SizedRows, channel_sizes, s
 
 __all__ = ["ranked", "ranking_channels", "scaling_words"]
 
-# Gramians of more modes are made only for the ranking that is asked for.
+# Gramians of more modes are computed only for the ranking that modes are kept by.
 _MOST_COMPARED = 1000
-# Components of a node from 1: those beyond turn.
+# Components of a node count from 1; higher ones are rotations.
 _TRANSLATIONS = 3
 
 
@@ -79,7 +79,7 @@ def ranked(
 
 
 def _rankings(keys: RankingKeys) -> tuple[dict[str, Ranking], Ranking]:
-    """Every ranking of a body by itself, and the one asked for; the usual one until the system has been looked at."""
+    """Every ranking of a body by itself, and the one asked for; the usual one if that ranks the assembled system."""
     rankings: dict[str, Ranking] = {**RANKINGS, Hankel.name: Hankel(keys.clusters.correlation)}
     return rankings, rankings.get(keys.rank, rankings["gregory"])
 
@@ -94,7 +94,7 @@ def _clusters_only(cluster: NDArray[np.int64]) -> NDArray[np.int64]:
 def ranking_channels(
     component: ModalComponent, ports: Ports, keys: RankingKeys, scene: Scene, rows: SizedRows | None = None
 ) -> ModalChannels:
-    """A body's elastic modes between its inputs and outputs, scaled as asked."""
+    """A body's elastic modes between its inputs and outputs, scaled as weighting."""
     channels = modal_channels(component, ports)
     length = _arm(component.body, keys, scene)
     if length is None and rows is None:
@@ -119,7 +119,7 @@ def _arm(body: FEModel, keys: RankingKeys, scene: Scene) -> float | None:
 
 
 def scaling_words(body: FEModel, keys: RankingKeys, scene: Scene) -> str:
-    """How the inputs and outputs of a body are made comparable, in one line."""
+    """Scaling of the inputs and outputs of a body, in one line."""
     length, unit, stated = _arm(body, keys, scene), scene.units.name.partition("-")[0], keys.scaling
     if length is None:
         words = f"a radian counts as one {unit}"
@@ -136,12 +136,12 @@ def scaling_words(body: FEModel, keys: RankingKeys, scene: Scene) -> str:
 
 
 def _weighting(keys: RankingKeys, scene: Scene) -> Weighting | None:
-    asked = keys.weighting
-    if asked is None:
+    weighting = keys.weighting
+    if weighting is None:
         return None
-    if asked.numerator is not None:
-        return TransferFunction(asked.numerator, asked.denominator)
-    if asked.low_pass is not None:
-        return LowPass(2 * math.pi * asked.low_pass, asked.order)
-    low, high = asked.band_pass if asked.band_pass is not None else scene.band
-    return BandPass(2 * math.pi * low, 2 * math.pi * high, asked.order)
+    if weighting.numerator is not None:
+        return TransferFunction(weighting.numerator, weighting.denominator)
+    if weighting.low_pass is not None:
+        return LowPass(2 * math.pi * weighting.low_pass, weighting.order)
+    low, high = weighting.band_pass if weighting.band_pass is not None else scene.band
+    return BandPass(2 * math.pi * low, 2 * math.pi * high, weighting.order)

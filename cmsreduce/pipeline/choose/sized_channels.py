@@ -1,4 +1,4 @@
-"""Channels of the scene that the user gave a size, as a body's ranking takes them."""
+"""Channels of the scene with a size from the user, as the ranking of a body takes them."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class SizedRows:
-    """What channels of a given size do to one body, as built.
+    """Channels of a given size on one body, as built.
 
     Parameters
     ----------
     loads, displacements, rates : (k, n) sparse array
-        Load on the body's dofs of each such actuator at its size; motion that each such sensor measures, in sizes.
+        Load of each such actuator at its size on the dofs of the body; motion that each such sensor measures, in sizes.
     """
 
     loads: sp.csr_array
@@ -54,7 +54,7 @@ def sized_rows(scaling: ScalingKeys, model: AssembledModel, flexible: FlexibleBo
     scaling : ScalingKeys
         Sizes.
     model : AssembledModel
-        Any model of the scene: gives the directions of joints and struts, as built.
+        Any model of the scene; it gives the directions of joints and struts, as built.
     flexible : FlexibleBody
         The body.
     """

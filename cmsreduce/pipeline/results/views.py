@@ -213,7 +213,7 @@ def gain_curves(run: Run) -> tuple[GainCurve, ...]:
     """Running sums of modal gains in every configuration; empty without channels, and for a large system."""
     if not run.has_response:
         return ()
-    all_modes = run.whole.assembled
+    all_modes = run.untruncated.assembled
     found = []
     for configuration in run.scene.configurations:
         kept, every = (channel_gains(model, configuration) for model in (run.model.assembled, all_modes))

@@ -1,4 +1,4 @@
-"""One run of a pipeline: its stages in the order data flows, each done once whoever asks for it."""
+"""One run of a pipeline: its stages in the order data flows, each done once."""
 
 from __future__ import annotations
 
@@ -160,11 +160,11 @@ class Run:
 
     @cached_property
     def bodies(self) -> dict[str, FlexibleBody]:
-        """Flexible bodies, read and checked; joints, actuators and sensors are tried on them at once."""
+        """Flexible bodies, read and checked; joints, actuators and sensors are wired to them as a check."""
         found = {}
         for name in self.flexible_names:
             found[name] = self.flexible(name)
-            # Before anything is reduced: a body that is not sound shows in the results, whatever comes of it.
+            # Checked before anything is reduced, so that a faulty body shows in the results.
             _ = found[name].health
         bare = {name: replace(each, body=each.undamped).substructure(self.scene) for name, each in found.items()}
         rigid = {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
@@ -278,7 +278,7 @@ class Run:
         return ReducedModel(AssembledModel({name: subs[name] for name in self.pipeline.components}, self.scene), shapes)
 
     @cached_property
-    def whole(self) -> ReducedModel:
+    def untruncated(self) -> ReducedModel:
         """The system with every mode of the mode sets, before truncation."""
         return self.joined({name: self.modal(name) for name in self.reduced_names})
 
@@ -445,7 +445,7 @@ class Run:
     def completeness(self) -> tuple[AxisCompleteness, ...]:
         """Share of the inertia at each hinge that the modes hold; empty where hinges move each other, as in a loop."""
         try:
-            return axis_completeness(self.model.assembled, self.whole.assembled)
+            return axis_completeness(self.model.assembled, self.untruncated.assembled)
         except ConstraintError:
             return ()
 
