@@ -62,7 +62,7 @@ def test_the_product_in_order_with_the_first_key_slowest(study: Path) -> None:
     ]
     assert points[4].overrides == ("verify.frf.points=50", "reduce.cutoff=15", "balance.keep={modes: 4}")
     pipeline = points[4].pipeline
-    assert pipeline is not None and pipeline.reduce is not None and pipeline.reduce.cutoff == 15
+    assert pipeline is not None and pipeline.reduce is not None and pipeline.reduce.cutoff_bands == 15
     assert pipeline.balance is not None and pipeline.balance.keep.modes_of("arm") == 4
     assert points[2].folder == "cutoff=10_keep=all"
     assert len({point.folder for point in points}) == 6
