@@ -12,7 +12,7 @@ from cmsreduce.balance import whole_groups
 from cmsreduce.config import ScalingKeys
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import ModalComponent
-from cmsreduce.pipeline.choose.sized_channels import channel_sizes
+from cmsreduce.pipeline.choose.ranked import channel_sizes
 from cmsreduce.pipeline.system import AssembledModel
 from cmsreduce.project import cost_shares, system_cost
 from cmsreduce.verify import channel_scales, frequency_grid

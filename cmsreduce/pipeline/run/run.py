@@ -130,8 +130,6 @@ class Run:
             names = (tuple(channel.name for channel in group) for group in (self.scene.sensors, self.scene.actuators))
             self.controller = read_controller(controller.file, *names)
 
-    # Read.
-
     @property
     def flexible_names(self) -> list[str]:
         """Flexible bodies."""
@@ -181,8 +179,6 @@ class Run:
             FEModel.__name__: {name: flexible.body for name, flexible in self.bodies.items()},
             Configuration.__name__: {each.name: each for each in self.scene.configurations},
         }
-
-    # Reduce.
 
     @cached_property
     def mode_sets(self) -> ModeSets:
@@ -243,8 +239,6 @@ class Run:
         """
         return self._reduction(name, other).component
 
-    # Orthogonalise.
-
     def _mode_set_notes(self, found: ModalComponent, name: str, other: ModeSetKeys | None = None) -> Iterator[str]:
         sets = self.mode_sets
         key = sets.reduce_key(name, other)
@@ -281,8 +275,6 @@ class Run:
     def untruncated(self) -> ReducedModel:
         """The system with every mode of the mode sets, before truncation."""
         return self.joined({name: self.modal(name) for name in self.reduced_names})
-
-    # The reference model, against which reduced ones are measured.
 
     @stage(
         "reference",
@@ -322,8 +314,6 @@ class Run:
     @property
     def _points(self) -> int:
         return (self.pipeline.verify or VerifyKeys()).frf.points
-
-    # Balance.
 
     @cached_property
     def balancing(self) -> Balancing:
@@ -382,8 +372,6 @@ class Run:
         """The bodies with the modes that the run keeps."""
         return self.balancing.kept(self.ranked, self.selection)
 
-    # Project.
-
     @property
     def _projection_source(self) -> ReducedModel:
         """The system whose modes are projected."""
@@ -425,8 +413,6 @@ class Run:
         """The bodies as they are assembled and written."""
         return self.kept if self.projected is None else self.projected.components
 
-    # Assemble.
-
     @property
     @stage(
         "assemble",
@@ -448,8 +434,6 @@ class Run:
             return axis_completeness(self.model.assembled, self.untruncated.assembled)
         except ConstraintError:
             return ()
-
-    # Verify.
 
     def models(self) -> dict[str, ReducedModel]:
         """The reduced models that are compared with the reference model, the run's own first."""
