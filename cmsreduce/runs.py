@@ -106,11 +106,11 @@ class FinishedRun:
     def __repr__(self) -> str:
         name, count = self.work.pipeline.name, len(self.configurations)
         if self._result is None:
-            return f"FinishedRun('{name}', stopped early, configurations: {count}, in {self.folder})"
+            return f"<FinishedRun {name}: stopped early, {count} configurations, in {self.folder}>"
         kept = sum(part.kept_modes for part in self._result.components.values())
         worst = "".join(f", {key} {value:.3g}" for key, value in self._result.worst().items() if key == "frf_error")
         verdict = "PASS" if self.passed else "FAIL"
-        return f"FinishedRun('{name}', {verdict}{worst}, modes kept: {kept}, configurations: {count}, in {self.folder})"
+        return f"<FinishedRun {name}: {verdict}{worst}, {kept} modes kept, {count} configurations, in {self.folder}>"
 
 
 def run(

@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.assemble import body_points, body_ports, modal_substructure, rigid_substructure, state_space
+from cmsreduce.balance import Ranking
 from cmsreduce.config import Pipeline, build_scene, not_among, pipeline_from_keys
 from cmsreduce.errors import ConfigError, DofMapError, SceneError, UnitsError
 from cmsreduce.model import SI, Configuration, Damping, FEModel, ModalComponent, ReducedComponent, Units
@@ -101,12 +102,6 @@ class Component(ModalComponent):
         parts = [basic_shapes(body, body.nodes, self.Phi, at, motion)[0] for motion in ("translation", "rotation")]
         return np.concatenate(parts)
 
-    def __repr__(self) -> str:
-        elastic = self.frequencies_hz[self.elastic]
-        span = f" from {elastic[0]:.4g} to {elastic[-1]:.4g} Hz" if elastic.size else ""
-        counts = f"{self.rigid_count} rigid, {elastic.size} elastic{span}, {self.static_count} static modes"
-        return f"Component('{self.name}', {self.method}: {counts}, {self.body.n} dofs)"
-
 
 class AssembledSystem:
     """Joined bodies in one configuration.
@@ -179,8 +174,8 @@ class AssembledSystem:
 
     def __repr__(self) -> str:
         size = f"{self.matrices.N} coordinates, {self.matrices.rigid.shape[1]} rigid motions"
-        channels = f"{len(self.outputs)} x {len(self.inputs)} outputs x inputs"
-        return f"AssembledSystem('{self.configuration.name}' of {len(self.configurations)}: {size}, {channels})"
+        channels = f"{len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        return f"<AssembledSystem {self.configuration.name}: {size}, {channels}>"
 
 
 def read_body(
@@ -273,7 +268,7 @@ def orthogonalise(reduced: ReducedComponent) -> Component:
 
 def balance(
     component: ModalComponent,
-    rank: str = "gregory",
+    rank: str | Ranking = "gregory",
     keep: int | str | Keys = "all",
     *,
     actuators: Keys | None = None,
@@ -288,8 +283,8 @@ def balance(
     ----------
     component : ModalComponent
         The body in its modes.
-    rank : str
-        Ranking: gregory, hankel, component-cost, modal-gain or frequency.
+    rank : str or Ranking
+        Ranking: gregory, hankel, component-cost, modal-gain or frequency, or one of your own.
     keep : int, "all" or mapping
         Number of elastic modes, or a rule of the pipeline file for one body: {"fraction": 1e-4}, {"bound": 0.05}.
     actuators, sensors : mapping, optional
@@ -308,7 +303,9 @@ def balance(
         If a key is wrong, a mode has no damping that the ranking needs, or the rule needs the whole system.
     """
     rule = {"modes": keep} if isinstance(keep, int) else keep
-    wanted = {"rank": rank, "keep": rule, **keys}
+    name = rank if isinstance(rank, str) else rank.name
+    # A ranking of one's own takes the place of the coefficients of one that needs no damping.
+    wanted = {"rank": rank if isinstance(rank, str) else "modal-gain", "keep": rule, **keys}
     scene = {"actuators": actuators or {}, "sensors": sensors or {}}
     pipeline = _pipeline("balance", {component.name: component}, scene, {"balance": wanted})
     chosen, found = pipeline.balance_of(component.name), build_scene(pipeline)
@@ -318,9 +315,11 @@ def balance(
     ports = body_ports(component.body, found)
     component = ranked(component, ports, chosen, found)
     channels = ranking_channels(component, ports, chosen, found)
+    if isinstance(rank, Ranking):
+        component = rank.rank(component, channels)
     own = {component.name: component}
     kept = select(own, chosen, {component.name: channels}).selection
-    return Component.of(truncate(own, kept, {component.name: f"{rank}, keep {keep}"})[component.name])
+    return Component.of(truncate(own, kept, {component.name: f"{name}, keep {keep}"})[component.name])
 
 
 def assemble(

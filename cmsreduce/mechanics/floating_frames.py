@@ -84,8 +84,9 @@ def floating_frame(
     assert body.nodes is not None
     if condition.kind == "clamped":
         face = _face(body, condition.at)
-        C, origin, axes = _clamped(body, face), face.position[0].copy(), np.eye(3)
-        dofs = _dofs(face)
+        rows, origin, axes = body.interface_rows(face.name), face.position[0].copy(), np.eye(3)
+        C, dofs = np.zeros((_SIX, body.n)), np.column_stack([body.dofs.node[rows], body.dofs.component[rows]])
+        C[:, rows] = best_fit(body, rows, face.position)
     elif condition.kind == "chord":
         first, second = _face(body, condition.at), _face(body, condition.to)
         origin = first.position.mean(axis=0)
@@ -160,11 +161,6 @@ def _face(body: FEModel, name: str) -> Interface:
     return body.interfaces[name]
 
 
-def _dofs(face: Interface) -> NDArray[np.int64]:
-    pairs = [(node, part) for node, parts in zip(face.node, face.components, strict=True) for part in parts]
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
-
-
 def best_fit(body: FEModel, rows: NDArray[np.int64], position: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rigid motion of an interface about its first node, fitted to its dofs by least squares.
 
@@ -196,13 +192,6 @@ def best_fit(body: FEModel, rows: NDArray[np.int64], position: NDArray[np.float6
     column = np.array([1.0, 1.0, 1.0, edge, edge, edge])
     R = rigid_body_shapes(body.dofs, body.nodes, position[0])[rows]
     return np.asarray(la.pinv(row[:, None] * R / column, rtol=_SHOWN) * row / column[:, None])
-
-
-def _clamped(body: FEModel, face: Interface) -> Array:
-    rows = body.interface_rows(face.name)
-    C = np.zeros((_SIX, body.n))
-    C[:, rows] = best_fit(body, rows, face.position)
-    return C
 
 
 def _chord(

@@ -106,7 +106,8 @@ def tie_nodes(body: FEModel, name: str, tie: Tie) -> FEModel:
         follow = np.linalg.solve(A[:, six], np.hstack([np.linalg.inv(G), -A[:, rest]]))
         gone = rows[six]
         T = _transformation(body.n, gone, follow[:, :6], follow[:, 6:], rows[rest])
-    return _restated(body, T, gone, name, Nodes(_next_id(body, nodes), position[None], axes[None]))
+    free_id = max(int(nodes.id.max()), int(body.recovery.dofs.node.max())) + 1
+    return _restated(body, T, gone, name, Nodes(np.array([free_id]), position[None], axes[None]))
 
 
 def _weights(where: str, face: Interface, tie: Tie) -> NDArray[np.float64]:
@@ -179,11 +180,6 @@ def _check_determined(
         f"{where}: nodes {_listed(face.node)} {alike}, so that their motion leaves a rotation of the point they are "
         "tied to undetermined; tie three nodes or more that are not in line, or nodes with rotations (`tie: rigid`)"
     )
-
-
-def _next_id(body: FEModel, nodes: Nodes) -> NDArray[np.int64]:
-    """Next free id, above those of all nodes and dofs of the body."""
-    return np.array([max(int(nodes.id.max()), int(body.recovery.dofs.node.max())) + 1])
 
 
 def _transformation(

@@ -157,7 +157,7 @@ class ModalComponent:
     def __repr__(self) -> str:
         first = f", first {self.frequencies_hz[self.rigid_count]:.6g} Hz" if self.elastic_count else ""
         modes = f"{self.rigid_count} rigid, {self.elastic_count} elastic, {self.static_count} static modes"
-        return f"<ModalComponent {self.name}: {self.body.n} dofs, {modes}{first}>"
+        return f"<{type(self).__name__} {self.name}: {self.body.n} dofs, {modes}{first}>"
 
     @property
     def name(self) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.model import ExtraneousMode, ModeShare
+from cmsreduce.model import ExtraneousMode
 
 __all__ = ["extraneous_count", "extraneous_modes", "returned"]
 
@@ -98,16 +98,13 @@ def extraneous_modes(
     for k in np.flatnonzero(held < _CHOSEN):
         shares = {body: float(parts[k] / total[k]) for body, parts in energy.items()}
         relative = {name: float(size[k] / (np.linalg.norm(size) or 1.0)) for name, size in motion.items()}
-        share = ModeShare(
-            max(shares, key=lambda body: shares[body]),
-            shares,
-            max(relative, key=lambda name: relative[name]) if relative else "",
-        )
         found.append(
             ExtraneousMode(
                 configuration,
                 float(omega[k] / (2 * np.pi)),
-                share,
+                max(shares, key=lambda body: shares[body]),
+                shares,
+                max(relative, key=lambda name: relative[name]) if relative else "",
                 np.asarray(peak[:, k] / largest),
                 float(mac[k]),
             )

@@ -8,11 +8,11 @@ from cmsreduce.read.body import read_body
 from cmsreduce.read.controller import read_controller
 from cmsreduce.read.differential_stiffness import read_differential_stiffness
 from cmsreduce.read.files import sha256_of
-from cmsreduce.read.formats import Geometry, MatrixInfo
+from cmsreduce.read.formats import Geometry, MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.geometry import read_cells, read_geometry
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource
 from cmsreduce.read.labelled_matrix import LabelledMatrix
-from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix
+from cmsreduce.read.matrix import FORMATS, detect_format, matrix_names, read_matrix
 from cmsreduce.read.nastran import (
     BulkDeck,
     DeckMass,
@@ -28,12 +28,15 @@ from cmsreduce.read.row_order import RowOrderProof, prove_row_order
 __all__ = [
     "BulkDeck",
     "DeckMass",
+    "FORMATS",
     "Geometry",
     "InterfaceSpec",
     "LabelledMatrix",
+    "MatrixFormat",
     "MatrixInfo",
     "MatrixSource",
     "RowOrderProof",
+    "StoredMatrix",
     "bars_in_units",
     "deck_mass",
     "detect_format",

@@ -17,18 +17,9 @@ from cmsreduce.read.nastran import DMIG, OP2, OP4
 __all__ = ["FORMATS", "detect_format", "matrix_names", "read_matrix"]
 
 # In the order of detection: DMIG is last, because its cards may stand anywhere in a large deck.
-_TABLE: tuple[MatrixFormat, ...] = (
-    OP4,
-    OP2,
-    MATLAB,
-    NPZ,
-    NPY,
-    MATRIX_MARKET,
-    CALCULIX,
-    ABAQUS,
-    DMIG,
-)
-FORMATS = {format.name: format for format in _TABLE}
+FORMATS: dict[str, MatrixFormat] = {
+    format.name: format for format in (OP4, OP2, MATLAB, NPZ, NPY, MATRIX_MARKET, CALCULIX, ABAQUS, DMIG)
+}
 """Every format that matrices are read from, by name."""
 
 _HEAD = 1 << 16  # bytes that detection examines
@@ -56,10 +47,10 @@ def detect_format(path: Path) -> str:
     """
     require_file(path)
     head = read_head(path, _HEAD)
-    for format in _TABLE:
+    for format in FORMATS.values():
         if format.detect(path, head):
             return format.name
-    known = ", ".join(f"{format.name} ({format.words})" for format in _TABLE)
+    known = ", ".join(f"{format.name} ({format.words})" for format in FORMATS.values())
     if head.startswith(b"\x1f\x8b"):
         hint = "it is compressed with gzip: unpack it first"
     elif _BULK_DATA.search(head):

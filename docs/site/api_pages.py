@@ -9,9 +9,9 @@ __all__ = ["ROOMS", "api_page"]
 
 ROOMS = (
     *("read", "reduce", "orthogonalise", "balance", "project", "assemble", "verify", "write", "report"),
-    *("pipeline", "config", "model", "errors"),
+    *("pipeline", "config", "model", "errors", "runs", "steps"),
 )
-"""The rooms in the order of the data flow, then those that join them, then the data."""
+"""The rooms in the order of the data flow, then those that join them, the data, and the front door."""
 
 
 def api_page(room: str) -> str:

@@ -17,7 +17,7 @@ from mkdocs.structure.files import File, Files
 from cmsreduce.config import json_schema
 
 ROOT = Path(__file__).parents[2]
-PAGES = ("README.md", "docs/*.md", "sample_models/*/README.md", "benchmarks/*.md")
+PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/*.md", "sample_models/*/README.md", "benchmarks/*.md")
 _LINK = re.compile(r"\]\(([^)#:\s]+)[^)\s]*\)")
 
 

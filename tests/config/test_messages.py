@@ -74,7 +74,7 @@ MISTAKES = {
         "found the number 0, expected a number above 0"),
     "dofs of an average": (
         "nodes: [7, 8, 9], dofs: 123", "nodes: [7, 8, 9], dofs: 123, tie: average", 0,
-        "an average is of the translations of the nodes: take `dofs` out"),
+        "an average tie uses the translations of the nodes: take `dofs` out"),
     "tie of a rigid body": (
         "{hinge: {position: [0, 0, 0]}}", "{hinge: {nodes: [1], position: [0, 0, 0], tie: rigid}}", 0,
         "an interface of a rigid body is given by its position"),

@@ -1,6 +1,7 @@
-"""Integrals over bodies against closed forms, rigid motion, sums over points, and another program."""
+"""Integrals over bodies against closed forms, rigid motion, sums over points, another program; energies of shapes."""
 
 from dataclasses import replace
+from fractions import Fraction
 
 import h5py
 import numpy as np
@@ -9,7 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.mechanics import Tie, lumped_mass, modal_integrals, tie_nodes
+from cmsreduce.mechanics import Tie, energies, lumped_mass, modal_integrals, tie_nodes
 from cmsreduce.mechanics.lumped_mass import total_mass
 from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Units, cross_matrix, in_units, rigid_body_shapes
 from tests.frames import BAR, Section, frame, line, rotation
@@ -296,3 +297,19 @@ def test_a_disk_on_a_cantilever_turns_with_its_tip():
 def test_without_geometry_there_is_nothing_to_integrate_over():
     with pytest.raises(DofMapError, match="'rod' has no geometry"):
         modal_integrals(replace(line("rod", [0, 0, 0], [1, 0, 0], 1), nodes=None), np.zeros((12, 0)))
+
+
+@pytest.mark.parametrize("n", [3, 40])
+def test_a_soft_shape_of_a_stiff_chain(n: int) -> None:
+    """x^T K x of springs of 1e9 that hardly stretch; doubles keep nine digits of it, extended precision twelve."""
+    rng = np.random.default_rng(n)
+    K = 1e9 * sp.diags_array([np.full(n, 2.0), -np.ones(n - 1), -np.ones(n - 1)], offsets=[0, 1, -1], format="csc")
+    X = 1.0 + 1e-4 * rng.standard_normal((n, 20))
+    K = sp.csc_array(K - sp.csc_array(([1e9, 1e9], ([0, n - 1], [0, n - 1])), shape=(n, n)))
+    exact = []
+    for x in X.T:
+        terms = [Fraction(float(v)) for v in x]
+        exact.append(float(10**9 * sum((a - b) ** 2 for a, b in zip(terms[1:], terms[:-1], strict=True))))
+    digits = float(np.finfo(np.longdouble).eps) / float(np.finfo(float).eps)
+    np.testing.assert_allclose(energies(K, X), exact, rtol=max(1e-7 * digits, 1e-12))
+    np.testing.assert_allclose(energies(K.toarray(), X), energies(K, X), rtol=max(1e-7 * digits, 1e-12))

@@ -22,7 +22,6 @@ from cmsreduce.model import (
     MacMatrix,
     ModalComponent,
     ModelErrors,
-    ModeShare,
     Placement,
     PortDrawing,
     ProjectionRecord,
@@ -142,7 +141,9 @@ def large_run(
                 ExtraneousMode(
                     names[n % len(names)],
                     1.3 * n + 2,
-                    ModeShare("string", {"string": 1.0}, ""),
+                    "string",
+                    {"string": 1.0},
+                    "",
                     np.full(outputs, 10.0**-n),
                     n / 7,
                 )

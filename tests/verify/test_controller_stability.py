@@ -67,5 +67,5 @@ def test_what_does_not_fit_is_refused():
         controller_response(A, B.T, C, D, HZ)
     with pytest.raises(MatrixError, match="is a pole"):
         controller_response(np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), np.array([0.0]))
-    with pytest.raises(MatrixError, match="takes 2 signals and gives 1, but there are 1 sensors"):
+    with pytest.raises(MatrixError, match="it has 2 inputs and 1 outputs, but there are 1 sensors and 1 actuators"):
         stability_margin(HZ[:1], np.ones((1, 1, 1)), np.ones((1, 1, 1)), np.ones((1, 1, 2)))

@@ -1,4 +1,4 @@
-"""Keys that name a file and what to take from it."""
+"""Keys that name a file, and the part of it to read."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class ControllerFile(Keys):
 
 
 class RowOrder(Keys):
-    """Which dof each row of the matrices is: a set of the deck or a dof list; a lone text is either."""
+    """Order of the matrix rows: a set of the deck, or a dof list; a lone text is either of them."""
 
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"type": "string"},)
 

@@ -1,7 +1,4 @@
-"""Rotations as the pipeline file writes them: an axis and an angle, one after another.
-
-Keys of an interface and of its frame.
-"""
+"""Keys of an interface, of its frame, and of rotations about axes."""
 
 from __future__ import annotations
 
@@ -28,6 +25,7 @@ from cmsreduce.model import cross_matrix, dof_index
 
 __all__ = [
     "Angle",
+    "Axis",
     "FrameKeys",
     "InterfaceKeys",
     "InterfaceName",
@@ -36,13 +34,16 @@ __all__ = [
     "rotation_matrix",
 ]
 
+# Axes typed by hand have at least four digits. A larger deviation is an error of the user.
+_SQUARE = 1e-3
+
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def _parse_axis(value: object) -> object:
     if isinstance(value, str):
         if value.lower() not in _AXES:
-            raise ValueError(f"'{value}' is no axis: write x, y, z or three numbers")
+            raise ValueError(f"'{value}' is no axis: write x, y, z or a vector such as [0, 1, 1]")
         return _AXES[value.lower()]
     if isinstance(value, (list, tuple)) and all(isinstance(v, (int, float)) and v == 0 for v in value):
         raise ValueError("an axis of length zero has no direction")
@@ -57,41 +58,29 @@ Angle = Annotated[
 ]
 """Angle in radians; written with its unit."""
 
+Axis = Annotated[
+    Vector,
+    BeforeValidator(_parse_axis),
+    WithJsonSchema(
+        {"anyOf": [{"enum": ["x", "y", "z"]}, {"type": "array", "items": {"type": "number"}, "minItems": 3}]}
+    ),
+]
+"""Axis by its letter or as a vector that is not zero."""
+
 
 class Rotation(Keys):
     """One turn about an axis."""
 
-    axis: Annotated[
-        Vector,
-        BeforeValidator(_parse_axis),
-        WithJsonSchema(
-            {"anyOf": [{"enum": ["x", "y", "z"]}, {"type": "array", "items": {"type": "number"}, "minItems": 3}]}
-        ),
-    ] = Field(description="Axis: x, y, z or three numbers of any length.", examples=["z"])
+    axis: Axis = Field(description="Axis: x, y, z or three numbers of any length.", examples=["z"])
     angle: Angle = Field(description="Right-handed angle with its unit.", examples=["30 deg"])
 
 
-Rotations = Annotated[
-    tuple[Rotation, ...],
-    Field(min_length=1),
-    OneOrMore(),
-]
-"""One rotation or a list of them, carried out in order about fixed axes."""
+Rotations = Annotated[tuple[Rotation, ...], Field(min_length=1), OneOrMore()]
+"""One rotation or a list of rotations, in order, about fixed axes."""
 
 
 def rotation_matrix(rotations: Sequence[Rotation]) -> NDArray[np.float64]:
-    """Matrix that turns vectors by all rotations, the first one first, about axes that stay.
-
-    Parameters
-    ----------
-    rotations : sequence of Rotation
-        Turns in order.
-
-    Returns
-    -------
-    (3, 3) float64
-        Rodrigues' formula, multiplied up.
-    """
+    """Matrix of several rotations, the first one first, about fixed axes (3, 3), by Rodrigues' formula."""
     R: NDArray[np.float64] = np.eye(3)
     for turn in rotations:
         W: NDArray[Any] = cross_matrix(np.asarray(turn.axis) / np.linalg.norm(turn.axis))
@@ -99,21 +88,18 @@ def rotation_matrix(rotations: Sequence[Rotation]) -> NDArray[np.float64]:
     return R
 
 
-# Axes typed by hand carry four digits at least; beyond that they are not meant to be orthonormal.
-_SQUARE = 1e-3
-
 NodeId = Annotated[int, Strict(), Field(gt=0)]
 
 
 def _check_interface_name(name: str) -> str:
     if name.isdigit() or name == "cg":
         taken = "a node" if name.isdigit() else "the centre of mass of a rigid body"
-        raise ValueError(f"an interface cannot be named '{name}': in a point that stands for {taken}")
+        raise ValueError(f"an interface cannot be named '{name}': that name stands for {taken}")
     return name
 
 
 InterfaceName = Annotated[Name, AfterValidator(_check_interface_name)]
-"""Name that is neither a node's nor the centre of mass."""
+"""Name that is not a node number and not ``cg``."""
 
 
 def _distinct(nodes: tuple[int, ...]) -> tuple[int, ...]:
@@ -151,7 +137,7 @@ class FrameKeys(Keys):
 
     @classmethod
     def written_out(cls, value: object) -> object:
-        """``basic``, or a lone rotation."""
+        """Read ``basic``, or a lone rotation."""
         if value == "basic":
             return {"axes": np.eye(3).tolist()}
         if isinstance(value, str):
@@ -188,20 +174,20 @@ class InterfaceKeys(Keys):
 
     node: NodeId | None = Field(default=None, description="Node id.", examples=[1001])
     nodes: Annotated[tuple[NodeId, ...], Field(min_length=1), AfterValidator(_distinct)] | None = Field(
-        default=None, description="Several node ids; joints pair them in this order.", examples=[[7, 8, 9]]
+        default=None, description="Several node ids; a joint pairs them in this order.", examples=[[7, 8, 9]]
     )
     set: Plain | None = Field(default=None, description="Dof set of the source, such as b.", examples=["b"])
     position: Vector | None = Field(
         default=None,
-        description="Point of a rigid body, or that nodes are tied to (by default their centroid), in the body's basic "
-        "frame and unit of length.",
+        description="Point of a rigid body, or point to which nodes are tied (by default their centroid), in the "
+        "body's basic frame and unit of length.",
         examples=[[0, 0, 0]],
     )
     dofs: DofNames | None = Field(
         default=None,
         min_length=1,
-        description="Dofs that belong to the interface, or that a rigid tie moves; by default those of 123456 that the "
-        "node or set has.",
+        description="Dofs of the interface, or dofs that a rigid tie moves; by default those of 123456 that the node "
+        "or set has.",
         examples=[123],
     )
     frame: FrameKeys | None = Field(
@@ -211,8 +197,9 @@ class InterfaceKeys(Keys):
     )
     tie: Literal["rigid", "average"] | None = Field(
         default=None,
-        description="Ties the nodes to one point with dofs 123456, which is then the interface: rigid, the nodes "
-        "follow it as one stiff piece (RBE2); average, it follows their mean motion and stiffens nothing (RBE3).",
+        description="Ties the nodes to one point with dofs 123456, which is then the interface. rigid: the nodes move "
+        "with the point as one rigid piece (RBE2); average: the point follows the mean motion of the nodes and adds no "
+        "stiffness (RBE3).",
     )
     weights: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = Field(
         default=None,
@@ -225,19 +212,19 @@ class InterfaceKeys(Keys):
         if self.tie is None:
             exactly_one(self, ("node", "nodes", "set", "position"), "an interface")
             if self.weights is not None:
-                raise ValueError("weights are those of nodes in an average: add `tie: average`")
+                raise ValueError("only an average tie has weights: add `tie: average`, or take `weights` out")
             return self
         if self.nodes is None or self.node is not None or self.set is not None:
-            raise ValueError(f"`tie: {self.tie}` ties a list of nodes: name them by `nodes: [...]`, and no other way")
+            raise ValueError(f"`tie: {self.tie}` ties a list of nodes: name them by `nodes: [...]` alone")
         if self.tie == "rigid" and self.weights is not None:
             raise ValueError("a rigid tie has no weights: take them out, or use `tie: average`")
         if self.tie == "average" and self.dofs is not None:
-            raise ValueError("an average is of the translations of the nodes: take `dofs` out, or use `tie: rigid`")
+            raise ValueError("an average tie uses the translations of the nodes: take `dofs` out, or use `tie: rigid`")
         if self.weights is not None and len(self.weights) != len(self.nodes):
             raise ValueError(f"{len(self.nodes)} nodes need as many weights, found {len(self.weights)}")
         return self
 
     @property
     def components(self) -> tuple[int, ...]:
-        """Component numbers 1..6 that count where the body has them."""
+        """Component numbers 1..6 of the interface, as far as the body has them."""
         return tuple(range(1, 7)) if self.dofs is None else tuple(dof_index(name) + 1 for name in self.dofs)

@@ -1,4 +1,4 @@
-"""What every mapping of the grammar has in common, and the kinds of values it takes."""
+"""Base class of the grammar's mappings, and the kinds of values that they take."""
 
 from __future__ import annotations
 
@@ -61,12 +61,11 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
 class Keys(BaseModel):
     """A mapping of the pipeline file: known keys only, frozen, finite numbers.
 
-    ``alternatives`` are keys of which one excludes the others; ``short_key`` is the key that a lone value stands
-    for, and ``short_schema`` what such a lone value may be. ``removed`` are keys of earlier versions, each with what to
-    write instead.
+    Each of the keys ``alternatives`` excludes the others. A lone value stands for the key ``short_key``;
+    ``short_schema`` is its JSON Schema. ``removed`` holds keys of earlier versions, each with what to write instead.
     """
 
-    # Validators are built once, for the whole pipeline, rather than for each mapping in it as well.
+    # Validators are built once for the whole pipeline, not again for each mapping in it.
     model_config = ConfigDict(
         extra="forbid", frozen=True, allow_inf_nan=False, serialize_by_alias=True, defer_build=True
     )
@@ -83,13 +82,13 @@ class Keys(BaseModel):
 
     @classmethod
     def written_out(cls, value: object) -> object:
-        """Turn the short form of the mapping into its keys; anything else is left alone."""
+        """Turn the short form of the mapping into its keys; return anything else unchanged."""
         if cls.short_key and isinstance(value, (str, int, float, Path)) and not isinstance(value, bool):
             return {cls.short_key: value}
         return value
 
     def given(self, names: Sequence[str]) -> list[str]:
-        """Those of some keys that have a value, by their names in the file."""
+        """Names, as in the file, of the keys among ``names`` that have a value."""
         values = {field.alias or name: getattr(self, name) for name, field in type(self).model_fields.items()}
         return [name for name in names if values[name] is not None]
 
@@ -104,7 +103,7 @@ class Keys(BaseModel):
 
 
 class OneOrMore:
-    """Annotation of a list: a lone value stands for a list of one, in the file and in its schema."""
+    """Annotation of a list in which a lone value stands for a list of one item."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Schema that puts a lone value into a list."""
@@ -124,7 +123,7 @@ def exactly_one(keys: Keys, names: Sequence[str], what: str) -> str:
     Raises
     ------
     ValueError
-        If none is, or several are.
+        If no key is given, or several.
     """
     given = keys.given(names)
     if len(given) != 1:
@@ -134,7 +133,7 @@ def exactly_one(keys: Keys, names: Sequence[str], what: str) -> str:
 
 
 def reported(function: Callable[[Any], _T]) -> Callable[[Any], _T]:
-    """Let a validator's error be collected with the others of the file, each with its line."""
+    """Turn errors of a function into ValueError, so that pydantic collects them with the others of the file."""
 
     def report(value: object) -> _T:
         try:
@@ -146,7 +145,7 @@ def reported(function: Callable[[Any], _T]) -> Callable[[Any], _T]:
 
 
 def refused(words: Mapping[str, str]) -> BeforeValidator:
-    """Refuse words of earlier or later versions, each with the reason and what to write instead."""
+    """Refuse words of earlier versions, each with the reason and what to write instead."""
 
     def refuse(value: object) -> object:
         if isinstance(value, str) and value in words:
@@ -157,12 +156,12 @@ def refused(words: Mapping[str, str]) -> BeforeValidator:
 
 
 def check_name(text: str) -> str:
-    """Give back a name that can stand in a reference and in a file name.
+    """Return a name if it can stand in a reference and in a file name.
 
     Raises
     ------
     ValueError
-        If it cannot.
+        If it has other characters than letters, digits, _ and -.
     """
     if not _NAME.fullmatch(text):
         raise ValueError(f"'{text}' is no name: use letters, digits, _ and -, without dots and blanks")
@@ -181,7 +180,7 @@ def _resolve(value: object) -> Path:
         return path
     joined = value.folder / path
     short = Path(os.path.normpath(joined))
-    # Going up from a symbolic link is not the same as dropping its name.
+    # The folder above a symbolic link is not the folder that the link stands in.
     return short if os.path.realpath(short) == os.path.realpath(joined) else joined
 
 
@@ -205,7 +204,7 @@ def parse_point(text: str) -> Point:
     Raises
     ------
     ValueError
-        If it is not two names with a dot between.
+        If it is not two names with a dot between them.
     """
     body, _, name = text.partition(".")
     if not _NAME.fullmatch(body) or not _NAME.fullmatch(name):
@@ -237,11 +236,11 @@ _DOFS_SCHEMA = {
 }
 
 Plain = Annotated[str, Field(min_length=1)]
-"""Any text but an empty one."""
+"""Text that is not empty."""
 Name = Annotated[str, AfterValidator(check_name)]
 """Name that can stand in a reference and in a file name."""
 Number = Annotated[float, Strict()]
-"""Finite number; a text or a truth value is none."""
+"""Finite number; texts and truth values are refused."""
 Positive = Annotated[float, Strict(), Field(gt=0)]
 """Number above zero."""
 Count = Annotated[int, Strict(), Field(ge=0)]
@@ -270,7 +269,7 @@ Written = Annotated[
     PlainSerializer(_plainly),
     WithJsonSchema(_QUANTITY_SCHEMA),
 ]
-"""Number with or without a unit, kept as written until it is known what is measured."""
+"""Number with or without a unit, kept as written until its dimension is known."""
 WrittenItems = tuple[Written, ...]
 """Numbers with or without units."""
 WrittenVector = Annotated[tuple[Written, Written, Written], BeforeValidator(_check_vector)]

@@ -1,6 +1,6 @@
-"""Numbers with a unit, as people write them: ``10 Hz``, ``45 deg``, ``3 mm``.
+"""Numbers with a unit, as people write them.
 
-Quantities of joints with compound units: ``120 N*m/rad``, ``0.4 N*m*s/rad``, ``1e-3 kg*m^2``.
+`Quantity` has one unit (``10 Hz``, ``45 deg``, ``3 mm``), `Compound` a product of units (``120 N*m/rad``).
 """
 
 from __future__ import annotations
@@ -35,11 +35,38 @@ _KIND: dict[Dimension, str] = {
     "time": "a time",
 }
 
+# Value of each unit in Hz, rad, m or s.
 _UNITS: dict[str, tuple[Dimension, float]] = {
     name: (dimension, value) for dimension in get_args(Dimension) for name, value in units_of(dimension).items()
 }
 
 _FORM = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.+-][^\s]*)?\s*")
+
+ElementFigure = Literal["stiffness", "damping", "inertia"]
+"""Properties of a joint along each of its motions."""
+
+Powers = tuple[int, int, int]
+"""Exponents of length, mass and time; an angle has none."""
+
+_POWERS: dict[UnitKind, Powers] = {
+    "force": (1, 1, -2),
+    "length": (1, 0, 0),
+    "mass": (0, 1, 0),
+    "time": (0, 0, 1),
+    "angle": (0, 0, 0),
+}
+_COMPOUND_UNITS: dict[str, tuple[Powers, float]] = {
+    name: (powers, value) for kind, powers in _POWERS.items() for name, value in units_of(kind).items()
+}
+_DIMENSION: dict[tuple[ElementFigure, bool], tuple[Powers, str]] = {
+    ("stiffness", True): ((2, 1, -2), "120 N*m/rad"),
+    ("stiffness", False): ((0, 1, -2), "5 N/mm"),
+    ("damping", True): ((2, 1, -1), "0.4 N*m*s/rad"),
+    ("damping", False): ((0, 1, -1), "3 N*s/m"),
+    ("inertia", True): ((2, 1, 0), "1e-3 kg*m^2"),
+}
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
+_FACTOR = re.compile(r"\s*([*·/]?)\s*([A-Za-z]+)\s*(?:(?:\^|\*\*)?\s*([23])|([²³]))?\s*")
 
 
 @dataclass(frozen=True)
@@ -62,7 +89,7 @@ class Quantity:
 
     @property
     def dimension(self) -> Dimension | None:
-        """What the unit measures; None without a unit."""
+        """Dimension of the unit; None without a unit."""
         return _UNITS[self.unit][0] if self.unit else None
 
     def to_si(self, dimension: Dimension) -> float:
@@ -100,7 +127,7 @@ class Quantity:
 
 
 def _usual(dimension: Dimension) -> str:
-    """Units to offer for a number without one."""
+    """Usual units of a dimension, for a number without a unit."""
     return {"angle": "deg or rad", "frequency": "Hz", "length": "mm", "time": "s"}[dimension]
 
 
@@ -110,12 +137,12 @@ def parse_quantity(value: object) -> Quantity:
     Parameters
     ----------
     value : int, float, str or Quantity
-        What was written.
+        As written in the file.
 
     Raises
     ------
     UnitsError
-        If it is no number, or the unit is unknown.
+        If it is not a number, or the unit is unknown.
 
     Examples
     --------
@@ -138,7 +165,7 @@ def parse_quantity(value: object) -> Quantity:
 
 
 def _unit_named(text: str, written: str) -> str:
-    """Find the unit; the case of its letters counts only where two units differ by nothing else."""
+    """Find a unit; upper and lower case matter only where two units differ in nothing else."""
     if not text or text in _UNITS:
         return text
     alike = [unit for unit in _UNITS if unit.lower() == text.lower()]
@@ -156,16 +183,16 @@ def measure(value: object, dimension: Dimension, bare: float | None = None) -> f
     Parameters
     ----------
     value : int, float, str or Quantity
-        What was written.
+        As written in the file.
     dimension : {"frequency", "angle", "length", "time"}
-        What is wanted.
+        Expected dimension.
     bare : float, optional
-        Worth of a number without a unit; by default only a zero may go without.
+        Factor for a number without a unit; by default only a zero may have no unit.
 
     Raises
     ------
     UnitsError
-        If it is no number, has no unit where one is needed, or is of another dimension.
+        If it is not a number, has no unit where one is needed, or is of another dimension.
 
     Examples
     --------
@@ -178,33 +205,6 @@ def measure(value: object, dimension: Dimension, bare: float | None = None) -> f
     return quantity.to_si(dimension)
 
 
-ElementFigure = Literal["stiffness", "damping", "inertia"]
-"""What a joint's element has one of for each motion."""
-
-Powers = tuple[int, int, int]
-"""Exponents of length, mass and time; an angle has none."""
-
-_POWERS: dict[UnitKind, Powers] = {
-    "force": (1, 1, -2),
-    "length": (1, 0, 0),
-    "mass": (0, 1, 0),
-    "time": (0, 0, 1),
-    "angle": (0, 0, 0),
-}
-_COMPOUND_UNITS: dict[str, tuple[Powers, float]] = {
-    name: (powers, value) for kind, powers in _POWERS.items() for name, value in units_of(kind).items()
-}
-_DIMENSION: dict[tuple[ElementFigure, bool], tuple[Powers, str]] = {
-    ("stiffness", True): ((2, 1, -2), "120 N*m/rad"),
-    ("stiffness", False): ((0, 1, -2), "5 N/mm"),
-    ("damping", True): ((2, 1, -1), "0.4 N*m*s/rad"),
-    ("damping", False): ((0, 1, -1), "3 N*s/m"),
-    ("inertia", True): ((2, 1, 0), "1e-3 kg*m^2"),
-}
-_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
-_FACTOR = re.compile(r"\s*([*·/]?)\s*([A-Za-z]+)\s*(?:(?:\^|\*\*)?\s*([23])|([²³]))?\s*")
-
-
 @dataclass(frozen=True)
 class Compound:
     """A number and the product of units after it, as written.
@@ -214,7 +214,7 @@ class Compound:
     value : float
         The number.
     unit : str
-        Units, empty where none were written.
+        Units as written, empty where none were written.
     """
 
     value: float
@@ -224,16 +224,16 @@ class Compound:
         return f"{self.value!r} {self.unit}".rstrip()
 
     def figure_in(self, units: Units, figure: ElementFigure, rotation: bool) -> float:
-        """Worth in a unit system; a number without a unit is in that system already, and radians.
+        """Value in a unit system; a number without a unit is in that system and in radians already.
 
         Parameters
         ----------
         units : Units
-            Of the scene.
+            Units of the scene.
         figure : {"stiffness", "damping", "inertia"}
-            What is measured.
+            Property of the joint.
         rotation : bool
-            Whether it acts about an axis, or along it.
+            True about an axis, False along it.
 
         Raises
         ------
@@ -257,12 +257,12 @@ def parse_compound(value: object) -> Compound:
     Parameters
     ----------
     value : int, float, str or Compound
-        What was written; factors are joined by ``*``, ``·``, ``/`` or a blank, and a ``/`` divides by the next alone.
+        As written; ``*``, ``·``, ``/`` or a blank joins factors. A ``/`` divides by the next factor only.
 
     Raises
     ------
     UnitsError
-        If it is no number, or a unit is unknown.
+        If it is not a number, or a unit is unknown.
 
     Examples
     --------
@@ -283,7 +283,7 @@ def parse_compound(value: object) -> Compound:
 
 
 def _product(text: str) -> tuple[Powers, float]:
-    """Powers of a product of units, and its worth in SI."""
+    """Powers of a product of units, and its value in SI."""
     exponents, factor, at = [0, 0, 0], 1.0, 0
     while at < len(text):
         form = _FACTOR.match(text, at)

@@ -1,4 +1,4 @@
-"""Keys of geometric stiffness: what stress adds to a body's stiffness, and how fast the scene spins it."""
+"""Keys of geometric stiffness, which stress adds to a body's stiffness, and of the spin of bodies in the scene."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from cmsreduce.config.keys.files import MatrixFile
-from cmsreduce.config.keys.interface import InterfaceName
+from cmsreduce.config.keys.interface import Axis, InterfaceName
 from cmsreduce.config.keys.mapping import Keys, Name, OneOrMore, Vector, reported
 from cmsreduce.config.keys.quantities import measure
 from cmsreduce.model import INERTIA_LOADS, UnitLoad
@@ -15,7 +15,6 @@ from cmsreduce.model import INERTIA_LOADS, UnitLoad
 __all__ = ["GeometricStiffnessKeys", "SpinKeys", "StiffnessPerLoad"]
 
 _KINDS = ("acceleration", "angular acceleration", "centrifugal")
-_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def _check_load(text: str) -> str:
@@ -23,7 +22,7 @@ def _check_load(text: str) -> str:
 
 
 def _check_loads(text: str) -> str:
-    """A load, a kind of them, or the three components at a point."""
+    """Read a load, a kind of loads, or the three components of a load at a point."""
     words = " ".join(text.split())
     if words == "all" or words in _KINDS:
         return words
@@ -34,16 +33,6 @@ def _check_loads(text: str) -> str:
     return UnitLoad.parse(words).label
 
 
-def _check_axis(value: object) -> object:
-    if isinstance(value, str):
-        if value.lower() not in _AXES:
-            raise ValueError(f"'{value}' is no axis: write x, y, z, or a vector such as [0, 1, 1]")
-        return _AXES[value.lower()]
-    if isinstance(value, (list, tuple)) and len(value) == 3 and not any(value):
-        raise ValueError("an axis has a direction: [0, 0, 0] has none")
-    return value
-
-
 class StiffnessPerLoad(MatrixFile):
     """A geometric (differential) stiffness matrix, in the rows of the stiffness matrix, for one unit of a load."""
 
@@ -51,7 +40,7 @@ class StiffnessPerLoad(MatrixFile):
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = ()
 
     load: Annotated[str, AfterValidator(reported(_check_load))] = Field(
-        description="The load that one unit of makes the matrix, along the body's basic axes and in its units: "
+        description="The matrix belongs to one unit of this load, along the body's basic axes and in its units: "
         "acceleration x, angular acceleration z (of the body's frame); centrifugal xx, centrifugal xy (products of its "
         "angular velocities in rad per unit of time); force POINT.x, moment POINT.z at an interface or a node.",
         examples=["centrifugal zz"],
@@ -59,36 +48,36 @@ class StiffnessPerLoad(MatrixFile):
 
 
 class GeometricStiffnessKeys(Keys):
-    """What the stress of unit loads adds to the stiffness: computed for bars and beams, or from a user's matrices."""
+    """Geometric stiffness per unit load: computed for bars and beams, or given as matrices."""
 
     bars: Annotated[tuple[Annotated[str, AfterValidator(reported(_check_loads))], ...], OneOrMore()] = Field(
         default=(),
-        description="Loads to compute it for, from the bars and beams of the deck: all (the twelve of a moving frame), "
-        "acceleration, angular acceleration, centrifugal, one of these by its axes, or force POINT, moment POINT.",
+        description="Loads for which it is computed from the bars and beams of the deck: all (the twelve loads of a "
+        "moving frame), acceleration, angular acceleration, centrifugal, one of these by its axes, or force POINT, "
+        "moment POINT.",
         examples=["all"],
     )
     matrices: dict[Name, StiffnessPerLoad] = Field(
         default={},
-        description="The body's own matrices, one per unit load; they win over computed ones.",
+        description="Matrices of the body, one per unit load; they replace computed ones.",
         examples=[{"spin": {"file": "kg.op4", "matrix": "KDAA", "load": "centrifugal zz"}}],
     )
     held: Annotated[tuple[InterfaceName, ...], OneOrMore()] = Field(
         default=(),
-        description="Interface or interfaces at rest in the frame while the loads act; by default where the floating "
-        "frame of `write` stands, or the body's only interface.",
+        description="Interface or interfaces that are held while the loads act; by default the interface of the "
+        "floating frame of `write`, or the body's only interface.",
         examples=["root"],
     )
     origin: Vector = Field(
         default=(0.0, 0.0, 0.0),
-        description="Point that accelerations are of and rotations turn about, in the body's basic frame and unit of "
-        "length.",
+        description="Reference point of accelerations and rotations, in the body's basic frame and unit of length.",
         examples=[[0, 0, 0]],
     )
 
     @model_validator(mode="after")
     def _something(self) -> GeometricStiffnessKeys:
         if not self.bars and not self.matrices:
-            raise ValueError("give `bars: all` to compute it from the deck, or `matrices:`")
+            raise ValueError("give `bars: all` to compute the matrices from the deck, or give `matrices:`")
         labels = [item.load for item in self.matrices.values()]
         repeated = [label for k, label in enumerate(labels) if label in labels[:k]]
         if repeated:
@@ -96,7 +85,7 @@ class GeometricStiffnessKeys(Keys):
         return self
 
     def computed(self) -> tuple[UnitLoad, ...]:
-        """Loads to compute it for, each once, without those of the user's matrices; points as they are written."""
+        """Loads of the matrices to compute, each once, without the loads of given matrices; points as written."""
         given = {item.load for item in self.matrices.values()}
         found: dict[UnitLoad, None] = {}
         for text in self.bars:
@@ -115,7 +104,7 @@ def _rate(value: object) -> float:
 
 
 class SpinKeys(Keys):
-    """How fast the scene spins a body; a lone value is the rate."""
+    """Spin of a body in the scene; a lone value is the rate."""
 
     short_key: ClassVar[str] = "rate"
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"type": "string"},)
@@ -123,8 +112,8 @@ class SpinKeys(Keys):
     rate: Annotated[float, BeforeValidator(reported(_rate)), WithJsonSchema({"type": ["string", "number"]})] = Field(
         description="Angular velocity, with its unit: rpm, rad/s, deg/s or Hz.", examples=["30 rpm"]
     )
-    axis: Annotated[Vector, BeforeValidator(_check_axis)] | None = Field(
+    axis: Axis | None = Field(
         default=None,
-        description="Axis in the body's basic frame, x, y, z or a vector; without it each of the three is looked at.",
+        description="Axis in the body's basic frame, x, y, z or a vector; without it all three are examined.",
         examples=["z"],
     )

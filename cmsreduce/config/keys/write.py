@@ -11,7 +11,8 @@ from cmsreduce.model import DOF_NAMES, FrameCondition, FrameKind, Lumping
 
 __all__ = ["BASIC", "BodyWriteKeys", "CENTRE", "FloatingFrameKeys", "IntegralKeys", "WriteKeys"]
 
-BASIC, CENTRE = "basic", "centre-of-mass"
+BASIC = "basic"
+CENTRE = "centre-of-mass"
 """Words for a place that no interface has to be named for."""
 
 _INTERFACES: dict[str, tuple[str, ...]] = {"clamped": ("at",), "mean-axis": (), "chord": ("at", "to")}

@@ -176,16 +176,34 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
     settings = current_settings()
     backend = _chosen(settings.backend, A.shape[0], definite)
     started, admit = time.perf_counter(), _admission(settings, what, A.shape[0])
-    try:
-        factor, precision = _in_precision(A, definite, backend, admit, settings)
-    except UnrefinableError:
-        raise MatrixError(
-            f"{what} ({A.shape[0]} rows) is too ill conditioned for a factor in single precision; set "
-            "solver.precision to double"
-        ) from None
-    except SingularFactorError:
-        row = _singular_row(A)
-        raise NotPositiveDefiniteError(f"{what} is singular: nothing holds row {row + 1}", row) from None
+    factor, refused, precision = None, None, ""
+    for precision_tried, kind in kinds(backend, settings):
+        try:
+            try:
+                factor = kind(A, definite, admit)
+            except SingularFactorError:
+                if not definite:
+                    raise
+                # Cholesky stops at a pivot that is not positive; L D L^T shows which pivot is the smallest.
+                factor = kind(A, False, admit)
+            precision = precision_tried
+            break
+        except InsufficientMemoryError as error:
+            # The frames of the error hold the symbolic factor, some kB for each row.
+            refused = error.with_traceback(None)
+        except UnrefinableError:
+            if refused is not None:
+                break
+            raise MatrixError(
+                f"{what} ({A.shape[0]} rows) is too ill conditioned for a factor in single precision; set "
+                "solver.precision to double"
+            ) from None
+        except SingularFactorError:
+            row = _singular_row(A)
+            raise NotPositiveDefiniteError(f"{what} is singular: nothing holds row {row + 1}", row) from None
+    if factor is None:
+        assert refused is not None
+        raise refused from None
     seconds, cost = time.perf_counter() - started, factor.cost
     settings.work.append(
         Factorisation(factor.backend, factor.n, cost.nnz, cost.flops / 1e9, cost.bytes / 2**20, seconds, precision)
@@ -200,35 +218,6 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
                 f"{what} is not positive definite: pivot ratio {ratio:.1e} at row {row + 1}", row
             )
     return factor
-
-
-def _in_precision(
-    A: sp.csc_array, definite: bool, backend: Backend, admit: Admit, settings: SolverSettings
-) -> tuple[Factor, str]:
-    """The first factor that fits, in double precision unless it is to be single or does not fit, and its precision."""
-    refused: InsufficientMemoryError | None = None
-    for precision, kind in kinds(backend, settings):
-        try:
-            return _definite_first(kind, A, definite, admit), precision
-        except InsufficientMemoryError as error:
-            # Its frames would hold what was found out about the factor, some kB for each row.
-            refused = error.with_traceback(None)
-        except UnrefinableError:
-            if refused is None:
-                raise
-            break
-    assert refused is not None
-    raise refused from None
-
-
-def _definite_first(kind: Kind, A: sp.csc_array, definite: bool, admit: Admit) -> Factor:
-    try:
-        return kind(A, definite, admit)
-    except SingularFactorError:
-        if not definite:
-            raise
-        # Cholesky stops at a pivot that is not positive; L D L^T tells which is the worst.
-        return kind(A, False, admit)
 
 
 def _resists(A: sp.csc_array, factor: Factor, row: int) -> bool:

@@ -12,7 +12,6 @@ __all__ = [
     "BoundRecord",
     "CutoffRecord",
     "ExtraneousMode",
-    "ModeShare",
     "ProjectionRecord",
     "SampledModes",
     "SearchRecord",
@@ -163,25 +162,6 @@ class SensitivityRecord:
         return f"sensitivity of the {total} modes kept: {'; '.join(parts)}. On the edge: {listed or 'none'}"
 
 
-@dataclass(frozen=True)
-class ModeShare:
-    """Distribution of a mode over the bodies.
-
-    Parameters
-    ----------
-    body : str
-        Body with the largest part of its energy.
-    energy : mapping of body to float
-        Share of each body in the mode's kinetic and strain energy, which sum to one.
-    interface : str
-        Interface with the largest motion, relative to the motion of all modes there; empty without interfaces.
-    """
-
-    body: str
-    energy: Mapping[str, float]
-    interface: str
-
-
 @dataclass(frozen=True, eq=False)
 class ExtraneousMode:
     """A mode of the reassembled system that was not chosen.
@@ -192,8 +172,12 @@ class ExtraneousMode:
         Name of the configuration.
     hz : float
         Frequency.
-    share : ModeShare
-        Distribution over the bodies.
+    body : str
+        Body with the largest part of its energy.
+    energy : mapping of body to float
+        Share of each body in the mode's kinetic and strain energy, which sum to one.
+    interface : str
+        Interface with the largest motion, relative to the motion of all modes there; empty without interfaces.
     weight : (outputs,) float64
         Largest peak, over the inputs, in each output, relative to the largest peak of any mode there.
     mac : float
@@ -203,7 +187,9 @@ class ExtraneousMode:
 
     configuration: str
     hz: float
-    share: ModeShare
+    body: str
+    energy: Mapping[str, float]
+    interface: str
     weight: NDArray[np.float64]
     mac: float = 0.0
 

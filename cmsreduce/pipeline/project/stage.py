@@ -251,12 +251,12 @@ class ProjectStage:
                 )
         foreign = _spurious(found)
         for mode in foreign[:_EXTRANEOUS_SHOWN]:
-            where = f", at {mode.share.interface}" if mode.share.interface else ""
+            where = f", at {mode.interface}" if mode.interface else ""
             weights = zip((sensor.name for sensor in self.scene.sensors), mode.weight, strict=True)
             peaks = ", ".join(f"{name} {weight:.2g}" for name, weight in weights)
             notes.append(
                 f"project: extraneous mode at {mode.hz:.4g} Hz in '{mode.configuration}', in the band: "
-                f"{mode.share.energy[mode.share.body]:.0%} of its energy in {mode.share.body}{where}; its peaks, "
+                f"{mode.energy[mode.body]:.0%} of its energy in {mode.body}{where}; its peaks, "
                 f"relative to the largest of all modes: {peaks or 'no output'}"
             )
         if len(foreign) > _EXTRANEOUS_SHOWN:

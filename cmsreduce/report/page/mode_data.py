@@ -106,8 +106,8 @@ def _projection(record: ProjectionRecord) -> dict[str, Any]:
                 "configuration": mode.configuration,
                 "hz": rounded(mode.hz),
                 "weight": rounded(float(mode.weight.max(initial=0.0))),
-                "body": mode.share.body,
-                "interface": mode.share.interface,
+                "body": mode.body,
+                "interface": mode.interface,
                 "likeness": rounded(mode.mac),
                 "spurious": mode.spurious,
             }

@@ -199,9 +199,9 @@ def _projection(record: ProjectionRecord) -> dict[str, Any]:
             {
                 "configuration": mode.configuration,
                 "frequency_hz": mode.hz,
-                "body": mode.share.body,
-                "energy": dict(mode.share.energy),
-                "interface": mode.share.interface,
+                "body": mode.body,
+                "energy": dict(mode.energy),
+                "interface": mode.interface,
                 "weight": mode.weight.tolist(),
                 "likeness": mode.mac,
             }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,7 +62,7 @@ def _alone(write: Callable[[Path, ComponentFile], None]) -> Writer:
     return one
 
 
-TARGETS: Mapping[str, Target] = {
+TARGETS: dict[str, Target] = {
     "nastran": Target(".op4", lambda path, component, _: write_nastran(path, component)),
     "42": Target(".42.txt", _with_integrals(write_42)),
     "sid": Target(".SID_FEM", _with_integrals(write_sid, dialect=True), ("by-axis", "by-mode")),
@@ -79,7 +79,9 @@ TARGETS: Mapping[str, Target] = {
 """By the name that ``write.formats`` and ``convert --format`` know."""
 
 
-def convert(source: Path, destination: Path, target: str | None = None, dialect: str | None = None) -> tuple[Path, ...]:
+def convert(
+    source: str | Path, destination: str | Path, target: str | None = None, dialect: str | None = None
+) -> tuple[Path, ...]:
     """Turn a component file into another code's.
 
     Parameters
@@ -105,7 +107,7 @@ def convert(source: Path, destination: Path, target: str | None = None, dialect:
     WriteError
         If the target or dialect is unknown, the source lacks what it needs, or it cannot be written.
     """
-    component = read_component(source)
+    component, destination = read_component(source), Path(destination)
     name = _by_name(destination) if target is None else target
     if name not in TARGETS:
         raise WriteError(f"'{name}' is no target (targets: {', '.join(TARGETS)})")

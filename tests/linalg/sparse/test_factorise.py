@@ -327,8 +327,7 @@ def test_two_threads_give_what_one_gives(backend):
 
 
 def test_a_solver_that_is_not_there_is_named(monkeypatch):
-    for module in ("factorise", "backends"):
-        monkeypatch.setattr(f"cmsreduce.linalg.{module}.installed", lambda backend: backend == "superlu")
+    monkeypatch.setattr("cmsreduce.linalg.sparse.factorisation.installed", lambda backend: backend == "superlu")
     with solver_settings(SolverSettings("cholmod")), pytest.raises(MatrixError, match="'cholmod' is not installed"):
         factorise(BODIES["banded"])
 
