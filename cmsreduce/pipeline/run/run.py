@@ -499,7 +499,7 @@ class Run:
         """Checks of the reduction beside its errors: those of verify, or made now where verify is not asked for."""
         return self.verified.checks if self.pipeline.verify is not None else self._checked()
 
-    @cached_property
+    @property
     def margins(self) -> tuple[ControllerMargin, ...]:
         """Margins of the scene's controller in every configuration; empty without a controller or without verify."""
         if self.controller is None or self.pipeline.verify is None:

@@ -1,4 +1,4 @@
-"""Which bodies lie on a path from an actuator to a sensor."""
+"""Bodies on a path from an actuator to a sensor."""
 
 from __future__ import annotations
 
