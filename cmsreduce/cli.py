@@ -170,7 +170,7 @@ def convert(source: Path, destination: Path, target: str | None, dialect: str | 
 @click.option("--csv", "tables", is_flag=True, help="Write the tables, too: RUN_DIR/tables.")
 @output_options
 def report(run_dir: Path, png: bool, svg: bool, vtu: bool, tables: bool, output: Output) -> None:
-    """Write the HTML report of a finished run again, and what else is asked for."""
+    """Write the HTML report of a finished run again, and pictures, shapes and tables as asked for."""
     from cmsreduce.pipeline import reopen, run_result, write_report
     from cmsreduce.pipeline.results import export_pictures, export_shapes, export_tables
     from cmsreduce.report import worst_error
@@ -203,7 +203,7 @@ def sweep(
 ) -> None:
     """Run a pipeline at every combination of values: a table and a picture of error against speed.
 
-    Lists and mappings stand in brackets: --over 'balance.keep={modes: 10},{frf_error: 0.01}'. Exit codes: 0 all points
+    Lists and mappings are in brackets: --over 'balance.keep={modes: 10},{frf_error: 0.01}'. Exit codes: 0 all points
     met their limits, 1 a limit was broken or a point failed, 2 the sweep itself is wrong.
     """
     from cmsreduce.pipeline.batch import sweep as swept_pipeline
@@ -224,7 +224,7 @@ def sweep(
 @click.argument("b", type=click.Path(path_type=Path))
 @output_options
 def diff(a: Path, b: Path, output: Output) -> None:
-    """Put two finished runs beside each other: errors, sizes, frequencies, times that differ."""
+    """Compare two finished runs: errors, sizes, frequencies, times that differ."""
     from cmsreduce.pipeline.results import run_difference
     from cmsreduce.report import DIFFERENCE_WIDTH, print_difference
 
@@ -295,9 +295,9 @@ def new(name: str, files: tuple[Path, ...]) -> None:
         click.echo(f"{path} written; fill in your files, then: cmsreduce run {path}")
         click.echo(f"or have it filled in for one body: cmsreduce new {name}2 MATRICES.op4 DECK.bdf")
         return
-    from cmsreduce.pipeline.bodies import first_look
+    from cmsreduce.pipeline.bodies import draft_body
 
-    draft = first_look(name, files)
+    draft = draft_body(name, files)
     path.write_text(body_pipeline(name, draft), encoding="utf-8")
     if draft.remark:
         click.echo(f"warning: the files do not fit together yet: {draft.remark}", err=True)

@@ -28,7 +28,7 @@ BAD_INPUT, INTERRUPTED = 2, 130
 class _Context(click.Context):
     """Context of all commands: an error that the user can mend ends them with one clear message.
 
-    The message comes from here, and not from a wrapper, so that no frame stands between a command and its caller.
+    Not a wrapper around each command, which would be one more function between its caller and its work.
     """
 
     def __exit__(

@@ -46,4 +46,4 @@ def two_processes() -> Iterator[Executor]:
 @pytest.fixture
 def warm_processes(two_processes: Executor, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let `--jobs 2` take processes that run already."""
-    monkeypatch.setattr("cmsreduce.pipeline.batch.workers._pool", lambda jobs: nullcontext(two_processes))
+    monkeypatch.setattr("cmsreduce.pipeline.batch.workers._started", lambda jobs: nullcontext(two_processes))

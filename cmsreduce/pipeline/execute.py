@@ -1,4 +1,4 @@
-"""Carry out a run up to a stage, and put its results where users look for them."""
+"""Execute a run up to a stage, and write its results."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from cmsreduce.write import TARGETS, atomic_path, convert, write_component, writ
 
 __all__ = ["execute", "reopen", "write_report"]
 
-# What a run directory was made from, so that its report can be written again.
+# Pipeline and overrides of a run directory, so that its report can be written again.
 _ORIGIN = "stages/origin.json"
 
 
 def execute(
     run: Run, source: Path, overrides: Sequence[str] = (), until: str | None = None, *, report: bool = True
 ) -> RunResult | None:
-    """Run the stages the pipeline names, or as far as one of them.
+    """Run the stages that the pipeline names, or those up to one of them.
 
     Parameters
     ----------
@@ -49,17 +49,17 @@ def execute(
     until : str, optional
         Last stage to run.
     report : bool
-        Whether a whole run writes its report, too.
+        Write the report, if all stages are run.
 
     Returns
     -------
     RunResult or None
-        What the whole run found; None if it was asked to stop earlier.
+        Results of all stages; None if the run stopped earlier.
 
     Raises
     ------
     CmsReduceError
-        Whatever a stage finds wrong; what was finished before it is kept.
+        If a stage fails; stages finished before it are kept.
     """
     # Work between stages, and for the report, is dense algebra of small matrices, too.
     with sole_use(run.folder, run.stages.progress.note), blas_threads(run.stages.solver.threads or 1):
@@ -89,7 +89,7 @@ def execute(
             _ = run.verified
         if "write" in due:
             _write(run)
-        # Only now: a pipeline that cannot be run must not take the place of the one the folder was made from.
+        # Only now: a pipeline that cannot be run must not replace the pipeline that the results are from.
         origin = json.dumps({"pipeline": str(source.resolve()), "overrides": list(overrides)}, indent=2)
         with atomic_path(run.folder / _ORIGIN) as temporary:
             temporary.write_text(origin, encoding="utf-8")
@@ -105,7 +105,7 @@ def execute(
 
 
 def reopen(folder: Path) -> Run:
-    """Open a finished run again: nothing is computed anew but what lies between its stages.
+    """Open a finished run again: its stages are read, and only steps between them are computed again.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def _write(run: Run) -> None:
         targets = [target for target in formats if target in TARGETS]
         if "hdf5" not in formats and not targets:
             continue
-        # What other codes read is made of the component file alone, whether the user asked for that or not.
+        # Files of other codes are made from the component file alone, which is removed if the user did not ask for it.
         kept = run.folder / f"{name}.h5"
         path = kept if "hdf5" in formats else run.folder / f"stages/{name}.h5"
         frame = frame_of(run, name)

@@ -1,4 +1,4 @@
-"""What the commands say and do, and their exit codes."""
+"""Output, results and exit codes of the commands."""
 
 from __future__ import annotations
 

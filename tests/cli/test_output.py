@@ -1,4 +1,4 @@
-"""What every command says on the terminal, as JSON, quietly, and into a log."""
+"""Output of every command on the terminal, as JSON, quietly, and into a log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which modes a run keeps: by number, by fraction, by error, and for one body otherwise than for the rest."""
+"""Modes that a run keeps: by number, by fraction, by error, and by a rule of a single body."""
 
 from __future__ import annotations
 

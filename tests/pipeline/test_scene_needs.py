@@ -1,4 +1,4 @@
-"""What a scene does not need is not computed: bodies off every path, and what one channel less takes away."""
+"""A run computes only what the scene needs: no bodies off every path, less with one channel less."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which solver ran, what it proved, and what it refused, as the summary and the command line say it."""
+"""The solver that ran, its proofs and its refusals, in the summary and on the command line."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_a_solver_that_is_not_installed_is_refused(run, monkeypatch):
 
 
 def test_the_unreduced_body_is_represented_under_the_same_settings(files: Path, tmp_path: Path, monkeypatch) -> None:
-    """A stand-in, as larger bodies have; left to itself it would take SuperLU for so few rows."""
+    """By modes, as a larger body; without settings it would take SuperLU for so few rows."""
     monkeypatch.setattr(import_module("cmsreduce.pipeline.bodies.reference"), "ALL_MODES_LIMIT", 0)
     path = files / f"{tmp_path.name}.yaml"
     path.write_text(BAR.format(output=tmp_path / "out", solver="backend: pardiso"))

@@ -1,4 +1,4 @@
-"""Processes of a Dask cluster: one that runs already, or one that is started for the work."""
+"""Processes of a Dask cluster that runs already, or that is started for the work."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from cmsreduce.pipeline.store import code_version
 __all__ = ["batch_cluster", "chosen_workers", "cluster_workers"]
 
 _SCHEMES = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
-# Seconds that a scheduler is given to answer, and the first of its processes to come.
+# Seconds to wait for the answer of a scheduler, and for the first of its processes.
 _ANSWER, _FIRST = 20, 3600
-# Seconds after which a job gives up that finds no scheduler.
+# Seconds after which a job ends that finds no scheduler.
 _PATIENCE = 120
-# The scheduler's own page is put on any port that is free: two sweeps may run on one machine.
+# The scheduler's own page takes any free port: two sweeps may run on one machine.
 _ANY_PORT = ":0"
-# Share of the memory of a process that a factor may take: the rest is for the basis beside it.
+# Share of the memory of a process that a factor may take; the rest is for the basis.
 _SHARE = 0.9
 
 
 def chosen_workers(jobs: int, cluster: str | None, needed: Path) -> AbstractContextManager[Workers]:
-    """Processes of this machine, or those of a cluster if one is named."""
+    """Processes of this machine, or of a cluster if one is named."""
     return nullcontext(local_workers(jobs)) if cluster is None else cluster_workers(cluster, needed.resolve())
 
 
 @contextmanager
 def cluster_workers(where: str, needed: Path) -> Iterator[Workers]:
-    """Processes of a cluster, for as long as the block lasts.
+    """Processes of a cluster while the block lasts.
 
     Parameters
     ----------
     where : str
         Address of a scheduler, ``tcp://node1:8786``, or a cluster file (`load_cluster`).
     needed : Path
-        A file that every process must see under the same name, as it must the folder of the results.
+        A file that every process must see under the same name; so must it see the folder of the results.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def cluster_workers(where: str, needed: Path) -> Iterator[Workers]:
             _check(client, where, needed)
             count, memory = _size(client, keys)
             threads = 0 if keys is None else keys.threads
-            # Tasks are pure to dask unless it is told: it would hand out an old result again.
+            # Dask takes tasks for pure by default, and would return an old result.
             executor = client.get_executor(pure=False)
             yield Workers(count, threads, memory, lambda jobs: nullcontext(executor), (KilledWorker,))
 
@@ -91,7 +91,7 @@ def batch_cluster(keys: ClusterKeys) -> Any:
         raise ConfigError(f"kind: {keys.kind} needs dask-jobqueue: pip install 'cmsreduce[dask]'") from None
     memory = math.ceil((keys.memory or 0.0) / 2**20)
     shared = {
-        # One task at a time: its threads are ours to give out, not dask's.
+        # One task at a time: the task sets the number of its threads, not dask.
         "cores": 1,
         "memory": f"{memory} MiB",
         "queue": keys.queue,
@@ -132,12 +132,12 @@ def _started(keys: ClusterKeys) -> Iterator[Any]:
 
 
 def _check(client: Any, where: str, needed: Path) -> None:
-    """Refuse processes whose results would not be ours."""
+    """Refuse processes that run other code or see other files."""
     own = (code_version("verify"), needed.stat().st_size)
     try:
         seen = client.run(_seen, str(needed))
     except Exception as error:
-        # Whatever a foreign environment raises on loading the package arrives as it is.
+        # Another environment may raise any error when it loads the package.
         raise ConfigError(
             f"--cluster {where}: a process there cannot run cmsreduce ({type(error).__name__}: {error})"
         ) from None
@@ -161,8 +161,8 @@ def _seen(needed: str) -> tuple[str, int]:
 
 
 def _size(client: Any, keys: ClusterKeys | None) -> tuple[int, float | None]:
-    """Processes, and the memory that a factor may take in each."""
-    # An address answers for the processes it has now; those of a queue come one by one.
+    """Number of processes, and the memory that a factor may take in each."""
+    # A scheduler counts the processes that it has now; processes of a queue come one by one.
     known = client.scheduler_info(n_workers=-1)["workers"].values()
     limits = [worker["memory_limit"] for worker in known if worker["memory_limit"]]
     count = len(known) if keys is None else keys.workers

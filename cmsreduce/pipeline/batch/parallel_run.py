@@ -1,4 +1,4 @@
-"""A run whose bodies and configurations are shared out to several processes."""
+"""A run whose bodies and configurations are distributed to several processes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["ParallelRun", "opened_run"]
 
 
 class _Task(NamedTuple):
-    """What a process needs to open the same run."""
+    """Input of a process that opens the same run."""
 
     source: Path
     overrides: tuple[str, ...]
@@ -39,10 +39,10 @@ class _Part(NamedTuple):
 
 
 class ParallelRun(Run):
-    """A run that lets other processes finish the stages of its bodies, and measure its configurations.
+    """A run whose bodies are reduced, and whose configurations are measured, by other processes.
 
-    They leave finished stages where the run finds them. What a process could not do, because it was killed or found
-    something wrong, the run does itself, and says what is wrong as if it had been alone.
+    The processes write finished stages to the run directory, where the run finds them. If a process is killed or meets
+    an error, the run does the work of that process itself, and reports the error as a single process does.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class ParallelRun(Run):
         The pipeline file.
     overrides : sequence of str
     workers : Workers
-    pool : Executor
+    executor : Executor
         Of the workers.
     """
 
@@ -66,14 +66,14 @@ class ParallelRun(Run):
         source: Path,
         overrides: Sequence[str],
         workers: Workers,
-        pool: Executor,
+        executor: Executor,
     ) -> None:
         super().__init__(pipeline, folder, progress, common=CommonWork())
-        self._workers, self._pool = workers, pool
+        self._workers, self._executor = workers, executor
         self._task = _Task(source.resolve(), tuple(overrides), folder.resolve(), workers.memory)
 
     def finish_bodies(self) -> None:
-        """Let every body be reduced and orthonormalised, the ones beside the others."""
+        """Have all bodies reduced and orthonormalised at the same time."""
         names = [name for name, part in self.pipeline.components.items() if part.rigid is None]
         if len(names) > 1:
             self.stages.progress.stage("reduce", f"{len(names)} bodies in {self._workers.count} processes")
@@ -99,11 +99,11 @@ class ParallelRun(Run):
         return tuple(found[number] for number in range(count))
 
     def _outcomes(self, work: Any, arguments: Sequence[tuple[Any, ...]]) -> Iterator[tuple[Any, Any]]:
-        """What became of each piece of work, in the order they were finished; none of a piece that failed."""
+        """Arguments and result of each piece of work that succeeded, in the order they are finished."""
         futures = {}
         for each in arguments:
             try:
-                futures[self._workers.submit(self._pool, work, self._task, *each)] = each
+                futures[self._workers.submit(self._executor, work, self._task, *each)] = each
             except self._workers.lost:
                 break
         for number, future in enumerate(as_completed(futures), 1):
@@ -139,7 +139,7 @@ def opened_run(
         Run directory, instead of the pipeline's own.
     progress : Progress
     only : str, optional
-        The one stage to run; it is not shared.
+        The one stage to run, in this process.
     jobs : int
         Processes of this machine.
     cluster : str, optional
@@ -156,15 +156,15 @@ def opened_run(
         if workers.here or only is not None:
             yield Run(pipeline, folder, progress, only)
             return
-        with workers.start(workers.count) as pool:
-            run = ParallelRun(pipeline, folder, progress, source, overrides, workers, pool)
+        with workers.start(workers.count) as executor:
+            run = ParallelRun(pipeline, folder, progress, source, overrides, workers, executor)
             run.finish_bodies()
             yield run
 
 
 @cache
 def _common() -> CommonWork:
-    """What the tasks of one process have in common."""
+    """Work that the tasks of one process share."""
     return CommonWork()
 
 
@@ -182,7 +182,7 @@ def _finish_body(task: _Task, name: str) -> bool | None:
         if run.pipeline.verify is not None and name not in run.mode_sets.unneeded:
             run.reference(name)
     except CmsReduceError:
-        # The run that gave the task meets it, too, and says it.
+        # The run that gave the task meets the same error, and reports it.
         return None
     return True
 

@@ -1,7 +1,4 @@
-"""Run a pipeline at every point of a sweep, one after the other or in several processes.
-
-What a sweep leaves in its folder: tables and the picture of error against speed.
-"""
+"""Run a pipeline at every point of a sweep, and write a table and a picture of error against speed."""
 
 from __future__ import annotations
 
@@ -32,20 +29,17 @@ from cmsreduce.pipeline.store import STAGES_FOLDER, CommonWork, Progress, Silent
 from cmsreduce.report import sweep_page, sweep_picture, trades
 from cmsreduce.write import atomic_path, write_sweep_csv, write_sweep_table
 
-__all__ = [
-    "sweep",
-    "write_sweep",
-]
+__all__ = ["sweep", "write_sweep"]
 
 POINTS_FOLDER = "points"
 """Folder of a sweep with a run directory for each point."""
 
-# Batches that each process is given on average: more keep all processes busy to the end.
+# Mean number of batches of a process: small batches keep all processes busy to the end.
 _BATCHES = 8
 
 
 def default_folder(output: Path) -> Path:
-    """Where a sweep goes if nobody says: beside the run directory of its pipeline."""
+    """Default folder of a sweep: beside the run directory of its pipeline."""
     return output.with_name(f"{output.name}-sweep")
 
 
@@ -69,18 +63,18 @@ def sweep(
     overrides : sequence of str
         ``KEY=VALUE`` for all points.
     folder : Path, optional
-        The sweep's output: ``points/`` holds a run directory for each point, ``stages/`` what they share.
+        Output of the sweep: ``points/`` holds a run directory for each point, ``stages/`` the stages that they share.
     jobs : int
-        Processes. They share the cores: each is given its part of the threads.
+        Number of processes. Each uses its part of the cores.
     progress : Progress, optional
-        Told after each point.
+        Listener; called after each point.
     cluster : str, optional
-        Address of a Dask scheduler, or a cluster file, whose processes are taken instead.
+        Address of a Dask scheduler, or a cluster file, to use its processes instead.
 
     Returns
     -------
     result : SweepResult
-        A row for each point; one that failed has its message, and the sweep goes on.
+        A row for each point. The row of a point that failed has a message; the sweep goes on.
     folder : Path
 
     Raises
@@ -90,18 +84,18 @@ def sweep(
     """
     if jobs < 1:
         raise ConfigError(f"--jobs {jobs}: a sweep needs at least one process")
-    started, tell = time.perf_counter(), progress or Silent()
+    started, progress = time.perf_counter(), progress or Silent()
     rows: dict[int, SweepRow] = {}
     points = sweep_points(path, axes, overrides)
     good = next(point.pipeline for point in points if point.pipeline is not None)
     folder = default_folder(good.output) if folder is None else folder
     with chosen_workers(jobs, cluster, path) as workers:
-        tell.stage("sweep", f"{len(points)} points")
+        progress.stage("sweep", f"{len(points)} points")
         for row in _rows(points, path, folder, workers):
             rows[row.point] = row
             if row.message:
-                tell.note(f"point {row.point}, {row.label}: {row.message}")
-            tell.advance(len(rows), len(points))
+                progress.note(f"point {row.point}, {row.label}: {row.message}")
+            progress.advance(len(rows), len(points))
     result = SweepResult(
         good.name,
         {axis.key: axis.values for axis in axes},
@@ -113,7 +107,7 @@ def sweep(
 
 
 class _Outcome(NamedTuple):
-    """The row of a point; none where a factor of it needs more memory than there is beside other points."""
+    """The row of a point; None if one of its factors needs more memory than is free beside other points."""
 
     point: SweepPoint
     row: SweepRow | None
@@ -125,14 +119,14 @@ def _rows(points: Sequence[SweepPoint], path: Path, folder: Path, workers: Worke
             assert outcome.row is not None
             yield outcome.row
     else:
-        # Processes elsewhere have working directories of their own.
+        # Other processes have working directories of their own.
         yield from _in_processes(points, path.resolve(), folder.resolve(), workers)
 
 
 def _one_by_one(
     points: Sequence[SweepPoint], path: Path, folder: Path, common: CommonWork, memory: float | None = None
 ) -> Iterator[_Outcome]:
-    # Those of one full system one after the other, so that it is made once.
+    # Points of one reference model follow each other, so that it is made once.
     for point in sorted(points, key=lambda point: point.system):
         yield _run_point(point, path, folder, common, memory)
 
@@ -143,15 +137,15 @@ def _run_batch(points: Sequence[SweepPoint], path: Path, folder: Path, memory: f
 
 @cache
 def _common_of_process() -> CommonWork:
-    """What the batches of one worker process have in common."""
+    """Work that the batches of one process share."""
     return CommonWork()
 
 
 def _in_processes(points: Sequence[SweepPoint], path: Path, folder: Path, workers: Workers) -> Iterator[SweepRow]:
-    with workers.start(workers.count) as pool:
-        lost = yield from _side_by_side(_batches(points, workers.count), path, folder, workers, pool)
+    with workers.start(workers.count) as executor:
+        lost = yield from _side_by_side(_batches(points, workers.count), path, folder, workers, executor)
     if lost:
-        # Which of them it was that a process died of is not known: another process may simply have been killed.
+        # It is not known at which point a process died, or whether it was killed for another reason.
         with workers.start(workers.count) as fresh:
             lost = yield from _side_by_side([(point,) for point in lost], path, folder, workers, fresh)
     while lost:
@@ -159,7 +153,7 @@ def _in_processes(points: Sequence[SweepPoint], path: Path, folder: Path, worker
             while lost:
                 point = lost.pop(0)
                 try:
-                    # Nothing else is done meanwhile: its factors may take all the memory there is.
+                    # It runs alone: its factors may take all the memory.
                     (outcome,) = workers.submit(alone, _run_batch, (point,), path, folder, None).result()
                 except workers.lost:
                     yield _failed(point, "its process was killed, even alone: probably too little memory for it")
@@ -169,18 +163,17 @@ def _in_processes(points: Sequence[SweepPoint], path: Path, folder: Path, worker
 
 
 def _side_by_side(
-    batches: Sequence[tuple[SweepPoint, ...]], path: Path, folder: Path, workers: Workers, pool: Executor
+    batches: Sequence[tuple[SweepPoint, ...]], path: Path, folder: Path, workers: Workers, executor: Executor
 ) -> Generator[SweepRow, None, list[SweepPoint]]:
-    """Rows of batches as they are finished.
+    """Yield rows of batches as they are finished; return points that were lost.
 
-    The points that were lost with a killed process, and those that need more than their share of the memory, are
-    returned.
+    A point is lost if its process is killed, or if it needs more than its share of the memory.
     """
     lost: list[SweepPoint] = []
     futures: dict[Future[list[_Outcome]], tuple[SweepPoint, ...]] = {}
     for batch in batches:
         try:
-            futures[workers.submit(pool, _run_batch, batch, path, folder, workers.memory)] = batch
+            futures[workers.submit(executor, _run_batch, batch, path, folder, workers.memory)] = batch
         except workers.lost:
             lost += batch
     for future in as_completed(futures):
@@ -198,7 +191,7 @@ def _side_by_side(
 
 
 def _batches(points: Sequence[SweepPoint], jobs: int) -> list[tuple[SweepPoint, ...]]:
-    """Points in batches that share one full system, none so large that others wait for it at the end."""
+    """Batches of points that share one reference model, small enough that no process waits long at the end."""
     most = math.ceil(len(points) / (_BATCHES * jobs))
     systems: dict[str, list[SweepPoint]] = {}
     for point in points:
@@ -213,7 +206,7 @@ def _run_point(point: SweepPoint, path: Path, folder: Path, common: CommonWork, 
     own = folder / POINTS_FOLDER / point.folder
     try:
         share_stages(own, folder / STAGES_FOLDER)
-        # What an earlier sweep found here must not stand beside a point that now fails.
+        # A summary of an earlier sweep must not remain beside a point that fails.
         (own / "summary.json").unlink(missing_ok=True)
         run = Run(point.pipeline, own, Silent(), common=common)
         run.stages.share_memory(memory)
@@ -223,11 +216,11 @@ def _run_point(point: SweepPoint, path: Path, folder: Path, common: CommonWork, 
             return _Outcome(point, None)
         return _Outcome(point, _failed(point, str(error), started))
     except Exception as error:
-        # Hours of other points must not be lost for one that nobody thought of.
+        # An unexpected error of one point must not end hours of work on other points.
         return _Outcome(point, _failed(point, f"{type(error).__name__}: {error}", started))
     assert result is not None
-    said = "; ".join(run.stages.store.damaged)
-    return _Outcome(point, replace(_measured(point, result), message=said, point_s=time.perf_counter() - started))
+    damaged = "; ".join(run.stages.store.damaged)
+    return _Outcome(point, replace(_measured(point, result), message=damaged, point_s=time.perf_counter() - started))
 
 
 def _lacks_memory(error: BaseException | None) -> bool:
@@ -287,12 +280,12 @@ def write_sweep(sweep: SweepResult, folder: Path) -> tuple[Path, ...]:
     write_sweep_table(store, sweep)
     picture, page = folder / "sweep.svg", folder / "sweep.html"
     if not trades(sweep):
-        # Those of an earlier sweep would show what this one did not find.
+        # Pictures of an earlier sweep would not show this one.
         picture.unlink(missing_ok=True)
         page.unlink(missing_ok=True)
         return table, store
     with atomic_path(picture) as temporary:
-        # The suffix of the temporary name says no format.
+        # The temporary name has no suffix of a picture format.
         drawn = temporary.with_suffix(".svg")
         sweep_picture(sweep, drawn)
         drawn.replace(temporary)

@@ -20,9 +20,9 @@ from cmsreduce.model import short_keys
 
 __all__ = ["SweepAxis", "SweepPoint", "sweep_axes", "sweep_points"]
 
-# These say where results go and what they are called, which is the sweep's own affair.
+# The sweep itself sets the names and folders of results.
 _NOT_SWEPT = ("output", "include", "name")
-# Longer names of folders are cut, and told apart by some digits of a hash.
+# Longer names of folders are cut; some digits of a hash make them unique.
 _LONGEST, _DIGITS = 80, 8
 
 
@@ -50,15 +50,15 @@ class SweepPoint:
     number : int
         From 1.
     folder : str
-        Name of its run directory, made of the overrides.
+        Name of its run directory, made from the overrides.
     axes : tuple of (str, str)
         Key and value, as YAML.
     overrides : tuple of str
         All overrides of the run, ``KEY=VALUE``, those of the sweep last.
     pipeline : Pipeline or None
-        None where the combination is bad input.
+        None if the combination is bad input.
     message : str
-        Why it is.
+        The reason.
     """
 
     number: int
@@ -70,7 +70,7 @@ class SweepPoint:
 
     @cached_property
     def system(self) -> str:
-        """Hash of what the full system depends on; points that share it can share the work on it."""
+        """Hash of everything that the reference model depends on; points with the same hash share the model."""
         if self.pipeline is None:
             return ""
         own: dict[str, Any] = {"components": {"__all__": {"reduce", "balance"}}}
@@ -85,7 +85,7 @@ def sweep_axes(texts: Sequence[str]) -> tuple[SweepAxis, ...]:
     Parameters
     ----------
     texts : sequence of str
-        Values are YAML; lists and mappings stand in brackets. Equal values are taken once.
+        Values are YAML; lists and mappings are in brackets. Equal values are taken once.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def sweep_points(path: Path, axes: Sequence[SweepAxis], overrides: Sequence[str]
     Raises
     ------
     CmsReduceError
-        If no combination at all is good: a key that is unknown is so in every one of them.
+        If no combination is good, such as with an unknown key.
     """
     points, first = [], None
     names = short_keys([axis.key for axis in axes])
@@ -148,7 +148,7 @@ def sweep_points(path: Path, axes: Sequence[SweepAxis], overrides: Sequence[str]
 
 
 def _values(text: str, values: str) -> tuple[str, ...]:
-    """The source text of each item: it is what the override of a point says."""
+    """The source text of each item, which becomes the override of a point."""
     listed = f"[{values}]"
     parse(listed, f"--over {text}", Path(), in_override=True)
     node = YAML(typ="safe", pure=True).compose(listed)
@@ -166,7 +166,7 @@ def _as_typed(message: str, swept: Sequence[str]) -> str:
 
 
 def _folder(chosen: Sequence[tuple[str, str]]) -> str:
-    """A file name that holds nothing but letters, digits and a few signs, and is no other point's."""
+    """A unique file name of letters, digits and a few signs."""
     plain = "_".join(f"{key}={value}" for key, value in chosen)
     name = "_".join(f"{key}={_letters(value)}" for key, value in chosen)
     if name == plain and len(name) <= _LONGEST:

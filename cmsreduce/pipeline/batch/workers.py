@@ -16,30 +16,30 @@ from cmsreduce.linalg.machine import allowed_threads, available_memory, usable_c
 
 __all__ = ["Workers", "local_workers"]
 
-# Share of the free memory that the processes may take together: the rest is for the bases beside the factors.
+# Share of the free memory that the factors of all processes may take together; the rest is for their bases.
 _SHARE = 0.9
-# A process of a cluster may run its tasks in threads; ours want the cores, and the libraries' settings, to themselves.
+# A process of a cluster may run tasks in threads; one task at a time uses the cores and the settings of libraries.
 _TURN = Lock()
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Where tasks are run.
+    """Processes that run tasks.
 
     Parameters
     ----------
     count : int
-        Tasks that are run at a time.
+        Number of tasks at a time.
     threads : int
-        Threads of each, so that the cores are not asked for twice; 0 where the workers know themselves.
+        Threads of each task, so that all tasks together use the cores once; 0 if the processes know their number.
     memory : float or None
-        Bytes that a factor of one task may take beside the others. What needs more is run alone.
+        Bytes that a factor of one task may take beside the other tasks. A task that needs more is run alone.
     start : callable
-        Takes the number of tasks at a time, gives a context with an executor.
+        Takes the number of tasks at a time, and gives a context with an executor.
     lost : tuple of exception types
-        What a future raises if the process of its task died.
+        Errors of a future whose process died.
     here : bool
-        Whether there is no need of another process: one task at a time, on this machine.
+        One task at a time on this machine, so that no other process is needed.
     """
 
     count: int
@@ -50,7 +50,7 @@ class Workers:
     here: bool = False
 
     def submit(self, executor: Executor, work: Callable[..., Any], *arguments: object) -> Future[Any]:
-        """Let a process do a piece of work with its share of the threads."""
+        """Have a process do a piece of work with its share of the threads."""
         return executor.submit(_in_turn, self.threads, work, *arguments)
 
 
@@ -60,22 +60,22 @@ def local_workers(jobs: int) -> Workers:
     Parameters
     ----------
     jobs : int
-        How many.
+        Number of processes.
     """
     threads, memory = _threads_each(jobs), _SHARE * available_memory() / jobs
-    return Workers(jobs, threads, memory, _pool, (BrokenProcessPool,), jobs == 1)
+    return Workers(jobs, threads, memory, _started, (BrokenProcessPool,), jobs == 1)
 
 
 @contextmanager
-def _pool(jobs: int) -> Iterator[Executor]:
-    # Started afresh, not forked: threads of the libraries do not survive a fork.
+def _started(jobs: int) -> Iterator[Executor]:
+    # Not forked: threads of libraries do not survive a fork.
     pool = ProcessPoolExecutor(jobs, get_context("spawn"), _begin_process)
     try:
         for _ in range(jobs):
             pool.submit(_awake)
         yield pool
     finally:
-        # An interrupted sweep does not wait for the points that have not begun.
+        # An interrupted sweep does not wait for points that have not begun.
         pool.shutdown(cancel_futures=True)
 
 
@@ -85,7 +85,7 @@ def _threads_each(jobs: int) -> int:
 
 
 def _awake() -> None:
-    """Nothing: a process is started with its first task, while others are prepared."""
+    """Do nothing: an executor starts a process for its first task."""
 
 
 def _in_turn(threads: int, work: Callable[..., Any], *arguments: object) -> Any:
@@ -98,7 +98,7 @@ def _begin_process() -> None:
 
 
 def _end_with_parent() -> None:
-    """Leave when the parent is killed, instead of waiting for tasks for ever; files are whole or not there."""
+    """End the process if its parent is killed; a file is complete or absent at any moment."""
     parent = parent_process()
     if parent is not None:
         parent.join()

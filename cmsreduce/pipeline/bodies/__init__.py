@@ -6,11 +6,11 @@ The joined system belongs in `pipeline.system`.
 
 from cmsreduce.pipeline.bodies.bodies import FlexibleBody, probing_loads, read_flexible, read_rigid
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effective_masses
-from cmsreduce.pipeline.bodies.draft import first_look
+from cmsreduce.pipeline.bodies.draft import draft_body
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
 from cmsreduce.pipeline.bodies.reference import ALL_MODES_LIMIT, Reference, reference
 from cmsreduce.pipeline.bodies.spinning import spin_notes
-from cmsreduce.pipeline.bodies.wireframe import cells_of, outline
+from cmsreduce.pipeline.bodies.wireframe import cells_of, wireframe
 
 __all__ = [
     "ALL_MODES_LIMIT",
@@ -21,11 +21,11 @@ __all__ = [
     "body_reduction",
     "cells_of",
     "effective_masses",
-    "first_look",
-    "outline",
+    "draft_body",
     "probing_loads",
     "read_flexible",
     "read_rigid",
     "reference",
     "spin_notes",
+    "wireframe",
 ]

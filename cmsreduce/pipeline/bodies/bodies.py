@@ -1,7 +1,4 @@
-"""From the components of a pipeline file to bodies in the scene's units.
-
-The mass matrix of a body against the masses that its deck states.
-"""
+"""Bodies of a pipeline: from the keys of one component to a body in the scene's units."""
 
 from __future__ import annotations
 
@@ -40,43 +37,39 @@ from cmsreduce.pipeline.bodies.stiffening import body_stiffening
 from cmsreduce.read import InterfaceSpec, MatrixSource, RowOrderProof, deck_mass, prove_row_order, read_body
 from cmsreduce.verify import REALISABLE, inertia_excess, mass_disorder, rigid_mass_properties
 
-__all__ = [
-    "FlexibleBody",
-    "against_deck",
-    "probing_loads",
-    "read_flexible",
-    "read_rigid",
-]
+__all__ = ["FlexibleBody", "against_deck", "probing_loads", "read_flexible", "read_rigid"]
 
 # Only a body that is free in all directions must show one mass in each of them.
 _ALL_MOTIONS = 6
-# A file's rounding adds up over a body's mass; a condensed body loses a few digits more, rows in disorder all of them.
+# The rounding of a file adds up over the mass of a body. A condensed body loses a few digits more; rows in a wrong
+# order lose all of them.
 _MASS_ALIKE, _MASS_FACTOR = 1e-6, 100.0
-
-# Up to so many dofs every reduction begins with the factorisations that `inspect` does.
-_LOOKED_AT = 3000
-# Below this size looking for mechanisms costs less than proving that there are none.
+# Areas, densities and coordinates of a deck have five digits or more.
+_DECK_DIGITS = 1e-4
+# Bodies up to this number of dofs are factorised for their health before every reduction, as `inspect` does.
+_THOROUGH = 3000
+# Below this number of dofs a search for mechanisms costs less than the proof that there are none.
 _LARGE = 2000
 
 
 @dataclass(frozen=True, eq=False)
 class FlexibleBody:
-    """A body read, checked, and looked at from the scene.
+    """A body as read and checked, with the points where the scene acts on it.
 
     Parameters
     ----------
     body : FEModel
         In the scene's units.
     ports : Ports
-        Where the scene acts on it and measures it.
+        Inputs and outputs of the scene on the body.
     rigid : (n, r) float64
         Rigid-body modes, orthonormal in M.
     checks : tuple of Check
-        What was proven on the way.
+        Checks of the files.
     notes : tuple of str
-        What could not be proven.
+        Facts that could not be proven.
     stiffening : GeometricStiffness, optional
-        What stress adds to its stiffness, if the pipeline asks for it.
+        Geometric stiffness of the body, if the pipeline asks for it.
     """
 
     body: FEModel
@@ -93,12 +86,12 @@ class FlexibleBody:
 
     @cached_property
     def health(self) -> BodyHealth:
-        """What its matrices and its geometry say of it, as far as that costs little."""
-        return body_health(self.body, self.rigid, thorough=self.body.n <= _LOOKED_AT)
+        """Health of the matrices and of the geometry; without factorisations if the body is large."""
+        return body_health(self.body, self.rigid, thorough=self.body.n <= _THOROUGH)
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash of all that its reduction depends on."""
+        """Hash of everything that the reduction of the body depends on."""
         digest = hashlib.sha256()
         body, ports = self.body, self.ports
         arrays: list[NDArray[Any]] = [body.dofs.node, body.dofs.component, ports.interface, ports.static_loads]
@@ -122,16 +115,16 @@ class FlexibleBody:
 
 
 def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
-    """Read a flexible body of a pipeline, prove its rows, restate it in the scene's units.
+    """Read a flexible body of a pipeline, prove its rows, and convert it to the scene's units.
 
     Parameters
     ----------
     pipeline : Pipeline
-        Whose component it is.
+        The pipeline.
     name : str
         Name of the component.
     scene : Scene
-        What it is for.
+        The scene that the body is for.
 
     Raises
     ------
@@ -139,27 +132,22 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         As `read_body` does.
     """
     part = pipeline.components[name]
-    as_read, proof, untied = _read(name, part, part.units_in(scene.units))
+    as_read = _as_read(name, part, part.units_in(scene.units))
+    # The rows are proven on the matrices as they are read; ties and units change them.
+    proof, tied = prove_row_order(as_read), _tied(as_read, part)
+    converted = in_units(tied, scene.units)
+    # One factorisation proves that a large body has stiffness and mass in every motion but its rigid ones.
+    large = converted.n > _LARGE
+    proven = only_motions(converted.K, _rigid_shapes(converted), converted.rounding) if large else None
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
-    whole = in_units(as_read, scene.units)
-    # One factorisation tells of large bodies that nothing moves without stiffness or mass but the body as a whole.
-    asked = whole.n > _LARGE
-    proven = only_motions(whole.K, _rigid_shapes(whole), whole.rounding) if asked else None
-    determined = hold_undetermined(whole, named, proven)
+    determined = hold_undetermined(converted, named, proven)
     body = determined.body
     check_connected(body)
-    if body is not whole:
-        asked, proven = False, None
-    rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), body.rounding, name, proven, prove=not asked)
-    checks, notes = [], []
-    if proof.status == "proven":
-        checks.append(Check("row order: K times rigid motions", proof.residual, proof.tolerance))
-        if proof.motions == _ALL_MOTIONS:
-            limit = max(_MASS_ALIKE, _MASS_FACTOR * body.rounding)
-            checks.append(Check("mass matrix: the same mass along x, y, z", mass_disorder(body), limit))
-            checks += _realisable(body)
-            checks += [] if part.geometry is None else against_deck(part.geometry.file, as_read)
-    else:
+    if body is not converted:
+        large, proven = False, None
+    rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), body.rounding, name, proven, prove=not large)
+    notes = []
+    if proof.status != "proven":
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
     if body.damping.law == "none" and body.D is None:
         notes.append(f"{name}: no damping is given; its resonances are infinite")
@@ -167,62 +155,13 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         notes.append(determined.note)
     keys = pipeline.reduce_of(name)
     ports = body_ports(body, scene, () if keys is None else keys.residuals)
-    _check_answerable(determined, ports)
+    _check_ports(determined, ports)
     if not body.interfaces and motions_held(rigid, ports.interface) < rigid.shape[1]:
-        # Nothing is joined to the body, and its actuators do not hold it: it has no constraint modes.
+        # No joint and no actuator holds the body: it has no constraint modes.
         ports = ports.as_loads()
-    stiffening, remarks = body_stiffening(pipeline, body, untied, rigid)
-    return FlexibleBody(body, ports, rigid, tuple(checks), (*notes, *remarks), stiffening)
-
-
-def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tuple[tuple[str, ...], NDArray[np.float64]]:
-    """Loads whose static shapes a basis may lack, by name.
-
-    Parameters
-    ----------
-    flexible : FlexibleBody
-        Where they act.
-    scene : Scene
-        Sensors, actuators.
-    joints : bool
-        Whether to name those on the i-set too, which most mode sets hold: interfaces and actuators.
-
-    Returns
-    -------
-    names : tuple of str
-        Such as ``sensor 'gyro'``; a sensor or an interface of several motions has as many loads.
-    loads : (n, s) float64
-        Loads along the motions.
-    """
-    body, found = flexible.body, []
-    bare = replace(scene, actuators=(), sensors=())
-    for sensor in scene.sensors:
-        ports = body_ports(body, replace(bare, sensors=(sensor,)))
-        rows = sp.csr_array(sp.vstack([ports.displacements, ports.rates])).toarray()
-        found += [(f"sensor '{sensor.name}'", row) for row in rows]
-    if joints:
-        for actuator in scene.actuators:
-            ports = body_ports(body, replace(bare, actuators=(actuator,)), ("actuators",))
-            found += [(f"actuator '{actuator.name}'", load) for load in ports.loads.T]
-        units = {
-            face: sp.eye_array(body.n, format="csr")[body.interface_rows(face)].toarray() for face in body.interfaces
-        }
-        found += [(f"interface '{face}'", row) for face, rows in units.items() for row in rows]
-    names = tuple(name for name, _ in found)
-    return names, np.column_stack([load for _, load in found]) if found else np.empty((body.n, 0))
-
-
-def _rigid_shapes(body: FEModel) -> NDArray[np.float64] | None:
-    return None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
-
-
-def _realisable(body: FEModel) -> list[Check]:
-    """Whether any distribution of mass has the body's inertia."""
-    R = _rigid_shapes(body)
-    excess = None if R is None else inertia_excess(R.T @ (body.M @ R))
-    if excess is None:
-        return []
-    return [Check("inertia: beyond what mass can have", excess, max(REALISABLE, _MASS_FACTOR * body.rounding))]
+    stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
+    checks = tuple(_checks(part, proof, tied, body))
+    return FlexibleBody(body, ports, rigid, checks, (*notes, *remarks), stiffening)
 
 
 def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
@@ -231,7 +170,7 @@ def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
     Raises
     ------
     SceneError
-        If an interface of it is given by nodes.
+        If one of its interfaces is given by nodes.
     """
     part = pipeline.components[name]
     assert part.rigid is not None
@@ -254,55 +193,41 @@ def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
     return rigid_in_units(body, scene.units)
 
 
-def _check_answerable(determined: Determined, ports: Ports) -> None:
-    """Refuse actuators and sensors on motions without stiffness and mass."""
-    units = sp.csr_array(sp.eye_array(determined.body.n, format="csr")[ports.interface])
-    determined.check_untouched(units, "what acts")
-    determined.check_untouched(sp.csr_array(ports.loads.T), "what acts")
-    determined.check_untouched(ports.displacements, "what is measured")
-    determined.check_untouched(ports.rates, "what is measured")
+def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tuple[tuple[str, ...], NDArray[np.float64]]:
+    """Unit loads used to measure the static flexibility that a basis misses.
 
+    Parameters
+    ----------
+    flexible : FlexibleBody
+        The body.
+    scene : Scene
+        Sensors, actuators.
+    joints : bool
+        Also load the i-set, interfaces and actuators, whose static shapes most mode sets have.
 
-def _read(name: str, part: Component, units: Units) -> tuple[FEModel, RowOrderProof, FEModel]:
-    """The body with its ties, the proof of its rows, and the body as its files have it."""
-    assert part.stiffness is not None and part.mass is not None
-    matrix = None if part.damping is None else part.damping.matrix
-    body = read_body(
-        name,
-        stiffness=_source(part.stiffness),
-        mass=_source(part.mass),
-        geometry=None if part.geometry is None else part.geometry.file,
-        rows=None if part.rows is None else part.rows.file or part.rows.set,
-        damping=None if part.damping is None else part.damping.law(),
-        damping_matrix=None if matrix is None else _source(matrix),
-        units=units,
-        grounded=part.grounded,
-        interfaces={label: _interface(label, name, keys) for label, keys in part.interfaces.items()},
-    )
-    # The rows are proven on the matrices as they are read; what follows restates them.
-    proof, untied = prove_row_order(body), body
-    for label, keys in part.interfaces.items():
-        if keys.tie is not None:
-            position = None if keys.position is None else np.array(keys.position)
-            frame = None if keys.frame is None else keys.frame.rows()
-            body = tie_nodes(body, label, Tie(keys.tie, position, keys.weights, frame))
-    return body, proof, untied
-
-
-def _source(keys: MatrixFile) -> MatrixSource:
-    return MatrixSource(keys.file, keys.matrix, keys.format)
-
-
-def _interface(label: str, body: str, keys: InterfaceKeys) -> InterfaceSpec:
-    if keys.position is not None and keys.tie is None:
-        raise SceneError(f"'{body}.{label}': a flexible body is joined at its nodes; give `node:`, not `position:`")
-    nodes = (keys.node,) if keys.node is not None else keys.nodes
-    dofs = None if keys.dofs is None else "".join(str(c) for c in sorted(keys.components))
-    return InterfaceSpec(nodes, dofs, keys.set, None if keys.frame is None else keys.frame.rows())
-
-
-# Areas, densities and coordinates of a deck have five digits or more.
-_DIGITS = 1e-4
+    Returns
+    -------
+    names : tuple of str
+        Such as ``sensor 'gyro'``; a sensor or an interface of several motions has one load for each of them.
+    loads : (n, s) float64
+        Loads along the motions.
+    """
+    body, found = flexible.body, []
+    bare = replace(scene, actuators=(), sensors=())
+    for sensor in scene.sensors:
+        ports = body_ports(body, replace(bare, sensors=(sensor,)))
+        rows = sp.csr_array(sp.vstack([ports.displacements, ports.rates])).toarray()
+        found += [(f"sensor '{sensor.name}'", row) for row in rows]
+    if joints:
+        for actuator in scene.actuators:
+            ports = body_ports(body, replace(bare, actuators=(actuator,)), ("actuators",))
+            found += [(f"actuator '{actuator.name}'", load) for load in ports.loads.T]
+        units = {
+            face: sp.eye_array(body.n, format="csr")[body.interface_rows(face)].toarray() for face in body.interfaces
+        }
+        found += [(f"interface '{face}'", row) for face, rows in units.items() for row in rows]
+    names = tuple(name for name, _ in found)
+    return names, np.column_stack([load for _, load in found]) if found else np.empty((body.n, 0))
 
 
 def against_deck(path: Path, body: FEModel) -> list[Check]:
@@ -318,8 +243,8 @@ def against_deck(path: Path, body: FEModel) -> list[Check]:
     Returns
     -------
     list of Check
-        Relative to the mass, and to the largest radius of gyration; empty where the deck states no masses, or some that
-        are not counted.
+        Relative to the mass, and to the largest radius of gyration; empty if the deck states no masses, or masses that
+        cannot be counted.
     """
     stated = None if body.nodes is None else deck_mass(path, body.nodes)
     if stated is None:
@@ -329,6 +254,75 @@ def against_deck(path: Path, body: FEModel) -> list[Check]:
     radius = float(np.sqrt(abs(found.inertia).max() / mass))
     away = float(np.linalg.norm(found.cg - stated.centre))
     return [
-        Check("mass against the deck", abs(stated.mass - mass) / mass, _DIGITS),
-        Check("centre of mass against the deck", away / radius if radius > 0 else float(away > 0), _DIGITS),
+        Check("mass against the deck", abs(stated.mass - mass) / mass, _DECK_DIGITS),
+        Check("centre of mass against the deck", away / radius if radius > 0 else float(away > 0), _DECK_DIGITS),
     ]
+
+
+def _as_read(name: str, part: Component, units: Units) -> FEModel:
+    """The body as its files have it."""
+    assert part.stiffness is not None and part.mass is not None
+    matrix = None if part.damping is None else part.damping.matrix
+    return read_body(
+        name,
+        stiffness=_source(part.stiffness),
+        mass=_source(part.mass),
+        geometry=None if part.geometry is None else part.geometry.file,
+        rows=None if part.rows is None else part.rows.file or part.rows.set,
+        damping=None if part.damping is None else part.damping.law(),
+        damping_matrix=None if matrix is None else _source(matrix),
+        units=units,
+        grounded=part.grounded,
+        interfaces={label: _interface(label, name, keys) for label, keys in part.interfaces.items()},
+    )
+
+
+def _source(keys: MatrixFile) -> MatrixSource:
+    return MatrixSource(keys.file, keys.matrix, keys.format)
+
+
+def _interface(label: str, body: str, keys: InterfaceKeys) -> InterfaceSpec:
+    if keys.position is not None and keys.tie is None:
+        raise SceneError(f"'{body}.{label}': a flexible body is joined at its nodes; give `node:`, not `position:`")
+    nodes = (keys.node,) if keys.node is not None else keys.nodes
+    dofs = None if keys.dofs is None else "".join(str(c) for c in sorted(keys.components))
+    return InterfaceSpec(nodes, dofs, keys.set, None if keys.frame is None else keys.frame.rows())
+
+
+def _tied(body: FEModel, part: Component) -> FEModel:
+    for label, keys in part.interfaces.items():
+        if keys.tie is not None:
+            position = None if keys.position is None else np.array(keys.position)
+            frame = None if keys.frame is None else keys.frame.rows()
+            body = tie_nodes(body, label, Tie(keys.tie, position, keys.weights, frame))
+    return body
+
+
+def _checks(part: Component, proof: RowOrderProof, tied: FEModel, body: FEModel) -> list[Check]:
+    """Checks of a body whose rows are proven."""
+    if proof.status != "proven":
+        return []
+    found = [Check("row order: K times rigid motions", proof.residual, proof.tolerance)]
+    if proof.motions != _ALL_MOTIONS:
+        return found
+    limit = max(_MASS_ALIKE, _MASS_FACTOR * body.rounding)
+    found.append(Check("mass matrix: the same mass along x, y, z", mass_disorder(body), limit))
+    R = _rigid_shapes(body)
+    excess = None if R is None else inertia_excess(R.T @ (body.M @ R))
+    if excess is not None:
+        limit = max(REALISABLE, _MASS_FACTOR * body.rounding)
+        found.append(Check("inertia: beyond what mass can have", excess, limit))
+    return found if part.geometry is None else found + against_deck(part.geometry.file, tied)
+
+
+def _check_ports(determined: Determined, ports: Ports) -> None:
+    """Refuse actuators and sensors on motions without stiffness and mass."""
+    units = sp.csr_array(sp.eye_array(determined.body.n, format="csr")[ports.interface])
+    determined.check_untouched(units, "what acts")
+    determined.check_untouched(sp.csr_array(ports.loads.T), "what acts")
+    determined.check_untouched(ports.displacements, "what is measured")
+    determined.check_untouched(ports.rates, "what is measured")
+
+
+def _rigid_shapes(body: FEModel) -> NDArray[np.float64] | None:
+    return None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))

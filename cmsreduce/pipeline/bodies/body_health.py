@@ -1,4 +1,4 @@
-"""The health of an unreduced body: what to look at before it is reduced."""
+"""Health of an unreduced body: definiteness, mass properties, rigid motions, grounding, effective masses."""
 
 from __future__ import annotations
 
@@ -38,27 +38,27 @@ _FREE = 6
 
 @dataclass(frozen=True, eq=False)
 class BodyHealth:
-    """What the matrices and the geometry of a body say of it.
+    """Findings of the matrices and the geometry of a body.
 
     Parameters
     ----------
     negative : mapping of ``stiffness`` and ``mass`` to int or None
-        Motions of negative energy; None where a factorisation does not tell, or none was wanted.
+        Number of motions of negative energy; None if no factorisation was made, or if it does not show them.
     light : LightDofs
-        Dofs without mass, and nearly without.
+        Dofs without mass, and almost without.
     contrast : tuple of Contrast
-        Of each kind of dof.
+        Range of the stiffness of each kind of dof.
     mass : mapping of ``geometry``, ``stiffness`` and ``modes`` to MassProperties
-        Mass properties by the rigid motions of each source; geometry alone for a body that is not free in all
-        directions, nothing for one without geometry.
+        Mass properties by the rigid motions of each source; only ``geometry`` for a body that is not free in all
+        directions, empty without geometry.
     principal : PrincipalInertia, optional
-        By geometry, of a body whose mass is the same in all directions.
+        Principal inertia by geometry, if the mass is the same in all directions.
     motions : RigidMotions, optional
-        Of a body that is free in all directions, if it was looked at thoroughly.
+        Rigid motions by each source, of a body that is free in all directions; only of a thorough check.
     grounding : Grounding, optional
-        Under its rigid motions; rotations about the mean of its nodes.
+        Forces under its rigid motions; rotations about the mean of its nodes.
     checks : tuple of Check
-        What must hold.
+        Checks that must pass.
     """
 
     negative: dict[str, int | None]
@@ -72,7 +72,7 @@ class BodyHealth:
 
 
 def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = True) -> BodyHealth:
-    """Look at a body as it was read.
+    """Check a body as it was read.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = T
     rigid : (n, r) float64
         Its rigid-body modes.
     thorough : bool
-        Whether to factorise its matrices, for their definiteness and for rigid motions by other sources.
+        Factorise its matrices, for their definiteness and for rigid motions by other sources.
     """
     matrices = {"stiffness": body.K, "mass": body.M}
     negative = {what: negative_directions(A, body.rounding) if thorough else None for what, A in matrices.items()}
@@ -99,7 +99,7 @@ def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = T
             principal = principal_inertia(mass["geometry"])
         if rigid.shape[1] == _FREE:
             held = grounding(body, rigid_body_shapes(body.dofs, body.nodes, centre))
-            # A stiffness that gives way has no static response to look for rigid motions in.
+            # An indefinite stiffness has no static response that shows rigid motions.
             motions = rigid_motions(body, R) if thorough and not negative["stiffness"] else None
         if motions is not None:
             for source, X in (("stiffness", motions.stiffness), ("modes", motions.eigen)):

@@ -1,4 +1,4 @@
-"""A first look at the files of a body: which matrix is which, where it could be joined, and how low it bends."""
+"""Draft pipeline of one body: its matrices, a place where it could be joined, and its first elastic frequency."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from cmsreduce.model import FEModel, rigid_body_shapes
 from cmsreduce.read import MatrixSource, detect_format, matrix_names, read_body
 from cmsreduce.verify import rigid_motions
 
-__all__ = ["first_look"]
+__all__ = ["draft_body"]
 
-# A body of more dofs takes a minute and more to factorise; its first frequency is left to the run.
+# A larger body takes more than a minute to factorise; only the run computes its first frequency.
 _QUICK = 20_000
 _FREE = 6
 _AXES = "xyz"
 
 
-def first_look(name: str, files: Sequence[Path]) -> BodyDraft:
-    """Find out what files say of a body.
+def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
+    """Describe a body from its files, for the draft of a pipeline.
 
     Parameters
     ----------
@@ -37,12 +37,12 @@ def first_look(name: str, files: Sequence[Path]) -> BodyDraft:
     Returns
     -------
     BodyDraft
-        With a remark, if the files do not fit together as they are.
+        With a remark if the files do not fit together.
 
     Raises
     ------
     ReadError
-        If a file is missing or damaged, or it is not plain which matrix is stiffness and which is mass.
+        If a file is missing or damaged, or the names do not tell the stiffness from the mass.
     """
     for path in files:
         if not path.is_file():
@@ -50,7 +50,7 @@ def first_look(name: str, files: Sequence[Path]) -> BodyDraft:
     superelement = next((path for path in files if path.suffix.lower() == ".asm"), None)
     if superelement is not None:
         stem = superelement.with_suffix("")
-        return _looked_at(
+        return _checked(
             name, BodyDraft((stem.with_suffix(".op4"), "KXX"), (stem.with_suffix(".op4"), "MXX"), extseout=stem)
         )
     matrices = [(path, info.name) for path in files if _holds_matrices(path) for info in matrix_names(path)]
@@ -58,7 +58,7 @@ def first_look(name: str, files: Sequence[Path]) -> BodyDraft:
     if len(shapes) > 1:
         raise ReadError(f"several decks or meshes: {', '.join(map(str, shapes))}; give the one the matrices came from")
     stiffness, mass = _one(matrices, "stiffness", "k", ".sti"), _one(matrices, "mass", "m", ".mas")
-    return _looked_at(name, BodyDraft(stiffness, mass, shapes[0] if shapes else None))
+    return _checked(name, BodyDraft(stiffness, mass, shapes[0] if shapes else None))
 
 
 def _holds_matrices(path: Path) -> bool:
@@ -70,7 +70,7 @@ def _holds_matrices(path: Path) -> bool:
 
 
 def _one(matrices: Sequence[tuple[Path, str]], what: str, letter: str, suffix: str) -> tuple[Path, str]:
-    """Matrix that its own name, or the name of its file, calls by the letter."""
+    """The matrix whose own name, or the name of its file, begins with the letter."""
 
     def named(text: str) -> bool:
         return text.lower().startswith((letter, what[:4]))
@@ -84,12 +84,12 @@ def _one(matrices: Sequence[tuple[Path, str]], what: str, letter: str, suffix: s
         return by_name[0]
     held = ", ".join(f"{name or '(unnamed)'} in {path}" for path, name in matrices) or "none"
     raise ReadError(
-        f"no matrix is plainly the {what}: its name, or that of its file, should begin with {letter.upper()}; "
+        f"no matrix is clearly the {what}: its name, or that of its file, should begin with {letter.upper()}; "
         f"matrices found: {held}. `cmsreduce new NAME` without files writes a start to fill in by hand"
     )
 
 
-def _looked_at(name: str, draft: BodyDraft) -> BodyDraft:
+def _checked(name: str, draft: BodyDraft) -> BodyDraft:
     geometry = draft.geometry if draft.extseout is None else draft.extseout.with_suffix(".asm")
     stiffness, mass = (MatrixSource(path, matrix or None) for path, matrix in (draft.stiffness, draft.mass))
     try:
@@ -103,11 +103,11 @@ def _looked_at(name: str, draft: BodyDraft) -> BodyDraft:
 
 
 def _places(body: FEModel) -> dict[str, Any]:
-    """Where the body could be joined: at the boundary set of its deck, or else at the first grid with most dofs."""
+    """A place where the body could be joined: the b-set of its deck, or else the first grid with most dofs."""
     assert body.nodes is not None
-    boundary = body.sets.get("b", np.empty(0, np.int64))
-    chosen = 0 < boundary.size < body.n
-    rows = boundary if chosen else np.arange(body.n)
+    b_set = body.sets.get("b", np.empty(0, np.int64))
+    chosen = 0 < b_set.size < body.n
+    rows = b_set if chosen else np.arange(body.n)
     components = {
         int(node): set(body.dofs.component[rows[body.dofs.node[rows] == node]].tolist())
         for node in dict.fromkeys(body.dofs.node[rows].tolist())

@@ -1,7 +1,4 @@
-"""The mode set of one body as its keys ask for it, with what its neighbours have to do with it.
-
-What the mode set of a body takes from its neighbours: their loading, and shapes of shared interfaces.
-"""
+"""The mode set of one body, with the loading of its interfaces by neighbours and with shapes of shared interfaces."""
 
 from __future__ import annotations
 
@@ -35,14 +32,18 @@ __all__ = [
     "shared_interfaces",
 ]
 
+# A motion of a shared interface is new when the others leave this share of it: characteristic shapes of two bodies
+# are seldom nearer than that without being the same.
+_NEW = 1e-6
+
 
 def body_reduction(
     name: str,
     keys: ReduceKeys,
-    cutoff: float,
+    cutoff_hz: float,
     bodies: Mapping[str, FlexibleBody],
     rigid_bodies: Mapping[str, RigidBody],
-    interface_cutoffs: Mapping[str, float],
+    interface_cutoffs_hz: Mapping[str, float],
     scene: Scene,
 ) -> Reduction:
     """Prepare the reduction of a body.
@@ -53,32 +54,27 @@ def body_reduction(
         The body.
     keys : ReduceKeys
         Its mode set.
-    cutoff : float
-        Highest frequency of normal modes in Hz.
+    cutoff_hz : float
+        Highest frequency of normal modes.
     bodies, rigid_bodies : mapping of name to body
         All bodies of the scene: neighbours load an interface, or share its shapes.
-    interface_cutoffs : mapping of name to float
-        In Hz, of bodies whose interfaces of several nodes are reduced.
+    interface_cutoffs_hz : mapping of name to float
+        Interface cutoff of bodies whose interfaces of several nodes are reduced.
     scene : Scene
         Its joints.
     """
     kind = METHODS[keys.method]
-    inside: InterfaceReduction | None = None
+    shared: InterfaceReduction | None = None
     loading: InterfaceLoading | None = None
     if keys.interface_cutoff_bands is not None and issubclass(kind, CraigBampton):
-        inside = shared_interfaces(name, bodies, interface_cutoffs, scene)
+        shared = shared_interfaces(name, bodies, interface_cutoffs_hz, scene)
     if issubclass(kind, BenfieldHruda):
         if kind.stiffness_loading:
             rigid = {other: rigid_substructure(body) for other, body in rigid_bodies.items()}
             loading = loading_by_neighbours(name, bodies, rigid, scene)
         else:
             loading = loading_by_outboard(name, bodies, rigid_bodies, scene)
-    return reduction(keys.method, cutoff, inside, loading)
-
-
-# A motion of a shared interface is new when the others leave this share of it: characteristic shapes of two bodies
-# are seldom nearer than that without being the same.
-_NEW = 1e-6
+    return reduction(keys.method, cutoff_hz, shared, loading)
 
 
 def loading_by_neighbours(
@@ -120,7 +116,7 @@ def loading_by_outboard(
 def shared_interfaces(
     name: str, bodies: Mapping[str, FlexibleBody], cutoffs_hz: Mapping[str, float], scene: Scene
 ) -> InterfaceReduction | None:
-    """How the interfaces of several nodes of a body are reduced, alike on both sides of every joint.
+    """Reduction of the interfaces of several nodes of a body, alike on both sides of every joint.
 
     Parameters
     ----------
@@ -145,8 +141,8 @@ def shared_interfaces(
 
     Notes
     -----
-    Two bodies whose interfaces are reduced each to shapes of its own could hardly move together where they are joined.
-    Both therefore get the shapes of both.
+    Two bodies whose common interface is reduced to different shapes could hardly move together there. Both therefore
+    get the shapes of both.
     """
     body, rows = bodies[name].body, _many_rows(bodies[name].body)
     if not rows.size:
@@ -177,14 +173,14 @@ def shared_interfaces(
 
 
 def _condensed(flexible: FlexibleBody, joints: list[Joint], scene: Scene) -> Substructure:
-    """A neighbour in the dofs by which it is joined, and in rigid motions that these leave free."""
+    """A neighbour condensed to the dofs by which it is joined, with the rigid motions that these leave free."""
     body, rigid = flexible.body, flexible.rigid
     faces = [face for joint in joints for face in _faces_at(joint, body.name)]
     faces += [point.name for point in scene.ground if point.body == body.name]
     rows = np.unique(np.concatenate([body.interface_rows(face) for face in faces]))
     still = la.null_space(rigid[rows], rcond=1e-9) if rigid.shape[1] else np.empty((0, 0))
     if still.size:
-        # Dofs that hold these motions join the i-set: the body follows them without strain.
+        # Dofs that hold these motions are added to the i-set: the body follows them without strain.
         _, _, order = la.qr((rigid @ still).T, mode="economic", pivoting=True)
         rows = np.union1d(rows, order[: still.shape[1]])
     return reduced_substructure(Guyan(0.0).reduce(body, rows, rigid=rigid), faces)
@@ -193,7 +189,7 @@ def _condensed(flexible: FlexibleBody, joints: list[Joint], scene: Scene) -> Sub
 def _of_both(
     joint: Joint, name: str, bodies: Mapping[str, FlexibleBody], cutoffs_hz: Mapping[str, float], scene: Scene
 ) -> NDArray[np.float64]:
-    """Motions of a shared interface that either body's shapes hold, in the dofs of one of them."""
+    """Motions of a shared interface in the shapes of either body, in the dofs of one of them."""
     ends = _ends(joint)
     rows = [bodies[end.body].body.interface_rows(end.name) for end in ends]
     subs = [interface_substructure(bodies[end.body].body, at, [end.name]) for end, at in zip(ends, rows, strict=True)]
@@ -203,13 +199,13 @@ def _of_both(
         body = bodies[end.body].body
         many = np.isin(_many_rows(body), at)
         shapes.append(_characteristic(bodies[end.body], cutoffs_hz[end.body])[many])
-    # One choice for both sides, made in the dofs of the first.
+    # One choice for both sides, in the dofs of the first.
     first = _independent(np.hstack([shapes[0], la.lstsq(A_first, -A_second @ shapes[1])[0]]))
     return first if ends[0].body == name else np.asarray(la.lstsq(A_second, -A_first @ first)[0])
 
 
 def _characteristic(flexible: FlexibleBody, cutoff_hz: float) -> NDArray[np.float64]:
-    """Motions of the interfaces of several nodes that the body's own reduction of them holds."""
+    """Motions of the interfaces of several nodes in the body's own reduction of them."""
     own = CraigBampton(0.0, interface_reduction=InterfaceReduction(cutoff_hz, _many_rows(flexible.body)))
     return own.characteristic_shapes(flexible.body, flexible.ports.interface, flexible.rigid)
 

@@ -1,4 +1,4 @@
-"""What the scene's spin does to the bodies: a warning where stress is left out, the frequencies where it is not."""
+"""Notes on the spin of a scene: frequencies of spinning bodies, and a warning where their stress is left out."""
 
 from __future__ import annotations
 
@@ -20,20 +20,21 @@ __all__ = ["spin_notes"]
 Array = NDArray[np.float64]
 
 SLENDER = 0.1
-"""Share of a body's lowest frequency, held, from which on a spin is told of: centrifugal force then takes 1 % of the
+"""Spins from this share of the lowest frequency of the held body are noted: centrifugal force then takes 1 % of the
 stiffness of its first mode, and stress gives back more than that."""
 
-# Vibrations in the spinning frame are those of so many of the lowest modes; higher ones hardly change the first.
+# Number of the lowest modes that vibrations in the spinning frame are computed with; higher modes hardly change the
+# first frequencies.
 _MODES = 60
-_TOLD = 3
-# Interfaces that leave a body equally soft, to this share, are alike: round-off must not choose among them.
+_LISTED = 3
+# Frequencies of a body held at different interfaces that are equal to this share: round-off must not choose.
 _ALIKE = 1e-6
 
 
 def spin_notes(
     spins: Mapping[str, SpinKeys], bodies: Mapping[str, FlexibleBody], final: Mapping[str, ModalComponent]
 ) -> Iterator[str]:
-    """Say what a reader must know of the bodies that the scene spins.
+    """Notes on the bodies that the scene spins.
 
     Parameters
     ----------
@@ -82,9 +83,9 @@ def _of_body(name: str, spin: SpinKeys, flexible: FlexibleBody, component: Modal
 
 
 def _held_modes(component: ModalComponent) -> tuple[Array, Array, str]:
-    """Lowest modes (n, k), orthonormal in mass, their frequencies in rad/s, and what holds them: the softest interface.
+    """Lowest modes (n, k), orthonormal in mass, of the body held at its softest interface; rad/s; the support in words.
 
-    A body is spun by what it is joined to, so it is held by one interface; where none holds it, it is free.
+    The neighbour at an interface spins the body, so that interface holds it; a body that no interface holds is free.
     """
     rigid, mass = component.rigid_count, component.mass
     best: tuple[Array, Array, str] | None = None
@@ -107,12 +108,14 @@ def _modes(M: Array, K: Array) -> tuple[Array, Array]:
     if not K.size:
         return np.zeros(K.shape), np.zeros(0)
     flexibility, X = la.eigh(M, K)
-    there = np.flatnonzero(flexibility > np.finfo(float).eps * K.shape[0] * flexibility.max(initial=0.0))[::-1][:_MODES]
-    return X[:, there] / np.sqrt(flexibility[there]), 1 / np.sqrt(flexibility[there])
+    massive = np.flatnonzero(flexibility > np.finfo(float).eps * K.shape[0] * flexibility.max(initial=0.0))[::-1][
+        :_MODES
+    ]
+    return X[:, massive] / np.sqrt(flexibility[massive]), 1 / np.sqrt(flexibility[massive])
 
 
 def _listed(omega: Array) -> str:
-    return ", ".join(f"{value:.4g}" for value in omega[:_TOLD] / (2 * np.pi)) + " Hz"
+    return ", ".join(f"{value:.4g}" for value in omega[:_LISTED] / (2 * np.pi)) + " Hz"
 
 
 def _frequencies(omega: Array, growth: float) -> str:

@@ -1,4 +1,4 @@
-"""The geometric stiffness of a body as its keys ask for it: read, computed, and restated in the body's rows."""
+"""Geometric stiffness of a body: read or computed as its keys say, in the rows of the body."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ __all__ = ["body_stiffening"]
 def body_stiffening(
     pipeline: Pipeline, body: FEModel, as_read: FEModel, rigid: NDArray[np.float64]
 ) -> tuple[GeometricStiffness | None, tuple[str, ...]]:
-    """Geometric stiffness of a body, and what could not be proven of it.
+    """Geometric stiffness of a body, and remarks on facts that could not be proven.
 
     Parameters
     ----------
     pipeline : Pipeline
-        Whose component it is.
+        The pipeline.
     body : FEModel
-        n dofs, in the scene's units, ties made and undetermined motions held.
+        n dofs, in the scene's units, with its ties, and with undetermined motions held.
     as_read : FEModel
-        The same body as its files have it.
+        The body as its files have it.
     rigid : (n, r) float64
         Its rigid-body modes.
 
     Raises
     ------
     CmsReduceError
-        If a file does not hold what is asked of it, or does not fit the body.
+        If a matrix is not in its file, or does not fit the body.
     """
     keys = pipeline.components[body.name].geometric_stiffness
     if keys is None:
@@ -72,8 +72,8 @@ def body_stiffening(
 
 
 def _given(keys: GeometricStiffnessKeys, body: FEModel, as_read: FEModel) -> tuple[GeometricStiffness, list[str]]:
-    """The user's matrices: in the body's units, its ties made, what is held left out."""
-    T = _of_rows(body, as_read)
+    """The user's matrices in the units and rows of the body."""
+    T = _row_motions(body, as_read)
     loads, matrices, sources, remarks = [], [], [], []
     for item in keys.matrices.values():
         load = UnitLoad.parse(item.load)
@@ -88,23 +88,23 @@ def _given(keys: GeometricStiffnessKeys, body: FEModel, as_read: FEModel) -> tup
     return GeometricStiffness(tuple(loads), tuple(matrices), tuple(sources), origin, "as in the user's files"), remarks
 
 
-def _of_rows(body: FEModel, as_read: FEModel) -> sp.csr_array:
-    """Motion of the rows that were read, of the body's rows; what is held stands still."""
+def _row_motions(body: FEModel, as_read: FEModel) -> sp.csr_array:
+    """Motion of the rows of the files (rows read, n) per motion of the body's rows; held dofs stand still."""
     rows = body.recovery.dofs.rows(as_read.dofs.node, as_read.dofs.component)
-    there = np.flatnonzero(rows >= 0)
-    pick = sp.csr_array((np.ones(there.size), (there, rows[there])), shape=(as_read.n, len(body.recovery.dofs)))
+    kept = np.flatnonzero(rows >= 0)
+    pick = sp.csr_array((np.ones(kept.size), (kept, rows[kept])), shape=(as_read.n, len(body.recovery.dofs)))
     return sp.csr_array(pick @ body.recovery.T)
 
 
 def _hidden(path: Path, body: FEModel, as_read: FEModel, bars: Bars) -> Recovery | None:
-    """Motion of dofs of the bars that rigid elements of the deck move, and of condensed ones."""
+    """Motion of dofs of the bars that rigid elements of the deck move, and of condensed dofs."""
     if as_read.nodes is None:
         return None
     followers = read_followers(path, as_read.nodes)
     condensed = len(condensed_dofs(as_read, followers, end_dofs(bars)))
     found = hidden_motion(as_read, followers, read_members(path, as_read.nodes) if condensed else None)
     restated = recovery_in_units(found, as_read.units, body.units)
-    return Recovery(restated.dofs, body.dofs, restated.T @ _of_rows(body, as_read))
+    return Recovery(restated.dofs, body.dofs, restated.T @ _row_motions(body, as_read))
 
 
 def _computed(
@@ -137,8 +137,8 @@ def _held(
         return tuple(body.interfaces)
     among = f"; it has {', '.join(body.interfaces)}" if body.interfaces else ", but it has none"
     raise SceneError(
-        f"components.{body.name}.geometric_stiffness: something has to hold the body while its unit loads act; name an "
-        f"interface with `held:`{among}"
+        f"components.{body.name}.geometric_stiffness: an interface must hold the body while its unit loads act; name "
+        f"it with `held:`{among}"
     )
 
 

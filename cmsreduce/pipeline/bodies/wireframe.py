@@ -1,4 +1,4 @@
-"""A body as few enough points and lines to be drawn."""
+"""Wireframe of a body: few enough points and lines to be drawn."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import FEModel, Nodes
 from cmsreduce.read import read_cells
 
-__all__ = ["Outline", "cells_of", "outline"]
+__all__ = ["Wireframe", "cells_of", "wireframe"]
 
 Lines = NDArray[np.int64]
 
 MOST_POINTS = 1500
-"""Points of a body that a page draws: beyond it a screen shows no more, and every one costs three numbers a mode."""
+"""Points of a body on a page: a screen shows no more, and each of them costs three numbers a mode."""
 
-# Neighbours of a node beyond which lines between all that the stiffness couples would fill the picture.
+# With more neighbours a node, lines between all nodes that the stiffness couples would fill the picture.
 _CROWDED = 8
 _EDGES = {
     "line": ((0, 1),),
@@ -36,8 +36,8 @@ _EDGES = {
 
 
 @dataclass(frozen=True, eq=False)
-class Outline:
-    """What is drawn of a body.
+class Wireframe:
+    """Points and lines of a body.
 
     Parameters
     ----------
@@ -48,9 +48,9 @@ class Outline:
     lines : (l, 2) int64
         Positions in ``node``.
     meshed : bool
-        Whether the lines are edges of elements; else they join nodes that the stiffness couples.
+        The lines are edges of elements; else they join nodes that the stiffness couples.
     left_out : int
-        Nodes that are not drawn.
+        Number of nodes that are not drawn.
     """
 
     node: NDArray[np.int64]
@@ -61,7 +61,7 @@ class Outline:
 
 
 def cells_of(body: FEModel) -> dict[str, NDArray[np.int64]]:
-    """Elements in the files that a body's geometry was read from, kind: (k, corners) node ids, as far as they last."""
+    """Elements in the geometry files of a body that still exist, kind: (k, corners) node ids."""
     found: dict[str, NDArray[np.int64]] = {}
     if body.nodes is None:
         return found
@@ -71,17 +71,17 @@ def cells_of(body: FEModel) -> dict[str, NDArray[np.int64]]:
         try:
             cells = read_cells(Path(source.path))
         except ReadError:
-            # A picture is no reason to stop: the file may have gone since the stages that needed it were finished.
+            # The file may have gone since the stages that needed it were finished; a run does not stop for a picture.
             continue
         for kind, nodes in cells.items():
             known = nodes[(body.nodes.index(nodes.ravel()) >= 0).reshape(nodes.shape).all(axis=1)]
-            whole = np.vstack([found[kind], known]) if kind in found else known
-            # A file and the one it is included from name the same elements.
-            found[kind] = np.unique(whole, axis=0)
+            every = np.vstack([found[kind], known]) if kind in found else known
+            # A file and the file that includes it name the same elements.
+            found[kind] = np.unique(every, axis=0)
     return {kind: nodes for kind, nodes in found.items() if len(nodes)}
 
 
-def outline(body: FEModel, cells: Mapping[str, NDArray[np.int64]], most: int = MOST_POINTS) -> Outline | None:
+def wireframe(body: FEModel, cells: Mapping[str, NDArray[np.int64]], most: int = MOST_POINTS) -> Wireframe | None:
     """Points and lines of a body.
 
     Parameters
@@ -91,11 +91,11 @@ def outline(body: FEModel, cells: Mapping[str, NDArray[np.int64]], most: int = M
     cells : mapping of kind to (k, corners) int64
         Its elements, see `cells_of`.
     most : int
-        Points to draw; of a larger mesh one node stands for all those in a cube of space.
+        Largest number of points; of a larger mesh one node represents all nodes in a cube of space.
 
     Returns
     -------
-    Outline or None
+    Wireframe or None
         None for a body without geometry.
     """
     if body.nodes is None or not len(body.nodes):
@@ -107,20 +107,20 @@ def outline(body: FEModel, cells: Mapping[str, NDArray[np.int64]], most: int = M
     meshed = bool(edges.size)
     lines = body.nodes.index(edges.ravel()).reshape(-1, 2) if meshed else _coupled(body, body.nodes)
     if meshed:
-        # Grids that are held still carry elements; those that nothing is attached to are no part of the picture.
+        # Elements are attached to grids that are held, too; grids without elements are not drawn.
         at = np.unique(np.concatenate([lines.ravel(), at]))
     if not at.size:
         return None
     first = np.array(sorted({int(n) for face in body.interfaces.values() for n in face.node if n >= 0}), dtype=np.int64)
     keep = body.nodes.index(first) if first.size else first
-    stands_for = _thinned(body.nodes.xyz[at], np.isin(at, keep), most)
-    shown, place = np.unique(stands_for, return_inverse=True)
+    drawn_by = _thinned(body.nodes.xyz[at], np.isin(at, keep), most)
+    shown, place = np.unique(drawn_by, return_inverse=True)
     position = np.full(len(body.nodes), -1, dtype=np.int64)
     position[at] = place
     lines = position[lines]
     lines = np.unique(np.sort(lines[(lines >= 0).all(axis=1) & (lines[:, 0] != lines[:, 1])], axis=1), axis=0)
     drawn = at[shown]
-    return Outline(body.nodes.id[drawn], body.nodes.xyz[drawn], lines, meshed, at.size - drawn.size)
+    return Wireframe(body.nodes.id[drawn], body.nodes.xyz[drawn], lines, meshed, at.size - drawn.size)
 
 
 def _edges(cells: Mapping[str, NDArray[np.int64]]) -> Lines:
@@ -129,14 +129,14 @@ def _edges(cells: Mapping[str, NDArray[np.int64]]) -> Lines:
 
 
 def _coupled(body: FEModel, nodes: Nodes) -> Lines:
-    """Lines between nodes that the stiffness couples; where that is a crowd, the shortest that hold all together."""
+    """Lines between nodes that the stiffness couples; if they are too many, the shortest that connect all nodes."""
     node = np.where(body.dofs.component > 0, nodes.index(body.dofs.node), -1)
     pairs = _coupled_groups(body.K, node, len(nodes))
     if len(pairs) <= _CROWDED / 2 * max(np.unique(pairs).size, 1):
         return np.asarray(pairs, dtype=np.int64)
     length = np.linalg.norm(nodes.xyz[pairs[:, 0]] - nodes.xyz[pairs[:, 1]], axis=1)
     N = len(nodes)
-    # Zero is no edge to the graph, and coincident nodes are the nearest of all.
+    # A graph has no edge of length zero, and coincident nodes are the nearest of all.
     tiny = 1e-12 * float(length.max(initial=1.0))
     graph = sp.coo_array((np.maximum(length, tiny), (pairs[:, 0], pairs[:, 1])), shape=(N, N)).tocsr()
     tree = minimum_spanning_tree(graph).tocoo()
@@ -144,7 +144,7 @@ def _coupled(body: FEModel, nodes: Nodes) -> Lines:
 
 
 def _coupled_groups(A: sp.csc_array, group: NDArray[np.int64], count: int) -> Lines:
-    """Pairs of groups of rows, the lower one first and in order, between which a symmetric matrix has entries."""
+    """Ordered pairs of groups of rows between which a symmetric matrix has entries, the lower group first."""
     known = np.flatnonzero(group >= 0)
     member = sp.csr_array((np.ones(known.size, bool), (known, group[known])), shape=(group.size, count))
     stored = sp.csc_array((np.ones(A.nnz, bool), A.indices, A.indptr), shape=A.shape)
@@ -154,7 +154,7 @@ def _coupled_groups(A: sp.csc_array, group: NDArray[np.int64], count: int) -> Li
 
 
 def _thinned(xyz: NDArray[np.float64], always: NDArray[np.bool_], most: int) -> NDArray[np.int64]:
-    """Which point stands for each one: itself, or the first one in its cube."""
+    """The point that each point is drawn by: itself, or the first point in its cube."""
     count = len(xyz)
     if count <= most:
         return np.arange(count)
@@ -171,6 +171,6 @@ def _thinned(xyz: NDArray[np.float64], always: NDArray[np.bool_], most: int) -> 
         best = first[inverse.ravel()]
         if first.size > most:
             break
-        # Finer by steps: how a mesh fills space is not known beforehand.
+        # In steps, because it is not known how a mesh fills space.
         size /= 1.2
     return best

@@ -11,8 +11,8 @@ from cmsreduce.config import ModeSetKeys, Pipeline, RankingKeys
 from cmsreduce.errors import ConfigError, DampingError, MatrixError
 from cmsreduce.model import ModalChannels, ModalComponent, Scene, SensitivityRecord
 from cmsreduce.pipeline.bodies import FlexibleBody
-from cmsreduce.pipeline.choose.paths import off_every_path
-from cmsreduce.pipeline.choose.ranked import ranked, ranking_channels, scaling_words
+from cmsreduce.pipeline.choose.mode_sets import off_every_path
+from cmsreduce.pipeline.choose.ranked import SizedRows, ranked, ranking_channels, scaling_words, sized_rows
 from cmsreduce.pipeline.choose.selection import Choice, select, truncate
 from cmsreduce.pipeline.choose.sensitivity import (
     Change,
@@ -22,7 +22,6 @@ from cmsreduce.pipeline.choose.sensitivity import (
     changed_model,
     sensitivity,
 )
-from cmsreduce.pipeline.choose.sized_channels import SizedRows, sized_rows
 from cmsreduce.pipeline.choose.system_ranking import SYSTEM_COST, with_system_cost
 from cmsreduce.pipeline.system import Comparison, ReducedModel, system_errors
 
@@ -88,7 +87,7 @@ class Balancing:
         return replace(chosen, selection={name: chosen.selection[name] for name in self.ranked})
 
     def scaling(self, name: str) -> str:
-        """How a body's inputs and outputs were made comparable for its ranking, in words; empty without a ranking."""
+        """Scaling of the inputs and outputs of a body for its ranking, in words; empty without a ranking."""
         keys = self.pipeline.balance_of(name)
         return "" if keys is None else scaling_words(self.bodies[name].body, keys, self.scene)
 

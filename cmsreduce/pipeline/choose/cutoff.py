@@ -1,4 +1,4 @@
-"""`cutoff: auto`: as many normal modes of each body as the accuracy asked for needs."""
+"""`cutoff: auto`: the number of normal modes of each body that the accuracy asked for needs."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def asked_error(pipeline: Pipeline) -> float:
 
 
 def check_measurable(bodies: Mapping[str, FlexibleBody], scene: Scene) -> None:
-    """Refuse a search where there is no response to measure.
+    """Refuse a search without a response to measure.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def choose_cutoffs(
     names : iterable of str
         Bodies whose cutoff is free.
     asked : float
-        The frf_error asked of the system.
+        The frf_error that the system may have.
     errors_at : callable
         Estimated frf_error that each body's missing modes cost, at given multiples of the band.
 
@@ -261,7 +261,7 @@ def neglected_errors(
 
     Notes
     -----
-    A hierarchical estimate: the response of the larger basis stands for the exact one (docs/theory.md).
+    A hierarchical estimate: it takes the response of the larger basis for the exact one (docs/theory.md).
     """
     models = {name: bodies[name].body for name in components}
 

@@ -1,25 +1,26 @@
-"""The mode set of each body: its keys, its cutoff in Hz, its content key, and the reduction itself."""
+"""The mode set of each body: its keys, its cutoff in Hz, its content key, its reduction; bodies that stay rigid."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from cmsreduce import __version__
 from cmsreduce.config import ModeSetKeys, Pipeline, ReduceKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import RigidBody, Scene
+from cmsreduce.model import Channel, JointTerm, PointTerm, RigidBody, Scene
 from cmsreduce.pipeline.bodies import FlexibleBody, body_reduction, probing_loads
 from cmsreduce.pipeline.choose.cutoff import START, CutoffChoice
-from cmsreduce.pipeline.choose.paths import off_every_path
 from cmsreduce.pipeline.store import stage_key
 from cmsreduce.reduce import METHODS, BenfieldHruda, CraigBampton, Examined, kept_rigid
 
-__all__ = ["ModeSets"]
+__all__ = ["ModeSets", "off_every_path"]
 
 # A basis that misses less than this share of the static flexibility under a load needs no note.
 _NOTED = 0.01
@@ -57,8 +58,8 @@ class ModeSets:
     def unneeded(self) -> dict[str, str]:
         """Bodies that stay rigid because no response depends on their elasticity, with the reason.
 
-        A body is reduced as ever if a number of its modes is asked for, or if its own supports hold it, so that it has
-        no rigid motion.
+        A body is reduced nevertheless if a number of its modes is asked for, or if its own supports hold it, so that
+        it has no rigid motion.
         """
         off = off_every_path(self.scene)
         return {
@@ -208,3 +209,51 @@ class ModeSets:
         prints = {part: flexible.fingerprint for part, flexible in self.bodies.items()}
         scene = self.pipeline.scene.model_dump(mode="json", include=of_scene)
         return [scene, placed, prints, self._interface_cutoffs_hz(other)]
+
+
+def off_every_path(scene: Scene) -> dict[str, str]:
+    """Bodies that no chain of joints connects to an actuator and to a sensor.
+
+    Motion passes through joints in both directions, so that bodies fall into islands; an interface that the ground
+    holds passes nothing on. An island's response needs an actuator and a sensor in it.
+
+    Parameters
+    ----------
+    scene : Scene
+        Joints, ground, actuators, sensors.
+
+    Returns
+    -------
+    dict of body to str
+        Why each of them has no part in any response, in words; empty for a scene without actuators or sensors, whose
+        bodies are wanted for their own sake.
+    """
+    if not (scene.actuators and scene.sensors):
+        return {}
+    number = {body: k for k, body in enumerate(scene.bodies)}
+    ends = {
+        joint.name: [point.body for point in (joint.first, joint.second) if point not in scene.ground]
+        for joint in scene.joints
+    }
+    linked = np.array([[number[a], number[b]] for a, b in (e for e in ends.values() if len(e) == 2)], dtype=np.int64)
+    linked = linked.reshape(-1, 2)
+    graph = sp.coo_array((np.ones(len(linked)), (linked[:, 0], linked[:, 1])), shape=(len(number), len(number)))
+    _, island = connected_components(graph, directed=False)
+
+    def reached(channels: Iterable[Channel]) -> set[int]:
+        at = [body for channel in channels for term in channel.terms for body in _bodies(term, ends)]
+        return {int(island[number[body]]) for body in at}
+
+    moved, felt = reached(scene.actuators), reached(scene.sensors)
+    why = {}
+    for body, k in number.items():
+        lacks = [what for what, found in (("an actuator", moved), ("a sensor", felt)) if int(island[k]) not in found]
+        if lacks:
+            why[body] = f"no chain of joints leads from it to {' or '.join(lacks)}"
+    return why
+
+
+def _bodies(term: object, ends: dict[str, list[str]]) -> list[str]:
+    if isinstance(term, JointTerm):
+        return ends[term.joint]
+    return [term.at.body] if isinstance(term, PointTerm) else [term.a.body, term.b.body]  # type: ignore[attr-defined]

@@ -28,8 +28,9 @@ from cmsreduce.pipeline.system import SystemErrors
 
 __all__ = ["Choice", "modal_channels", "select", "truncate"]
 
-# The search runs on frequencies that the model with all modes set; a model that fails on its own is searched anew, to a
-# limit smaller by what it missed, and by this share of it, so that the same model does not come back.
+# The search runs on the grid of the model with all modes. If the model that it finds misses the limit on a grid of its
+# own, the search runs again with a lower limit: divided by the excess, and by this factor, so that it finds another
+# model.
 _ATTEMPTS = 6
 _MARGIN = 0.999
 
@@ -114,11 +115,11 @@ def select(
     components : mapping of name to ModalComponent
         Ranked.
     keys : RankingKeys
-        How they were ranked, and the rule.
+        Ranking and rule.
     channels : mapping of name to ModalChannels
         Elastic modes of the bodies, for bounds.
     system : callable, optional
-        Makes what measures selections, for errors of the system.
+        Gives the measure of selections, for errors of the system.
 
     Raises
     ------
@@ -192,7 +193,7 @@ def _bounded(components: Mapping[str, ModalComponent], asked: float, channels: M
 def truncate(
     components: Mapping[str, ModalComponent], selection: Selection, reasons: Mapping[str, str]
 ) -> dict[str, ModalComponent]:
-    """Keep the selected modes of every body, and say why."""
+    """Keep the selected modes of every body, with the reason."""
     kept = {}
     for name, component in components.items():
         e = component.elastic

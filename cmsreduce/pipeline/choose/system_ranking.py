@@ -1,4 +1,4 @@
-"""Rank modes by what they cost in the assembled system: component cost analysis over all configurations."""
+"""Rank modes by their cost in the assembled system: component cost analysis over all configurations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cmsreduce.balance import whole_groups
 from cmsreduce.config import ScalingKeys
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import ModalComponent
-from cmsreduce.pipeline.choose.sized_channels import channel_sizes
+from cmsreduce.pipeline.choose.ranked import channel_sizes
 from cmsreduce.pipeline.system import AssembledModel
 from cmsreduce.project import cost_shares, system_cost
 from cmsreduce.verify import channel_scales, frequency_grid
@@ -29,7 +29,7 @@ _POINTS = 100
 def with_system_cost(
     components: Mapping[str, ModalComponent], model: AssembledModel, scaling: ScalingKeys | None = None
 ) -> dict[str, ModalComponent]:
-    """Give modes their share in the mean square response of the assembled system, at the worst configuration.
+    """Add the share of modes in the mean square response of the assembled system, at the worst configuration.
 
     Parameters
     ----------
@@ -38,8 +38,7 @@ def with_system_cost(
     model : AssembledModel
         The system with all their modes.
     scaling : ScalingKeys, optional
-        Sizes of channels. Inputs, if each of them has one, are scaled by these, and so are outputs; else by the
-        response, which says nothing of a few.
+        Sizes of channels. Inputs are scaled by their sizes if each input has one, else by the response; outputs too.
 
     Returns
     -------
@@ -57,8 +56,8 @@ def with_system_cost(
 
     Notes
     -----
-    The noise at the actuators and the weights of the sensors are the squares of the scales that the response error
-    takes, so that no unit decides.
+    The noise at the actuators and the weights of the sensors are the squares of the scales of the response error, so
+    that the result does not depend on units.
     """
     scene = model.scene
     if not (scene.actuators and scene.sensors):

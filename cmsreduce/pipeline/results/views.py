@@ -28,7 +28,7 @@ from cmsreduce.model import (
     cross_matrix,
     rigid_body_shapes,
 )
-from cmsreduce.pipeline.bodies import cells_of, outline
+from cmsreduce.pipeline.bodies import cells_of, wireframe
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.system import channel_gains
 from cmsreduce.verify import effective_mass
@@ -67,7 +67,7 @@ def scene_drawing(run: Run) -> SceneDrawing | None:
 
 def _flexible(run: Run, name: str) -> BodyDrawing | None:
     body = run.bodies[name].body
-    found = outline(body, cells_of(body))
+    found = wireframe(body, cells_of(body))
     if found is None or body.nodes is None:
         return None
     projected = run.projected is not None
@@ -213,7 +213,7 @@ def gain_curves(run: Run) -> tuple[GainCurve, ...]:
     """Running sums of modal gains in every configuration; empty without channels, and for a large system."""
     if not run.has_response:
         return ()
-    all_modes = run.whole.assembled
+    all_modes = run.untruncated.assembled
     found = []
     for configuration in run.scene.configurations:
         kept, every = (channel_gains(model, configuration) for model in (run.model.assembled, all_modes))

@@ -1,4 +1,4 @@
-"""One run of a pipeline: its stages in the order data flows, each done once whoever asks for it."""
+"""One run of a pipeline: its stages in the order data flows, each done once."""
 
 from __future__ import annotations
 
@@ -130,8 +130,6 @@ class Run:
             names = (tuple(channel.name for channel in group) for group in (self.scene.sensors, self.scene.actuators))
             self.controller = read_controller(controller.file, *names)
 
-    # Read.
-
     @property
     def flexible_names(self) -> list[str]:
         """Flexible bodies."""
@@ -160,11 +158,11 @@ class Run:
 
     @cached_property
     def bodies(self) -> dict[str, FlexibleBody]:
-        """Flexible bodies, read and checked; joints, actuators and sensors are tried on them at once."""
+        """Flexible bodies, read and checked; joints, actuators and sensors are wired to them as a check."""
         found = {}
         for name in self.flexible_names:
             found[name] = self.flexible(name)
-            # Before anything is reduced: a body that is not sound shows in the results, whatever comes of it.
+            # Checked before anything is reduced, so that a faulty body shows in the results.
             _ = found[name].health
         bare = {name: replace(each, body=each.undamped).substructure(self.scene) for name, each in found.items()}
         rigid = {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
@@ -181,8 +179,6 @@ class Run:
             FEModel.__name__: {name: flexible.body for name, flexible in self.bodies.items()},
             Configuration.__name__: {each.name: each for each in self.scene.configurations},
         }
-
-    # Reduce.
 
     @cached_property
     def mode_sets(self) -> ModeSets:
@@ -243,8 +239,6 @@ class Run:
         """
         return self._reduction(name, other).component
 
-    # Orthogonalise.
-
     def _mode_set_notes(self, found: ModalComponent, name: str, other: ModeSetKeys | None = None) -> Iterator[str]:
         sets = self.mode_sets
         key = sets.reduce_key(name, other)
@@ -278,11 +272,9 @@ class Run:
         return ReducedModel(AssembledModel({name: subs[name] for name in self.pipeline.components}, self.scene), shapes)
 
     @cached_property
-    def whole(self) -> ReducedModel:
+    def untruncated(self) -> ReducedModel:
         """The system with every mode of the mode sets, before truncation."""
         return self.joined({name: self.modal(name) for name in self.reduced_names})
-
-    # The reference model, against which reduced ones are measured.
 
     @stage(
         "reference",
@@ -322,8 +314,6 @@ class Run:
     @property
     def _points(self) -> int:
         return (self.pipeline.verify or VerifyKeys()).frf.points
-
-    # Balance.
 
     @cached_property
     def balancing(self) -> Balancing:
@@ -382,8 +372,6 @@ class Run:
         """The bodies with the modes that the run keeps."""
         return self.balancing.kept(self.ranked, self.selection)
 
-    # Project.
-
     @property
     def _projection_source(self) -> ReducedModel:
         """The system whose modes are projected."""
@@ -425,8 +413,6 @@ class Run:
         """The bodies as they are assembled and written."""
         return self.kept if self.projected is None else self.projected.components
 
-    # Assemble.
-
     @property
     @stage(
         "assemble",
@@ -445,11 +431,9 @@ class Run:
     def completeness(self) -> tuple[AxisCompleteness, ...]:
         """Share of the inertia at each hinge that the modes hold; empty where hinges move each other, as in a loop."""
         try:
-            return axis_completeness(self.model.assembled, self.whole.assembled)
+            return axis_completeness(self.model.assembled, self.untruncated.assembled)
         except ConstraintError:
             return ()
-
-    # Verify.
 
     def models(self) -> dict[str, ReducedModel]:
         """The reduced models that are compared with the reference model, the run's own first."""
@@ -515,7 +499,7 @@ class Run:
         """Checks of the reduction beside its errors: those of verify, or made now where verify is not asked for."""
         return self.verified.checks if self.pipeline.verify is not None else self._checked()
 
-    @cached_property
+    @property
     def margins(self) -> tuple[ControllerMargin, ...]:
         """Margins of the scene's controller in every configuration; empty without a controller or without verify."""
         if self.controller is None or self.pipeline.verify is None:

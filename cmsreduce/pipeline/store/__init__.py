@@ -1,7 +1,7 @@
-"""Finished stages on disk, and the rule by which a stage is run once.
+"""The cache of stages: each stage of a run is done once.
 
-Keys, files, locks and progress of stages belong here.
-What a stage computes belongs in the other rooms of `pipeline`.
+Keys, files, locks, times and progress of stages belong here.
+The work of a stage belongs in the other rooms of `pipeline`.
 """
 
 from cmsreduce.pipeline.store.stage_cache import cache_entries, clear_cache, sole_use

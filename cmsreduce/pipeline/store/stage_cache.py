@@ -1,6 +1,6 @@
-"""The finished stages of run directories and sweeps: what is there, and how to be rid of it.
+"""Finished stages of run directories and sweeps: list them, clear them, and lock a run directory.
 
-Runs in one directory come one after the other: two would write results of different settings side by side.
+Two runs never work in one directory at a time: they would write results of different settings side by side.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class CacheEntry:
     what, stage : str
         Such as ``rotor`` and ``reduce``.
     key : str
-        First digits of the hash of all it was made from; empty where the file cannot be read.
+        First digits of its content key; empty if the file cannot be read.
     size : int
         In bytes.
     made : float
@@ -71,12 +71,12 @@ def cache_entries(folder: Path) -> list[CacheEntry]:
 
 
 def clear_cache(folder: Path) -> tuple[int, int]:
-    """Remove finished stages, and what killed runs left of others; results beside them stay.
+    """Remove finished stages, and parts that killed runs left of others; the results of the runs stay.
 
     Returns
     -------
     count, size : int
-        Files removed, and their bytes.
+        Number of files removed, and their bytes.
 
     Raises
     ------
@@ -114,29 +114,29 @@ def _key(path: Path) -> str:
 
 @contextmanager
 def sole_use(folder: Path, say: Callable[[str], None]) -> Iterator[None]:
-    """Keep other processes out of a folder while the block lasts; wait for one that is in it.
+    """Keep other runs out of a folder while the block lasts; wait for a run that is in it.
 
-    The system takes the claim back when a process ends, however it ends. The folder itself is locked, so that nothing
-    is left in it.
+    The folder itself is locked, so that no lock file is left in it. The operating system ends the lock when the process
+    ends.
 
     Parameters
     ----------
     folder : Path
         Made if it is not there.
     say : callable
-        Told that there is something to wait for.
+        Called with a message if there is a run to wait for.
     """
     try:
         import fcntl
     except ImportError:
-        # Without locks each file is still whole, whoever wrote it last.
+        # Without locks each file is still complete.
         yield
         return
     try:
         folder.mkdir(parents=True, exist_ok=True)
         handle = os.open(folder, os.O_RDONLY)
     except OSError:
-        # Whoever writes the first file names what is wrong with the folder.
+        # The first file that is written there fails with a message.
         yield
         return
     try:
@@ -146,7 +146,7 @@ def sole_use(folder: Path, say: Callable[[str], None]) -> Iterator[None]:
             say(f"another run is at work in {folder}; this one goes on when that ends (or give it another --out)")
             fcntl.flock(handle, fcntl.LOCK_EX)
         except OSError:
-            # Some shared disks lock no folders.
+            # Some shared disks cannot lock folders.
             pass
         yield
     finally:

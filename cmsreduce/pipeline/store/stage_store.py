@@ -1,7 +1,4 @@
-"""Which code a finished stage was made with: what another version of it made is not taken for its result.
-
-Finished stages on disk: each file carries the key of all it was made from.
-"""
+"""Finished stages on disk: each file holds its content key, a hash of code, settings and earlier stages."""
 
 from __future__ import annotations
 
@@ -21,6 +18,7 @@ from numpy.typing import NDArray
 from cmsreduce import __version__
 from cmsreduce.linalg.blocks import new_basis, outgrows, row_blocks
 from cmsreduce.model import CHECKSUM, checksum, map_dataset, mapped_in
+from cmsreduce.pipeline.store.stage_data import Arrays
 from cmsreduce.write import atomic_path, hdf5_file, put_texts
 
 __all__ = [
@@ -32,9 +30,24 @@ __all__ = [
 ]
 
 _PACKAGE = Path(__file__).resolve().parents[2]
+SHARED = ("reduce", "reference", "orthogonalise")
+"""Stages of single bodies, which runs with different later stages have in common."""
+
+STAGES_FOLDER = "stages"
+"""Folder of a run directory with its finished stages."""
+
+# Dataset with the facts that are no arrays; no array has this name.
+_FACTS = "facts."
+# File in the folder of a run's stages with the path of the shared folder.
+_POINTER = "shared.json"
+# Hexadecimal digits of a key in the name of a file: 80 bits; the file holds the whole key.
+_DIGITS = 20
+_MATRIX = 2
+# Errors of HDF5, and of later steps, on damaged bytes.
+_DAMAGE = (OSError, KeyError, ValueError, RuntimeError, TypeError, IndexError, AttributeError, OverflowError)
 _BASE = ("model", "linalg", "multifrontal", "mechanics")
 _EVERY = (*_BASE, "reduce", "orthogonalise.py", "assemble", "balance", "project", "verify", "pipeline")
-# Readers are not among them: keys hold a hash of the matrices that were read. Neither is what prints and draws.
+# Readers are left out, because keys hold a hash of the matrices that were read; so is the code that prints and draws.
 _ROOMS = {
     "read": (),
     "reduce": (*_BASE, "reduce", "assemble", "pipeline"),
@@ -50,14 +63,14 @@ def code_version(stage: str, package: Path = _PACKAGE) -> str:
     Parameters
     ----------
     stage : str
-        Such as ``reduce``; a stage without rooms of its own depends on all that compute.
+        Such as ``reduce``; a stage that is not listed here depends on all rooms that compute.
     package : Path
         Folder of the package.
 
     Returns
     -------
     str
-        Hexadecimal; of the version alone where the package came without its sources.
+        Hexadecimal; of the version alone if the package has no sources.
     """
     digest = hashlib.sha256(__version__.encode())
     for room in _ROOMS.get(stage, _EVERY):
@@ -68,40 +81,21 @@ def code_version(stage: str, package: Path = _PACKAGE) -> str:
     return digest.hexdigest()
 
 
-Arrays = dict[str, NDArray[Any]]
-
-SHARED = ("reduce", "reference", "orthogonalise")
-"""Stages of single bodies, which runs that differ downstream have in common."""
-
-STAGES_FOLDER = "stages"
-"""Folder of a run directory with its finished stages."""
-
-# Dataset with what is not an array; no component can have this name.
-_FACTS = "facts."
-# In the folder of a run's stages: where those are that it shares with other runs.
-_POINTER = "shared.json"
-# Hexadecimal digits of a key in a file's name: 80 bits, and the file holds all of them.
-_DIGITS = 20
-_MATRIX = 2
-# What HDF5 raises for bytes that are no longer what was written, and what they become where it does not notice.
-_DAMAGE = (OSError, KeyError, ValueError, RuntimeError, TypeError, IndexError, AttributeError, OverflowError)
-
-
 def stage_key(stage: str, *parts: Any) -> str:
-    """Hash of everything a stage depends on: the code, settings, file hashes, keys of earlier stages."""
+    """Hash of everything that a stage depends on: code, settings, hashes of files, keys of earlier stages."""
     text = json.dumps([stage, code_version(stage), *parts], sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def share_stages(folder: Path, shared: Path) -> None:
-    """Let a run directory keep the stages of its bodies in a folder that other runs use, too.
+    """Make a run directory keep the stages of its bodies in a folder that other runs use, too.
 
     Parameters
     ----------
     folder : Path
         Run directory.
     shared : Path
-        The common folder. It is noted relative to the run's, so that both can be moved together.
+        The common folder. The run directory holds its relative path, so that both can be moved together.
     """
     stages = folder / STAGES_FOLDER
     text = json.dumps({"shared": os.path.relpath(shared, stages)})
@@ -122,7 +116,7 @@ class StageStore:
     folder : Path
         Run directory.
     say : callable, optional
-        Told of an entry that is damaged and will be made again; ``damaged`` lists them.
+        Called with a message for each damaged entry, which is made again; ``damaged`` lists these messages.
     """
 
     def __init__(self, folder: Path, say: Callable[[str], None] = lambda text: None) -> None:
@@ -131,17 +125,17 @@ class StageStore:
         self.shared = _shared_folder(self.folder)
 
     def path(self, stage: str, what: str, key: str) -> Path:
-        """File of a stage; ``what`` is the component, or the system."""
+        """File of a stage of a component or of the system."""
         if self._is_shared(stage):
             assert self.shared is not None
             return self.shared / f"{what}.{stage}.{key[:_DIGITS]}.h5"
         return self.folder / f"{what}.{stage}.h5"
 
     def load(self, stage: str, what: str, key: str) -> tuple[Arrays, dict[str, Any]] | None:
-        """Read a finished stage, or nothing if it is absent, older than its inputs, or not whole."""
+        """Read a finished stage; None if it is absent, has another key, or is damaged."""
 
         def everything(file: Any) -> tuple[Arrays, dict[str, Any]]:
-            # Every dataset has a checksum, which reading it compares.
+            # Reading a dataset compares its checksum.
             arrays = {name: _array(file.filename, dataset) for name, dataset in file.items() if name != _FACTS}
             return arrays, _facts(file)
 
@@ -149,16 +143,16 @@ class StageStore:
         return found
 
     def facts(self, stage: str, what: str, key: str) -> dict[str, Any] | None:
-        """Read what is known of a finished stage, without its arrays."""
+        """Read the facts of a finished stage, without its arrays; None as `load`."""
         found: dict[str, Any] | None = self._read(stage, what, key, _facts)
         return found
 
     def save(
         self, stage: str, what: str, key: str, arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]
     ) -> Path:
-        """Write a finished stage; it appears under its name only when it is whole."""
+        """Write a finished stage under a temporary name, and rename it when it is complete."""
         path = self.path(stage, what, key)
-        # What outgrew memory when it was made is not brought there to be written.
+        # Arrays on disk are copied from file to file, without passing through memory.
         large = {name: array for name, array in arrays.items() if mapped_in(array) is not None}
         with hdf5_file(path, large) as file:
             file.attrs["key"] = key
@@ -175,14 +169,14 @@ class StageStore:
 
     @contextmanager
     def claimed(self, stage: str, what: str, key: str) -> Iterator[bool]:
-        """Be the only process at work on an entry of the shared folder while the block lasts.
+        """Keep other processes from an entry of the shared folder while the block lasts.
 
-        The system takes the claim back when the process ends, however it ends.
+        The operating system ends the claim when the process ends.
 
         Yields
         ------
         bool
-            Whether others may have finished the entry meanwhile.
+            True if another process may have finished the entry before the claim was granted.
         """
         if not self._is_shared(stage):
             yield False
@@ -195,7 +189,7 @@ class StageStore:
             try:
                 yield True
             finally:
-                # Whoever waits for it has it open; at worst another process does the same work besides.
+                # Processes that wait have the file open; at worst another process does the same work once more.
                 lock.unlink(missing_ok=True)
 
     def _is_shared(self, stage: str) -> bool:
@@ -215,7 +209,7 @@ class StageStore:
                     raise KeyError("not all of its arrays are there")
                 return content(file)
         except _DAMAGE as error:
-            # Nothing of the user's is in it; it is made again.
+            # It holds no data of the user, and is made again.
             self.damaged.append(f"{path} is damaged and is made again ({' '.join(str(error).split())})")
             self._say(self.damaged[-1])
             return None
@@ -227,7 +221,7 @@ def _facts(file: Any) -> dict[str, Any]:
 
 
 def _array(path: str, dataset: Any) -> NDArray[Any]:
-    """Values of a dataset, compared with their checksum; what outgrows memory stays in the file, or goes to one."""
+    """Values of a dataset, compared with their checksum; a large array stays in the file, or is copied to one."""
     if CHECKSUM in dataset.attrs:
         Phi = map_dataset(Path(path), dataset)
         if checksum(Phi) != dataset.attrs[CHECKSUM]:
@@ -249,10 +243,10 @@ def _shared_folder(stages: Path) -> Path | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError):
-        # Without it the run finishes by itself what it would have shared.
+        # Without it the run does by itself what it would have shared.
         return None
     shared = (stages / str(named)).resolve()
-    # A run directory that came from elsewhere must not have files written where it likes.
+    # A run directory from elsewhere must not choose any folder of this machine.
     return shared if stages.resolve().is_relative_to(shared.parent) else None
 
 
@@ -260,7 +254,7 @@ def _wait_for(handle: IO[str]) -> None:
     try:
         import fcntl
     except ImportError:
-        # Without locks two processes may do the same work; either result is whole.
+        # Without locks two processes may do the same work; both results are complete.
         return
     with contextlib.suppress(OSError):
         fcntl.flock(handle, fcntl.LOCK_EX)

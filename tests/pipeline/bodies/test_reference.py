@@ -1,4 +1,4 @@
-"""What stands for an unreduced body that is too large for all its modes, against all its modes."""
+"""The representation of an unreduced body that is too large for all its modes, against all its modes."""
 
 from __future__ import annotations
 
@@ -41,7 +41,9 @@ def response(substructure):
     return omega, frequency_response({"bar": substructure}, SCENE, SCENE.configurations[0], omega)
 
 
-def test_what_answers_the_inertia_of_static_shapes_brings_the_stand_in_nearer_to_all_modes(bar, monkeypatch):
+def test_static_responses_to_the_inertia_of_static_shapes_bring_the_response_nearer_to_that_of_all_modes(
+    bar, monkeypatch
+):
     ports, rigid = body_ports(bar, SCENE), rigid_modes(bar)
 
     def assembled(found):
@@ -49,14 +51,14 @@ def test_what_answers_the_inertia_of_static_shapes_brings_the_stand_in_nearer_to
 
     omega, exact = response(assembled(references.reference(bar, ports, rigid, CUTOFF_HZ)))
     monkeypatch.setattr(references, "ALL_MODES_LIMIT", 0)
-    stand_in = references.reference(bar, ports, rigid, CUTOFF_HZ)
-    assert stand_in.label == "modes to 2 x cutoff"
+    found_modes = references.reference(bar, ports, rigid, CUTOFF_HZ)
+    assert found_modes.label == "modes to 2 x cutoff"
     less = orthogonalise(MacNealRubin(2 * CUTOFF_HZ).reduce(bar, ports.interface, ports.static_loads, rigid))
     scales = channel_scales(SCENE.actuators, SCENE.sensors, exact, exact)
     found, plain = (
         frf_error(omega, exact, response(sub)[1], *scales)
-        for sub in (assembled(stand_in), modal_substructure(less, points_of(bar, ("150", "166"))))
+        for sub in (assembled(found_modes), modal_substructure(less, points_of(bar, ("150", "166"))))
     )
     assert found < 5e-5
     assert found < plain / 3
-    assert assembled(stand_in).m == less.omega.size + 13
+    assert assembled(found_modes).m == less.omega.size + 13

@@ -1,4 +1,4 @@
-"""What a run would keep with another damping and without each sensor, against runs that have it so."""
+"""Sensitivity of the modes kept to the damping and to each sensor, against runs with these changes."""
 
 from __future__ import annotations
 

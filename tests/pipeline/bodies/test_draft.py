@@ -13,7 +13,7 @@ from pyyeti.nastran import op4
 from cmsreduce.cli import main
 from cmsreduce.config import body_pipeline, load_pipeline
 from cmsreduce.errors import ConfigError, ReadError
-from cmsreduce.pipeline.bodies import first_look
+from cmsreduce.pipeline.bodies import draft_body
 from tests.pipeline.study import write_study
 
 SAMPLES = Path(__file__).parents[3] / "sample_models"
@@ -44,14 +44,14 @@ def typed(*words: str) -> tuple[int, str]:
 )
 def test_samples(sample: str, mount: str, far: int, axes: str, hz: float | None) -> None:
     files = [SAMPLES / f"{sample}.{kind}" for kind in ("bdf", "op4")]
-    draft = first_look("body", files)
+    draft = draft_body("body", files)
     assert (draft.interface, draft.far, draft.axes, draft.remark) == (mount, far, axes, "")
     assert draft.elastic_hz == (None if hz is None else pytest.approx(hz, rel=1e-4))
 
 
 @pytest.mark.shared
 def test_a_superelement_is_joined_at_its_boundary(shared_data: Path) -> None:
-    draft = first_look("inboard", [shared_data / "nas2cam" / "inboard.asm"])
+    draft = draft_body("inboard", [shared_data / "nas2cam" / "inboard.asm"])
     assert (draft.interface, draft.node, draft.remark) == ("{set: b}", 3, "")
     assert draft.extseout == shared_data / "nas2cam" / "inboard"
 
@@ -78,7 +78,7 @@ def test_matrices_in_files_of_their_own(arm: Path) -> None:
     read = op4.read("arm.op4")
     for name, letter in (("stiffness", "k"), ("mass", "m")):
         scipy.io.mmwrite(f"{name}_of_arm.mtx", np.asarray(next(v for n, v in read.items() if n[0].lower() == letter)))
-    draft = first_look("arm", [Path("mass_of_arm.mtx"), Path("arm.bdf"), Path("stiffness_of_arm.mtx")])
+    draft = draft_body("arm", [Path("mass_of_arm.mtx"), Path("arm.bdf"), Path("stiffness_of_arm.mtx")])
     assert draft.stiffness[0] == Path("stiffness_of_arm.mtx")
     assert draft.mass[0] == Path("mass_of_arm.mtx")
 
@@ -96,20 +96,20 @@ def test_files_that_do_not_fit_are_named_and_nothing_is_lost(arm: Path) -> None:
     [
         (["gone.op4"], "there is no such file"),
         (["arm.bdf", "panel.bdf"], "several decks or meshes: arm.bdf, panel.bdf"),
-        (["arm.bdf"], "no matrix is plainly the stiffness.*matrices found: none"),
-        (["odd.op4", "arm.bdf"], "no matrix is plainly the stiffness.*found: A in odd.op4, B in odd.op4"),
+        (["arm.bdf"], "no matrix is clearly the stiffness.*matrices found: none"),
+        (["odd.op4", "arm.bdf"], "no matrix is clearly the stiffness.*found: A in odd.op4, B in odd.op4"),
     ],
 )
 def test_bad_files(arm: Path, files: list[str], message: str) -> None:
     op4.write("odd.op4", dict(zip(("A", "B"), op4.read("arm.op4").values(), strict=True)))
     with pytest.raises(ReadError, match=message):
-        first_look("mine", [Path(name) for name in files])
+        draft_body("mine", [Path(name) for name in files])
     assert typed("new", "mine", *files)[0] == 2
     assert not Path("mine.yaml").exists()
 
 
 def test_names_that_cannot_be(arm: Path) -> None:
-    draft = first_look("mine", [arm / "arm.op4", arm / "arm.bdf"])
+    draft = draft_body("mine", [arm / "arm.op4", arm / "arm.bdf"])
     for name in ("a b", "system"):
         with pytest.raises(ConfigError, match=name):
             body_pipeline(name, draft)

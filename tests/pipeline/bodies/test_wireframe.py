@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.pipeline.bodies import cells_of, outline
+from cmsreduce.pipeline.bodies import cells_of, wireframe
 from cmsreduce.pipeline.bodies.wireframe import _coupled_groups
 from tests.frames import line
 
@@ -16,14 +16,14 @@ BODY = line("bar", [0, 0, 0], [1.5, 0, 0], 30)
 def test_lines_are_the_elements() -> None:
     ids = BODY.nodes.id
     cells = {"line": np.column_stack([ids[:-1], ids[1:]])}
-    found = outline(BODY, cells)
+    found = wireframe(BODY, cells)
     assert found.meshed
     assert (len(found.node), len(found.lines), found.left_out) == (31, 30, 0)
     np.testing.assert_allclose(np.linalg.norm(np.diff(found.xyz[found.lines], axis=1), axis=2), 0.05)
 
 
 def test_without_elements_lines_join_what_the_stiffness_couples() -> None:
-    found = outline(BODY, {})
+    found = wireframe(BODY, {})
     assert not found.meshed
     assert len(found.lines) == 30
 
@@ -31,7 +31,7 @@ def test_without_elements_lines_join_what_the_stiffness_couples() -> None:
 def test_of_a_crowd_the_shortest_lines_are_drawn() -> None:
     """A condensed body couples every node with every other one."""
     full = replace(BODY, K=BODY.K + 1e-3 * np.ones(BODY.K.shape))
-    found = outline(full, {})
+    found = wireframe(full, {})
     assert len(found.lines) == 30
     np.testing.assert_allclose(np.linalg.norm(np.diff(found.xyz[found.lines], axis=1), axis=2), 0.05)
 
@@ -46,7 +46,7 @@ def test_pairs_are_those_between_which_there_is_an_entry_even_a_zero() -> None:
 
 @pytest.mark.parametrize("most", [20, 10, 5])
 def test_large_meshes_are_thinned(most: int) -> None:
-    found = outline(BODY, {}, most)
+    found = wireframe(BODY, {}, most)
     assert found.node.size + found.left_out == 31
     assert most / 3 <= found.node.size <= most
     # What is drawn still hangs together, from the first interface to the last.
@@ -56,4 +56,4 @@ def test_large_meshes_are_thinned(most: int) -> None:
 
 def test_no_geometry() -> None:
     assert cells_of(replace(BODY, nodes=None, interfaces={})) == {}
-    assert outline(replace(BODY, nodes=None, interfaces={}), {}) is None
+    assert wireframe(replace(BODY, nodes=None, interfaces={}), {}) is None
