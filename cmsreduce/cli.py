@@ -141,7 +141,7 @@ def check(
     failed = sum(not found.passed for found in findings)
     judged = sum(found.judged for found in findings)
     verdict = f"{failed} of {judged} checks failed" if failed else f"all {judged} checks passed"
-    worst = next((f"; response error {f.check.value:.3g} {f.note}" for f in findings if f.name == "frf_error"), "")
+    worst = next((f"; response error {f.value:.3g} {f.note}" for f in findings if f.label == "frf_error"), "")
     output.line(f"{verdict}{worst}; {output.seconds:.1f} s")
     output.result({"checked": path, "passed": not failed, "failed": failed, "judged": judged, **finding_data(findings)})
     sys.exit(LIMIT_BROKEN if failed else OK)

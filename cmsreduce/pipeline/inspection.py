@@ -12,7 +12,7 @@ import numpy as np
 from cmsreduce.config import Pipeline, build_scene, load_pipeline
 from cmsreduce.errors import CmsReduceError, ReadError
 from cmsreduce.mechanics import ACCURACIES, INTEGRATORS
-from cmsreduce.model import Check, Scene, SystemChecks, health_data, loads_in_words
+from cmsreduce.model import Finding, Scene, SystemChecks, health_data, loads_in_words
 from cmsreduce.pipeline.bodies import body_health, effective_masses, read_flexible
 from cmsreduce.pipeline.execute import reopen
 from cmsreduce.pipeline.results import (
@@ -226,7 +226,7 @@ def _body(pipeline: Pipeline, name: str, scene: Scene) -> Inspected:
     return Inspected(rows, data)
 
 
-def _check_data(check: Check) -> dict[str, Any]:
+def _check_data(check: Finding) -> dict[str, Any]:
     return {"name": check.name, "value": check.value, "limit": check.limit, "passed": check.passed}
 
 

@@ -28,20 +28,18 @@ def finding_line(finding: Finding) -> str:
 
     Examples
     --------
-    >>> from cmsreduce.model import Check
-    >>> finding_line(Finding("rotor", Check("kept_modes", 19, 18)))
+    >>> finding_line(Finding("kept_modes", 19, 18, subject="rotor"))
     'rotor: kept_modes: 19 (limit 18)'
     """
     *_, value, limit, note = _cells(finding)
     limit = f"limit {limit}" if finding.judged else "no limit"
-    return f"{finding.name}: {value} ({limit}){f' - {note}' if note else ''}"
+    return f"{finding.label}: {value} ({limit}){f' - {note}' if note else ''}"
 
 
 def _cells(finding: Finding) -> tuple[str, ...]:
     """Subject, figure, value, limit and note."""
-    check = finding.check
-    limit = f"{check.limit:.6g}" if finding.judged else ""
-    return finding.subject or "run", check.name, f"{check.value:.6g}", limit, finding.note
+    limit = f"{finding.limit:.6g}" if finding.judged else ""
+    return finding.subject or "run", finding.name, f"{finding.value:.6g}", limit, finding.note
 
 
 def print_findings(findings: Sequence[Finding], output: Output) -> None:
@@ -67,9 +65,9 @@ def finding_data(findings: Sequence[Finding]) -> dict[str, Any]:
         "findings": [
             {
                 "of": each.subject or None,
-                "figure": each.check.name,
-                "value": each.check.value,
-                "limit": each.check.limit,
+                "figure": each.name,
+                "value": each.value,
+                "limit": each.limit,
                 "verdict": each.verdict.lower(),
                 "note": each.note,
             }
@@ -101,7 +99,7 @@ def junit_xml(findings: Sequence[Finding], checked: str) -> bytes:
     root = ET.Element("testsuites", {"name": "cmsreduce check", **counts})
     suite = ET.SubElement(root, "testsuite", {"name": _plain(f"cmsreduce check {checked}"), **counts, "time": "0"})
     for finding in findings:
-        name = {"classname": _plain(finding.subject or "run"), "name": _plain(finding.check.name), "time": "0"}
+        name = {"classname": _plain(finding.subject or "run"), "name": _plain(finding.name), "time": "0"}
         case = ET.SubElement(suite, "testcase", name)
         line = _plain(finding_line(finding))
         if not finding.judged:

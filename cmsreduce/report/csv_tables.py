@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
-from cmsreduce.model import RunResult
+from cmsreduce.model import Response, RunResult
 from cmsreduce.report.wording import FIGURES, compared, file_name, measured
 
-__all__ = ["CsvTable", "csv_tables"]
+__all__ = ["csv_tables"]
 
 Cell = str | int | float | None
 
@@ -19,94 +18,73 @@ _MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 _MODES = ("body", "mode", "hz", "zeta", "kind", "source_hz", "sigma", "spacing", "cluster", "kept", "why")
 
 
-@dataclass(frozen=True)
-class CsvTable:
-    """One table.
-
-    Parameters
-    ----------
-    name : str
-        Name of its file, without an ending.
-    heads : tuple of str
-        Columns, units in them.
-    rows : list of tuple
-        Numbers in full, None where there is no value.
-    """
-
-    name: str
-    heads: tuple[str, ...]
-    rows: list[tuple[Cell, ...]]
-
-
-def csv_tables(run: RunResult) -> list[CsvTable]:
+def csv_tables(run: RunResult) -> dict[str, list[tuple[Cell, ...]]]:
     """Every table of a run that has rows: errors, modes, pairs, checks, timings, gains, masses, responses.
 
     Parameters
     ----------
     run : RunResult
+
+    Returns
+    -------
+    dict of str to list of tuple
+        Names of the columns with their units, then rows of numbers in full; None where there is no value.
     """
     models = (run.model, *compared(run))
     figures = tuple(figure.name for figure in (measured(run) or FIGURES[:3]))
     results = [(result.configuration.name, result) for result in run.configurations]
-    own = [(name, result, result.errors[run.model]) for name, result in results if run.model in result.errors]
-    found = [
-        CsvTable(
-            "errors",
+    own = [(name, result.errors[run.model]) for name, result in results if run.model in result.errors]
+    errors: list[tuple[Cell, ...]] = [
+        (name, model, result.n_full, each.coordinates, each.seconds, *(getattr(each, key) for key in figures))
+        for name, result in results
+        for model in models
+        if (each := result.errors.get(model)) is not None
+    ]
+    masses: list[tuple[Cell, ...]] = [
+        (name, float(hz), *map(float, row))
+        for name, curve in run.effective_mass.items()
+        for hz, row in zip(curve.hz, curve.running, strict=True)
+    ]
+    found: dict[str, list[tuple[Cell, ...]]] = {
+        "errors": [
             ("configuration", "model", "full_coordinates", "reduced_coordinates", "response_s", *figures),
-            [
-                (name, model, result.n_full, each.coordinates, each.seconds, *(getattr(each, key) for key in figures))
-                for name, result in results
-                for model in models
-                if (each := result.errors.get(model)) is not None
-            ],
-        ),
-        CsvTable("modes", _MODES, list(_modes(run))),
-        CsvTable(
-            "frequencies",
+            *errors,
+        ],
+        "modes": [_MODES, *_modes(run)],
+        "frequencies": [
             ("configuration", "full_hz", "reduced_hz", "mac"),
-            [
+            *(
                 (name, float(full), float(reduced), float(mac))
-                for name, _, each in own
+                for name, each in own
                 for full, reduced, mac in zip(each.full_hz, each.reduced_hz, each.mac, strict=True)
-            ],
-        ),
-        CsvTable(
-            "checks",
+            ),
+        ],
+        "checks": [
             ("body", "check", "value", "limit", "passed"),
-            [
+            *(
                 (name, check.name, check.value, check.limit, int(check.passed))
                 for name, part in run.components.items()
                 for check in part.checks
-            ],
-        ),
-        CsvTable(
-            "timings",
+            ),
+        ],
+        "timings": [
             ("body", "stage", "seconds"),
-            [(name, stage, s) for name, part in run.components.items() for stage, s in part.seconds.items()],
-        ),
-        CsvTable("gains", ("configuration", "input", "output", "hz", "running_gain"), list(_gains(run))),
-        CsvTable(
-            "effective_mass",
+            *((name, stage, s) for name, part in run.components.items() for stage, s in part.seconds.items()),
+        ],
+        "gains": [("configuration", "input", "output", "hz", "running_gain"), *_gains(run)],
+        "effective_mass": [
             ("body", "hz", *_MOTIONS),
-            [
-                (name, float(hz), *map(float, row))
-                for name, curve in run.effective_mass.items()
-                for hz, row in zip(curve.hz, curve.running, strict=True)
-            ],
-        ),
-        CsvTable(
-            "completeness",
+            *masses,
+        ],
+        "completeness": [
             ("axis", "configuration", "band", "kept", "whole"),
-            [(row.axis, row.configuration, row.band, row.kept, row.whole) for row in run.completeness],
-        ),
-    ]
+            *((row.axis, row.configuration, row.band, row.kept, row.whole) for row in run.completeness),
+        ],
+    }
     for k, (name, result) in enumerate(results):
-        found.append(
-            _responses(
-                run, f"response_{k + 1}_{file_name(name)}", k, [m for m in models if m in result.response.reduced]
-            )
-        )
-    return [table for table in found if table.rows]
+        there = [model for model in models if model in result.response.reduced]
+        found[f"response_{k + 1}_{file_name(name)}"] = _responses(run, result.response, there)
+    return {name: rows for name, rows in found.items() if len(rows) > 1}
 
 
 def _modes(run: RunResult) -> Iterable[tuple[Cell, ...]]:
@@ -136,17 +114,16 @@ def _gains(run: RunResult) -> Iterable[tuple[Cell, ...]]:
                     yield curve.configuration, name, output, float(hz), float(value)
 
 
-def _responses(run: RunResult, name: str, at: int, models: list[str]) -> CsvTable:
-    """Complex responses of every channel: real and imaginary parts of the full system and of each model."""
-    response = run.configurations[at].response
+def _responses(run: RunResult, response: Response, models: list[str]) -> list[tuple[Cell, ...]]:
+    """Real and imaginary parts of every channel, of the reference model ``full`` and of each reduced model."""
     heads = ["hz"]
     columns = [response.frequency_hz]
     for label, H in (("full", response.full), *((model, response.reduced[model]) for model in models)):
         for o, output in enumerate(run.outputs):
-            for i, given in enumerate(run.inputs):
-                heads += [f"{label} {given} > {output} {part}" for part in ("re", "im")]
+            for i, entry in enumerate(run.inputs):
+                heads += [f"{label} {entry} > {output} {part}" for part in ("re", "im")]
                 columns += [H[:, o, i].real, H[:, o, i].imag]
-    return CsvTable(name, tuple(heads), [tuple(row) for row in np.column_stack(columns).tolist()])
+    return [tuple(heads), *map(tuple, np.column_stack(columns).tolist())]
 
 
 def _known(value: float) -> float | None:

@@ -9,34 +9,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.model import SweepResult, SweepRow
 
-__all__ = ["Cost", "Trade", "pareto_front", "trades"]
+__all__ = ["Trade", "pareto_front", "trades"]
 
 # Errors below rounding count as equal; zero has no place on a logarithmic axis.
 _EXACT = float(np.finfo(float).eps)
 
 
-@dataclass(frozen=True)
-class Cost:
-    """One cost of a model.
-
-    Parameters
-    ----------
-    name : str
-        Figure of a row.
-    label : str
-        With its unit.
-    """
-
-    name: str
-    label: str
-
-
-COSTS = (
-    Cost("reduce_s", "reduction time, s"),
-    Cost("n_reduced", "coordinates of the reduced system"),
-    Cost("reduced_frf_s", "time of the reduced responses, s"),
-)
-"""Costs of a model: once, in memory and integration steps, and at every use."""
+COSTS = {
+    "reduce_s": "reduction time, s",
+    "n_reduced": "coordinates of the reduced system",
+    "reduced_frf_s": "time of the reduced responses, s",
+}
+"""Costs of a model with their labels: once, in memory and integration steps, and at every use."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +29,8 @@ class Trade:
 
     Parameters
     ----------
-    cost : Cost
+    cost, label : str
+        Figure of a row, and its name with its unit.
     rows : tuple of SweepRow
         Points that have both figures.
     x, y : (k,) float64
@@ -54,7 +39,8 @@ class Trade:
         Those on the Pareto front.
     """
 
-    cost: Cost
+    cost: str
+    label: str
     rows: tuple[SweepRow, ...]
     x: NDArray[np.float64]
     y: NDArray[np.float64]
@@ -102,10 +88,10 @@ def trades(sweep: SweepResult, error: str = "frf_error") -> tuple[Trade, ...]:
         Figure of a row.
     """
     found = []
-    for cost in COSTS:
-        rows = tuple(row for row in sweep.rows if np.isfinite(getattr(row, error)) and getattr(row, cost.name) > 0)
-        x, y = (np.array([getattr(row, name) for row in rows], dtype=np.float64) for name in (cost.name, error))
+    for cost, label in COSTS.items():
+        rows = tuple(row for row in sweep.rows if np.isfinite(getattr(row, error)) and getattr(row, cost) > 0)
+        x, y = (np.array([getattr(row, name) for row in rows], dtype=np.float64) for name in (cost, error))
         y = np.maximum(y, _EXACT)
         if rows:
-            found.append(Trade(cost, rows, x, y, pareto_front(np.column_stack([x, y]))))
+            found.append(Trade(cost, label, rows, x, y, pareto_front(np.column_stack([x, y]))))
     return tuple(found)

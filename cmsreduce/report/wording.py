@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cmsreduce.model import Check, ProjectionRecord, RunResult
+from cmsreduce.model import ERRORS, Finding, RunResult
 
 __all__ = [
     "CLOSE_MODES",
     "FIGURES",
     "Figure",
-    "Worst",
     "broken",
     "checked",
     "compared",
@@ -42,7 +40,7 @@ _ZERO = 1e-12
 
 @dataclass(frozen=True)
 class Figure:
-    """One of the errors that a run is judged by.
+    """An error or a check of a run, as it is shown.
 
     Parameters
     ----------
@@ -92,41 +90,6 @@ MORE_FIGURES = (
     Figure("controller_unstable", "unstable loop roots", "", 1.0, "unstable roots of the reduced closed loop"),
 )
 """Further checks of the run's own model, as far as the run made them."""
-
-
-@dataclass(frozen=True)
-class Worst:
-    """The largest value of one error of one model.
-
-    Parameters
-    ----------
-    figure : Figure
-        Which error.
-    value : float
-        Its largest value.
-    where : str
-        Name of the configuration.
-    limit : float or None
-        Of the run, if one is set.
-    """
-
-    figure: Figure
-    value: float
-    where: str
-    limit: float | None
-
-    @property
-    def met(self) -> bool | None:
-        """Whether the limit is met; None without one."""
-        return None if self.limit is None else Check(self.figure.name, self.value, self.limit).passed
-
-    @property
-    def broken(self) -> str:
-        """The limit that is not met, in words; empty otherwise."""
-        if self.limit is None or self.met:
-            return ""
-        value, limit = self.figure.text(self.value), self.figure.text(self.limit)
-        return f"{self.figure.label} {value} {place(self.where)} is above its limit {limit}"
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -200,34 +163,24 @@ def compared(run: RunResult) -> tuple[str, ...]:
     return tuple(label for label in labels if label != run.model)
 
 
-def worst(run: RunResult, model: str) -> tuple[Worst, ...]:
+def worst(run: RunResult, model: str) -> tuple[tuple[Figure, Finding], ...]:
     """Largest value of each error of a model, with its configuration; empty if nothing was verified."""
-    found = [result for result in run.configurations if model in result.errors]
-    rows = []
-    for figure in measured(run) if found else ():
-        values = [float(getattr(result.errors[model], figure.name)) for result in found]
-        # NaN is worse than any number.
-        at = max(range(len(values)), key=lambda k: math.inf if math.isnan(values[k]) else values[k])
-        rows.append(Worst(figure, values[at], found[at].configuration.name, run.limits.get(figure.name)))
-    return tuple(rows)
+    found = run.error_findings(model, ERRORS)
+    return tuple((figure, found[figure.name]) for figure in measured(run)) if found else ()
 
 
-def checked(run: RunResult) -> tuple[Worst, ...]:
+def checked(run: RunResult) -> tuple[tuple[Figure, Finding], ...]:
     """Checks of the run's own model beside the errors of its responses."""
-    found = run.figures
-    return tuple(
-        Worst(figure, found[figure.name].value, found[figure.name].where, found[figure.name].limit)
-        for figure in MORE_FIGURES
-        if figure.name in found
-    )
+    found = run.findings
+    return tuple((figure, found[figure.name]) for figure in MORE_FIGURES if figure.name in found)
 
 
 def worst_error(run: RunResult) -> str:
     """The largest response error and its configuration, in words."""
-    found = worst(run, run.model)
-    if not found:
+    if not (rows := worst(run, run.model)):
         return "no response was verified"
-    return f"worst response error {found[0].figure.text(found[0].value)} {place(found[0].where)}"
+    figure, found = rows[0]
+    return f"worst response error {figure.text(found.value)} {place(found.note)}"
 
 
 def headline(run: RunResult) -> str:
@@ -239,18 +192,19 @@ def headline(run: RunResult) -> str:
 
 def broken(run: RunResult) -> tuple[str, ...]:
     """Every limit and check that is not met, in words."""
-    limits = [row.broken for row in (*worst(run, run.model), *checked(run), *_between_angles(run.projection))]
+    rows, projection = [*worst(run, run.model), *checked(run)], run.projection
+    if projection is not None and projection.limit is not None and projection.worst_between is not None:
+        where, error = projection.worst_between
+        rows.append((FIGURES[0], Finding("frf_error", error, projection.limit, where)))
+    limits = [
+        f"{figure.label} {figure.text(found.value)} {place(found.note)} is above its limit {figure.text(found.limit)}"
+        for figure, found in rows
+        if not found.passed
+    ]
     checks = [
         f"{name}: {check.name} is {number(check.value)}, above its limit {number(check.limit)}"
         for name, part in run.components.items()
         for check in part.checks
         if not check.passed
     ]
-    return (*filter(None, limits), *checks)
-
-
-def _between_angles(record: ProjectionRecord | None) -> Iterable[Worst]:
-    """The error at the configurations that the projection did not sample."""
-    found = None if record is None else record.worst_between
-    if record is not None and found is not None:
-        yield Worst(FIGURES[0], found[1], found[0], record.limit)
+    return (*limits, *checks)

@@ -21,7 +21,7 @@ from cmsreduce.verify.body_matrices import (
     stiffness_contrast,
 )
 from cmsreduce.verify.constant_loads import gain_sum, static_completeness, step_errors, step_response
-from cmsreduce.verify.controller_stability import StabilityMargin, controller_response, stability_margin
+from cmsreduce.verify.controller_stability import controller_response, stability_margin
 from cmsreduce.verify.costly_modes import costly_modes, single_precision
 from cmsreduce.verify.mass_properties import (
     REALISABLE,
@@ -77,7 +77,6 @@ __all__ = [
     "PrincipalInertia",
     "REALISABLE",
     "RigidMotions",
-    "StabilityMargin",
     "articulation_inertia",
     "articulation_sensors",
     "carried_momentum",

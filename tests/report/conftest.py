@@ -11,13 +11,13 @@ import scipy.sparse as sp
 
 from cmsreduce.model import (
     SCALAR,
-    Check,
     ComponentResult,
     Configuration,
     ConfigurationResult,
     DampedPairs,
     DofTable,
     FEModel,
+    Finding,
     ModalComponent,
     ModelErrors,
     Response,
@@ -82,7 +82,7 @@ def component(name: str) -> ComponentResult:
         kept=np.array([0, 1]),
         seconds={"read": 0.0123, "reduce": 1.5, "orthogonalise": 0.25},
         peak_mib=87.4,
-        checks=(Check("orthogonality in M", 3e-16, 1e-8),),
+        checks=(Finding("orthogonality in M", 3e-16, 1e-8),),
         sources=(Source(f"bodies/{name}.op4", "5e" * 32, "stiffness KAA"),),
     )
 

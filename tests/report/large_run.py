@@ -8,7 +8,6 @@ import scipy.sparse as sp
 from cmsreduce.model import (
     AxisCompleteness,
     BodyDrawing,
-    Check,
     ComponentResult,
     Configuration,
     ConfigurationResult,
@@ -16,6 +15,7 @@ from cmsreduce.model import (
     EffectiveMassCurve,
     ExtraneousMode,
     FEModel,
+    Finding,
     GainCurve,
     GainSum,
     JointDrawing,
@@ -190,7 +190,7 @@ def _component(hz: np.ndarray) -> ComponentResult:
         basis_size=m,
         cluster=np.repeat(np.arange(m // 4 + 1), 4)[:m],
     )
-    checks = (Check("orthogonality in M", 1e-15, 1e-8),)
+    checks = (Finding("orthogonality in M", 1e-15, 1e-8),)
     return ComponentResult(
         "string",
         30_000,

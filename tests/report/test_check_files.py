@@ -5,14 +5,14 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from cmsreduce.model import Check, Finding
+from cmsreduce.model import Finding
 from cmsreduce.report import junit_xml, markdown_summary
 
 FINDINGS = [
-    Finding("rotor", Check("kept_modes", 19, 18), "a <note> & more"),
-    Finding("", Check("frf_error", 0.01, float("inf"))),
-    Finding("pipe|body", Check("odd \x01 name", float("nan"), 1.0), "line\nbreak | `code`"),
-    Finding("stator", Check("orthogonality in M", 0.0, 1e-10)),
+    Finding("kept_modes", 19, 18, "a <note> & more", subject="rotor"),
+    Finding("frf_error", 0.01, float("inf")),
+    Finding("odd \x01 name", float("nan"), 1.0, "line\nbreak | `code`", subject="pipe|body"),
+    Finding("orthogonality in M", 0.0, 1e-10, subject="stator"),
 ]
 
 
@@ -38,5 +38,5 @@ def test_every_row_of_the_table_has_its_cells() -> None:
 
 @pytest.mark.parametrize(("limit", "verdict"), [(1.0, "pass"), (0.1, "FAIL"), (float("inf"), "info")])
 def test_a_figure_without_a_limit_is_not_judged(limit: float, verdict: str) -> None:
-    found = Finding("", Check("frf_error", 0.5, limit))
+    found = Finding("frf_error", 0.5, limit)
     assert (found.verdict, found.passed) == (verdict, verdict != "FAIL")

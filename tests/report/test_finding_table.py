@@ -9,13 +9,13 @@ import re
 import pytest
 from rich.console import Console
 
-from cmsreduce.model import Check, Finding
+from cmsreduce.model import Finding
 from cmsreduce.report import InspectedLine, Output, print_findings, print_inspected
 
 FINDINGS = (
-    Finding("", Check("frf_error", 0.02, 0.01), "at spin=0 [x]"),
-    Finding("rotor", Check("kept_modes", 19, 25)),
-    Finding("rotor", Check("float32: change", 1e-5, math.inf)),
+    Finding("frf_error", 0.02, 0.01, "at spin=0 [x]"),
+    Finding("kept_modes", 19, 25, subject="rotor"),
+    Finding("float32: change", 1e-5, math.inf, subject="rotor"),
 )
 ROWS = [
     InspectedLine("study.yaml:"),

@@ -47,7 +47,7 @@ def test_a_front_covers_every_point_and_depends_on_order_only(points: list[tuple
 
 def test_error_is_set_against_every_cost() -> None:
     sweep = made_sweep()
-    found = {trade.cost.name: trade for trade in trades(sweep)}
+    found = {trade.cost: trade for trade in trades(sweep)}
     assert list(found) == ["reduce_s", "n_reduced", "reduced_frf_s"]
     # The point that failed has no figures; point 4 is as large as 3 and worse; 2 takes longer than 1 and is no better.
     assert [row.point for row in found["n_reduced"].rows] == [1, 2, 3, 4]

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from cmsreduce.model import Check
+from cmsreduce.model import Finding
 from cmsreduce.report.wording import FIGURES, broken, headline, number, place, worst
 from tests.report.sweeps import made_sweep
 
@@ -43,22 +43,22 @@ def test_headline_without_verification(make_run) -> None:
 
 def test_worst_of_a_compared_model(make_run) -> None:
     found = worst(make_run(), "first by frequency")
-    assert [(w.value, w.where) for w in found] == [(0.75, "spin=0"), (24.0, "spin=0"), (0.0, "spin=0")]
-    assert [w.met for w in found] == [False, False, None]
+    assert [(w.value, w.note) for _, w in found] == [(0.75, "spin=0"), (24.0, "spin=0"), (0.0, "spin=0")]
+    assert [w.verdict for _, w in found] == ["FAIL", "FAIL", "info"]
 
 
 def test_a_value_that_is_no_number_is_the_worst(make_run) -> None:
     run = make_run()
     second = run.configurations[1]
     spoilt = replace(second, errors={"reduced": replace(second.errors["reduced"], db_error=math.nan)})
-    found = worst(replace(run, configurations=(run.configurations[0], spoilt)), "reduced")[1]
+    _, found = worst(replace(run, configurations=(run.configurations[0], spoilt)), "reduced")[1]
     assert math.isnan(found.value)
-    assert (found.where, found.met) == ("spin=45 cone=30", False)
+    assert (found.note, found.passed) == ("spin=45 cone=30", False)
 
 
 def test_broken_limits_and_checks_are_named(make_run) -> None:
     run = make_run(limits={"frf_error": 0.015, "db_error": 1.0})
-    rotor = replace(run.components["rotor"], checks=(Check("orthogonality in M", 1e-3, 1e-8),))
+    rotor = replace(run.components["rotor"], checks=(Finding("orthogonality in M", 1e-3, 1e-8),))
     assert broken(replace(run, components={"rotor": rotor})) == (
         "response error 2 % at spin=45 cone=30 is above its limit 1.5 %",
         "rotor: orthogonality in M is 0.001, above its limit 1e-08",

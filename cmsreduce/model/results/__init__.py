@@ -26,7 +26,6 @@ from cmsreduce.model.results.component import (
 from cmsreduce.model.results.drawing import BodyDrawing, JointDrawing, PortDrawing, SceneDrawing, SystemShapes
 from cmsreduce.model.results.errors import (
     ERRORS,
-    Check,
     DampedPairs,
     Finding,
     MacMatrix,
@@ -48,7 +47,6 @@ from cmsreduce.model.results.run import (
     ComponentResult,
     ConfigurationResult,
     Response,
-    RunFigure,
     RunResult,
     Speed,
     SystemModes,
@@ -61,7 +59,6 @@ __all__ = [
     "BoundRecord",
     "CHECKS",
     "ChannelZeros",
-    "Check",
     "ComponentResult",
     "ConfigurationResult",
     "ControllerMargin",
@@ -87,7 +84,6 @@ __all__ = [
     "ReductionChecks",
     "Response",
     "RoundingEffect",
-    "RunFigure",
     "RunResult",
     "SampledModes",
     "SceneDrawing",

@@ -1,4 +1,4 @@
-"""Checks with their limits, and errors of one reduced model in one configuration."""
+"""Findings with their limits, and errors of one reduced model in one configuration."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ERRORS", "Check", "DampedPairs", "Finding", "MacMatrix", "ModelErrors"]
+__all__ = ["ERRORS", "DampedPairs", "Finding", "MacMatrix", "ModelErrors"]
 
 Array = NDArray[np.float64]
 
@@ -17,8 +17,8 @@ ERRORS = ("frf_error", "db_error", "frequency_error", "damping_error")
 
 
 @dataclass(frozen=True)
-class Check:
-    """A measured quantity and its limit.
+class Finding:
+    """A measured quantity with its limit and verdict.
 
     Parameters
     ----------
@@ -27,51 +27,33 @@ class Check:
     value : float
         Measured value.
     limit : float
-        Largest value that passes.
+        Largest value that passes; a value without a limit is only shown.
+    note : str
+        Place of the largest value, or the change, in words.
+    subject : str
+        Component; empty for the whole run.
     """
 
     name: str
     value: float
-    limit: float
-
-    @property
-    def passed(self) -> bool:
-        """True if the value meets the limit; NaN does not."""
-        return bool(self.value <= self.limit)
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A check of a component or of a whole run, with its place.
-
-    Parameters
-    ----------
-    subject : str
-        Name of the component; empty for the run.
-    check : Check
-        Quantity and limit; with an infinite limit the quantity is only shown.
-    note : str
-        Place of the largest value, or the change, in words.
-    """
-
-    subject: str
-    check: Check
+    limit: float = math.inf
     note: str = ""
+    subject: str = ""
 
     @property
-    def name(self) -> str:
+    def label(self) -> str:
         """Component and quantity: ``rotor: orthogonality in M``."""
-        return f"{self.subject}: {self.check.name}" if self.subject else self.check.name
+        return f"{self.subject}: {self.name}" if self.subject else self.name
 
     @property
     def judged(self) -> bool:
         """True if there is a limit."""
-        return not math.isinf(self.check.limit)
+        return not math.isinf(self.limit)
 
     @property
     def passed(self) -> bool:
-        """True if the limit is met, or there is none."""
-        return self.check.passed or not self.judged
+        """True if the value meets the limit or there is none; NaN meets no limit."""
+        return bool(self.value <= self.limit) or not self.judged
 
     @property
     def verdict(self) -> str:

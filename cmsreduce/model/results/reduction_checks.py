@@ -215,7 +215,7 @@ class SystemChecks:
 
 @dataclass(frozen=True, eq=False)
 class ControllerMargin:
-    """Proof that a controller that is stable on the reduced model is stable on the reference, in one configuration.
+    """Spillover of a controller on the reduced model against its distance from instability, in one configuration.
 
     Parameters
     ----------
@@ -223,10 +223,6 @@ class ControllerMargin:
         Name of the configuration.
     frequency_hz, spillover, borne : (f,) float64
         sigma_max(dG K) and sigma_min(I + G_R K) over the band.
-    ratio : float
-        Largest spillover / borne; below 1 proves stability.
-    worst_hz : float
-        Frequency of the largest quotient.
     unstable : int, optional
         Number of growing roots of the reduced loop; None where it has no real state space.
     """
@@ -235,9 +231,29 @@ class ControllerMargin:
     frequency_hz: Array
     spillover: Array
     borne: Array
-    ratio: float
-    worst_hz: float
     unstable: int | None
+
+    @property
+    def quotient(self) -> Array:
+        """Spillover over the distance from instability (f,)."""
+        return np.asarray(
+            np.divide(self.spillover, self.borne, out=np.full(self.borne.size, np.inf), where=self.borne > 0)
+        )
+
+    @property
+    def ratio(self) -> float:
+        """Largest quotient; below 1, the loop with the reference model is stable if the reduced one is."""
+        return float(self.quotient.max(initial=0.0))
+
+    @property
+    def worst_hz(self) -> float:
+        """Frequency of the largest quotient."""
+        return float(self.frequency_hz[self.quotient.argmax()])
+
+    @property
+    def proven(self) -> bool:
+        """True if the loop with the reference model is stable; a ratio of exactly 1 proves nothing."""
+        return self.ratio < 1 and self.unstable == 0
 
 
 @dataclass(frozen=True, eq=False)

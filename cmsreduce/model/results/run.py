@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,7 +20,7 @@ from cmsreduce.model.results.component import (
     RoundingEffect,
 )
 from cmsreduce.model.results.drawing import SceneDrawing
-from cmsreduce.model.results.errors import ERRORS, Check, ModelErrors
+from cmsreduce.model.results.errors import ERRORS, Finding, ModelErrors
 from cmsreduce.model.results.health import HealthFinding
 from cmsreduce.model.results.reduction_checks import ControllerMargin, GainCurve, ReductionChecks
 from cmsreduce.model.scene import Configuration
@@ -29,7 +29,6 @@ __all__ = [
     "ComponentResult",
     "ConfigurationResult",
     "Response",
-    "RunFigure",
     "RunResult",
     "Speed",
     "SystemModes",
@@ -37,30 +36,6 @@ __all__ = [
 
 # Limits of every controller of a scene: a ratio of one proves nothing, and the reduced loop must be stable.
 _CONTROLLER_LIMITS = {"controller_ratio": float(np.nextafter(1.0, 0.0)), "controller_unstable": 0.0}
-
-
-@dataclass(frozen=True)
-class RunFigure:
-    """Largest value of an error or of a check of the run's own model.
-
-    Parameters
-    ----------
-    value : float
-        Largest value.
-    where : str
-        Place of the largest value.
-    limit : float, optional
-        Largest value that passes.
-    """
-
-    value: float
-    where: str
-    limit: float | None
-
-    @property
-    def met(self) -> bool | None:
-        """True if the limit is met; None without one."""
-        return None if self.limit is None else bool(self.value <= self.limit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +102,7 @@ class ComponentResult:
         Wall time of each stage when it was run; a finished stage that is reused keeps its time.
     peak_mib : float
         Peak memory of the process after the stages of the body.
-    checks : tuple of Check
+    checks : tuple of Finding
         Checks of the body.
     sources : tuple of Source
         Files that the body was read from.
@@ -153,7 +128,7 @@ class ComponentResult:
     kept: NDArray[np.int64]
     seconds: Mapping[str, float]
     peak_mib: float
-    checks: tuple[Check, ...]
+    checks: tuple[Finding, ...]
     sources: tuple[Source, ...]
     factorised: tuple[Factorisation, ...] = ()
     bound: BoundRecord | None = None
@@ -294,36 +269,39 @@ class RunResult:
 
     def worst(self, model: str | None = None) -> dict[str, float]:
         """Largest errors over all configurations, as far as measured; empty if nothing was verified."""
-        label = self.model if model is None else model
-        found = [c.errors[label] for c in self.configurations if label in c.errors]
-        values = {name: [value for e in found if (value := getattr(e, name)) is not None] for name in ERRORS}
-        # NaN is worse than any number: max() alone would ignore it.
-        return {name: max(each, key=_badness) for name, each in values.items() if each}
+        found = self.error_findings(self.model if model is None else model, ERRORS)
+        return {name: finding.value for name, finding in found.items()}
+
+    def error_findings(self, model: str, names: Iterable[str]) -> dict[str, Finding]:
+        """Largest value of each error of a model, with its configuration; an error that was not measured is missing."""
+        errors = [(c.configuration.name, c.errors[model]) for c in self.configurations if model in c.errors]
+        found = {}
+        for name in names:
+            values = [(value, where) for where, each in errors if (value := getattr(each, name)) is not None]
+            if values:
+                found[name] = self._finding(name, *max(values, key=lambda each: _badness(each[0])))
+        return found
 
     @property
-    def figures(self) -> dict[str, RunFigure]:
+    def findings(self) -> dict[str, Finding]:
         """Largest value of every error and check of the run's own model, with its place and its limit, by name."""
-        found: dict[str, tuple[float, str]] = {}
-        results = [(c.configuration.name, c.errors[self.model]) for c in self.configurations if self.model in c.errors]
-        for name in (*ERRORS, "peak_error", "frac_error", "nrfd"):
-            values = [(value, where) for where, each in results if (value := getattr(each, name)) is not None]
-            if values:
-                found[name] = max(values, key=lambda each: _badness(each[0]))
-        if self.checks is not None:
-            found |= self.checks.figures(self.inputs, self.outputs)
+        found = self.error_findings(self.model, (*ERRORS, "peak_error", "frac_error", "nrfd"))
+        checks = {} if self.checks is None else self.checks.figures(self.inputs, self.outputs)
         if self.margins:
             worst = max(self.margins, key=lambda each: _badness(each.ratio))
-            found["controller_ratio"] = worst.ratio, f"{worst.configuration}, {worst.worst_hz:.6g} Hz"
+            checks["controller_ratio"] = worst.ratio, f"{worst.configuration}, {worst.worst_hz:.6g} Hz"
             growing = max(self.margins, key=lambda each: each.unstable or 0)
             if growing.unstable is not None:
-                found["controller_unstable"] = float(growing.unstable), growing.configuration
-        limits = {**(_CONTROLLER_LIMITS if self.margins else {}), **self.limits}
-        return {name: RunFigure(value, where, limits.get(name)) for name, (value, where) in found.items()}
+                checks["controller_unstable"] = float(growing.unstable), growing.configuration
+        return found | {name: self._finding(name, value, where) for name, (value, where) in checks.items()}
+
+    def _finding(self, name: str, value: float, where: str) -> Finding:
+        return Finding(name, value, self.limits.get(name, _CONTROLLER_LIMITS.get(name, float("inf"))), where)
 
     @property
     def passed(self) -> bool:
         """True if all limits of the run and all checks of its bodies are met."""
-        limits = all(figure.met is not False for figure in self.figures.values())
+        limits = all(finding.passed for finding in self.findings.values())
         between = self.projection is None or self.projection.passed
         return limits and between and all(check.passed for c in self.components.values() for check in c.checks)
 

@@ -18,9 +18,9 @@ from cmsreduce.errors import SceneError
 from cmsreduce.linalg.eigen import motions_held, only_motions, rigid_body_modes
 from cmsreduce.mechanics import Determined, Tie, check_connected, hold_undetermined, rigid_mass, tie_nodes
 from cmsreduce.model import (
-    Check,
     Damping,
     FEModel,
+    Finding,
     GeometricStiffness,
     Interface,
     ModalComponent,
@@ -64,7 +64,7 @@ class FlexibleBody:
         Inputs and outputs of the scene on the body.
     rigid : (n, r) float64
         Rigid-body modes, orthonormal in M.
-    checks : tuple of Check
+    checks : tuple of Finding
         Checks of the files.
     notes : tuple of str
         Facts that could not be proven.
@@ -75,7 +75,7 @@ class FlexibleBody:
     body: FEModel
     ports: Ports
     rigid: NDArray[np.float64]
-    checks: tuple[Check, ...]
+    checks: tuple[Finding, ...]
     notes: tuple[str, ...]
     stiffening: GeometricStiffness | None = None
 
@@ -230,7 +230,7 @@ def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tupl
     return names, np.column_stack([load for _, load in found]) if found else np.empty((body.n, 0))
 
 
-def against_deck(path: Path, body: FEModel) -> list[Check]:
+def against_deck(path: Path, body: FEModel) -> list[Finding]:
     """Compare mass and centre of mass with those of the elements of the deck.
 
     Parameters
@@ -242,7 +242,7 @@ def against_deck(path: Path, body: FEModel) -> list[Check]:
 
     Returns
     -------
-    list of Check
+    list of Finding
         Relative to the mass, and to the largest radius of gyration; empty if the deck states no masses, or masses that
         cannot be counted.
     """
@@ -254,8 +254,8 @@ def against_deck(path: Path, body: FEModel) -> list[Check]:
     radius = float(np.sqrt(abs(found.inertia).max() / mass))
     away = float(np.linalg.norm(found.cg - stated.centre))
     return [
-        Check("mass against the deck", abs(stated.mass - mass) / mass, _DECK_DIGITS),
-        Check("centre of mass against the deck", away / radius if radius > 0 else float(away > 0), _DECK_DIGITS),
+        Finding("mass against the deck", abs(stated.mass - mass) / mass, _DECK_DIGITS),
+        Finding("centre of mass against the deck", away / radius if radius > 0 else float(away > 0), _DECK_DIGITS),
     ]
 
 
@@ -298,20 +298,20 @@ def _tied(body: FEModel, part: Component) -> FEModel:
     return body
 
 
-def _checks(part: Component, proof: RowOrderProof, tied: FEModel, body: FEModel) -> list[Check]:
+def _checks(part: Component, proof: RowOrderProof, tied: FEModel, body: FEModel) -> list[Finding]:
     """Checks of a body whose rows are proven."""
     if proof.status != "proven":
         return []
-    found = [Check("row order: K times rigid motions", proof.residual, proof.tolerance)]
+    found = [Finding("row order: K times rigid motions", proof.residual, proof.tolerance)]
     if proof.motions != _ALL_MOTIONS:
         return found
     limit = max(_MASS_ALIKE, _MASS_FACTOR * body.rounding)
-    found.append(Check("mass matrix: the same mass along x, y, z", mass_disorder(body), limit))
+    found.append(Finding("mass matrix: the same mass along x, y, z", mass_disorder(body), limit))
     R = _rigid_shapes(body)
     excess = None if R is None else inertia_excess(R.T @ (body.M @ R))
     if excess is not None:
         limit = max(REALISABLE, _MASS_FACTOR * body.rounding)
-        found.append(Check("inertia: beyond what mass can have", excess, limit))
+        found.append(Finding("inertia: beyond what mass can have", excess, limit))
     return found if part.geometry is None else found + against_deck(part.geometry.file, tied)
 
 

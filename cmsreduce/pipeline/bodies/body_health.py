@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import certified_modes, motions_held
-from cmsreduce.model import Check, FEModel, rigid_body_shapes
+from cmsreduce.model import FEModel, Finding, rigid_body_shapes
 from cmsreduce.verify import (
     Contrast,
     EffectiveMass,
@@ -57,7 +57,7 @@ class BodyHealth:
         Rigid motions by each source, of a body that is free in all directions; only of a thorough check.
     grounding : Grounding, optional
         Forces under its rigid motions; rotations about the mean of its nodes.
-    checks : tuple of Check
+    checks : tuple of Finding
         Checks that must pass.
     """
 
@@ -68,7 +68,7 @@ class BodyHealth:
     principal: PrincipalInertia | None
     motions: RigidMotions | None
     grounding: Grounding | None
-    checks: tuple[Check, ...]
+    checks: tuple[Finding, ...]
 
 
 def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = True) -> BodyHealth:
@@ -86,7 +86,7 @@ def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = T
     matrices = {"stiffness": body.K, "mass": body.M}
     negative = {what: negative_directions(A, body.rounding) if thorough else None for what, A in matrices.items()}
     checks = [
-        Check(f"{what}: motions of negative energy", float(n), 0.0) for what, n in negative.items() if n is not None
+        Finding(f"{what}: motions of negative energy", float(n), 0.0) for what, n in negative.items() if n is not None
     ]
     mass: dict[str, MassProperties] = {}
     motions = held = principal = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ConfigError, ReadError
-from cmsreduce.model import Check, Finding
+from cmsreduce.model import Finding
 from cmsreduce.pipeline.results.limits import Tolerances
 from cmsreduce.report import place
 from cmsreduce.verify import ModePairing, integral_change, mass_change, pair_modes, scaled_rows
@@ -149,13 +149,11 @@ def compare(old: StoredResult, new: StoredResult, tolerances: Tolerances) -> lis
         findings += list(_run(old.summary, new.summary, tolerances))
         gone, come = (sorted(set(a.names) - set(b.names)) for a, b in ((old, new), (new, old)))
         words = "; ".join(f"{what} {', '.join(names)}" for what, names in (("lost", gone), ("new", come)) if names)
-        findings.append(
-            Finding("", Check("baseline: components lost or new", float(len(gone) + len(come)), 0.0), words)
-        )
+        findings.append(Finding("baseline: components lost or new", float(len(gone) + len(come)), 0.0, words))
     for name in common:
         findings += [
-            Finding(name, Check(f"baseline: {check.name}", check.value, check.limit), note)
-            for check, note in _component(_modes(old, name), _modes(new, name), tolerances)
+            replace(found, name=f"baseline: {found.name}", subject=name)
+            for found in _component(_modes(old, name), _modes(new, name), tolerances)
         ]
     return findings
 
@@ -172,8 +170,9 @@ def _run(old: Mapping[str, Any], new: Mapping[str, Any], tolerances: Tolerances)
     was, now = ({name: each["value"] for name, each in facts["figures"].items()} for facts in (old, new))
     for key in was:
         if was[key] is not None and now.get(key) is not None:
-            grown = Check(f"baseline: growth of {key}", max(now[key] - was[key], 0.0), tolerances.errors)
-            yield Finding("", grown, f"{now[key]:.4g}, was {was[key]:.4g}")
+            grown = max(now[key] - was[key], 0.0)
+            note = f"{now[key]:.4g}, was {was[key]:.4g}"
+            yield Finding(f"baseline: growth of {key}", grown, tolerances.errors, note)
     before = {row["name"]: row["frequencies_hz"] for row in old.get("system", [])}
     worst, note, shared = 0.0, "", False
     for row in new.get("system", []):
@@ -186,10 +185,10 @@ def _run(old: Mapping[str, Any], new: Mapping[str, Any], tolerances: Tolerances)
         if shift >= worst:
             worst, note = shift, f"{text} {place(row['name'])}" if text else ""
     if shared:
-        yield Finding("", Check("baseline: frequencies of the system", worst, tolerances.frequency), note)
+        yield Finding("baseline: frequencies of the system", worst, tolerances.frequency, note)
 
 
-def _component(old: _Modes, new: _Modes, tolerances: Tolerances) -> Iterator[tuple[Check, str]]:
+def _component(old: _Modes, new: _Modes, tolerances: Tolerances) -> Iterator[Finding]:
     shapes = _common_rows(old, new)
     elastic = (
         [] if shapes is None else [s[:, m.file.elastic] for s, m in zip(shapes, (old, new), strict=True) if m.file]
@@ -198,19 +197,17 @@ def _component(old: _Modes, new: _Modes, tolerances: Tolerances) -> Iterator[tup
         elastic = [np.empty((0, old.hz.size)), np.empty((0, new.hz.size))]
     pairs = pair_modes(old.hz, new.hz, elastic[0], elastic[1])
     shift, text = _worst_shift(pairs, old.hz, new.hz)
-    yield Check("frequencies", shift, tolerances.frequency), text
+    yield Finding("frequencies", shift, tolerances.frequency, text)
     count = pairs.lost.size + pairs.gained.size
-    yield Check("modes lost or gained", float(count), tolerances.modes), _came_and_went(pairs, old.hz, new.hz)
+    yield Finding("modes lost or gained", float(count), tolerances.modes, _came_and_went(pairs, old.hz, new.hz))
     if old.file is None or new.file is None:
         return
     for what in ("rigid", "static"):
         a, b = (getattr(file, f"{what}_count") for file in (old.file, new.file))
-        yield Check(f"{what} modes", float(abs(a - b)), 0.0), f"{b}, were {a}" if a != b else ""
+        yield Finding(f"{what} modes", float(abs(a - b)), 0.0, f"{b}, were {a}" if a != b else "")
     if elastic[0].shape[0]:
-        yield (
-            Check("mode shapes", float((1 - pairs.mac).max(initial=0.0)), tolerances.shape),
-            _worst_shape(pairs, new.hz),
-        )
+        worst = float((1 - pairs.mac).max(initial=0.0))
+        yield Finding("mode shapes", worst, tolerances.shape, _worst_shape(pairs, new.hz))
     yield from _integrals(old.file, new.file, pairs, tolerances)
 
 
@@ -224,15 +221,13 @@ def _common_rows(old: _Modes, new: _Modes) -> tuple[Array, Array] | None:
     return scaled_rows(old.file.arrays["dofs/shapes"][i], new.file.arrays["dofs/shapes"][j], rotation)
 
 
-def _integrals(
-    old: ComponentFile, new: ComponentFile, pairs: ModePairing, tolerances: Tolerances
-) -> Iterator[tuple[Check, str]]:
+def _integrals(old: ComponentFile, new: ComponentFile, pairs: ModePairing, tolerances: Tolerances) -> Iterator[Finding]:
     key = "integrals/rigid_mass"
     if key not in old.arrays or key not in new.arrays:
         return
     rigid = old.arrays[key]
     for what, value in mass_change(rigid, new.arrays[key]).items():
-        yield Check(what, value, tolerances.mass), ""
+        yield Finding(what, value, tolerances.mass)
     bounds = {"mass": rigid.diagonal()[:3].max(), "inertia": rigid.diagonal()[3:].max(), "one": 1.0}
     changed = {}
     for name, (axes, bound) in _INTEGRALS.items():
@@ -242,7 +237,8 @@ def _integrals(
             changed[name] = integral_change(parts[0], parts[1], axes, pairs.turn, limit)
     if changed:
         worst = max(changed, key=lambda name: changed[name])
-        yield Check("modal integrals", changed[worst], tolerances.integrals), f"of {worst}" if changed[worst] else ""
+        note = f"of {worst}" if changed[worst] else ""
+        yield Finding("modal integrals", changed[worst], tolerances.integrals, note)
 
 
 def _over_pairs(file: ComponentFile, name: str, axes: Sequence[int], elastic: NDArray[np.int64]) -> Array | None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cmsreduce.model import Check, Finding
+from cmsreduce.model import Finding
 from cmsreduce.pipeline.results.baseline import StoredResult, compare, open_result
 from cmsreduce.pipeline.results.limits import Limits, limited
 from cmsreduce.pipeline.results.mass_and_frame import file_totals, total_findings
@@ -81,17 +82,16 @@ def _errors(result: StoredResult) -> Iterator[Finding]:
     if facts is None:
         return
     for name, figure in facts["figures"].items():
-        yield Finding("", Check(name, _number(figure["value"]), _number(figure["limit"])), place(figure["where"]))
+        yield Finding(name, _number(figure["value"]), _number(figure["limit"]), place(figure["where"]))
 
 
 def _checks(result: StoredResult, name: str) -> Iterator[Finding]:
     part = result.component(name)
     if part is not None:
         for check in part["checks"]:
-            yield Finding(name, Check(check["name"], _number(check["value"]), _number(check["limit"])))
+            yield Finding(check["name"], _number(check["value"]), _number(check["limit"]), subject=name)
     else:
-        for stored in result.files[name].checks:
-            yield Finding(name, stored)
+        yield from (replace(stored, subject=name) for stored in result.files[name].checks)
 
 
 def _file_alone(name: str, file: ComponentFile) -> Iterator[Finding]:
@@ -102,7 +102,7 @@ def _file_alone(name: str, file: ComponentFile) -> Iterator[Finding]:
     rigid = arrays["integrals/rigid_mass"]
     excess = inertia_excess(rigid)
     if excess is not None:
-        yield Finding(name, Check("inertia in the file: beyond what mass can have", excess, REALISABLE))
+        yield Finding("inertia in the file: beyond what mass can have", excess, REALISABLE, subject=name)
     if file.rigid_count == _FREE and "integrals/int_phi" in arrays:
         # A static mode has no modal mass to measure its momentum by.
         massive = slice(0, file.elastic.stop)
@@ -112,8 +112,8 @@ def _file_alone(name: str, file: ComponentFile) -> Iterator[Finding]:
         coupled[:, : file.rigid_count] = 0.0
         momentum = momentum - momentum[:, : file.rigid_count] @ coupled
         carried, left = momentum_balance(rigid, momentum, file.rigid_count)
-        yield Finding(name, Check("momentum of the rigid modes against the rigid mass", carried, _MOMENTUM))
-        yield Finding(name, Check("momentum of the elastic modes", left, _MOMENTUM))
+        yield Finding("momentum of the rigid modes against the rigid mass", carried, _MOMENTUM, subject=name)
+        yield Finding("momentum of the elastic modes", left, _MOMENTUM, subject=name)
 
 
 def _rounding(name: str, file: ComponentFile) -> Iterator[Finding]:
@@ -130,7 +130,7 @@ def _rounding(name: str, file: ComponentFile) -> Iterator[Finding]:
         ("float32 superelement: rigid motion in Hz", effect.boundary_rigid_hz, hz),
     )
     for figure, value, note in figures:
-        yield Finding(name, Check(figure, value, float("inf")), note)
+        yield Finding(figure, value, note=note, subject=name)
 
 
 def _sizes(result: StoredResult, name: str) -> Iterator[Finding]:
@@ -150,12 +150,12 @@ def _sizes(result: StoredResult, name: str) -> Iterator[Finding]:
         figures["highest_hz"] = float(file.omega[file.elastic].max(initial=0.0) / (2 * np.pi))
     for key, value in figures.items():
         if value is not None:
-            yield Finding(name, Check(key, float(value), float("inf")))
+            yield Finding(key, float(value), subject=name)
 
 
 def _speed(result: StoredResult) -> Iterator[Finding]:
     for key, value in ((result.summary or {}).get("speed") or {}).items():
-        yield Finding("", Check(key, float(value), float("inf")))
+        yield Finding(key, float(value))
 
 
 def _number(value: float | None) -> float:

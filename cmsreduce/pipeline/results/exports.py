@@ -30,12 +30,10 @@ def export_pictures(result: RunResult, folder: Path, suffix: str = ".png") -> li
 def export_tables(result: RunResult, folder: Path) -> list[Path]:
     """Tables of a run in ``folder/tables``, comma separated, numbers in full."""
     made = []
-    for table in csv_tables(result):
+    for name, rows in csv_tables(result).items():
         text = io.StringIO()
-        lines = csv.writer(text, lineterminator="\n")
-        lines.writerow(table.heads)
-        lines.writerows(table.rows)
-        path = folder / "tables" / f"{table.name}.csv"
+        csv.writer(text, lineterminator="\n").writerows(rows)
+        path = folder / "tables" / f"{name}.csv"
         with atomic_path(path) as temporary:
             temporary.write_text(text.getvalue(), encoding="utf-8")
         made.append(path)

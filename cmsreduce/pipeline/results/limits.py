@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cmsreduce.config import Entry, closest, not_among, parse
 from cmsreduce.errors import ConfigError, ReadError
-from cmsreduce.model import Check, Finding
+from cmsreduce.model import Finding
 
 __all__ = ["Limits", "Tolerances", "limited", "read_limits"]
 
@@ -113,7 +113,7 @@ def limited(findings: Sequence[Finding], limits: Limits, unlisted: Sequence[Find
     names = {name for found in every for name in _names(found)}
     for key, (_, written) in limits.maxima.items():
         if key not in names:
-            figures = list(dict.fromkeys(found.check.name for found in every))
+            figures = list(dict.fromkeys(found.name for found in every))
             meant = closest(key, names)
             guess = f", did you mean '{meant}'?" if meant else "."
             raise ConfigError(
@@ -127,14 +127,14 @@ def limited(findings: Sequence[Finding], limits: Limits, unlisted: Sequence[Find
 def _with_limit(found: Finding, limits: Limits) -> Finding:
     for name in reversed(_names(found)):
         if name in limits.maxima:
-            return replace(found, check=Check(found.check.name, found.check.value, limits.maxima[name][0]))
+            return replace(found, limit=limits.maxima[name][0])
     return found
 
 
 def _names(found: Finding) -> list[str]:
     """Names under which a limit may be given, the most specific last."""
-    own = [f"{found.subject}.{found.check.name}", found.name] if found.subject else []
-    return [found.check.name, *own]
+    own = [f"{found.subject}.{found.name}", found.label] if found.subject else []
+    return [found.name, *own]
 
 
 def _pair(option: str, text: str, example: str) -> tuple[str, float]:

@@ -14,7 +14,6 @@ from cmsreduce.errors import SceneError
 from cmsreduce.mechanics import REMOVED, floating_frame, rigid_mass
 from cmsreduce.model import (
     LUMPINGS,
-    Check,
     FEModel,
     Finding,
     FloatingFrame,
@@ -98,8 +97,8 @@ def total_findings(name: str, totals: Totals) -> Iterator[Finding]:
             continue
         change = mass_change(totals["consistent"], rigid)
         note = ", ".join(f"{what} {value:.2e} off" for what, value in change.items() if what != "inertia")
-        check = Check(f"inertia of the {lumping} mass against the consistent one", change["inertia"], float("inf"))
-        yield Finding(name, check, note)
+        figure = f"inertia of the {lumping} mass against the consistent one"
+        yield Finding(figure, change["inertia"], note=note, subject=name)
 
 
 def frame_of(run: Run, name: str) -> FloatingFrame | None:
@@ -119,11 +118,11 @@ def frame_of(run: Run, name: str) -> FloatingFrame | None:
     )
 
 
-def frame_checks(frame: FloatingFrame | None) -> tuple[Check, ...]:
+def frame_checks(frame: FloatingFrame | None) -> tuple[Finding, ...]:
     """Check that the modes hold no rigid motion of the frame that they are written in."""
     if frame is None:
         return ()
-    return (Check(f"rigid motion left in the modes: {frame.condition}", frame.residual, REMOVED),)
+    return (Finding(f"rigid motion left in the modes: {frame.condition}", frame.residual, REMOVED),)
 
 
 def integral_frame_of(run: Run, name: str, frame: FloatingFrame | None) -> IntegralFrame:

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from cmsreduce import __version__
 from cmsreduce.model import (
-    Check,
     ComponentResult,
     Configuration,
     CutoffRecord,
+    Finding,
     ModalComponent,
     RunResult,
     Speed,
@@ -41,7 +41,7 @@ _LEFT_OUT = "left out"
 _REFERENCE = "reference"
 
 
-def component_checks(run: Run, name: str) -> tuple[Check, ...]:
+def component_checks(run: Run, name: str) -> tuple[Finding, ...]:
     """Checks of one body: of its matrices as read, of its modes, and of its frame."""
     mass, stiffness = orthogonality_errors(run.final[name])
     # The mass of a static mode is rounding of the file.
@@ -49,8 +49,8 @@ def component_checks(run: Run, name: str) -> tuple[Check, ...]:
     return (
         *run.bodies[name].checks,
         *run.bodies[name].health.checks,
-        Check("orthogonality in M", mass, max(ORTHOGONAL, rounding)),
-        Check("orthogonality in K", stiffness, ORTHOGONAL),
+        Finding("orthogonality in M", mass, max(ORTHOGONAL, rounding)),
+        Finding("orthogonality in K", stiffness, ORTHOGONAL),
         *frame_checks(frame_of(run, name)),
     )
 

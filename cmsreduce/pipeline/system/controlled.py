@@ -45,18 +45,9 @@ def controller_margins(
     for result in results:
         hz, response = result.response.frequency_hz, result.response
         K = controller_response(A, B, C, D, hz)
-        margin = stability_margin(hz, response.full, response.reduced[label], K)
-        found.append(
-            ControllerMargin(
-                result.configuration.name,
-                hz,
-                margin.spillover,
-                margin.borne,
-                margin.worst,
-                margin.worst_hz,
-                growing_roots(model.system(result.configuration), controller, model.scene.band[1]),
-            )
-        )
+        spillover, borne = stability_margin(response.full, response.reduced[label], K)
+        unstable = growing_roots(model.system(result.configuration), controller, model.scene.band[1])
+        found.append(ControllerMargin(result.configuration.name, hz, spillover, borne, unstable))
     return tuple(found)
 
 

@@ -174,7 +174,7 @@ def _margin(found: ControllerMargin, store: ArrayStore) -> dict[str, Any]:
         "ratio": rounded(found.ratio),
         "worst_hz": rounded(found.worst_hz),
         "unstable": found.unstable,
-        "proven": bool(found.ratio < 1 and found.unstable == 0),
+        "proven": found.proven,
     }
 
 

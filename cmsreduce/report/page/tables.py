@@ -1,26 +1,18 @@
-"""Rows of the tables on the page, as text."""
+"""Rows of the tables on the page, as texts by the names that the templates use."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from typing import Any
 
-from cmsreduce.model import Check, ComponentResult, HealthFinding, RunResult
+from cmsreduce.model import ComponentResult, HealthFinding, RunResult
 from cmsreduce.report.wording import CLOSE_MODES, compared, measured, number, per_cent, seconds, worst
 
 __all__ = [
-    "BasisRow",
-    "Card",
-    "ChannelRow",
-    "ConfigurationRow",
-    "ModeRow",
-    "SensitivityRow",
-    "Timings",
     "basis_row",
     "cards",
     "channel_rows",
-    "check_rows",
     "configuration_rows",
     "health_rows",
     "mode_rows",
@@ -28,174 +20,86 @@ __all__ = [
     "timings",
 ]
 
+Row = dict[str, Any]
 
-@dataclass(frozen=True)
-class Card:
-    """One figure at the head of the page.
+_UNKNOWN = "–"
 
-    Parameters
-    ----------
-    what : str
-        Its name.
-    value : str
-        In words.
-    more : str
-        Its limit, or a value to compare with.
-    state : str
-        ``pass``, ``fail``, or empty without a limit.
+
+def cards(run: RunResult) -> list[Row]:
+    """Figures at the head of the page: sizes, worst errors with their limits, speed, checks.
+
+    Each has a name ``what``, a ``value``, ``more`` to compare it with, and a ``state``: pass, fail, or empty without a
+    limit.
     """
+    found: list[Row] = []
 
-    what: str
-    value: str
-    more: str
-    state: str = ""
+    def add(what: str, value: str, more: str, state: str = "") -> None:
+        found.append({"what": what, "value": value, "more": more, "state": state})
 
-
-def cards(run: RunResult) -> list[Card]:
-    """Sizes, worst errors with their limits, speed, checks."""
-    found = []
     if run.components:
         parts = run.components.values()
-        elastic = sum(part.modes.elastic_count for part in parts)
-        kept = sum(part.kept_modes for part in parts)
-        found.append(
-            Card("elastic modes kept", str(kept), f"of {elastic}, from {sum(p.full_dofs for p in parts)} dofs")
-        )
-    for row in worst(run, run.model):
-        limit = "no limit set" if row.limit is None else f"limit {row.figure.text(row.limit)}"
-        state = "" if row.met is None else "pass" if row.met else "fail"
-        verdict = {"": "", "pass": "✔ ", "fail": "✘ "}[state]
-        found.append(Card(f"worst {row.figure.label}", row.figure.text(row.value), f"{verdict}{limit}", state))
+        elastic, dofs = (sum(part.modes.elastic_count for part in parts), sum(part.full_dofs for part in parts))
+        add("elastic modes kept", str(sum(part.kept_modes for part in parts)), f"of {elastic}, from {dofs} dofs")
+    for figure, largest in worst(run, run.model):
+        state, limit = "", "no limit set"
+        if largest.judged:
+            state = largest.verdict.lower()
+            limit = f"{'✔' if largest.passed else '✘'} limit {figure.text(largest.limit)}"
+        add(f"worst {figure.label}", figure.text(largest.value), limit, state)
     if run.speed is not None and run.speed.reduced_frf_s > 0:
         times = run.speed.full_frf_s / run.speed.reduced_frf_s
         taken = f"{seconds(run.speed.full_frf_s)} → {seconds(run.speed.reduced_frf_s)}"
-        found.append(Card("speed of the responses", f"× {number(times, 2)}", taken))
-    checks = [check for part in run.components.values() for check in part.checks]
-    if checks:
-        failed = sum(not check.passed for check in checks)
-        state = "fail" if failed else "pass"
-        found.append(
-            Card(
-                "checks of the bodies",
-                f"{len(checks) - failed} of {len(checks)}",
-                "✘ failed some" if failed else "✔ passed",
-                state,
-            )
-        )
+        add("speed of the responses", f"× {number(times, 2)}", taken)
+    passed = [check.passed for part in run.components.values() for check in part.checks]
+    if passed:
+        state, more = ("pass", "✔ passed") if all(passed) else ("fail", "✘ failed some")
+        add("checks of the bodies", f"{sum(passed)} of {len(passed)}", more, state)
     return found
 
 
-@dataclass(frozen=True)
-class ModeRow:
-    """One mode of a body; a value that is not known is empty, the frequency of a static mode is ``static``."""
-
-    number: int
-    hz: str
-    kind: str
-    source_hz: str
-    sigma: str
-    spacing: str
-    close: bool
-    kept: bool
-    why: str
-
-
-@dataclass(frozen=True)
-class ConfigurationRow:
-    """One configuration: sizes, and for every model its label and its errors in the order of `measured`."""
-
-    name: str
-    full: str
-    reduced: str
-    errors: tuple[tuple[str, tuple[str, ...]], ...]
-
-
-@dataclass(frozen=True)
-class ChannelRow:
-    """One actuator and one sensor: worst errors over all configurations, and the configuration with the worst."""
-
-    name: str
-    frf: str
-    peak: str
-    frac: str
-    nrfd: str
-    where: str
-
-
-@dataclass(frozen=True)
-class SensitivityRow:
-    """One change of the sensitivity study: for each body the number of modes kept, those added, those dropped."""
-
-    change: str
-    failure: str
-    bodies: tuple[tuple[str, str, str], ...]
-
-
-@dataclass(frozen=True)
-class Timings:
-    """Wall time of each stage for each body, with its sum and the peak memory."""
-
-    stages: tuple[str, ...]
-    rows: tuple[tuple[str, tuple[str, ...], str, str], ...]
-
-
-@dataclass(frozen=True)
-class BasisRow:
-    """The mode set of a body; a dash for a value that is not known."""
-
-    columns: str
-    rank: str
-    condition: str
-    orthogonality_m: str
-    orthogonality_k: str
-    deficient: bool
-
-
-def mode_rows(part: ComponentResult) -> list[ModeRow]:
-    """Every mode of a body before truncation, in order of frequency."""
+def mode_rows(part: ComponentResult) -> list[Row]:
+    """Every mode of a body before truncation, in order of frequency; a value that is not known is empty."""
     modes, kept = part.modes, {int(column) for column in part.kept}
     return [
-        ModeRow(
-            number=k + 1,
-            hz="static" if math.isinf(modes.omega[k]) else number(float(modes.omega[k]) / (2 * math.pi), 5),
-            kind=modes.kind[k],
-            source_hz=_known(modes.source_hz[k], 5),
-            sigma=_known(modes.sigma[k], 4),
-            spacing=_known(modes.spacing[k], 3),
-            close=bool(modes.spacing[k] > CLOSE_MODES),
-            kept=k in kept,
+        {
+            "number": k + 1,
+            "hz": "static" if math.isinf(modes.omega[k]) else number(float(modes.omega[k]) / (2 * math.pi), 5),
+            "kind": modes.kind[k],
+            "source_hz": _known(modes.source_hz[k], 5),
+            "sigma": _known(modes.sigma[k], 4),
+            "spacing": _known(modes.spacing[k], 3),
+            "close": bool(modes.spacing[k] > CLOSE_MODES),
+            "kept": k in kept,
             # The reason of a mode that is left out ends with its sensitivity, which is all that is shown.
-            why=modes.why[k] if k in kept else modes.why[k].partition("; ")[2],
-        )
+            "why": modes.why[k] if k in kept else modes.why[k].partition("; ")[2],
+        }
         for k in range(modes.omega.size)
     ]
 
 
-def configuration_rows(run: RunResult) -> list[ConfigurationRow]:
-    """Errors of every model in every configuration."""
+def configuration_rows(run: RunResult) -> list[Row]:
+    """Sizes in every configuration; ``errors`` holds each model's label and its errors in the order of `measured`."""
     models, figures = (run.model, *compared(run)), measured(run)
     return [
-        ConfigurationRow(
-            name=result.configuration.name,
-            full=f"{result.n_full} ({result.modes_full})",
-            reduced=f"{result.n_reduced} ({result.modes_reduced})",
-            errors=tuple(
-                (model, tuple(figure.text(getattr(found, figure.name)) for figure in figures))
+        {
+            "name": result.configuration.name,
+            "full": f"{result.n_full} ({result.modes_full})",
+            "reduced": f"{result.n_reduced} ({result.modes_reduced})",
+            "errors": [
+                (model, [figure.text(getattr(found, figure.name)) for figure in figures])
                 for model in models
                 if (found := result.errors.get(model)) is not None
-            ),
-        )
+            ],
+        }
         for result in run.configurations
     ]
 
 
-def check_rows(run: RunResult) -> list[tuple[str, Check]]:
-    """Checks of all bodies."""
-    return [(name, check) for name, part in run.components.items() for check in part.checks]
+def channel_rows(run: RunResult) -> list[Row]:
+    """Worst errors of the run's own model by actuator and sensor; empty if they were not stored.
 
-
-def channel_rows(run: RunResult) -> list[ChannelRow]:
-    """Errors of the run's own model by channel; empty where they were not stored."""
+    ``where`` is the configuration with the worst response error.
+    """
     results = [(c.configuration.name, c.errors[run.model]) for c in run.configurations if run.model in c.errors]
     own = [(name, each, each.channel_error, each.channel_peak) for name, each in results]
     if not own or any(error is None or peak is None for _, _, error, peak in own):
@@ -209,17 +113,17 @@ def channel_rows(run: RunResult) -> list[ChannelRow]:
                 for name, _, error, _ in own
                 if error is not None and not math.isnan(error[y, u])
             ]
-            worst, where = max(known, default=(math.nan, ""))
+            error, where = max(known, default=(math.nan, ""))
             peak = _largest(each[y, u] for _, _, _, each in own if each is not None)
             frac = -_largest(-each.frac[y, u] for _, each, _, _ in own)
             nrfd = _largest(each.channel_shift[y, u] for _, each, _, _ in own if each.channel_shift is not None)
-            name = f"{entry} → {output}"
-            found.append(ChannelRow(name, per_cent(worst), per_cent(peak), _known(frac, 6), per_cent(nrfd), where))
+            row = {"name": f"{entry} → {output}", "frac": _known(frac, 6), "where": where}
+            found.append(row | {"frf": per_cent(error), "peak": per_cent(peak), "nrfd": per_cent(nrfd)})
     return found
 
 
-def sensitivity_rows(run: RunResult) -> list[SensitivityRow]:
-    """Every case of the sensitivity study; empty without one."""
+def sensitivity_rows(run: RunResult) -> list[Row]:
+    """Every case of the sensitivity study, with the modes kept, added and left out in each body; empty without one."""
     record = run.sensitivity
     if record is None:
         return []
@@ -228,40 +132,41 @@ def sensitivity_rows(run: RunResult) -> list[SensitivityRow]:
         more, less = case.against(record.chosen)
         kept = record.chosen if case.kept is None else case.kept
         bodies = [
-            (str(len(kept[body])), ", ".join(map(str, more[body])) or "–", ", ".join(map(str, less[body])) or "–")
+            (len(kept[body]), *(", ".join(map(str, modes[body])) or _UNKNOWN for modes in (more, less)))
             for body in record.chosen
         ]
-        found.append(SensitivityRow(case.change, "" if case.kept is not None else case.failure, tuple(bodies)))
+        failure = case.failure if case.kept is None else ""
+        found.append({"change": case.change, "failure": failure, "bodies": bodies})
     return found
 
 
-def timings(run: RunResult) -> Timings:
-    """Wall times of all stages and bodies."""
-    stages = tuple(dict.fromkeys(stage for part in run.components.values() for stage in part.seconds))
-    rows = tuple(
+def timings(run: RunResult) -> Row:
+    """Wall times: ``stages``, and in ``rows`` each body with the time of each stage, their sum and the peak memory."""
+    stages = list(dict.fromkeys(stage for part in run.components.values() for stage in part.seconds))
+    rows = [
         (
             name,
-            tuple(seconds(part.seconds[stage]) if stage in part.seconds else "–" for stage in stages),
+            [seconds(part.seconds[stage]) if stage in part.seconds else _UNKNOWN for stage in stages],
             seconds(sum(part.seconds.values())),
-            f"{part.peak_mib:.0f} MiB" if part.peak_mib else "–",
+            f"{part.peak_mib:.0f} MiB" if part.peak_mib else _UNKNOWN,
         )
         for name, part in run.components.items()
-    )
-    return Timings(stages, rows)
+    ]
+    return {"stages": stages, "rows": rows}
 
 
-def basis_row(part: ComponentResult) -> BasisRow:
+def basis_row(part: ComponentResult) -> Row:
     """Columns, rank and condition of a mode set, and orthogonality of the modes made of it."""
     modes, checks = part.modes, {check.name: check.value for check in part.checks}
     mass, stiffness = (checks.get(f"orthogonality in {matrix}") for matrix in "MK")
-    return BasisRow(
-        str(modes.basis_size),
-        str(modes.basis_rank or "–"),
-        number(modes.basis_condition, 3) if math.isfinite(modes.basis_condition) else "–",
-        "–" if mass is None else number(mass, 2),
-        "–" if stiffness is None else number(stiffness, 2),
-        0 < modes.basis_rank < modes.basis_size,
-    )
+    return {
+        "columns": modes.basis_size,
+        "rank": modes.basis_rank or _UNKNOWN,
+        "condition": number(modes.basis_condition, 3) if math.isfinite(modes.basis_condition) else _UNKNOWN,
+        "orthogonality_m": _UNKNOWN if mass is None else number(mass, 2),
+        "orthogonality_k": _UNKNOWN if stiffness is None else number(stiffness, 2),
+        "deficient": 0 < modes.basis_rank < modes.basis_size,
+    }
 
 
 def health_rows(part: ComponentResult) -> list[HealthFinding]:

@@ -113,7 +113,7 @@ def write_pictures(run: RunResult, folder: Path, suffix: str = ".png") -> list[P
 
     names = [result.configuration.name for result in run.configurations]
     rows = worst(run, run.model)
-    at = names.index(rows[0].where) if rows else 0
+    at = names.index(rows[0][1].note) if rows else 0
     if run.drawing is not None:
         where = names[at] if names else next(iter(run.drawing.systems))
         scene_picture(run.drawing, where, to("scene"))

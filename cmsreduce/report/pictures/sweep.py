@@ -56,7 +56,7 @@ def sweep_picture(sweep: SweepResult, path: Path) -> None:
                     label = literal(group) if best else None
                     faint = 1.0 if best else _FAINT
                     axes.scatter(trade.x[at], trade.y[at], alpha=faint, label=label, zorder=2 + best, **marks, **edge)
-            axes.set(xlabel=trade.cost.label, xscale="log", yscale="log")
+            axes.set(xlabel=trade.label, xscale="log", yscale="log")
             for axis in (axes.xaxis, axes.yaxis):
                 axis.set_major_formatter(FuncFormatter(_tick))
                 axis.set_minor_formatter(FuncFormatter(_tick))
@@ -115,7 +115,7 @@ def sweep_page(sweep: SweepResult) -> str:
                 **place,
             )
             shown.add(group)
-        figure.update_xaxes(title_text=trade.cost.label, type="log", gridcolor="#e4e8ec", **place)
+        figure.update_xaxes(title_text=trade.label, type="log", gridcolor="#e4e8ec", **place)
     figure.update_yaxes(type="log", gridcolor="#e4e8ec", exponentformat="power")
     figure.update_yaxes(title_text=_ERROR, row=1, col=1)
     title = _escaped(_title(sweep))

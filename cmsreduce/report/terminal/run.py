@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cmsreduce.mechanics import advised_steps
-from cmsreduce.model import AxisCompleteness, ProjectionRecord, RunResult
+from cmsreduce.model import AxisCompleteness, Finding, ProjectionRecord, RunResult
 from cmsreduce.report.terminal.output import print_line, standard_console
 from cmsreduce.report.terminal.tables import figures, table, words
 from cmsreduce.report.wording import (
     FIGURES,
-    Worst,
+    Figure,
     broken,
     checked,
     compared,
@@ -74,7 +74,7 @@ def print_summary(
     if run.configurations:
         console.print(_errors(run))
     if found := checked(run):
-        console.print(table(_judged("check", where="where"), [_row(row) for row in found]))
+        console.print(table(_judged("check", where="where"), [_row(*row) for row in found]))
     for reason in broken(run):
         print_line(console, f"FAIL  {reason}", "red")
     if run.speed is not None:
@@ -117,7 +117,7 @@ def _errors(run: RunResult) -> Table:
     rows: list[Sequence[str]] = []
     for model in (run.model, *compared(run)):
         # Only the run's own model is judged.
-        rows += [(model, *_row(row, judged=model == run.model)) for row in worst(run, model)]
+        rows += [(model, *_row(*row, judged=model == run.model)) for row in worst(run, model)]
         rows.append(())
     return table(_judged("model", "error", where="configuration"), rows)
 
@@ -127,13 +127,12 @@ def _judged(*heads: str, where: str) -> list[Column]:
     return [*map(words, heads), figures("worst"), figures("limit"), figures("verdict"), words(where)]
 
 
-def _row(row: Worst, *, judged: bool = True) -> tuple[str, ...]:
-    judged = judged and row.limit is not None
-    limit = row.figure.text(row.limit) if judged and row.limit is not None else ""
-    passed = ("PASS" if row.met else "FAIL") if judged else ""
+def _row(figure: Figure, found: Finding, *, judged: bool = True) -> tuple[str, ...]:
+    judged = judged and found.judged
+    limit, verdict = (figure.text(found.limit), found.verdict.upper()) if judged else ("", "")
     # A check without a finding has no place.
-    where = row.where if row.value or row.figure in FIGURES else ""
-    return row.figure.label, row.figure.text(row.value), limit, passed, where
+    where = found.note if found.value or figure in FIGURES else ""
+    return figure.label, figure.text(found.value), limit, verdict, where
 
 
 def _print_steps(run: RunResult, console: Console) -> None:

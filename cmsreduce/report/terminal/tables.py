@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import Check, HealthFinding, ModalComponent, SensitivityRecord
+from cmsreduce.model import Finding, HealthFinding, ModalComponent, SensitivityRecord
 from cmsreduce.report.terminal.output import Output, standard_console
 from cmsreduce.report.wording import CLOSE_MODES, number
 
@@ -127,11 +127,9 @@ class InspectedLine:
         return before + (f"{self.name}: {self.text}" if self.name else self.text)
 
 
-def check_line(check: Check) -> InspectedLine:
+def check_line(check: Finding) -> InspectedLine:
     """Value, limit and verdict of a check of a body."""
-    return InspectedLine(
-        f"{number(check.value, 3)} (limit {number(check.limit, 3)})", check.name, "pass" if check.passed else "FAIL"
-    )
+    return InspectedLine(f"{number(check.value, 3)} (limit {number(check.limit, 3)})", check.name, check.verdict)
 
 
 def health_lines(health: Iterable[HealthFinding]) -> list[InspectedLine]:

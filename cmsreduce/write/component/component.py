@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.blocks import combined, observed
 from cmsreduce.mechanics import ACCURACIES, advised_steps, numerical_damping
 from cmsreduce.model import (
-    Check,
     CostlyModes,
     FEModel,
+    Finding,
     FloatingFrame,
     GeometricStiffness,
     IntegralFrame,
@@ -42,7 +42,7 @@ def write_component(
     nodes: Sequence[int],
     inputs: Mapping[str, Row],
     outputs: Mapping[str, tuple[Row, Row]],
-    checks: Sequence[Check],
+    checks: Sequence[Finding],
     provenance: Mapping[str, Any],
     all_nodes: bool = False,
     frame: FloatingFrame | None = None,
@@ -65,7 +65,7 @@ def write_component(
         Modal force of a unit effort of each actuator.
     outputs : mapping of name to ((m,), (m,)) float64
         Displacement and rate row of each sensor.
-    checks : sequence of Check
+    checks : sequence of Finding
         Results of the body's checks.
     provenance : mapping
         ``settings`` and ``notes`` of the run, and other JSON values.

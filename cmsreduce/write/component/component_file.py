@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import Check
+from cmsreduce.model import Finding
 
 __all__ = [
     "FORMAT",
@@ -138,7 +138,7 @@ class ComponentFile:
         Every text dataset, such as ``modes/kind``.
     attributes : mapping of path to mapping
         Attributes of the file (path ``""``) and of its groups.
-    checks : tuple of Check
+    checks : tuple of Finding
         Results of the body's checks.
     """
 
@@ -149,7 +149,7 @@ class ComponentFile:
     arrays: Mapping[str, NDArray[Any]]
     texts: Mapping[str, tuple[str, ...]]
     attributes: Mapping[str, Mapping[str, Any]]
-    checks: tuple[Check, ...]
+    checks: tuple[Finding, ...]
 
     @property
     def omega(self) -> NDArray[np.float64]:
@@ -224,7 +224,7 @@ def read_component(path: Path | str) -> ComponentFile:
             texts=texts,
             attributes=attributes,
             checks=tuple(
-                Check(name, float(value), float(limit))
+                Finding(name, float(value), float(limit))
                 for name, value, limit in zip(
                     texts["checks/name"], arrays["checks/value"], arrays["checks/limit"], strict=True
                 )

@@ -27,8 +27,13 @@ _SHOWN, _PAIRS = 0.01, 200
 def figures(run: RunResult) -> dict[str, dict[str, Any]]:
     """Errors and checks by name: worst value, its place, limit, and verdict (None without a limit)."""
     return {
-        name: {"value": each.value, "where": each.where, "limit": each.limit, "passed": each.met}
-        for name, each in run.figures.items()
+        name: {
+            "value": each.value,
+            "where": each.note,
+            "limit": each.limit if each.judged else None,
+            "passed": each.passed if each.judged else None,
+        }
+        for name, each in run.findings.items()
     }
 
 
@@ -101,7 +106,7 @@ def controller(run: RunResult) -> list[dict[str, Any]] | None:
             "margin": 1 / each.ratio if each.ratio > 0 else None,
             "worst_hz": each.worst_hz,
             "unstable_roots": each.unstable,
-            "proven": each.ratio < 1 and each.unstable == 0,
+            "proven": each.proven,
         }
         for each in run.margins
     ]

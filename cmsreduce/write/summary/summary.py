@@ -145,7 +145,9 @@ def _component(part: ComponentResult, run: RunResult) -> dict[str, Any]:
         "basis": basis(part),
         "health": health_data(part.health) if part.health else None,
         "static_lack": None if run.checks is None else static_lack(run.checks.static.get(part.name)),
-        "checks": [_record(check, "passed") for check in part.checks],
+        "checks": [
+            {"name": each.name, "value": each.value, "limit": each.limit, "passed": each.passed} for each in part.checks
+        ],
     }
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from cmsreduce.model import (
     ChannelZeros,
-    Check,
+    Finding,
     GainCurve,
     GainSum,
     ReductionChecks,
@@ -70,7 +70,7 @@ def test_one_table_of_health_for_the_page_the_terminal_and_json() -> None:
         "nearly massless dofs",
         "motions of negative energy, mass",
     ]
-    failed = replace(part, checks=(Check("rows: same mass", 2.0, 1.0),))
+    failed = replace(part, checks=(Finding("rows: same mass", 2.0, 1.0),))
     assert health_rows(failed)[-1].name == "rows: same mass" and not health_rows(failed)[-1].passed
     assert health_rows(component("rotor")) == []
     lines = [row.line for row in health_lines(HEALTH)]
@@ -86,12 +86,9 @@ def test_one_table_of_health_for_the_page_the_terminal_and_json() -> None:
 def test_the_mode_set_of_a_body() -> None:
     part = component("rotor")
     dependent = replace(part, modes=replace(part.modes, basis_rank=2, basis_condition=12.5))
-    assert (basis_row(dependent).rank, basis_row(dependent).condition, basis_row(dependent).deficient) == (
-        "2",
-        "12.5",
-        True,
-    )
-    assert basis_row(part).rank == "–"
+    row = basis_row(dependent)
+    assert (row["rank"], row["condition"], row["deficient"]) == (2, "12.5", True)
+    assert basis_row(part)["rank"] == "–"
 
 
 def test_channels_at_their_worst(make_run) -> None:
@@ -105,7 +102,7 @@ def test_channels_at_their_worst(make_run) -> None:
         for c, values in ((first, better), (second, worse))
     ]
     loud, silent = channel_rows(replace(run, configurations=tuple(results)))
-    assert (loud.name, loud.frf, loud.peak, loud.nrfd) == ("motor → gyro", "10 %", "5 %", "0.03 %")
-    assert loud.where == "spin=45 cone=30" and loud.frac == "0.9996"
-    assert (silent.frf, silent.nrfd, silent.frac) == ("–", "–", "")
+    assert tuple(loud[key] for key in ("name", "frf", "peak", "nrfd")) == ("motor → gyro", "10 %", "5 %", "0.03 %")
+    assert loud["where"] == "spin=45 cone=30" and loud["frac"] == "0.9996"
+    assert (silent["frf"], silent["nrfd"], silent["frac"]) == ("–", "–", "")
     assert channel_rows(run) == []

@@ -12,12 +12,12 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import (
-    Check,
     CostlyMode,
     CostlyModes,
     Damping,
     DofTable,
     FEModel,
+    Finding,
     GeometricStiffness,
     Interface,
     Nodes,
@@ -69,7 +69,7 @@ def written(path, component, **changes):
         "nodes": [3],
         "inputs": {"push": np.arange(m, dtype=float)},
         "outputs": {"gauge": (np.ones(m), np.zeros(m))},
-        "checks": [Check("orthogonality in M", 1e-15, 1e-8)],
+        "checks": [Finding("orthogonality in M", 1e-15, 1e-8)],
         "provenance": {"settings": {"name": "chain"}, "notes": []},
     }
     write_component(path, component, **(options | changes))
@@ -87,7 +87,7 @@ def test_everything_reads_back_exactly(tmp_path, component):
     np.testing.assert_array_equal(file.arrays["inputs/B"][:, 0], np.arange(component.omega.size))
     assert file.texts["modes/kind"] == component.kind
     assert file.texts["dofs/label"] == tuple(body.dofs.labels)
-    assert file.checks == (Check("orthogonality in M", 1e-15, 1e-8),)
+    assert file.checks == (Finding("orthogonality in M", 1e-15, 1e-8),)
     assert file.settings == {"name": "chain"}
 
 

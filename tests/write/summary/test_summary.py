@@ -9,13 +9,13 @@ import scipy.sparse as sp
 
 from cmsreduce.model import (
     SCALAR,
-    Check,
     ComponentResult,
     Configuration,
     ConfigurationResult,
     DampedPairs,
     DofTable,
     FEModel,
+    Finding,
     ModalComponent,
     ModelErrors,
     Response,
@@ -71,7 +71,7 @@ def run(**changes) -> RunResult:
         basis_size=4,
     )
     rotor = ComponentResult(
-        "rotor", 5, modes, np.array([0, 1, 3]), {"read": 0.5}, 80.0, (Check("orthogonality in M", 1e-15, 1e-8),), ()
+        "rotor", 5, modes, np.array([0, 1, 3]), {"read": 0.5}, 80.0, (Finding("orthogonality in M", 1e-15, 1e-8),), ()
     )
     result = RunResult(
         name="galileo",
