@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +23,8 @@ from cmsreduce.model import (
     Scene,
     Speed,
 )
-from cmsreduce.pipeline.store import Progress
-from cmsreduce.pipeline.system.assembled import AssembledModel, Number, cross_orthogonality, mass_products
+from cmsreduce.pipeline.store import Progress, once
+from cmsreduce.pipeline.system.assembled import AssembledModel, cross_orthogonality, mass_products
 from cmsreduce.verify import (
     FrequencyPairs,
     channel_errors,
@@ -67,6 +66,12 @@ class ReducedModel:
 
     def __init__(self, assembled: AssembledModel, shapes: Mapping[str, ModalComponent | None]) -> None:
         self.assembled, self.shapes = assembled, shapes
+
+    @once
+    def masses(self, comparison: Comparison) -> dict[str, Matrix]:
+        """Mass of each body between its coordinates in the reference model and in this model."""
+        full = comparison.full.substructures
+        return mass_products(comparison.bodies, comparison.full_shapes, self.shapes, full)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +124,6 @@ class Comparison:
     ) -> None:
         self.full, self.full_shapes, self.bodies, self.scene, self.points = full, full_shapes, bodies, scene, points
         self._decibel = decibel_grid(scene.band)
-        self._decibel_flexibility: Mapping[str, Receptance] | None = None
-        self._masses: WeakKeyDictionary[ReducedModel, dict[str, Matrix]] = WeakKeyDictionary()
         self.full_seconds = 0.0
         self.reduced_seconds = 0.0
 
@@ -254,18 +257,20 @@ class Comparison:
             seconds=seconds,
         )
 
+    @property
+    @once
+    def _decibel_tables(self) -> Mapping[str, Receptance]:
+        return self.full.tables(self._decibel)
+
     def _decibels(self, model: AssembledModel, configurations: Sequence[Configuration]) -> list[Complex]:
         """Responses on the decibel grid; for many configurations, receptances of the reference bodies are tabulated."""
-        flexibility = None
-        if model is self.full and len(self.scene.configurations) > _TOGETHER:
-            if self._decibel_flexibility is None:
-                self._decibel_flexibility = self.full.tables(self._decibel)
-            flexibility = self._decibel_flexibility
+        many = model is self.full and len(self.scene.configurations) > _TOGETHER
+        flexibility = self._decibel_tables if many else None
         return model.responses(configurations, [self._decibel] * len(configurations), flexibility)
 
     def _pairs(self, configuration: Configuration, model: ReducedModel) -> tuple[FrequencyPairs, MacMatrix]:
         full, reduced = self.full.resonances(configuration), model.assembled.resonances(configuration)
-        cross = self._cross_orthogonality(full.shapes, reduced.shapes, model)
+        cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(self))
         # Both sets are orthonormal in mass.
         mac = MacMatrix(full.omega / (2 * np.pi), reduced.omega / (2 * np.pi), cross**2)
         return pair_frequencies(full.omega, reduced.omega, cross, self.scene.band[1]), mac
@@ -274,17 +279,8 @@ class Comparison:
         full, reduced = self.full.damped_modes(configuration), model.assembled.damped_modes(configuration)
         if full is None or reduced is None:
             return None
-        cross = self._cross_orthogonality(full.shapes, reduced.shapes, model)
+        cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(self))
         return pair_complex_modes(full.s, reduced.s, cross, self.scene.band[1])
-
-    def _cross_orthogonality(
-        self, full: Mapping[str, NDArray[Number]], reduced: Mapping[str, NDArray[Number]], model: ReducedModel
-    ) -> NDArray[Number]:
-        masses = self._masses.get(model)
-        if masses is None:
-            masses = mass_products(self.bodies, self.full_shapes, model.shapes, self.full.substructures)
-            self._masses[model] = masses
-        return cross_orthogonality(full, reduced, masses)
 
 
 def _thinned(grid: NDArray[np.float64], omega: NDArray[np.float64], zeta: NDArray[np.float64]) -> NDArray[np.float64]:
