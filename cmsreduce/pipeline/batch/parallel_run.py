@@ -91,7 +91,7 @@ class ParallelRun(Run):
         found: dict[int, ConfigurationResult] = {}
         for (numbers,), part in self._outcomes(_measure, shares):
             found |= dict(zip(numbers, part.results, strict=True))
-            self.comparison.full_seconds += part.full_s
+            self.comparison.reference_seconds += part.full_s
             self.comparison.reduced_seconds += part.reduced_s
         for number, configuration in enumerate(self.scene.configurations):
             if number not in found:
@@ -192,8 +192,8 @@ def _measure(task: _Task, numbers: Sequence[int]) -> _Part | None:
         run = _opened(task)
         models, comparison = run.models(), run.comparison
         # Another task of this process may have used the same model.
-        comparison.full_seconds = comparison.reduced_seconds = 0.0
+        comparison.reference_seconds = comparison.reduced_seconds = 0.0
         results = comparison.at([run.scene.configurations[number] for number in numbers], models)
     except CmsReduceError:
         return None
-    return _Part(results, comparison.full_seconds, comparison.reduced_seconds)
+    return _Part(results, comparison.reference_seconds, comparison.reduced_seconds)

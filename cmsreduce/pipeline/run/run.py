@@ -383,7 +383,7 @@ class Run:
     def _projection_source(self) -> ReducedModel:
         """The system whose modes are projected."""
         if self.pipeline.project is not None and self.pipeline.project.of == "full":
-            return ReducedModel(self.comparison.full, self.comparison.full_shapes)
+            return ReducedModel(self.comparison.reference, self.comparison.reference_shapes)
         return self.joined(self.kept)
 
     @stage(
@@ -486,10 +486,10 @@ class Run:
             return Verified((), {}, 0.0, 0.0, self._checked())
         comparison = self.comparison
         # Another point of a sweep may have used the same model.
-        comparison.full_seconds = comparison.reduced_seconds = 0.0
+        comparison.reference_seconds = comparison.reduced_seconds = 0.0
         results = self.measured(self.models())
         labels = {name: found.label for name, found in self.references.items()}
-        return Verified(results, labels, comparison.full_seconds, comparison.reduced_seconds, self._checked())
+        return Verified(results, labels, comparison.reference_seconds, comparison.reduced_seconds, self._checked())
 
     def _checked(self) -> ReductionChecks:
         keys, reduced = self.pipeline.verify or VerifyKeys(), {name: self.final[name] for name in self.reduced_names}
@@ -499,7 +499,7 @@ class Run:
             self.scene,
             self.bodies,
             reduced,
-            self.comparison.full if self.has_response else None,
+            self.comparison.reference if self.has_response else None,
             self.model.assembled,
         )
 

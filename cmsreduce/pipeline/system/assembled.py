@@ -1,4 +1,4 @@
-"""A model of the whole scene, full or reduced: its matrices, modes and responses in any configuration."""
+"""A model of the scene, of reduced or unreduced bodies: its matrices, modes and responses in any configuration."""
 
 from __future__ import annotations
 
@@ -217,7 +217,7 @@ class AssembledModel:
 
 def mass_products(
     bodies: Mapping[str, FEModel],
-    full: Mapping[str, ModalComponent | None],
+    reference: Mapping[str, ModalComponent | None],
     reduced: Mapping[str, ModalComponent | None],
     substructures: Mapping[str, Substructure],
 ) -> dict[str, Matrix]:
@@ -227,17 +227,17 @@ def mass_products(
     ----------
     bodies : mapping of name to FEModel
         Mass matrices of the flexible bodies.
-    full, reduced : mapping of name to ModalComponent or None
+    reference, reduced : mapping of name to ModalComponent or None
         Modes whose amplitudes are the coordinates of either model; None where these are dofs.
     substructures : mapping of name to Substructure
-        Bodies of the full model; the rigid ones have their mass here.
+        Bodies of the reference model; the rigid ones have their mass here.
     """
     found: dict[str, Matrix] = {}
     for name, sub in substructures.items():
         if name not in bodies:
             found[name] = sub.M
             continue
-        M, left, right = bodies[name].M, full[name], reduced[name]
+        M, left, right = bodies[name].M, reference[name], reduced[name]
         if right is None:
             found[name] = M if left is None else _times(M, left.Phi).T
         else:
@@ -246,18 +246,18 @@ def mass_products(
 
 
 def cross_orthogonality(
-    full: Mapping[str, NDArray[Number]], reduced: Mapping[str, NDArray[Number]], masses: Mapping[str, Matrix]
+    reference: Mapping[str, NDArray[Number]], reduced: Mapping[str, NDArray[Number]], masses: Mapping[str, Matrix]
 ) -> NDArray[Number]:
-    """Mass products of the shapes of two models (full modes, reduced modes), the full ones conjugated.
+    """Mass products of the shapes of two models (reference modes, reduced modes), those of the reference conjugated.
 
     Parameters
     ----------
-    full, reduced : mapping of body to (m_i, k) array
+    reference, reduced : mapping of body to (m_i, k) array
         Shapes of either model in each body's own coordinates, real or complex.
     masses : mapping of body to (m_i, r_i) array
         See `mass_products`.
     """
-    cross = [np.asarray(full[name].conj().T @ (M @ reduced[name])) for name, M in masses.items()]
+    cross = [np.asarray(reference[name].conj().T @ (M @ reduced[name])) for name, M in masses.items()]
     return np.asarray(np.sum(cross, axis=0))
 
 
