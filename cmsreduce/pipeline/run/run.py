@@ -30,7 +30,7 @@ from cmsreduce.model import (
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import FlexibleBody, Reference, read_flexible, read_rigid, reference, spin_notes
 from cmsreduce.pipeline.choose import Balancing, Choice, CutoffChoice, CutoffSearch, ModeSets, asked_error, cutoff_key
-from cmsreduce.pipeline.project import PROJECTED_ERROR, Measures, Projected, ProjectStage
+from cmsreduce.pipeline.project import Projected, ProjectStage
 from cmsreduce.pipeline.run.keys import projected_error, read_key, reference_key, reference_model_key, system_key
 from cmsreduce.pipeline.store import CommonWork, Progress, Stages, once, stage
 from cmsreduce.pipeline.system import (
@@ -393,16 +393,18 @@ class Run:
         notes=lambda run, found: found.notes,
     )
     def _projection(self) -> Projected:
-        asked, keys = projected_error(self.pipeline), self.pipeline.project
-        assert keys is not None
-        measures = Measures(
+        assert self.pipeline.project is not None
+        found = ProjectStage(
+            self.pipeline.project,
+            self.scene,
+            self.bodies,
+            self.kept,
+            self._projection_source,
             self.joined,
             self.comparison.error_at if self.has_response else None,
-            asked or PROJECTED_ERROR,
-            asked is not None,
+            projected_error(self.pipeline),
             self.stages.progress.advance,
-        )
-        found = ProjectStage(keys, self.scene, self.bodies, self.kept, self._projection_source, measures).run()
+        ).run()
         # Their coefficients are those of the modes before.
         bare = {name: replace(each, rankings={}, cluster=None) for name, each in found.components.items()}
         return replace(found, components=bare)
