@@ -6,13 +6,12 @@ The joined system itself belongs in `assemble`.
 
 from cmsreduce.project.extraneous import extraneous_count, extraneous_modes, returned
 from cmsreduce.project.projection import Projection, keep_combinations, project_shapes
-from cmsreduce.project.system_cost import SystemCost, cost_shares, costliest, system_cost
+from cmsreduce.project.system_cost import SystemCost, cost_shares, system_cost
 
 __all__ = [
     "Projection",
     "SystemCost",
     "cost_shares",
-    "costliest",
     "extraneous_count",
     "extraneous_modes",
     "keep_combinations",

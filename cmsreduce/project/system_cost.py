@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import dense
-from cmsreduce.linalg.eigen import elastic_and_massless, repeated_groups
+from cmsreduce.linalg.eigen import elastic_and_massless
 from cmsreduce.linalg.gramian import check_damped, controllability, state_space
-from cmsreduce.model import ModalChannels, ModalComponent, Substructure, System
+from cmsreduce.model import ModalChannels, Substructure, System
 
-__all__ = ["SystemCost", "cost_shares", "costliest", "system_cost"]
+__all__ = ["SystemCost", "cost_shares", "system_cost"]
 
 Array = NDArray[np.float64]
 
@@ -128,38 +128,6 @@ def cost_shares(costs: Sequence[SystemCost], body: str, groups: Sequence[NDArray
             own = cost.coordinates[body]
             found = np.maximum(found, [abs(own[columns].sum()) / cost.total for columns in groups])
     return found
-
-
-def costliest(costs: Sequence[SystemCost], components: Mapping[str, ModalComponent], count: int) -> dict[str, Array]:
-    """Choose the modes of all bodies with the largest cost in the assembled system.
-
-    Parameters
-    ----------
-    costs : sequence of SystemCost
-        One for each configuration; a mode counts by its largest share in any of them.
-    components : mapping of name to ModalComponent
-        Bodies; the coordinates of the system are amplitudes of their modes.
-    count : int
-        Elastic modes to keep in all; a few more where the number would split a repeated one.
-
-    Returns
-    -------
-    dict of name to (k,) int64
-        Columns of each body, ascending.
-    """
-    groups: list[tuple[float, str, NDArray[np.int64]]] = []
-    for name, component in components.items():
-        columns = np.arange(component.elastic.start, component.elastic.stop)
-        number = repeated_groups(component.omega[columns])
-        own = [columns[number == g] for g in np.unique(number)]
-        groups += [(-float(share), name, g) for share, g in zip(cost_shares(costs, name, own), own, strict=True)]
-    kept: dict[str, list[NDArray[np.int64]]] = {name: [np.empty(0, dtype=np.int64)] for name in components}
-    taken = 0
-    for _, name, columns in sorted(groups, key=lambda group: group[0]):
-        if taken < count:
-            kept[name].append(columns)
-            taken += columns.size
-    return {name: np.sort(np.concatenate(parts)) for name, parts in kept.items()}
 
 
 def _stable_motions(system: System) -> tuple[Array, Array, Array, Array]:

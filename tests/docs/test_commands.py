@@ -106,10 +106,11 @@ def typed(command: str, good: Set[int] = GOOD) -> None:
 def _first_point(words: list[str]) -> list[str]:
     """A sweep over the first value of each key; the others are values that the grammar takes."""
     over = [words[i + 1] for i, word in enumerate(words) if word == "--over"]
-    for axis in sweep_axes(over):
-        for value in axis.values:
-            load_pipeline(Path(words[1]), [f"{axis.key}={value}"])
-    first = {text: f"{axis.key}={axis.values[0]}" for text, axis in zip(over, sweep_axes(over), strict=True)}
+    axes = sweep_axes(over)
+    for key, values in axes.items():
+        for value in values:
+            load_pipeline(Path(words[1]), [f"{key}={value}"])
+    first = {text: f"{key}={values[0]}" for text, (key, values) in zip(over, axes.items(), strict=True)}
     return [first.get(word, word) for word in words]
 
 

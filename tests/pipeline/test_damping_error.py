@@ -127,8 +127,8 @@ def test_an_undamped_system_has_no_damping_error(opened: Callable[..., Run], stu
     names = {found.name for found in check_result(study.parent / "out", Limits())}
     assert "frf_error" in names and "damping_error" not in names
     assert all(row["complex_modes"] is None for row in facts["configurations"])
-    assert all(model._damped for model in (run.comparison.full, run.model.assembled))
-    assert not any(found for found in run.comparison.full._damped.values())
+    models = (run.comparison.reference, run.model.assembled)
+    assert all(model.damped_modes(each) is None for model in models for each in run.scene.configurations)
 
 
 def test_pairs_are_kept_with_a_finished_stage(opened: Callable[..., Run], study: Path) -> None:

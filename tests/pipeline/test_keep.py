@@ -52,7 +52,7 @@ def test_no_elastic_modes_leave_rigid_bodies(opened: Callable[..., Run]) -> None
     assert system.N == system.rigid.shape[1] == 7
     w = 2 * np.pi * np.array([0.5, 5.0])
     for configuration in run.scene.configurations:
-        rigid = run.comparison.full.rigid_response(configuration, w)
+        rigid = run.comparison.reference.rigid_response(configuration, w)
         np.testing.assert_allclose(run.model.assembled.response(configuration, w), rigid, rtol=1e-8)
 
 
@@ -116,7 +116,7 @@ def test_modes_by_the_bound_of_their_body(opened: Callable[..., Run], study: Pat
         assert found.asked == asked and 0 < found.error <= found.bound * (1 + 1e-12) <= asked
         left_out = channels.only(np.setdiff1d(np.arange(body.elastic_count), run.selection[name] - 6))
         assert found.tightness == pytest.approx(elastic_norm(left_out) / sum(mode_bounds(left_out)[1]), rel=1e-12)
-        (note,) = (note for note in result.notes if note.startswith(f"{name}: by itself"))
+        (note,) = (note for note in result.notes if note.startswith(f"{name}: the error of this body by itself"))
         assert "the assembled system inherits no such bound" in note
     assert set(run.kept["arm"].why[6:]) == {"needed for a bound of 0.2"}
     summary = json.loads((run.folder / "summary.json").read_text())

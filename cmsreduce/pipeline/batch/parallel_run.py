@@ -1,11 +1,10 @@
-"""A run whose bodies and configurations are distributed to several processes."""
+"""A run that distributes its bodies and configurations to several processes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +12,7 @@ from cmsreduce.config import Pipeline, load_pipeline
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.model import ConfigurationResult
 from cmsreduce.pipeline.batch.dask_workers import chosen_workers
-from cmsreduce.pipeline.batch.workers import Workers
+from cmsreduce.pipeline.batch.workers import Workers, common_work
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import CommonWork, Progress, Silent
 from cmsreduce.pipeline.system import ReducedModel
@@ -39,7 +38,7 @@ class _Part(NamedTuple):
 
 
 class ParallelRun(Run):
-    """A run whose bodies are reduced, and whose configurations are measured, by other processes.
+    """A run in which other processes reduce the bodies and measure the configurations.
 
     The processes write finished stages to the run directory, where the run finds them. If a process is killed or meets
     an error, the run does the work of that process itself, and reports the error as a single process does.
@@ -55,7 +54,7 @@ class ParallelRun(Run):
     overrides : sequence of str
     workers : Workers
     executor : Executor
-        Of the workers.
+        Executor that runs the tasks of the workers.
     """
 
     def __init__(
@@ -73,15 +72,15 @@ class ParallelRun(Run):
         self._task = _Task(source.resolve(), tuple(overrides), folder.resolve(), workers.memory)
 
     def finish_bodies(self) -> None:
-        """Have all bodies reduced and orthonormalised at the same time."""
-        names = [name for name, part in self.pipeline.components.items() if part.rigid is None]
+        """Reduce and orthonormalise all bodies, each in a process of its own."""
+        names = self.flexible_names
         if len(names) > 1:
             self.stages.progress.stage("reduce", f"{len(names)} bodies in {self._workers.count} processes")
             for _ in self._outcomes(_finish_body, [(name,) for name in names]):
                 pass
 
     def measured(self, models: Mapping[str, ReducedModel]) -> tuple[ConfigurationResult, ...]:
-        """Errors and curves in every configuration, some in each process."""
+        """Errors and curves in every configuration; each process measures some of them."""
         count = len(self.scene.configurations)
         shares = [
             (tuple(range(first, count, self._workers.count)),) for first in range(min(self._workers.count, count))
@@ -91,7 +90,7 @@ class ParallelRun(Run):
         found: dict[int, ConfigurationResult] = {}
         for (numbers,), part in self._outcomes(_measure, shares):
             found |= dict(zip(numbers, part.results, strict=True))
-            self.comparison.full_seconds += part.full_s
+            self.comparison.reference_seconds += part.full_s
             self.comparison.reduced_seconds += part.reduced_s
         for number, configuration in enumerate(self.scene.configurations):
             if number not in found:
@@ -127,7 +126,7 @@ def opened_run(
     jobs: int = 1,
     cluster: str | None = None,
 ) -> Iterator[Run]:
-    """A run, with the processes that share its work for as long as the block lasts.
+    """Open a run, with processes that share its work while the block lasts.
 
     Parameters
     ----------
@@ -162,14 +161,8 @@ def opened_run(
             yield run
 
 
-@cache
-def _common() -> CommonWork:
-    """Work that the tasks of one process share."""
-    return CommonWork()
-
-
 def _opened(task: _Task) -> Run:
-    run = Run(load_pipeline(task.source, task.overrides), task.folder, Silent(), common=_common())
+    run = Run(load_pipeline(task.source, task.overrides), task.folder, Silent(), common=common_work())
     run.stages.share_memory(task.memory)
     return run
 
@@ -192,8 +185,8 @@ def _measure(task: _Task, numbers: Sequence[int]) -> _Part | None:
         run = _opened(task)
         models, comparison = run.models(), run.comparison
         # Another task of this process may have used the same model.
-        comparison.full_seconds = comparison.reduced_seconds = 0.0
+        comparison.reference_seconds = comparison.reduced_seconds = 0.0
         results = comparison.at([run.scene.configurations[number] for number in numbers], models)
     except CmsReduceError:
         return None
-    return _Part(results, comparison.full_seconds, comparison.reduced_seconds)
+    return _Part(results, comparison.reference_seconds, comparison.reduced_seconds)

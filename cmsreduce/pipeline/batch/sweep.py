@@ -11,7 +11,6 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from dataclasses import replace
 from datetime import UTC, datetime
-from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,8 +20,8 @@ from cmsreduce.errors import CmsReduceError, ConfigError
 from cmsreduce.linalg.sparse import InsufficientMemoryError
 from cmsreduce.model import RunResult, SweepResult, SweepRow
 from cmsreduce.pipeline.batch.dask_workers import chosen_workers
-from cmsreduce.pipeline.batch.sweep_points import SweepAxis, SweepPoint, sweep_points
-from cmsreduce.pipeline.batch.workers import Workers
+from cmsreduce.pipeline.batch.sweep_points import SweepPoint, sweep_points
+from cmsreduce.pipeline.batch.workers import Workers, common_work
 from cmsreduce.pipeline.execute import execute
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import STAGES_FOLDER, CommonWork, Progress, Silent, code_version, share_stages
@@ -45,7 +44,7 @@ def default_folder(output: Path) -> Path:
 
 def sweep(
     path: Path,
-    axes: Sequence[SweepAxis],
+    axes: Mapping[str, tuple[str, ...]],
     overrides: Sequence[str] = (),
     folder: Path | None = None,
     jobs: int = 1,
@@ -58,8 +57,8 @@ def sweep(
     ----------
     path : Path
         Pipeline file.
-    axes : sequence of SweepAxis
-        Keys and their values; the first is the slowest.
+    axes : mapping of str to tuple of str
+        Keys and their values, as of `sweep_axes`; the first is the slowest.
     overrides : sequence of str
         ``KEY=VALUE`` for all points.
     folder : Path, optional
@@ -98,7 +97,7 @@ def sweep(
             progress.advance(len(rows), len(points))
     result = SweepResult(
         good.name,
-        {axis.key: axis.values for axis in axes},
+        dict(axes),
         tuple(rows[point.number] for point in points),
         time.perf_counter() - started,
         _provenance(path, overrides, workers, good.model_dump(mode="json", exclude_none=True)),
@@ -132,13 +131,7 @@ def _one_by_one(
 
 
 def _run_batch(points: Sequence[SweepPoint], path: Path, folder: Path, memory: float | None) -> list[_Outcome]:
-    return list(_one_by_one(points, path, folder, _common_of_process(), memory))
-
-
-@cache
-def _common_of_process() -> CommonWork:
-    """Work that the batches of one process share."""
-    return CommonWork()
+    return list(_one_by_one(points, path, folder, common_work(), memory))
 
 
 def _in_processes(points: Sequence[SweepPoint], path: Path, folder: Path, workers: Workers) -> Iterator[SweepRow]:

@@ -1,4 +1,4 @@
-"""The points of a sweep: the product of the values that some keys of a pipeline are given."""
+"""The points of a sweep: every combination of the values of some keys."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import hashlib
 import itertools
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,27 +18,12 @@ from cmsreduce.config import Pipeline, load_pipeline, parse
 from cmsreduce.errors import CmsReduceError, ConfigError
 from cmsreduce.model import short_keys
 
-__all__ = ["SweepAxis", "SweepPoint", "sweep_axes", "sweep_points"]
+__all__ = ["SweepPoint", "sweep_axes", "sweep_points"]
 
 # The sweep itself sets the names and folders of results.
 _NOT_SWEPT = ("output", "include", "name")
 # Longer names of folders are cut; some digits of a hash make them unique.
 _LONGEST, _DIGITS = 80, 8
-
-
-@dataclass(frozen=True)
-class SweepAxis:
-    """A key of the pipeline and the values it takes, each as YAML.
-
-    Parameters
-    ----------
-    key : str
-        Dotted, as in ``--set``.
-    values : tuple of str
-    """
-
-    key: str
-    values: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -79,8 +64,8 @@ class SweepPoint:
         return hashlib.sha256(json.dumps(settings, sort_keys=True, default=str).encode()).hexdigest()
 
 
-def sweep_axes(texts: Sequence[str]) -> tuple[SweepAxis, ...]:
-    """Keys and values of ``KEY=V1,V2,...`` texts.
+def sweep_axes(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Split ``KEY=V1,V2,...`` texts into keys, dotted as in ``--set``, and their values, each as YAML.
 
     Parameters
     ----------
@@ -94,45 +79,47 @@ def sweep_axes(texts: Sequence[str]) -> tuple[SweepAxis, ...]:
 
     Examples
     --------
-    >>> sweep_axes(["reduce.cutoff=1.5,2", "balance.keep={modes: 10},all"])[1]
-    SweepAxis(key='balance.keep', values=('{modes: 10}', 'all'))
+    >>> sweep_axes(["reduce.cutoff=1.5,2", "balance.keep={modes: 10},all"])
+    {'reduce.cutoff': ('1.5', '2'), 'balance.keep': ('{modes: 10}', 'all')}
     """
-    axes: list[SweepAxis] = []
+    axes: dict[str, tuple[str, ...]] = {}
     for text in texts:
         key, sign, values = (part.strip() for part in text.partition("="))
         if not sign or not values or not all(key.split(".")):
             raise ConfigError(f"--over {text}: write KEY=V1,V2,..., e.g. --over reduce.cutoff=1.5,2,4")
         if key.split(".")[0] in _NOT_SWEPT:
             raise ConfigError(f"--over {text}: '{key}' cannot be swept: each point has a folder of its own")
-        if any(key == axis.key for axis in axes):
+        if key in axes:
             raise ConfigError(f"--over {text}: '{key}' is given twice; write all its values behind one --over")
-        axes.append(SweepAxis(key, _values(text, values)))
+        axes[key] = _values(text, values)
     if not axes:
         raise ConfigError("a sweep needs at least one --over KEY=V1,V2,..., e.g. --over reduce.cutoff=1.5,2,4")
-    return tuple(axes)
+    return axes
 
 
-def sweep_points(path: Path, axes: Sequence[SweepAxis], overrides: Sequence[str] = ()) -> tuple[SweepPoint, ...]:
+def sweep_points(
+    path: Path, axes: Mapping[str, Sequence[str]], overrides: Sequence[str] = ()
+) -> tuple[SweepPoint, ...]:
     """Every combination of the values, checked against the grammar.
 
     Parameters
     ----------
     path : Path
         Pipeline file.
-    axes : sequence of SweepAxis
-        The first is the slowest.
+    axes : mapping of str to sequence of str
+        Keys and their values; the first key is the slowest.
     overrides : sequence of str
         Keys set for all points.
 
     Raises
     ------
     CmsReduceError
-        If no combination is good, such as with an unknown key.
+        If no combination is good input, as with an unknown key.
     """
     points, first = [], None
-    names = short_keys([axis.key for axis in axes])
-    for number, values in enumerate(itertools.product(*(axis.values for axis in axes)), 1):
-        chosen = tuple(zip((axis.key for axis in axes), values, strict=True))
+    names = short_keys(list(axes))
+    for number, values in enumerate(itertools.product(*axes.values()), 1):
+        chosen = tuple(zip(axes, values, strict=True))
         every = (*overrides, *(f"{key}={value}" for key, value in chosen))
         pipeline, message = None, ""
         try:

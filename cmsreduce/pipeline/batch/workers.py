@@ -8,13 +8,15 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import cache
 from multiprocessing import get_context, parent_process
 from threading import Lock, Thread
 from typing import Any
 
 from cmsreduce.linalg.machine import allowed_threads, available_memory, usable_cores
+from cmsreduce.pipeline.store import CommonWork
 
-__all__ = ["Workers", "local_workers"]
+__all__ = ["Workers", "common_work", "local_workers"]
 
 # Share of the free memory that the factors of all processes may take together; the rest is for their bases.
 _SHARE = 0.9
@@ -50,7 +52,7 @@ class Workers:
     here: bool = False
 
     def submit(self, executor: Executor, work: Callable[..., Any], *arguments: object) -> Future[Any]:
-        """Have a process do a piece of work with its share of the threads."""
+        """Submit a piece of work to a process, with its share of the threads."""
         return executor.submit(_in_turn, self.threads, work, *arguments)
 
 
@@ -62,8 +64,15 @@ def local_workers(jobs: int) -> Workers:
     jobs : int
         Number of processes.
     """
-    threads, memory = _threads_each(jobs), _SHARE * available_memory() / jobs
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    threads, memory = max(1, min(usable_cores(), cores // jobs)), _SHARE * available_memory() / jobs
     return Workers(jobs, threads, memory, _started, (BrokenProcessPool,), jobs == 1)
+
+
+@cache
+def common_work() -> CommonWork:
+    """Work that the tasks of one process share."""
+    return CommonWork()
 
 
 @contextmanager
@@ -77,11 +86,6 @@ def _started(jobs: int) -> Iterator[Executor]:
     finally:
         # An interrupted sweep does not wait for points that have not begun.
         pool.shutdown(cancel_futures=True)
-
-
-def _threads_each(jobs: int) -> int:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, min(usable_cores(), cores // jobs))
 
 
 def _awake() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cache, partial
 
 from cmsreduce.balance import Selection
 from cmsreduce.config import ModeSetKeys, Pipeline, RankingKeys
@@ -23,6 +23,7 @@ from cmsreduce.pipeline.choose.sensitivity import (
     sensitivity,
 )
 from cmsreduce.pipeline.choose.system_ranking import SYSTEM_COST, with_system_cost
+from cmsreduce.pipeline.store import once
 from cmsreduce.pipeline.system import Comparison, ReducedModel, system_errors
 
 __all__ = ["Balancing"]
@@ -65,7 +66,8 @@ class Balancing:
         self._modal, self._model, self._comparison = modal, model, comparison
         self.names = [name for name in bodies if pipeline.reduce_of(name) is not None]
 
-    @cached_property
+    @property
+    @once
     def ranked(self) -> dict[str, ModalComponent]:
         """Every mode that may be kept of every body, with coefficients; unranked where no balance is asked for."""
         return self._ranked({name: self.pipeline.balance_of(name) for name in self.names})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from cmsreduce.errors import ConfigError
 from cmsreduce.model import Channel, JointTerm, PointTerm, RigidBody, Scene
 from cmsreduce.pipeline.bodies import FlexibleBody, body_reduction, probing_loads
 from cmsreduce.pipeline.choose.cutoff import START, CutoffChoice
-from cmsreduce.pipeline.store import stage_key
+from cmsreduce.pipeline.store import once, stage_key
 from cmsreduce.reduce import METHODS, BenfieldHruda, CraigBampton, Examined, kept_rigid
 
 __all__ = ["ModeSets", "off_every_path"]
@@ -54,7 +53,8 @@ class ModeSets:
         self.bodies, self.rigid_bodies = bodies, rigid_bodies
         self.pipeline, self.scene, self._cutoffs = pipeline, scene, cutoffs
 
-    @cached_property
+    @property
+    @once
     def unneeded(self) -> dict[str, str]:
         """Bodies that stay rigid because no response depends on their elasticity, with the reason.
 

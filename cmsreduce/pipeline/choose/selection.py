@@ -1,4 +1,4 @@
-"""The balance stage: which modes of which body a model keeps."""
+"""The balance stage: the modes of each body that a model keeps."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from cmsreduce.assemble import Ports
 from cmsreduce.balance import (
+    Judge,
     Selection,
     elastic_norm,
     keep_all,
@@ -24,7 +25,6 @@ from cmsreduce.config import RankingKeys
 from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.blocks import observed
 from cmsreduce.model import BoundRecord, ModalChannels, ModalComponent, SearchRecord
-from cmsreduce.pipeline.system import SystemErrors
 
 __all__ = ["Choice", "modal_channels", "select", "truncate"]
 
@@ -68,9 +68,9 @@ class Choice:
     ----------
     selection : Selection
     search : SearchRecord, optional
-        Of a search by the error of the system.
+        Record of a search by the error of the system.
     bounds : mapping of body to BoundRecord
-        Of bodies that were truncated by a bound of their own.
+        Records of bodies that were truncated by a bound of their own.
     """
 
     selection: Selection
@@ -89,9 +89,9 @@ class Choice:
             )
         for name, b in self.bounds.items():
             notes.append(
-                f"{name}: by itself proven to err by less than {b.bound:.3g} of its largest elastic response (asked "
-                f"{b.asked:g}), found to err by {b.error:.3g}, {100 * b.tightness:.0f} % of the bound; the assembled "
-                "system inherits no such bound, its error is what `verify` measures"
+                f"{name}: the error of this body by itself is proven to be below {b.bound:.3g} of its largest elastic "
+                f"response (limit {b.asked:g}); it is {b.error:.3g}, {100 * b.tightness:.0f} % of the bound; "
+                "the assembled system inherits no such bound, and `verify` measures its error"
             )
         return tuple(notes)
 
@@ -106,7 +106,7 @@ def select(
     components: Mapping[str, ModalComponent],
     keys: RankingKeys,
     channels: Mapping[str, ModalChannels],
-    system: Callable[[], SystemErrors] | None = None,
+    system: Callable[[], tuple[Judge, Callable[[Selection], float]]] | None = None,
 ) -> Choice:
     """Apply a keep rule to ranked bodies.
 
@@ -119,14 +119,14 @@ def select(
     channels : mapping of name to ModalChannels
         Elastic modes of the bodies, for bounds.
     system : callable, optional
-        Gives the measure of selections, for errors of the system.
+        Gives the two measures of selections that `system_errors` makes, for errors of the system.
 
     Raises
     ------
     ConfigError
         If the rule cannot be met.
     DampingError
-        If a bound is asked for of a body with a mode without damping.
+        If the rule is a bound, and a mode of a body has no damping.
     """
     keep = keys.keep
     if keep.rule == "modes":
@@ -152,29 +152,33 @@ def select(
 
 
 def _searched(
-    components: Mapping[str, ModalComponent], rank: str, asked: float, system: Callable[[], SystemErrors]
+    components: Mapping[str, ModalComponent],
+    rank: str,
+    asked: float,
+    system: Callable[[], tuple[Judge, Callable[[Selection], float]]],
 ) -> Choice:
     started = time.perf_counter()
-    errors, limit, tried = system(), asked, 0
+    judge, exact = system()
+    limit, tried = asked, 0
     rankings = {rank: {name: component.sigma for name, component in components.items()}}
     tables = [component.rankings for component in components.values()]
     for other in tables[0] if tables else ():
         if other != rank and all(other in table for table in tables):
             rankings[other] = {name: component.rankings[other] for name, component in components.items()}
     for _ in range(_ATTEMPTS):
-        found = keep_error(components, rankings, errors.judge, limit)
+        found = keep_error(components, rankings, judge, limit)
         tried += found.tried
-        exact = errors.exact(found.selection)
-        if exact <= asked:
+        error = exact(found.selection)
+        if error <= asked:
             modes = sum(c.elastic_count for c in components.values())
             seconds = time.perf_counter() - started
             return Choice(
-                found.selection, SearchRecord(asked, exact, found.modes, modes, tried, seconds, found.truncated)
+                found.selection, SearchRecord(asked, error, found.modes, modes, tried, seconds, found.truncated)
             )
-        limit *= _MARGIN * asked / exact
+        limit *= _MARGIN * asked / error
     raise ConfigError(
         f"balance.keep.frf_error: no model was found that stays below {asked:g} on a grid of its own; the "
-        f"last one reached {exact:.3g}. Raise reduce.cutoff, or allow a larger error"
+        f"last one reached {error:.3g}. Raise reduce.cutoff, or allow a larger error"
     )
 
 

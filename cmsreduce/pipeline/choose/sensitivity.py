@@ -37,7 +37,7 @@ class Change:
     name : str
         In words.
     scene : Scene
-        The run's, or that without a sensor.
+        The scene of the run, or the scene without a sensor.
     damping : float
         Factor on the damping of every flexible body; dampers in joints are hardware, and stay.
     """
@@ -99,9 +99,11 @@ def changed_model(model: ReducedModel, reduced: Mapping[str, ModalComponent], ch
 
 def changed_comparison(comparison: Comparison, change: Change) -> Comparison:
     """The reference model in a changed scene, with another damping."""
-    scene, full = change.scene, comparison.full.substructures
-    subs = {name: _damped(sub, change.damping) for name, sub in full.items() if name in scene.bodies}
-    return Comparison(AssembledModel(subs, scene), comparison.full_shapes, comparison.bodies, scene, comparison.points)
+    scene, unchanged = change.scene, comparison.reference.substructures
+    subs = {name: _damped(sub, change.damping) for name, sub in unchanged.items() if name in scene.bodies}
+    return Comparison(
+        AssembledModel(subs, scene), comparison.reference_shapes, comparison.bodies, scene, comparison.points
+    )
 
 
 def sensitivity(
@@ -114,7 +116,7 @@ def sensitivity(
     chosen : Selection
         Modes that the run keeps.
     scene : Scene
-        Of the run.
+        Scene of the run.
     choose : callable
         Applies the run's rules to changed bodies.
     advance : callable

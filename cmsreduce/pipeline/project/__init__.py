@@ -5,6 +5,6 @@ Its mathematics belongs in `cmsreduce.project`.
 """
 
 from cmsreduce.pipeline.project.projected_bodies import Projected
-from cmsreduce.pipeline.project.stage import PROJECTED_ERROR, Measures, ProjectStage
+from cmsreduce.pipeline.project.stage import ProjectStage
 
-__all__ = ["Measures", "PROJECTED_ERROR", "ProjectStage", "Projected"]
+__all__ = ["ProjectStage", "Projected"]

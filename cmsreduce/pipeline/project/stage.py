@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,38 +23,12 @@ from cmsreduce.pipeline.project.system_modes import (
 from cmsreduce.pipeline.system import ReducedModel
 from cmsreduce.project import Projection
 
-__all__ = ["Measures", "PROJECTED_ERROR", "ProjectStage", "midpoint_configurations"]
+__all__ = ["ProjectStage", "midpoint_configurations"]
 
-PROJECTED_ERROR = 0.01
-"""frf_error that ``auto`` reaches where neither the stage, nor balance, nor verify gives one."""
-
+# frf_error that `auto` reaches if neither the stage, nor balance, nor verify states one.
+_USUAL_ERROR = 0.01
 # Extraneous modes named in notes; summary.json has them all.
 _EXTRANEOUS_SHOWN = 8
-
-
-@dataclass(frozen=True, eq=False)
-class Measures:
-    """Functions that make models of bodies and measure them, and the error to reach.
-
-    Parameters
-    ----------
-    model : callable
-        Reduced model of some bodies.
-    error : callable, optional
-        Response error of a model in a configuration; absent without actuators or sensors.
-    limit : float
-        Error that ``auto`` must reach.
-    asked : bool
-        Whether the pipeline gives that error.
-    advance : callable
-        Called with the number of finished configurations and the number of all.
-    """
-
-    model: Callable[[Mapping[str, ModalComponent]], ReducedModel]
-    error: Callable[[Configuration, ReducedModel], float] | None
-    limit: float
-    asked: bool
-    advance: Callable[[int, int], None]
 
 
 class ProjectStage:
@@ -73,7 +46,14 @@ class ProjectStage:
         The bodies after the stages before.
     source : ReducedModel
         System whose modes are projected: of ``kept``, or of unreduced bodies.
-    measures : Measures
+    model : callable
+        Joins bodies to a model.
+    error : callable, optional
+        Response error of a model in a configuration; None without actuators or sensors.
+    asked : float, optional
+        Error that the pipeline states.
+    advance : callable
+        Called with the number of finished configurations and the number of all.
     """
 
     def __init__(
@@ -83,14 +63,18 @@ class ProjectStage:
         bodies: Mapping[str, FlexibleBody],
         kept: Mapping[str, ModalComponent],
         source: ReducedModel,
-        measures: Measures,
+        model: Callable[[Mapping[str, ModalComponent]], ReducedModel],
+        error: Callable[[Configuration, ReducedModel], float] | None,
+        asked: float | None,
+        advance: Callable[[int, int], None],
     ) -> None:
         self.keys, self.scene, self.bodies, self.kept = keys, scene, bodies, kept
-        self.source, self.measures = source, measures
+        self.source, self._model, self._error, self._advance = source, model, error, advance
+        self._asked, self._limit = asked, asked or _USUAL_ERROR
         omega = 2 * np.pi * scene.band[1] * (keys.modes.cutoff_bands or CANDIDATE_BANDS)
         gain = feedback_gain(keys.feedback, scene) if keys.feedback or keys.damped else None
         self._modes = ModesOfSystem(source, omega, gain)
-        self._choice = SystemModeChoice(keys, self._modes, measures.limit)
+        self._choice = SystemModeChoice(keys, self._modes, self._limit)
 
     def run(self) -> Projected:
         """Choose modes, project them, join the bodies again, and find extraneous modes.
@@ -103,7 +87,7 @@ class ProjectStage:
             If modes are ranked and one has no damping.
         """
         rule = self.keys.modes.rule
-        if (rule == "auto" or self.keys.configurations == "auto") and self.measures.error is None:
+        if (rule == "auto" or self.keys.configurations == "auto") and self._error is None:
             raise ConfigError(
                 "project: auto needs a response to measure: name at least one actuator and one sensor in the scene, or "
                 "give project.modes a cutoff, and project.configurations names"
@@ -114,7 +98,7 @@ class ProjectStage:
         else:
             chosen = self._chosen(self._sampled())
             components, parts = self._bodies(chosen)
-        model = self.measures.model(components)
+        model = self._model(components)
         found = extraneous_in_band(model, self._modes, chosen, self.scene)
         attached: dict[str, int] = {}
         if self.keys.suppress and _spurious(found):
@@ -130,7 +114,7 @@ class ProjectStage:
             found,
             attached,
             self._between(model, chosen, notes),
-            self.measures.limit if self.measures.asked else None,
+            self._asked,
             self.keys.tolerance,
             tuple(channel.name for channel in self.scene.sensors),
         )
@@ -149,7 +133,7 @@ class ProjectStage:
 
     def _chosen(self, configurations: Sequence[Configuration]) -> dict[str, SystemModes]:
         def error(chosen: dict[str, SystemModes]) -> float:
-            return self._worst(self.measures.model(self._bodies(chosen)[0]), configurations)[0]
+            return self._worst(self._model(self._bodies(chosen)[0]), configurations)[0]
 
         return self._choice.at(configurations, error)
 
@@ -162,14 +146,14 @@ class ProjectStage:
         while True:
             chosen = self._chosen(sampled)
             components, parts = self._bodies(chosen)
-            error, worst = self._worst(self.measures.model(components), every)
-            if error <= self.measures.limit or worst in sampled:
+            error, worst = self._worst(self._model(components), every)
+            if error <= self._limit or worst in sampled:
                 break
             sampled.append(worst)
-        met = "is met" if error <= self.measures.limit else "is not met"
+        met = "is met" if error <= self._limit else "is not met"
         notes.append(
             f"project: system modes of {len(sampled)} of {len(every)} configurations "
-            f"({', '.join(c.name for c in sampled)}); the limit frf_error {self.measures.limit:g} {met} in all of "
+            f"({', '.join(c.name for c in sampled)}); the limit frf_error {self._limit:g} {met} in all of "
             f"them: the worst is {error:.3g} at '{worst.name}'"
         )
         return chosen, components, parts
@@ -201,39 +185,39 @@ class ProjectStage:
         """The bodies with static shapes of their interfaces added, unless these make the response worse."""
         shapes = {name: attachment_amplitudes(c, self.bodies[name].ports.interface) for name, c in self.kept.items()}
         fuller, _ = self._bodies(chosen, shapes)
-        other = self.measures.model(fuller)
+        other = self._model(fuller)
         left = _spurious(extraneous_in_band(other, self._modes, chosen, self.scene))
         added = {name: fuller[name].omega.size - components[name].omega.size for name in fuller}
         effect = (
             f"{len(_spurious(found))} extraneous modes in the band without {sum(added.values())} static shapes of the "
             f"interfaces, {len(left)} with them"
         )
-        if self.measures.error is not None:
+        if self._error is not None:
             before = self._worst(model, self.scene.configurations)[0]
             after = self._worst(other, self.scene.configurations)[0]
             effect += f"; frf_error {before:.3g} without, {after:.3g} with them"
-            if after > max(before, self.measures.limit):
+            if after > max(before, self._limit):
                 notes.append(f"project: {effect}: they would make the response worse, so they were not added")
                 return components, model, {}
         notes.append(f"project: {effect}")
         return fuller, other, added
 
     def _worst(self, model: ReducedModel, configurations: Sequence[Configuration]) -> tuple[float, Configuration]:
-        assert self.measures.error is not None
+        assert self._error is not None
         errors = []
         for number, configuration in enumerate(configurations):
-            errors.append(self.measures.error(configuration, model))
-            self.measures.advance(number + 1, len(configurations))
+            errors.append(self._error(configuration, model))
+            self._advance(number + 1, len(configurations))
         k = int(np.argmax(errors))
         return errors[k], configurations[k]
 
     def _between(self, model: ReducedModel, chosen: Mapping[str, SystemModes], notes: list[str]) -> dict[str, float]:
         """Errors in configurations that were not sampled: others of the scene, and midpoint configurations."""
-        if self.measures.error is None:
+        if self._error is None:
             return {}
         others = [configuration for configuration in self.scene.configurations if configuration.name not in chosen]
         others += midpoint_configurations(self.scene) if self.keys.between else []
-        errors = {each.name: self.measures.error(each, model) for each in others}
+        errors = {each.name: self._error(each, model) for each in others}
         if errors:
             name = max(errors, key=errors.__getitem__)
             notes.append(f"project: between the angles sampled, the worst frf_error is {errors[name]:.3g} at '{name}'")

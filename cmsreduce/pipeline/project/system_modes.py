@@ -15,6 +15,7 @@ from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.mechanics import energies
 from cmsreduce.model import Configuration, ModalChannels, Scene, System
+from cmsreduce.pipeline.store import once
 from cmsreduce.pipeline.system import ReducedModel
 
 __all__ = ["CANDIDATE_BANDS", "ModesOfSystem", "SystemModeChoice", "SystemModes", "all_modes", "feedback_gain"]
@@ -88,20 +89,16 @@ class ModesOfSystem:
 
     def __init__(self, model: ReducedModel, omega: float, gain: Real | None = None) -> None:
         self.model, self.omega, self.gain = model, omega, gain
-        self._found: dict[str, SystemModes] = {}
 
+    @once
     def at(self, configuration: Configuration) -> SystemModes:
         """Elastic modes in a configuration, or those under feedback."""
-        if configuration.name not in self._found:
-            system = self.model.assembled.system(configuration)
-            if self.gain is None:
-                w, Phi = system_modes(system, self.omega)
-                found = _sharpened(self.model, SystemModes(configuration, w, Phi, system))
-            else:
-                check_closed_loop(system)
-                found = _under_feedback(all_modes(self.model, configuration), self.gain, self.omega)
-            self._found[configuration.name] = found
-        return self._found[configuration.name]
+        system = self.model.assembled.system(configuration)
+        if self.gain is None:
+            w, Phi = system_modes(system, self.omega)
+            return _sharpened(self.model, SystemModes(configuration, w, Phi, system))
+        check_closed_loop(system)
+        return _under_feedback(all_modes(self.model, configuration), self.gain, self.omega)
 
 
 def all_modes(model: ReducedModel, configuration: Configuration) -> SystemModes:

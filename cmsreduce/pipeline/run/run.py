@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -31,9 +30,9 @@ from cmsreduce.model import (
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import FlexibleBody, Reference, read_flexible, read_rigid, reference, spin_notes
 from cmsreduce.pipeline.choose import Balancing, Choice, CutoffChoice, CutoffSearch, ModeSets, asked_error, cutoff_key
-from cmsreduce.pipeline.project import PROJECTED_ERROR, Measures, Projected, ProjectStage
+from cmsreduce.pipeline.project import Projected, ProjectStage
 from cmsreduce.pipeline.run.keys import projected_error, read_key, reference_key, reference_model_key, system_key
-from cmsreduce.pipeline.store import CommonWork, Progress, Stages, stage
+from cmsreduce.pipeline.store import CommonWork, Progress, Stages, once, stage
 from cmsreduce.pipeline.system import (
     AssembledModel,
     Comparison,
@@ -156,7 +155,8 @@ class Run:
         """Read one flexible body and check it."""
         return read_flexible(self.pipeline, name, self.scene)
 
-    @cached_property
+    @property
+    @once
     def bodies(self) -> dict[str, FlexibleBody]:
         """Flexible bodies, read and checked; joints, actuators and sensors are wired to them as a check."""
         found = {}
@@ -180,12 +180,14 @@ class Run:
             Configuration.__name__: {each.name: each for each in self.scene.configurations},
         }
 
-    @cached_property
+    @property
+    @once
     def mode_sets(self) -> ModeSets:
         """Mode set of each body."""
         return ModeSets(self.bodies, self.rigid_bodies, self.pipeline, self.scene, lambda: self.cutoffs)
 
-    @cached_property
+    @property
+    @once
     def _cutoff_search(self) -> CutoffSearch:
         def examine(name: str, cutoff_hz: float) -> Examined:
             with self.stages.timed("reduce", name):
@@ -193,7 +195,8 @@ class Run:
 
         return CutoffSearch(self.bodies, self.rigid_bodies, self.scene, examine)
 
-    @cached_property
+    @property
+    @once
     def _searched_cutoffs(self) -> dict[str, CutoffChoice]:
         searched = self.mode_sets.searched
         others = {name: self.modal(name) for name in self.reduced_names if name not in searched}
@@ -271,7 +274,8 @@ class Run:
         subs |= {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
         return ReducedModel(AssembledModel({name: subs[name] for name in self.pipeline.components}, self.scene), shapes)
 
-    @cached_property
+    @property
+    @once
     def untruncated(self) -> ReducedModel:
         """The system with every mode of the mode sets, before truncation."""
         return self.joined({name: self.modal(name) for name in self.reduced_names})
@@ -287,7 +291,8 @@ class Run:
         flexible = self.bodies[name]
         return reference(flexible.body, flexible.ports, flexible.rigid, self.mode_sets.cutoff_hz(name))
 
-    @cached_property
+    @property
+    @once
     def references(self) -> dict[str, Reference]:
         """The unreduced bodies, as they enter the reference model."""
         return {
@@ -315,7 +320,8 @@ class Run:
     def _points(self) -> int:
         return (self.pipeline.verify or VerifyKeys()).frf.points
 
-    @cached_property
+    @property
+    @once
     def balancing(self) -> Balancing:
         """Ranking and choice of modes, as the pipeline asks or otherwise."""
         return Balancing(self.pipeline, self.scene, self.bodies, self.modal, self.joined, lambda: self.comparison)
@@ -367,7 +373,8 @@ class Run:
             return None
         return self.balancing.sensitivity(self.selection, self.stages.progress.advance)
 
-    @cached_property
+    @property
+    @once
     def kept(self) -> dict[str, ModalComponent]:
         """The bodies with the modes that the run keeps."""
         return self.balancing.kept(self.ranked, self.selection)
@@ -376,7 +383,7 @@ class Run:
     def _projection_source(self) -> ReducedModel:
         """The system whose modes are projected."""
         if self.pipeline.project is not None and self.pipeline.project.of == "full":
-            return ReducedModel(self.comparison.full, self.comparison.full_shapes)
+            return ReducedModel(self.comparison.reference, self.comparison.reference_shapes)
         return self.joined(self.kept)
 
     @stage(
@@ -386,21 +393,24 @@ class Run:
         notes=lambda run, found: found.notes,
     )
     def _projection(self) -> Projected:
-        asked, keys = projected_error(self.pipeline), self.pipeline.project
-        assert keys is not None
-        measures = Measures(
+        assert self.pipeline.project is not None
+        found = ProjectStage(
+            self.pipeline.project,
+            self.scene,
+            self.bodies,
+            self.kept,
+            self._projection_source,
             self.joined,
             self.comparison.error_at if self.has_response else None,
-            asked or PROJECTED_ERROR,
-            asked is not None,
+            projected_error(self.pipeline),
             self.stages.progress.advance,
-        )
-        found = ProjectStage(keys, self.scene, self.bodies, self.kept, self._projection_source, measures).run()
+        ).run()
         # Their coefficients are those of the modes before.
         bare = {name: replace(each, rankings={}, cluster=None) for name, each in found.components.items()}
         return replace(found, components=bare)
 
-    @cached_property
+    @property
+    @once
     def projected(self) -> Projected | None:
         """The reduced bodies after projection of system modes, ranked again; None if the pipeline asks for none."""
         if self.pipeline.project is None:
@@ -427,7 +437,8 @@ class Run:
             self.stages.progress.advance(number + 1, len(self.scene.configurations))
         return model
 
-    @cached_property
+    @property
+    @once
     def completeness(self) -> tuple[AxisCompleteness, ...]:
         """Share of the inertia at each hinge that the modes hold; empty where hinges move each other, as in a loop."""
         try:
@@ -477,10 +488,10 @@ class Run:
             return Verified((), {}, 0.0, 0.0, self._checked())
         comparison = self.comparison
         # Another point of a sweep may have used the same model.
-        comparison.full_seconds = comparison.reduced_seconds = 0.0
+        comparison.reference_seconds = comparison.reduced_seconds = 0.0
         results = self.measured(self.models())
         labels = {name: found.label for name, found in self.references.items()}
-        return Verified(results, labels, comparison.full_seconds, comparison.reduced_seconds, self._checked())
+        return Verified(results, labels, comparison.reference_seconds, comparison.reduced_seconds, self._checked())
 
     def _checked(self) -> ReductionChecks:
         keys, reduced = self.pipeline.verify or VerifyKeys(), {name: self.final[name] for name in self.reduced_names}
@@ -490,11 +501,12 @@ class Run:
             self.scene,
             self.bodies,
             reduced,
-            self.comparison.full if self.has_response else None,
+            self.comparison.reference if self.has_response else None,
             self.model.assembled,
         )
 
-    @cached_property
+    @property
+    @once
     def checks(self) -> ReductionChecks:
         """Checks of the reduction beside its errors: those of verify, or made now where verify is not asked for."""
         return self.verified.checks if self.pipeline.verify is not None else self._checked()

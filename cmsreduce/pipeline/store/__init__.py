@@ -1,4 +1,4 @@
-"""The cache of stages: each stage of a run is done once.
+"""The cache of stages: each result of a run is computed once.
 
 Keys, files, locks, times and progress of stages belong here.
 The work of a stage belongs in the other rooms of `pipeline`.
@@ -7,7 +7,7 @@ The work of a stage belongs in the other rooms of `pipeline`.
 from cmsreduce.pipeline.store.stage_cache import cache_entries, clear_cache, sole_use
 from cmsreduce.pipeline.store.stage_data import decode, encode
 from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER, code_version, share_stages, stage_key
-from cmsreduce.pipeline.store.stages import REPORT, CommonWork, Progress, Silent, Stages, stage
+from cmsreduce.pipeline.store.stages import REPORT, CommonWork, Progress, Silent, Stages, once, stage
 
 __all__ = [
     "CommonWork",
@@ -21,6 +21,7 @@ __all__ = [
     "code_version",
     "decode",
     "encode",
+    "once",
     "share_stages",
     "sole_use",
     "stage",

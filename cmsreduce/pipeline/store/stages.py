@@ -1,4 +1,4 @@
-"""The cache of stages: a stage is done once, and remembered in memory, on disk, and by other points of a sweep."""
+"""The cache of stages: results are computed once, and held in memory, on disk, and for other points of a sweep."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cmsreduce.model import Factorisation, mapped_in
 from cmsreduce.pipeline.store.stage_data import Arrays, Given, decode, encode
 from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER, StageStore
 
-__all__ = ["REPORT", "CommonWork", "Progress", "Silent", "Stages", "stage"]
+__all__ = ["REPORT", "CommonWork", "Progress", "Silent", "Stages", "once", "stage"]
 
 REPORT = "report"
 """Not a stage: where it is the only one allowed, nothing is computed."""
@@ -32,7 +32,7 @@ _KIB = 1024
 
 
 class Progress(Protocol):
-    """Listener of a run; the command line shows it as a bar or as plain lines."""
+    """Listener of a run, such as the progress bar of the command line."""
 
     def stage(self, stage: str, what: str) -> None:
         """Begin a piece of work, such as ``reduce rotor``."""
@@ -64,7 +64,7 @@ class Silent:
 
 
 class CommonWork:
-    """Results that points of a sweep share in memory, by stage and key; the oldest ones go."""
+    """Results that points of a sweep share in memory, by stage and key; the oldest ones are dropped."""
 
     def __init__(self) -> None:
         self._held: dict[str, dict[Hashable, Any]] = {}
@@ -74,7 +74,7 @@ class CommonWork:
         return self._held.get(kind, {}).get(key, default)
 
     def hold(self, kind: str, key: Hashable, value: object, most: int) -> None:
-        """Hold a result, and let go of the oldest of its kind beyond ``most``."""
+        """Hold a result, and drop the oldest of its kind beyond ``most``."""
         held = self._held.setdefault(kind, {})
         held.pop(key, None)
         held[key] = value
@@ -118,10 +118,9 @@ class Stages:
         solver: SolverSettings | None = None,
         common: CommonWork | None = None,
     ) -> None:
-        # What outgrows memory while it is made lies beside the finished stages, on the same disk.
+        # Arrays that outgrow memory lie beside the finished stages, on the same disk.
         self.solver = replace(SolverSettings() if solver is None else solver, scratch=folder / STAGES_FOLDER)
         self.store, self.progress, self.only, self.common = StageStore(folder, progress.note), progress, only, common
-        self.memory: dict[tuple[str, str], Any] = {}
         self.factorised: dict[str, dict[str, list[Factorisation]]] = {}
         self.seconds: dict[str, dict[str, float]] = {}
         self.peak_mib: dict[str, float] = {}
@@ -129,7 +128,7 @@ class Stages:
         self.notes: list[str] = []
 
     def note(self, text: str) -> None:
-        """Keep something that a reader must know, and report it once."""
+        """Record something that a reader must know, and report it once."""
         if text not in self.notes:
             self.notes.append(text)
             self.progress.note(text)
@@ -149,14 +148,14 @@ class Stages:
             with solver_settings(settings):
                 yield
         except MatrixError as error:
-            # Linear algebra does not know whose matrices it is given.
+            # Linear algebra knows no names of bodies.
             if f"'{what}'" in str(error):
                 raise
             raise MatrixError(f"{stage} of '{what}': {error}") from error
         self._count(stage, what, time.perf_counter() - started, settings.work)
 
     def recall(self, stage: str, what: str, key: str, field: str) -> Any:
-        """Count the time of a finished stage that a later one made needless to read; give one field without arrays."""
+        """Read one field of a finished stage without its arrays, and count the time that the stage took."""
         facts = self.store.facts(stage, what, key)
         if facts is None:
             return None
@@ -165,7 +164,7 @@ class Stages:
         return decode({}, facts["value"]["fields"][field], {})
 
     def find(self, entry: _Entry, run: Any, claim: ExitStack) -> Any:
-        """Result of a finished stage, else ``_MISSING``; then no other process works on it until the claim ends.
+        """Find a finished stage; without one give ``_MISSING``, and keep other processes from it until the claim ends.
 
         Raises
         ------
@@ -193,12 +192,12 @@ class Stages:
         return _MISSING
 
     def keep(self, entry: _Entry, run: Any, value: Any) -> Any:
-        """Store a result, and give it as a later run will read it."""
+        """Store a result, and return it as a later run will read it."""
         stage, what, key = entry.stage, entry.what, entry.key
         if entry.stored:
             encoded, facts = encode(value)
             del value
-            # Laid out as what is read back, so that a run that goes on from here rounds as one that was never stopped.
+            # In the layout that is read back: a run that was stopped and goes on rounds as one that was never stopped.
             arrays: Arrays = {
                 name: array if mapped_in(array) is not None else np.asarray(array, order="C")
                 for name, array in encoded.items()
@@ -208,7 +207,7 @@ class Stages:
             counted = {"value": facts, "seconds": self.seconds[what][stage], "factorised": done}
             self.written.append(self.store.save(stage, what, key, arrays, counted))
             if any(mapped_in(array) is not None for array in arrays.values()):
-                # From the finished file, so that the other one goes.
+                # Mapped in the finished file, so that the temporary one can be removed.
                 with solver_settings(self.solver):
                     arrays = (self.store.load(stage, what, key) or (arrays, counted))[0]
             value = decode(arrays, facts, run.given)
@@ -217,7 +216,7 @@ class Stages:
         return value
 
     def _stored(self, entry: _Entry, run: Any) -> Any:
-        """Result of a stage from disk, unless it is the one to be done."""
+        """Result of a stage from disk, unless it is the one to run."""
         if self.only == entry.stage:
             return _MISSING
         with solver_settings(self.solver):
@@ -242,6 +241,36 @@ class Stages:
         self.peak_mib[what] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / _KIB
 
 
+def _named(owner: object, *args: object, **named: object) -> Hashable:
+    """Names of the arguments; an argument without a name stands for itself."""
+    return tuple(getattr(value, "name", value) for value in (*args, *named.values()))
+
+
+def once(
+    work: Callable[Concatenate[Any, P], T], about: Callable[..., Hashable] = _named
+) -> Callable[Concatenate[Any, P], T]:
+    """Make a method compute each result once; the object holds the result as long as it lives.
+
+    Parameters
+    ----------
+    work : callable
+        The method.
+    about : callable, optional
+        Takes the object and the arguments, gives the label of the result; by default the names of the arguments, such
+        as that of a configuration.
+    """
+
+    @wraps(work)
+    def remembered(owner: Any, *args: P.args, **named: P.kwargs) -> T:
+        memory: dict[Hashable, T] = owner.__dict__.setdefault("_results", {})
+        label = work.__name__, about(owner, *args, **named)
+        if label not in memory:
+            memory[label] = work(owner, *args, **named)
+        return memory[label]
+
+    return cast(Callable[Concatenate[Any, P], T], remembered)
+
+
 def stage(
     name: str,
     *,
@@ -259,13 +288,14 @@ def stage(
     Parameters
     ----------
     name : str
-        Stage that time is counted under, such as ``reduce``; empty for what is only remembered.
+        Stage that time is counted under, such as ``reduce``; empty for a result that is not timed.
     what : str or callable, optional
-        Body or part that the stage is of, under which it is remembered and stored; by default the first argument, or
-        ``system``. A callable takes the run and the arguments.
+        Body or part whose name the result is held and stored under; by default the first argument, or ``system``. A
+        callable takes the run and the arguments.
     key : callable, optional
         Takes the run and the arguments, gives the hash of everything that the result depends on; without it nothing
-        is stored. Where it gives None, nobody asks for the stage: the method is called without announcement and time.
+        is stored. Where it gives None, the pipeline has no such stage: the method is called without announcement and
+        time.
     needs : sequence of str
         Earlier stages, so that their time is not counted here: properties, or methods that take the same arguments.
     notes : callable, optional
@@ -276,34 +306,33 @@ def stage(
         Number of results that runs of a sweep hold together in memory.
     """
 
+    def about(run: Any, *args: Any, **named: Any) -> str:
+        return what(run, *args, **named) if callable(what) else what or (str(args[0]) if args else "system")
+
     def decorated(work: Callable[Concatenate[Any, P], T]) -> Callable[Concatenate[Any, P], T]:
         @wraps(work)
-        def once(run: Any, *args: P.args, **named: P.kwargs) -> T:
+        def finished(run: Any, *args: P.args, **named: P.kwargs) -> T:
             stages: Stages = run.stages
-            about = what(run, *args, **named) if callable(what) else what or (str(args[0]) if args else "system")
-            result: Any = stages.memory.get((work.__name__, about), _MISSING)
-            if result is not _MISSING:
-                return result  # type: ignore[no-any-return]
             digest = "" if key is None else key(run, *args, **named)
             if digest is None:
-                result = work(run, *args, **named)
+                result: Any = work(run, *args, **named)
             else:
+                of = about(run, *args, **named)
                 on_disk = stored == "always" or (stored == "in common" and stages.common is not None)
-                entry = _Entry(work.__name__, name, about, digest, on_disk and key is not None, common)
+                entry = _Entry(work.__name__, name, of, digest, on_disk and key is not None, common)
                 with ExitStack() as claim:
                     result = stages.find(entry, run, claim)
                     if result is _MISSING:
                         for need in needs:
                             if callable(earlier := getattr(run, need)):
                                 earlier(*args, **named)
-                        with stages.timed(name, about) if name else nullcontext():
+                        with stages.timed(name, of) if name else nullcontext():
                             result = work(run, *args, **named)
                         result = stages.keep(entry, run, result)
-            stages.memory[work.__name__, about] = result
             for text in () if notes is None else notes(run, result, *args, **named):
                 stages.note(text)
             return result  # type: ignore[no-any-return]
 
-        return cast(Callable[Concatenate[Any, P], T], once)
+        return once(cast(Callable[Concatenate[Any, P], T], finished), about)
 
     return decorated

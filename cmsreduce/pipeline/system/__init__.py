@@ -5,7 +5,7 @@ The choice of modes belongs in `pipeline.choose`.
 """
 
 from cmsreduce.pipeline.system.assembled import AssembledModel, cross_orthogonality, mass_products
-from cmsreduce.pipeline.system.candidates import SystemErrors, system_errors
+from cmsreduce.pipeline.system.candidates import system_errors
 from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel
 from cmsreduce.pipeline.system.completeness import axis_completeness, completeness_note
 from cmsreduce.pipeline.system.controlled import controller_margins
@@ -15,7 +15,6 @@ __all__ = [
     "AssembledModel",
     "Comparison",
     "ReducedModel",
-    "SystemErrors",
     "axis_completeness",
     "channel_gains",
     "completeness_note",

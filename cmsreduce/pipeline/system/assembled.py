@@ -1,10 +1,9 @@
-"""A model of the whole scene, full or reduced: its matrices, modes and responses in any configuration."""
+"""A model of the scene, of reduced or unreduced bodies: its matrices, modes and responses in any configuration."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -31,19 +30,20 @@ from cmsreduce.assemble import (
 from cmsreduce.linalg.blocks import column_blocks, dense, symmetric_product
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless
 from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System
+from cmsreduce.pipeline.store import once
 from cmsreduce.verify import decibel_grid
 
 __all__ = ["AssembledModel", "DampedModes", "Resonances", "cross_orthogonality", "mass_products"]
 
 Number = TypeVar("Number", np.float64, np.complex128)
 
-# Undamped modes up to this multiple of the band's top: a mode a little above it still acts at the edge of the band.
+# Undamped modes up to this multiple of the band's upper end: a mode a little above it still acts at the edge.
 _UNDAMPED_BANDS = 1.25
 # Complex modes up to this multiple: the partner of a mode in the band may lie a little above it. They start from the
 # undamped ones, so that their limit is lower.
 _DAMPED_BANDS = 1.1
-# Coordinates of a system whose modes are all kept in memory: three megabytes a configuration.
-_KEPT_IN_MEMORY = 600
+# Coordinates of a system whose modes are all held in memory: three megabytes a configuration.
+_HELD_IN_MEMORY = 600
 # Grids of one band end at the same frequency to rounding.
 _SAME_BAND = 1e-9
 
@@ -95,56 +95,42 @@ class AssembledModel:
     def __init__(self, substructures: Mapping[str, Substructure], scene: Scene) -> None:
         self.substructures, self.scene = with_joint_bodies(substructures, scene), scene
         self.stack = PointStack(self.substructures)
-        self._systems: dict[str, System] = {}
-        self._wirings: dict[str, Wiring] = {}
-        self._undamped: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
-        self._every_mode: dict[str, tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]] = {}
-        self._resonances: dict[str, Resonances] = {}
-        self._damped: dict[str, DampedModes | None] = {}
-        self._receptances: Mapping[str, Receptance] = {}
-        self._prepared_to = 0.0
 
-    @cached_property
+    @property
+    @once
     def held(self) -> HeldBodies:
         """The bodies for responses: a body in its dofs is held where the ground holds it."""
         return held_bodies(self.stack, self.scene)
 
+    @once
     def wiring(self, configuration: Configuration) -> Wiring:
         """Joints, inputs and outputs in a configuration."""
-        if configuration.name not in self._wirings:
-            self._wirings[configuration.name] = wire(self.stack, self.scene, configuration)
-        return self._wirings[configuration.name]
+        return wire(self.stack, self.scene, configuration)
 
+    @once
     def system(self, configuration: Configuration) -> System:
         """Assembled matrices in a configuration."""
-        if configuration.name not in self._systems:
-            self._systems[configuration.name] = assemble(
-                self.substructures, self.scene, configuration, (self.stack, self.wiring(configuration))
-            )
-        return self._systems[configuration.name]
+        return assemble(self.substructures, self.scene, configuration, (self.stack, self.wiring(configuration)))
 
+    @once
     def resonances(self, configuration: Configuration) -> Resonances:
         """Elastic modes up to a little above the band."""
-        if configuration.name not in self._resonances:
-            system = self.system(configuration)
-            w, Phi = self._modes(configuration)
-            zeta = np.zeros(w.size)
-            if system.D is not None:
-                zeta += _weights(system.D, Phi) / (2 * w)
-            if system.loss is not None:
-                zeta += _weights(system.loss, Phi) / (2 * w**2)
-            self._resonances[configuration.name] = Resonances(w, zeta, _by_body(system, Phi))
-        return self._resonances[configuration.name]
+        system = self.system(configuration)
+        w, Phi = self._modes(configuration)
+        zeta = np.zeros(w.size)
+        if system.D is not None:
+            zeta += _weights(system.D, Phi) / (2 * w)
+        if system.loss is not None:
+            zeta += _weights(system.loss, Phi) / (2 * w**2)
+        return Resonances(w, zeta, _by_body(system, Phi))
 
+    @once
     def damped_modes(self, configuration: Configuration) -> DampedModes | None:
         """Complex modes up to just above the band; None without damping."""
-        if configuration.name not in self._damped:
-            system = self.system(configuration)
-            top = 2 * np.pi * self.scene.band[1] * _DAMPED_BANDS
-            found = damped_modes(system, top, self._modes(configuration))
-            modes = None if found is None else DampedModes(found.s, _by_body(system, found.X))
-            self._damped[configuration.name] = modes
-        return self._damped[configuration.name]
+        system = self.system(configuration)
+        highest = 2 * np.pi * self.scene.band[1] * _DAMPED_BANDS
+        found = damped_modes(system, highest, self._modes(configuration))
+        return None if found is None else DampedModes(found.s, _by_body(system, found.X))
 
     def every_mode(
         self, configuration: Configuration
@@ -160,39 +146,47 @@ class AssembledModel:
         static : (N, s) float64
             Shapes without mass, orthonormal in K.
         """
-        if configuration.name in self._every_mode:
-            return self._every_mode[configuration.name]
+        small = self.system(configuration).N <= _HELD_IN_MEMORY
+        return self._modes_held(configuration) if small else self._every_mode(configuration)
+
+    @once
+    def _modes_held(
+        self, configuration: Configuration
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        return self._every_mode(configuration)
+
+    def _every_mode(
+        self, configuration: Configuration
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         system = self.system(configuration)
         try:
             lam, Phi, static = elastic_and_massless(dense(system.K), dense(system.M), system.rigid, system.rounding)
         except UndeterminedError as error:
             raise undetermined(system, error) from None
-        found = np.sqrt(lam), Phi, static
-        if system.N <= _KEPT_IN_MEMORY:
-            self._every_mode[configuration.name] = found
-        return found
+        return np.sqrt(lam), Phi, static
 
+    @once
     def _modes(self, configuration: Configuration) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        if configuration.name not in self._undamped:
-            top = 2 * np.pi * self.scene.band[1] * _UNDAMPED_BANDS
-            system = self.system(configuration)
-            if isinstance(system.K, np.ndarray) and system.N <= _KEPT_IN_MEMORY:
-                w, Phi, _ = self.every_mode(configuration)
-                self._undamped[configuration.name] = w[w <= top], Phi[:, w <= top]
-            else:
-                self._undamped[configuration.name] = system_modes(system, top)
-        return self._undamped[configuration.name]
+        highest = 2 * np.pi * self.scene.band[1] * _UNDAMPED_BANDS
+        system = self.system(configuration)
+        if isinstance(system.K, np.ndarray) and system.N <= _HELD_IN_MEMORY:
+            w, Phi, _ = self.every_mode(configuration)
+            return w[w <= highest], Phi[:, w <= highest]
+        return system_modes(system, highest)
+
+    @property
+    @once
+    def _receptances(self) -> Mapping[str, Receptance]:
+        return body_receptances(self.held.stack, decibel_grid(self.scene.band))
 
     def receptances(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
-        """Dynamic flexibilities of the ``held`` bodies for every configuration and any grid within the band."""
-        top = float(omega.max(initial=0.0))
-        if not self._receptances or top > self._prepared_to * (1 + _SAME_BAND):
-            # Prepared for the band, not for the first grid: a resumed run gives the same numbers.
-            prepared = decibel_grid(self.scene.band)
-            prepared = prepared if top <= prepared[-1] * (1 + _SAME_BAND) else omega
-            self._receptances = body_receptances(self.held.stack, prepared)
-            self._prepared_to = float(prepared.max())
-        return self._receptances
+        """Dynamic flexibilities of the ``held`` bodies for every configuration.
+
+        They are prepared once for the band, and not for a grid within it: a resumed run gives the same numbers.
+        """
+        if omega.max(initial=0.0) <= decibel_grid(self.scene.band)[-1] * (1 + _SAME_BAND):
+            return self._receptances
+        return body_receptances(self.held.stack, omega)
 
     def tables(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
         """Receptances at frequencies that every configuration needs."""
@@ -223,7 +217,7 @@ class AssembledModel:
 
 def mass_products(
     bodies: Mapping[str, FEModel],
-    full: Mapping[str, ModalComponent | None],
+    reference: Mapping[str, ModalComponent | None],
     reduced: Mapping[str, ModalComponent | None],
     substructures: Mapping[str, Substructure],
 ) -> dict[str, Matrix]:
@@ -233,17 +227,17 @@ def mass_products(
     ----------
     bodies : mapping of name to FEModel
         Mass matrices of the flexible bodies.
-    full, reduced : mapping of name to ModalComponent or None
+    reference, reduced : mapping of name to ModalComponent or None
         Modes whose amplitudes are the coordinates of either model; None where these are dofs.
     substructures : mapping of name to Substructure
-        Bodies of the full model; the rigid ones have their mass here.
+        Bodies of the reference model; the rigid ones have their mass here.
     """
     found: dict[str, Matrix] = {}
     for name, sub in substructures.items():
         if name not in bodies:
             found[name] = sub.M
             continue
-        M, left, right = bodies[name].M, full[name], reduced[name]
+        M, left, right = bodies[name].M, reference[name], reduced[name]
         if right is None:
             found[name] = M if left is None else _times(M, left.Phi).T
         else:
@@ -252,18 +246,18 @@ def mass_products(
 
 
 def cross_orthogonality(
-    full: Mapping[str, NDArray[Number]], reduced: Mapping[str, NDArray[Number]], masses: Mapping[str, Matrix]
+    reference: Mapping[str, NDArray[Number]], reduced: Mapping[str, NDArray[Number]], masses: Mapping[str, Matrix]
 ) -> NDArray[Number]:
-    """Mass products of the shapes of two models (full modes, reduced modes), the full ones conjugated.
+    """Mass products of the shapes of two models (reference modes, reduced modes), those of the reference conjugated.
 
     Parameters
     ----------
-    full, reduced : mapping of body to (m_i, k) array
+    reference, reduced : mapping of body to (m_i, k) array
         Shapes of either model in each body's own coordinates, real or complex.
     masses : mapping of body to (m_i, r_i) array
         See `mass_products`.
     """
-    cross = [np.asarray(full[name].conj().T @ (M @ reduced[name])) for name, M in masses.items()]
+    cross = [np.asarray(reference[name].conj().T @ (M @ reduced[name])) for name, M in masses.items()]
     return np.asarray(np.sum(cross, axis=0))
 
 

@@ -15,28 +15,12 @@ from cmsreduce.model import ModalComponent
 from cmsreduce.pipeline.system.assembled import AssembledModel
 from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel, Target
 
-__all__ = ["Candidates", "SystemErrors", "system_errors"]
+__all__ = ["Candidates", "system_errors"]
 
 # Frequencies that are computed first: those with the largest errors of the last refused selection.
 _HARDEST = 96
 # Step through the grid for the effects of single modes, which are predictions.
 _EVERY = 3
-
-
-@dataclass(frozen=True, eq=False)
-class SystemErrors:
-    """Error of a selection by the response of the assembled system.
-
-    Parameters
-    ----------
-    judge : Judge
-        Error on a fixed grid.
-    exact : callable
-        Error on a grid refined for the selection.
-    """
-
-    judge: Judge
-    exact: Callable[[Selection], float]
 
 
 @dataclass(eq=False)
@@ -62,9 +46,8 @@ class _Trial:
 class Candidates:
     """Errors of a system that keeps some of the candidate modes, over all configurations.
 
-    The receptances of all modes are tabulated once for every configuration. A selection is refused as soon as its
-    error at the frequencies where the selections before failed exceeds the limit: the squared error is an integral,
-    and a part of it is a lower bound.
+    The receptances of all modes are tabulated once for every configuration. The error is first computed at the
+    frequencies where earlier selections failed: the squared error is an integral, and a part of it is a lower bound.
 
     Parameters
     ----------
@@ -122,7 +105,7 @@ def system_errors(
     components: Mapping[str, ModalComponent],
     model: Callable[[Mapping[str, ModalComponent]], ReducedModel],
     comparison: Callable[[], Comparison],
-) -> SystemErrors:
+) -> tuple[Judge, Callable[[Selection], float]]:
     """Errors of selections of modes by the response of the assembled system.
 
     Parameters
@@ -133,17 +116,24 @@ def system_errors(
         Assembles bodies.
     comparison : callable
         Makes the comparison with the reference model.
+
+    Returns
+    -------
+    judge : Judge
+        Error of a selection on a fixed grid.
+    exact : callable
+        Error of a selection on a grid that is refined for it.
     """
-    candidates, full = model(components), comparison()
-    targets = full.targets(full.scene.configurations, candidates)
+    candidates, compared = model(components), comparison()
+    targets = compared.targets(compared.scene.configurations, candidates)
 
     def exact(selection: Selection) -> float:
         kept = {
             name: part.truncated(selection[name]) if name in selection else part for name, part in components.items()
         }
-        return full.candidate_error(model(kept))
+        return compared.candidate_error(model(kept))
 
-    return SystemErrors(Candidates(candidates.assembled, targets), exact)
+    return Candidates(candidates.assembled, targets), exact
 
 
 def _gram(trial: _Trial, selection: Selection, changes: Sequence[Change]) -> NDArray[np.float64]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +23,8 @@ from cmsreduce.model import (
     Scene,
     Speed,
 )
-from cmsreduce.pipeline.store import Progress
-from cmsreduce.pipeline.system.assembled import AssembledModel, Number, cross_orthogonality, mass_products
+from cmsreduce.pipeline.store import Progress, once
+from cmsreduce.pipeline.system.assembled import AssembledModel, cross_orthogonality, mass_products
 from cmsreduce.verify import (
     FrequencyPairs,
     channel_errors,
@@ -68,6 +67,12 @@ class ReducedModel:
     def __init__(self, assembled: AssembledModel, shapes: Mapping[str, ModalComponent | None]) -> None:
         self.assembled, self.shapes = assembled, shapes
 
+    @once
+    def masses(self, comparison: Comparison) -> dict[str, Matrix]:
+        """Mass of each body between its coordinates in the reference model and in this model."""
+        substructures = comparison.reference.substructures
+        return mass_products(comparison.bodies, comparison.reference_shapes, self.shapes, substructures)
+
 
 @dataclass(frozen=True, eq=False)
 class Target:
@@ -97,9 +102,9 @@ class Comparison:
 
     Parameters
     ----------
-    full : AssembledModel
+    reference : AssembledModel
         The reference model.
-    full_shapes : mapping of name to ModalComponent or None
+    reference_shapes : mapping of name to ModalComponent or None
         Modes whose amplitudes are its coordinates; None where these are dofs.
     bodies : mapping of name to FEModel
         Flexible bodies.
@@ -111,22 +116,21 @@ class Comparison:
 
     def __init__(
         self,
-        full: AssembledModel,
-        full_shapes: Mapping[str, ModalComponent | None],
+        reference: AssembledModel,
+        reference_shapes: Mapping[str, ModalComponent | None],
         bodies: Mapping[str, FEModel],
         scene: Scene,
         points: int,
     ) -> None:
-        self.full, self.full_shapes, self.bodies, self.scene, self.points = full, full_shapes, bodies, scene, points
+        self.reference, self.reference_shapes, self.bodies, self.scene = reference, reference_shapes, bodies, scene
+        self.points = points
         self._decibel = decibel_grid(scene.band)
-        self._decibel_flexibility: Mapping[str, Receptance] | None = None
-        self._masses: WeakKeyDictionary[ReducedModel, dict[str, Matrix]] = WeakKeyDictionary()
-        self.full_seconds = 0.0
+        self.reference_seconds = 0.0
         self.reduced_seconds = 0.0
 
     def grid(self, configuration: Configuration, models: Sequence[ReducedModel]) -> NDArray[np.float64]:
         """Frequencies in rad/s, refined at the resonances of the reference model and of every reduced one."""
-        found = [model.resonances(configuration) for model in (self.full, *(m.assembled for m in models))]
+        found = [model.resonances(configuration) for model in (self.reference, *(m.assembled for m in models))]
         omega = np.concatenate([r.omega for r in found])
         zeta = np.concatenate([r.zeta for r in found])
         grid = frequency_grid(self.scene.band, self.points, omega, zeta)
@@ -151,11 +155,11 @@ class Comparison:
     def targets(self, configurations: Sequence[Configuration], model: ReducedModel) -> tuple[Target, ...]:
         """Reference responses on grids refined at the resonances of the reference model and of one reduced model."""
         grids = [self.grid(configuration, [model]) for configuration in configurations]
-        full = self.full.responses(configurations, grids)
+        full = self.reference.responses(configurations, grids)
         return tuple(self._target(*each) for each in zip(configurations, grids, full, strict=True))
 
     def _target(self, configuration: Configuration, omega: Real, H: Complex) -> Target:
-        rigid = self.full.rigid_response(configuration, omega)
+        rigid = self.reference.rigid_response(configuration, omega)
         row, column = channel_scales(self.scene.actuators, self.scene.sensors, H - rigid, H)
         return Target(configuration, omega, H - rigid, rigid, row, column)
 
@@ -182,7 +186,7 @@ class Comparison:
 
     def speed(self, reduce_s: float) -> Speed:
         """Wall times of the responses so far, of the reference model and of the run's own model over the same grids."""
-        return Speed(reduce_s, self.full_seconds, self.reduced_seconds)
+        return Speed(reduce_s, self.reference_seconds, self.reduced_seconds)
 
     def at(
         self, configurations: Sequence[Configuration], models: Mapping[str, ReducedModel]
@@ -190,9 +194,9 @@ class Comparison:
         """Errors and curves of several models in some configurations, the run's own model first."""
         grids = [self.grid(configuration, list(models.values())) for configuration in configurations]
         started = time.perf_counter()
-        full = self.full.responses(configurations, grids)
-        self.full_seconds += time.perf_counter() - started
-        full_db = self._decibels(self.full, configurations)
+        full = self.reference.responses(configurations, grids)
+        self.reference_seconds += time.perf_counter() - started
+        full_db = self._decibels(self.reference, configurations)
         targets = [self._target(*each) for each in zip(configurations, grids, full, strict=True)]
         errors: list[dict[str, ModelErrors]] = [{} for _ in configurations]
         curves: list[dict[str, Complex]] = [{} for _ in configurations]
@@ -209,14 +213,14 @@ class Comparison:
                 errors[k][label] = self._model_errors(target, model, H_r, in_db, each * target.omega.size)
                 curves[k][label] = H_r
         own = next(iter(models.values())).assembled
-        top = 2 * np.pi * self.scene.band[1]
+        band = 2 * np.pi * self.scene.band[1]
         return tuple(
             ConfigurationResult(
                 configuration=configuration,
-                n_full=self.full.system(configuration).N,
+                n_full=self.reference.system(configuration).N,
                 n_reduced=own.system(configuration).N,
-                modes_full=int(np.count_nonzero(self.full.resonances(configuration).omega <= top)),
-                modes_reduced=int(np.count_nonzero(own.resonances(configuration).omega <= top)),
+                modes_full=int(np.count_nonzero(self.reference.resonances(configuration).omega <= band)),
+                modes_reduced=int(np.count_nonzero(own.resonances(configuration).omega <= band)),
                 errors=errors[k],
                 response=Response(grids[k] / (2 * np.pi), full[k], curves[k]),
             )
@@ -254,37 +258,30 @@ class Comparison:
             seconds=seconds,
         )
 
+    @property
+    @once
+    def _decibel_tables(self) -> Mapping[str, Receptance]:
+        return self.reference.tables(self._decibel)
+
     def _decibels(self, model: AssembledModel, configurations: Sequence[Configuration]) -> list[Complex]:
         """Responses on the decibel grid; for many configurations, receptances of the reference bodies are tabulated."""
-        flexibility = None
-        if model is self.full and len(self.scene.configurations) > _TOGETHER:
-            if self._decibel_flexibility is None:
-                self._decibel_flexibility = self.full.tables(self._decibel)
-            flexibility = self._decibel_flexibility
+        many = model is self.reference and len(self.scene.configurations) > _TOGETHER
+        flexibility = self._decibel_tables if many else None
         return model.responses(configurations, [self._decibel] * len(configurations), flexibility)
 
     def _pairs(self, configuration: Configuration, model: ReducedModel) -> tuple[FrequencyPairs, MacMatrix]:
-        full, reduced = self.full.resonances(configuration), model.assembled.resonances(configuration)
-        cross = self._cross_orthogonality(full.shapes, reduced.shapes, model)
+        full, reduced = self.reference.resonances(configuration), model.assembled.resonances(configuration)
+        cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(self))
         # Both sets are orthonormal in mass.
         mac = MacMatrix(full.omega / (2 * np.pi), reduced.omega / (2 * np.pi), cross**2)
         return pair_frequencies(full.omega, reduced.omega, cross, self.scene.band[1]), mac
 
     def _damped_pairs(self, configuration: Configuration, model: ReducedModel) -> DampedPairs | None:
-        full, reduced = self.full.damped_modes(configuration), model.assembled.damped_modes(configuration)
+        full, reduced = self.reference.damped_modes(configuration), model.assembled.damped_modes(configuration)
         if full is None or reduced is None:
             return None
-        cross = self._cross_orthogonality(full.shapes, reduced.shapes, model)
+        cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(self))
         return pair_complex_modes(full.s, reduced.s, cross, self.scene.band[1])
-
-    def _cross_orthogonality(
-        self, full: Mapping[str, NDArray[Number]], reduced: Mapping[str, NDArray[Number]], model: ReducedModel
-    ) -> NDArray[Number]:
-        masses = self._masses.get(model)
-        if masses is None:
-            masses = mass_products(self.bodies, self.full_shapes, model.shapes, self.full.substructures)
-            self._masses[model] = masses
-        return cross_orthogonality(full, reduced, masses)
 
 
 def _thinned(grid: NDArray[np.float64], omega: NDArray[np.float64], zeta: NDArray[np.float64]) -> NDArray[np.float64]:

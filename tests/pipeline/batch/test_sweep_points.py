@@ -26,8 +26,8 @@ from cmsreduce.pipeline.batch.sweep_points import sweep_points
     ],
 )
 def test_values_are_yaml(text: str, values: tuple[str, ...]) -> None:
-    (axis,) = sweep_axes([text])
-    assert axis.values == values
+    (found,) = sweep_axes([text]).values()
+    assert found == values
 
 
 @pytest.mark.parametrize(
