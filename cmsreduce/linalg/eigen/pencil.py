@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse.csgraph as csgraph
@@ -226,7 +228,8 @@ def _orthonormal_in_stiffness(K: Array, N: Array, rounding: float) -> Array:
 
 def energy_parts(A: Matrix, X: Array) -> Array:
     """Sum of the absolute terms of the energy x^T A x of each column (k,)."""
-    return np.asarray(np.einsum("ij,ij->j", abs(X), abs(A) @ abs(X)))
+    sizes: Any = abs(A)
+    return np.asarray(np.einsum("ij,ij->j", abs(X), sizes @ abs(X)))
 
 
 def _limit(rounding: float) -> float:
