@@ -1,7 +1,7 @@
 """Eigenpairs: normal modes up to a frequency, complex modes, small pencils and null spaces.
 
 Lanczos, slicing, Sturm counts and error bounds belong here.
-What a mode means for a body belongs in `reduce` or `verify`.
+The meaning of a mode for a body belongs in `reduce` or `verify`.
 """
 
 from cmsreduce.linalg.eigen.complex_modes import ComplexModes, DampedPencil, complex_modes

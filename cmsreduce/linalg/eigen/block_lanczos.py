@@ -13,73 +13,73 @@ from cmsreduce.linalg.blocks import SearchSpace, by_rows, column_products, inner
 
 __all__ = ["BlockLanczos", "Operator", "Ritz"]
 
-Operator = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Takes a block (n, k) to a block (n, k)."""
+Array = NDArray[np.float64]
+Operator = Callable[[Array], Array]
+"""Maps a block (n, k) to a block (n, k)."""
 
-# A direction of a new block that orthogonalisation leaves less of than this is round-off, not a direction.
+# A vector of a new block is round-off if orthogonalisation leaves less than this of its length.
 _NEW = 1e-7
-# What is left of earlier vectors in a new one, relative to its length, beyond which it is orthogonalised once more. The
-# Ritz values lose their digits in its square.
+# A new block is orthogonalised again if its products with the basis exceed this share of its length. The error of the
+# Ritz values is of the square of this.
 _SEMIORTHOGONAL = 1e-12
-# What is left is taken out to round-off by one pass if it is no larger than this; then nothing has to be looked for
-# again, and only the product with M is renewed.
+# One more pass reaches round-off if the products are no larger than this; only the product with M is then renewed.
 _CORRECTED = 1e-6
 _PASSES = 3
-# A block whose Gram matrix has eigenvalues no farther apart than this is triangularised in place; no farther apart
-# than the second, once is enough.
+# Cholesky's method is used if the eigenvalue ratio of the Gram matrix exceeds the first number; it is not repeated if
+# the ratio exceeds the second.
 _INDEPENDENT, _ALIKE = 1e-12, 1e-3
-# A direction this much shorter than the longest of its block is orthogonalised again by itself.
+# A block with a vector this much shorter than the longest is orthogonalised again after scaling to unit length.
 _SHORT = 1e-3
 _SEED = 7
 
 
 class Ritz(NamedTuple):
-    """Eigenvalues of the operator as a basis sees them.
+    """Ritz values of a basis: its approximate eigenvalues of the operator.
 
     Parameters
     ----------
     theta : (m,) float64
-        Ritz values, the largest in size first.
+        Ritz values, the largest in magnitude first.
     S : (m, m) float64
         Coefficients of the Ritz vectors in the basis.
     residual : (m,) float64
-        ||A x - theta x||_M of the unit Ritz vector x: an eigenvalue of the operator lies this near to theta.
+        ||A x - theta x||_M of the unit Ritz vector x. The distance of theta to an eigenvalue is no larger.
     """
 
-    theta: NDArray[np.float64]
-    S: NDArray[np.float64]
-    residual: NDArray[np.float64]
+    theta: Array
+    S: Array
+    residual: Array
 
 
 class BlockLanczos:
-    """Krylov basis of an operator A M that is self-adjoint in M, grown block by block.
+    """Krylov basis of an operator A M that is self-adjoint in M; it grows block by block.
 
     Parameters
     ----------
     operator : callable
-        A, for instance the solve with K - sigma M: it is given M v.
+        A, applied to M v; for instance the solve with K - sigma M.
     mass : callable
-        v -> M v of a block.
+        Product of M and a block.
     n : int
         Rows.
     block : int
-        Columns of a block. Of what is repeated more often so many copies are seen; another run, with those deflated,
-        sees as many more.
+        Columns of a block. One run finds at most this many copies of a repeated eigenvalue. Another run, with these
+        copies deflated, finds as many more.
     columns : int
-        Columns of the basis at most; a full one is restarted with its best Ritz vectors.
+        Largest number of columns of the basis. A full basis is restarted with its best Ritz vectors.
     sought : int
-        Eigenvalues that are sought: so many Ritz vectors and half as many more outlive a restart.
+        Eigenvalues that are sought. A restart keeps 1.5 times as many Ritz vectors.
     deflated : (n, r) float64, optional
-        Vectors orthonormal in M that the basis is kept orthogonal to: rigid-body modes.
+        Vectors orthonormal in M to which the basis stays orthogonal, such as rigid-body modes.
     start : (n, s) float64, optional
-        Vectors in the range of the operator that the first block is made of; random ones if absent.
+        Vectors in the range of the operator from which the first block is combined; random vectors by default.
 
     Notes
     -----
-    A block costs one call of the operator and one of the mass, rarely two: the products of the last two blocks with M
-    are at hand, so the three-term recurrence needs none; what it loses of orthogonality is taken out once the product
-    of the new block is known. Source: Grimes, Lewis and Simon, SIAM J. Matrix Anal. 15 (1994), 228-272; thick restart:
-    Wu and Simon, SIAM J. Matrix Anal. 22 (2000), 602-616.
+    A block costs one product with the operator and one with the mass, rarely two. The products of the last two blocks
+    with M are stored, so the three-term recurrence needs no further ones. The loss of orthogonality is removed once the
+    product of M and the new block is known. Source: Grimes, Lewis and Simon, SIAM J. Matrix Anal. 15 (1994), 228-272;
+    thick restart: Wu and Simon, SIAM J. Matrix Anal. 22 (2000), 602-616.
     """
 
     def __init__(
@@ -91,8 +91,8 @@ class BlockLanczos:
         block: int,
         columns: int,
         sought: int,
-        deflated: NDArray[np.float64] | None = None,
-        start: NDArray[np.float64] | None = None,
+        deflated: Array | None = None,
+        start: Array | None = None,
     ) -> None:
         self._operator, self._mass = operator, mass
         self._random = np.random.default_rng(_SEED)
@@ -103,7 +103,7 @@ class BlockLanczos:
         self._sought = sought
         self._V = SearchSpace(n)
         self._T = np.empty((0, 0))
-        # The newest block, not yet in the basis, and what it was before it was made orthonormal; the one before it.
+        # The newest block, not yet in the basis, with its coefficients before orthonormalisation; then the last block.
         self._X, self._MX, self._border = self._first(start)
         self._last = self._last_mass = np.empty((n, 0))
 
@@ -114,11 +114,11 @@ class BlockLanczos:
 
     @property
     def exhausted(self) -> bool:
-        """Whether the basis spans all that the operator reaches from the blocks it was given."""
+        """True if the basis spans the complete Krylov space of the first block."""
         return not self._X.shape[1]
 
     def step(self) -> None:
-        """Apply the operator to the newest block and orthogonalise what comes of it against the basis."""
+        """Apply the operator to the newest block and orthogonalise the result against the basis."""
         if self.m + self._X.shape[1] > self._columns:
             self._restart()
         MX, m = self._MX, self.m
@@ -147,55 +147,50 @@ class BlockLanczos:
         self._T = T
         self._X, self._MX, self._border = _orthonormal(W, MW, _NEW * before)
         if self._border.size and la.svdvals(self._border)[-1] < _SHORT * left:
-            # Made unit, the shortest direction shows what was missed of it beside the longest.
+            # At unit length the shortest vector shows components that were below round-off of the longest.
             self._X, self._MX = self._cleared(self._X, self._MX)
 
     def ritz(self) -> Ritz:
-        """Ritz values of the basis, the largest in size first."""
-        # Divide and conquer: a third less time than scipy's choice, from sixty columns on.
+        """Ritz values of the basis, the largest in magnitude first."""
+        # From sixty columns on, divide and conquer takes a third less time than scipy's default.
         theta, S = la.eigh(self._T, driver="evd")
         order = np.argsort(-abs(theta), kind="stable")
         theta, S = theta[order], S[:, order]
         return Ritz(theta, S, np.linalg.norm(self._border @ S[self.m - self._border.shape[1] :], axis=0))
 
-    def vectors(self, ritz: Ritz, chosen: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Ritz vectors after one more application of the operator, which the basis holds already (n, k).
+    def vectors(self, ritz: Ritz, chosen: NDArray[np.int64]) -> Array:
+        """Ritz vectors after one more application of the operator (n, k), computed from the basis without a solve.
 
-        It takes out of them what has no mass (Nour-Omid et al., Int. J. Numer. Meth. Eng. 1987).
+        This removes components without mass (Nour-Omid et al., Int. J. Numer. Meth. Eng. 1987).
         """
         S, theta = ritz.S[:, chosen], ritz.theta[chosen]
         tail = self._border @ S[self.m - self._border.shape[1] :]
         return self._V.combined(np.vstack([S, tail / theta]), self._X)
 
     def _restart(self) -> None:
-        """Shrink the basis to its best Ritz vectors; the newest block couples them to what follows."""
+        """Shrink the basis to its best Ritz vectors; the newest block couples them to the next ones."""
         ritz = self.ritz()
         kept = min(max(3 * self._sought // 2, self._width), self._columns - 2 * self._width)
         self._V.shrink(np.asfortranarray(ritz.S[:, :kept]))
         self._T = np.diag(ritz.theta[:kept])
         self._last = self._last_mass = self._last[:, :0]
 
-    def _first(
-        self, start: NDArray[np.float64] | None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """A block in the range of the operator, orthogonal to what is deflated."""
+    def _first(self, start: Array | None) -> tuple[Array, Array, Array]:
+        """Block in the range of the operator, orthogonal to the deflated vectors."""
         n = self._V.n
         if start is None:
-            # Smoothed first: rough vectors in the basis leave their rounding in all others.
+            # The rounding of a rough vector would spread to all others, so the operator smooths it first.
             X = self._operator(self._mass(self._random.standard_normal((n, self._width))))
         else:
             X = start @ self._random.standard_normal((start.shape[1], self._width))
         X = by_rows(X)
         MX = self._mass(X)
-        # What is deflated is taken out twice, like all that is orthogonalised.
         for _ in range(_PASSES if self._deflated.size else 1):
             X, MX = self._cleared(X, MX)
         return X, MX, np.empty((X.shape[1], 0))
 
-    def _cleared(
-        self, X: NDArray[np.float64], MX: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Orthonormal basis, and its product with M, of what a block has outside of the basis."""
+    def _cleared(self, X: Array, MX: Array) -> tuple[Array, Array]:
+        """Orthonormal basis of the part of a block outside the basis, and its product with M."""
         size = float(np.sqrt(max(column_products(X, MX).max(initial=0.0), 0.0)))
         if self.m or self._deflated.size:
             missed, rigid = self._V.inner(MX), inner(self._deflated, MX)
@@ -205,12 +200,10 @@ class BlockLanczos:
         return X, self._mass(X)
 
 
-def _orthonormal(
-    W: NDArray[np.float64], MW: NDArray[np.float64], least: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Orthonormal basis X of the span of a block in M, M X, and the coefficients B of W = X B.
+def _orthonormal(W: Array, MW: Array, least: float) -> tuple[Array, Array, Array]:
+    """Basis X of the span of a block, orthonormal in M, the product M X, and the coefficients B of W = X B.
 
-    Directions no longer than ``least`` are left out.
+    Vectors no longer than ``least`` are left out.
     """
     B = np.eye(W.shape[1])
     for _ in range(2):

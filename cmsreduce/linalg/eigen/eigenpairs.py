@@ -19,21 +19,21 @@ from cmsreduce.linalg.sparse import BLOCK, ElasticFlexibility, RefinedFactor, So
 
 __all__ = ["CertifiedModes", "beside_modes", "certified_modes", "count_below", "modes_below"]
 
-# Up to this size all modes by dense algebra are quicker than a Lanczos run, and none can be missed.
+Array = NDArray[np.float64]
+
+# Up to this size dense algebra is quicker than Lanczos, and no mode can be missed.
 _DENSE_LIMIT = 600
-# A mode this close above the cutoff, relative to it, is at the cutoff and kept.
+# A mode this close above the cutoff, relative to it, counts as a mode at the cutoff.
 _AT_CUTOFF = 1e-9
-# A mode is accepted when |K x - lam M x| is below this share of |K||x|, well above round-off, far below any use; or
-# below what the rounding of the file leaves of K on rigid motion.
+# A mode is accepted when |K x - lam M x| is below this share of |K||x|, or below the rounding of the file if that is
+# larger. The share is well above round-off and far below any use.
 _RESIDUAL = 1e-9
-
-
-# Modes whose residuals are taken at a time, and columns of a matrix that are summed up at a time.
+# Modes whose residuals are computed at a time, and columns of a matrix that are summed up at a time.
 _CHECKED, _COLUMNS = 16, 4096
 
 
 class CertifiedModes(NamedTuple):
-    """Normal modes, and what is proven of them.
+    """Normal modes with error bounds.
 
     Parameters
     ----------
@@ -42,12 +42,12 @@ class CertifiedModes(NamedTuple):
     Phi : (n, k) float64
         Modes, orthonormal in M; the largest entry of each is positive.
     bound : (k,) float64
-        Relative error of each frequency at most, from the residual of its mode.
+        Upper bound of the relative error of each frequency, from the residual of its mode.
     """
 
-    omega: NDArray[np.float64]
-    Phi: NDArray[np.float64]
-    bound: NDArray[np.float64]
+    omega: Array
+    Phi: Array
+    bound: Array
 
 
 def modes_below(
@@ -55,17 +55,17 @@ def modes_below(
     M: sp.csc_array,
     omega: float,
     *,
-    rigid: NDArray[np.float64] | None = None,
+    rigid: Array | None = None,
     solve: Solve | None = None,
     rounding: float = 2.0**-53,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Frequencies (k,) and modes (n, k) of `certified_modes`, which see."""
+) -> tuple[Array, Array]:
+    """Frequencies (k,) in rad/s and modes (n, k) of `certified_modes`."""
     modes = certified_modes(K, M, omega, rigid=rigid, solve=solve, rounding=rounding)
     return modes.omega, modes.Phi
 
 
 def count_below(K: sp.csc_array, M: sp.csc_array, omega: float, rigid: int = 0) -> int | None:
-    """Count the elastic modes that `certified_modes` has to find, by Sturm.
+    """Sturm count of the elastic modes that `certified_modes` has to find.
 
     Parameters
     ----------
@@ -74,12 +74,12 @@ def count_below(K: sp.csc_array, M: sp.csc_array, omega: float, rigid: int = 0) 
     omega : float
         Highest frequency in rad/s.
     rigid : int
-        Rigid-body modes, which are not counted.
+        Number of rigid-body modes, which the count leaves out.
 
     Returns
     -------
     int or None
-        None for a body of few dofs, whose modes are all computed.
+        None for a body of few dofs, for which all modes are computed, and without a positive frequency.
     """
     if K.shape[0] <= _DENSE_LIMIT or omega <= 0:
         return None
@@ -91,33 +91,33 @@ def certified_modes(
     M: sp.csc_array,
     omega: float,
     *,
-    rigid: NDArray[np.float64] | None = None,
+    rigid: Array | None = None,
     solve: Solve | None = None,
     count: int | None = None,
-    start: NDArray[np.float64] | None = None,
+    start: Array | None = None,
     tolerance: float = CONVERGED,
     rounding: float = 2.0**-53,
 ) -> CertifiedModes:
-    """All elastic normal modes up to a frequency: not a fixed number, and none missing.
+    """All elastic normal modes up to a frequency, counted before they are computed and bounded after.
 
     Parameters
     ----------
     K, M : (n, n) sparse array
-        Stiffness and mass; K definite apart from ``rigid``.
+        Stiffness and mass; K is positive definite except on ``rigid``.
     omega : float
         Highest frequency in rad/s. A repeated mode at the cutoff is never split.
     rigid : (n, r) float64, optional
         Rigid-body modes of the pencil, orthonormal in M.
     solve : callable, optional
-        Solves K x = b, where the factor is at hand (elastic flexibility for a free body).
+        Solves K x = b (elastic flexibility for a free body), to save a factorisation.
     count : int, optional
-        What `count_below` says, where that is known; it takes a factorisation of its own.
+        Result of `count_below`, to save a factorisation.
     start : (n, s) float64, optional
-        Static shapes: responses to some loads, from which the search starts.
+        Static shapes (responses to some loads) from which the search starts.
     tolerance : float
         Twice the relative error of a frequency at which the search ends.
     rounding : float
-        Relative rounding of the entries of M, where they are printed with few digits.
+        Relative rounding of the entries of M, for a file of few digits.
 
     Returns
     -------
@@ -159,14 +159,14 @@ def certified_modes(
     if kept:
         _check_residuals(K, M, w, X, max(_RESIDUAL, rounding))
     for mode in X.T:
-        # In place, one by one: hundreds of modes are not to be copied.
+        # One mode at a time and in place, which avoids a copy of all modes.
         if mode[abs(mode).argmax()] < 0:
             mode *= -1
     return CertifiedModes(w, X, bound)
 
 
-def beside_modes(solve: Solve, M: sp.csc_array, omega: NDArray[np.float64], Phi: NDArray[np.float64]) -> Solve:
-    """Solve with less work, where a factor has few digits and modes are known that they fail; see `RefinedFactor`.
+def beside_modes(solve: Solve, M: sp.csc_array, omega: Array, Phi: Array) -> Solve:
+    """Speed up the solves of a single-precision factor with known modes; see `RefinedFactor`.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def beside_modes(solve: Solve, M: sp.csc_array, omega: NDArray[np.float64], Phi:
     Returns
     -------
     callable
-        ``solve`` itself unless it is of single precision.
+        ``solve`` itself if it has double precision.
     """
     if not isinstance(solve, RefinedFactor) or not omega.size:
         return solve
@@ -193,26 +193,26 @@ def beside_modes(solve: Solve, M: sp.csc_array, omega: NDArray[np.float64], Phi:
 
 
 def _reach(omega: float) -> float:
-    """Frequency up to which modes are counted: what repeats a mode at the cutoff is counted with it."""
+    """Frequency up to which modes are counted: the copies of a repeated mode at the cutoff are included."""
     return omega * (1 + _AT_CUTOFF) * (1 + 2 * REPEATED)
 
 
-def _all_modes(K: sp.csc_array, M: sp.csc_array, rigid: NDArray[np.float64], rounding: float) -> CertifiedModes:
+def _all_modes(K: sp.csc_array, M: sp.csc_array, rigid: Array, rounding: float) -> CertifiedModes:
     """Every mode of a body of few dofs."""
     try:
         lam, X = elastic_pairs(K.toarray(), M.toarray(), rigid, rounding)
     except UndeterminedError as error:
         row = int(np.argmax(abs(error.shape)))
-        raise UndeterminedError(f"{error}; the first of them moves row {row + 1} above all", error.shape) from None
+        raise UndeterminedError(f"{error}; the first of them moves row {row + 1} most", error.shape) from None
     w = np.sqrt(np.maximum(lam, 0.0))
-    # The modes are a basis of all that has mass: in it the residual of each is measured in full.
+    # The modes span all shapes that have mass, so their products with a residual measure all of it.
     residual = np.linalg.norm(X.T @ (K @ X - (M @ X) * lam), axis=0)
     return CertifiedModes(w, X, residual / np.where(lam > 0, 2 * lam, 1.0))
 
 
 def _one_norm(K: sp.csc_array) -> float:
+    """1-norm, some columns at a time: the absolute values of all entries would double the memory."""
     sums = [0.0]
-    # Some columns at a time: the sizes of all entries would be a matrix of their own.
     for first in range(0, K.shape[0], _COLUMNS):
         starts = K.indptr[first : first + _COLUMNS + 1]
         filled = starts[:-1][np.diff(starts) > 0]
@@ -222,9 +222,7 @@ def _one_norm(K: sp.csc_array) -> float:
     return max(sums)
 
 
-def _check_residuals(
-    K: sp.csc_array, M: sp.csc_array, w: NDArray[np.float64], X: NDArray[np.float64], limit: float
-) -> None:
+def _check_residuals(K: sp.csc_array, M: sp.csc_array, w: Array, X: Array, limit: float) -> None:
     residual, size = np.empty(w.size), np.empty(w.size)
     norm, stiffness, mass = _one_norm(K), symmetric_product(K), symmetric_product(M)
     for first in range(0, w.size, _CHECKED):

@@ -1,4 +1,4 @@
-"""Modes to double precision from a factor in single precision: a rough Krylov space, corrected by residuals."""
+"""Modes in double precision from a factor in single precision: a rough Krylov space, extended by corrections."""
 
 from __future__ import annotations
 
@@ -17,19 +17,21 @@ from cmsreduce.linalg.sparse import BLOCK, RefinedFactor
 
 __all__ = ["corrected_modes"]
 
-# Columns of a Lanczos block, and of the basis beyond four times the modes sought.
+Array = NDArray[np.float64]
+
+# Columns of a Lanczos block, and columns of the basis beyond four times the modes sought.
 _WIDTH, _MORE = 8, 160
-# Residual of a Ritz value, relative to it, at which the rough space is good enough: below is the noise of the solves.
+# Relative residual of a Ritz value at which the rough space is good enough; the noise of the solves is not far below.
 _ROUGH = 1e-6
-# Ritz vectors beside those sought: a correction shrinks what lies along a mode of lam_j by lam_i / lam_j, so that what
-# remains in the space is better held there.
+# Ritz vectors beyond twice the modes sought. A correction reduces the error of mode i along mode j by lam_i / lam_j, so
+# that a larger space converges faster.
 _BESIDE = 20
-# Ritz vectors that are handed on at a time, while the Krylov space is still in memory.
+# Ritz vectors that are computed at a time, since the Krylov space is still in memory.
 _HANDED = 24
-# A correction has to shrink the worst residual to this share; two in a row that do not are the last.
+# The search stops after _PATIENCE corrections in a row that do not reduce the worst residual to this share.
 _SHRINKS, _PATIENCE = 0.5, 2
 _ROUNDS = 12
-# Directions of corrections that differ by less than this, squared, are one.
+# Corrections of unit mass whose squared difference is below this are one vector.
 _NEW = 1e-10
 
 
@@ -43,30 +45,30 @@ def corrected_modes(
     K, M : (n, n) sparse array
         Stiffness, positive definite, and mass.
     factor : RefinedFactor
-        Of K, in single precision.
+        Factor of K in single precision.
     high : float
         Squared frequency below which the modes were counted.
     wanted : int
-        Their number.
+        Number of modes counted.
     tolerance : float
-        |K^-1 r|_M of a mode of unit mass, r = K x - lam M x, at which it is found.
+        A mode of unit mass is accepted when |K^-1 r|_M, r = K x - lam M x, is below this.
 
     Returns
     -------
     ShiftedModes or None
-        None if fewer were found, or corrections no longer help.
+        None if fewer modes were found, or if corrections no longer reduce the residuals.
 
     Notes
     -----
-    What single precision takes from K^-1 lies along the softest motions. They are the first that Lanczos finds, so
-    that a Rayleigh-Ritz step with the matrices themselves gives them back; what is left is five digits smaller, and
-    residuals, solved for by the same factor, join the space until it holds the modes: Davidson's method. Source: E. R.
-    Davidson, J. Comput. Phys. 17 (1975), 87-94; bound: as in `inverse_iteration.polished`.
+    The error of K^-1 in single precision lies along the softest motions. Lanczos finds these first, so a Rayleigh-Ritz
+    step with K and M themselves removes most of it; the rest is five digits smaller. The residuals are then solved for
+    with the same factor and join the space until it contains the modes (Davidson's method). Source: E. R. Davidson,
+    J. Comput. Phys. 17 (1975), 87-94; bound: as in `inverse_iteration.polished`.
     """
     try:
         return _corrected(K, M, factor, high, wanted, tolerance)
     except la.LinAlgError:
-        # Rounding made directions of the space depend on each other.
+        # Rounding has made vectors of the space linearly dependent.
         return None
 
 
@@ -77,7 +79,7 @@ def _corrected(
     V = SearchSpace(K.shape[0])
     A, B = np.zeros((0, 0)), np.zeros((0, 0))
     for C in _rough_vectors(factor, mass, K.shape[0], wanted):
-        A, B = _joined(V.inner, C, A, B, stiffness, mass)
+        A, B = _extended(V.inner, C, A, B, stiffness, mass)
         V.append(C)
         del C
     if V.m < wanted:
@@ -88,31 +90,33 @@ def _corrected(
         if lam[-1] > high:
             return None
         X = V.combined(Z)
-        C = _corrections(factor, X, lam, stiffness, mass)
+        C = np.empty(X.shape, order="F")
+        for first in range(0, wanted, BLOCK):
+            part = slice(first, first + BLOCK)
+            put(factor.rough(eigen_residuals(stiffness, mass, X[:, part], lam[part])), C[:, part])
         MC = mass(C)
-        # Exact corrections are orthogonal to all modes sought; what is not is the noise of the solves.
-        along = inner(X, MC)
-        residual = np.sqrt(np.maximum(column_products(C, MC) - (along**2).sum(axis=0), 0.0))
-        # The solves are off by this share themselves.
+        # Exact corrections are orthogonal to all modes sought; the other part is noise of the solves.
+        residual = np.sqrt(np.maximum(column_products(C, MC) - (inner(X, MC) ** 2).sum(axis=0), 0.0))
+        # The relative error of the solves.
         residual /= 1 - factor.contraction
         last, worst = worst, float(residual.max())
         if worst <= tolerance:
             del MC
-            # As an eigenvalue of K^-1 M, 1 / lam is this share of itself off at most.
+            # The relative error of 1 / lam, an eigenvalue of K^-1 M, is no larger than the residual.
             return ShiftedModes(*_smoothed(X, C, stiffness, mass), residual / (1 - residual) / 2, True)
         stuck = stuck + 1 if worst > _SHRINKS * last else 0
         if stuck >= _PATIENCE:
             return None
         del X
-        opened = residual > tolerance
-        C, A, B = _widened(V, C[:, opened], MC[:, opened], A, B, stiffness, mass)
+        inexact = residual > tolerance
+        C, A, B = _independent(V, C[:, inexact], MC[:, inexact], A, B, stiffness, mass)
         V.append(C)
         del C, MC
     return None
 
 
-def _rough_vectors(factor: RefinedFactor, mass: Operator, n: int, wanted: int) -> Iterator[NDArray[np.float64]]:
-    """Ritz vectors (n, q), some at a time, of a Lanczos run that takes single-precision solves for exact ones."""
+def _rough_vectors(factor: RefinedFactor, mass: Operator, n: int, wanted: int) -> Iterator[Array]:
+    """Ritz vectors (n, q), some at a time, of a Lanczos run with single-precision solves."""
     columns = 4 * wanted + _MORE
     lanczos = BlockLanczos(factor.rough, mass, n, block=_WIDTH, columns=columns, sought=wanted)
     while not lanczos.exhausted:
@@ -127,52 +131,37 @@ def _rough_vectors(factor: RefinedFactor, mass: Operator, n: int, wanted: int) -
         yield lanczos.vectors(ritz, chosen[first : first + _HANDED])
 
 
-def _ritz(
-    A: NDArray[np.float64], B: NDArray[np.float64], wanted: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _ritz(A: Array, B: Array, wanted: int) -> tuple[Array, Array]:
     """Lowest Ritz values (k,) and coefficients (m, k) of a space with Gram matrices A of K and B of M."""
     scale = 1 / np.sqrt(B.diagonal())
-    ends = (0, wanted - 1)
-    lam, Z = la.eigh(A * np.outer(scale, scale), B * np.outer(scale, scale), subset_by_index=ends)
+    scales = np.outer(scale, scale)
+    lam, Z = la.eigh(A * scales, B * scales, subset_by_index=(0, wanted - 1))
     return lam, scale[:, None] * Z
 
 
-def _corrections(
-    factor: RefinedFactor, X: NDArray[np.float64], lam: NDArray[np.float64], stiffness: Operator, mass: Operator
-) -> NDArray[np.float64]:
-    """K^-1 (K x - lam M x) of modes, in single precision (n, k)."""
-    C = np.empty(X.shape, order="F")
-    for first in range(0, lam.size, BLOCK):
-        part = slice(first, first + BLOCK)
-        put(factor.rough(eigen_residuals(stiffness, mass, X[:, part], lam[part])), C[:, part])
-    return C
-
-
-def _smoothed(
-    X: NDArray[np.float64], C: NDArray[np.float64], stiffness: Operator, mass: Operator
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Frequencies and modes after one inverse iteration, which takes out of them what rounding left at all others."""
+def _smoothed(X: Array, C: Array, stiffness: Operator, mass: Operator) -> tuple[Array, Array]:
+    """Squared frequencies and modes after one inverse iteration, which removes rounding along other modes."""
     X -= C
     A, B = np.zeros((0, 0)), np.zeros((0, 0))
     for first in range(0, X.shape[1], BLOCK):
-        A, B = _joined(partial(inner, X[:, :first]), X[:, first : first + BLOCK], A, B, stiffness, mass)
+        A, B = _extended(partial(inner, X[:, :first]), X[:, first : first + BLOCK], A, B, stiffness, mass)
     lam, Z = _ritz(A, B, X.shape[1])
     return lam, times(X, Z)
 
 
-def _widened(
+def _independent(
     V: SearchSpace,
-    C: NDArray[np.float64],
-    MC: NDArray[np.float64],
-    A: NDArray[np.float64],
-    B: NDArray[np.float64],
+    C: Array,
+    MC: Array,
+    A: Array,
+    B: Array,
     stiffness: Operator,
     mass: Operator,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Directions of unit mass that corrections (n, k) add to a space, and its Gram matrices with them."""
+) -> tuple[Array, Array, Array]:
+    """Vectors orthonormal in M that corrections (n, k) add to a space, and the Gram matrices of the extended space."""
     m = V.m
     C = V.taken_from(C, la.solve(B, V.inner(MC), assume_a="pos"))
-    A, B = _joined(V.inner, C, A, B, stiffness, mass)
+    A, B = _extended(V.inner, C, A, B, stiffness, mass)
     scale = 1 / np.sqrt(B.diagonal()[m:])
     squared, U = la.eigh(B[m:, m:] * np.outer(scale, scale))
     new = squared > _NEW
@@ -180,15 +169,15 @@ def _widened(
     return np.asarray((Z[m:, m:].T @ C.T).T), Z.T @ A @ Z, Z.T @ B @ Z
 
 
-def _joined(
+def _extended(
     across: Operator,
-    C: NDArray[np.float64],
-    A: NDArray[np.float64],
-    B: NDArray[np.float64],
+    C: Array,
+    A: Array,
+    B: Array,
     stiffness: Operator,
     mass: Operator,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Gram matrices of a space and of what joins it, whose inner products with it are ``across``."""
+) -> tuple[Array, Array]:
+    """Gram matrices of a space extended by vectors C; ``across`` gives inner products with the space."""
     grown = []
     for G, product in ((A, stiffness), (B, mass)):
         P = product(C)

@@ -1,4 +1,4 @@
-"""Modes about a shift: block Lanczos on (K - sigma M)^-1 M, until as many as were counted have converged."""
+"""Modes about a shift: block Lanczos on (K - sigma M)^-1 M until all counted modes have converged."""
 
 from __future__ import annotations
 
@@ -12,43 +12,44 @@ from cmsreduce.linalg.eigen.inverse_iteration import ShiftedModes, polished
 
 __all__ = ["CONVERGED", "Window", "modes_about"]
 
+Array = NDArray[np.float64]
+
 CONVERGED = 1e-9
-"""Residual of a Ritz value that is an eigenvalue, relative to it: a frequency is then right to half of that, and the
-subspace of all modes to about ten times as much, whatever the order of the rows."""
-# Columns of a block. More find as much in fewer solves, but of more columns in all: from 8 to 24 a search takes as long
-# where a solve costs by the column, and 8 the least where it costs what reading the factor does.
+"""Relative residual at which a Ritz value is an eigenvalue. The relative error of a frequency is then half of this, and
+the error of the subspace of all modes about ten times as much, for any order of the rows."""
+# Columns of a block. Larger blocks need fewer solves but more columns in all. Blocks of 8 to 24 take equal time where
+# the cost of a solve is proportional to its columns; 8 is the fastest where reading the factor dominates.
 _BLOCK = 8
-# Columns of the basis: twice the modes that are sought and so many blocks; a third of it again after every restart.
+# The basis has twice as many columns as modes are sought, and this many blocks more.
 _BLOCKS = 14
-# Blocks after which a Lanczos run is given up, for each block of modes that are sought.
+# Blocks for each block of modes sought, after which a Lanczos run is given up.
 _PATIENCE = 40
-# Operations of a look at the Ritz values of a basis, over its third power (all eigenvectors of a symmetric matrix), and
-# of a step, over its entries and the columns of a block (two products with the basis to orthogonalise, two more for the
-# part that is missed). A basis is looked at again when the steps since have cost as much as the look, or when it has
-# grown by such a share; and not before it has grown by so many columns for every mode that is missing: where 50 and 252
-# modes were sought, no block settled more than 1.4 of them a column.
-_OF_A_LOOK, _OF_A_STEP, _LOOK, _COLUMNS_PER_MODE = 9.0, 8.0, 0.1, 0.5
-# An eigenvalue this close to the shift, relative to it, takes so many digits of all others.
+# Ritz values of a basis (n, m) cost _RITZ_COST m^3, a step _STEP_COST n m for each column (two products with the basis,
+# and two more for the second pass). They are computed again when the steps since then have cost as much, or when the
+# basis has grown by _GROWTH. The basis first grows by _COLUMNS_PER_MODE for each missing mode: with 50 and 252 modes
+# sought, no more than 1.4 modes settled per column.
+_RITZ_COST, _STEP_COST, _GROWTH, _COLUMNS_PER_MODE = 9.0, 8.0, 0.1, 0.5
+# An eigenvalue this close to the shift, relative to it, costs all others about five digits.
 _NEAR = 1e-5
-# Ritz vectors beyond those sought that outlive a restart where a run has found nothing; doubled until it does.
+# Additional Ritz vectors that a restart keeps after a run without result; doubled until a run finds modes.
 _LEAST_SPARE, _MOST_SPARE = 64, 512
 
 
 class Window(NamedTuple):
-    """What is sought about a shift, in squared frequencies.
+    """Modes sought about a shift, in squared frequencies.
 
     Parameters
     ----------
     sigma : float
         The shift.
     low, high : float
-        Where the search ends, below and above the shift.
+        Ends of the search below and above the shift.
     below : int
-        Modes between ``low`` and the shift: all of them are sought.
+        Number of modes between ``low`` and the shift; all of them are sought.
     above : int
-        Modes between the shift and ``high``, which are sought as long as there are not enough.
+        Number of modes between the shift and ``high``.
     enough : int
-        Modes, on both sides, after which the search may end.
+        Number of modes, on both sides together, after which the search may end.
     """
 
     sigma: float
@@ -63,11 +64,11 @@ def modes_about(
     window: Window,
     solve: Operator,
     mass: Operator,
-    deflated: NDArray[np.float64],
-    start: NDArray[np.float64] | None = None,
+    deflated: Array,
+    start: Array | None = None,
     tolerance: float = CONVERGED,
 ) -> ShiftedModes | None:
-    """Modes nearest to a shift: all counted below it, and those above it up to the first that did not converge.
+    """Modes nearest to a shift: all counted below it, and those above it up to the first that has not converged.
 
     Parameters
     ----------
@@ -77,30 +78,30 @@ def modes_about(
     mass : callable
         Product with M.
     deflated : (n, d) float64
-        Modes that are known, orthonormal in M: rigid ones, and those of a neighbouring window.
+        Known modes, orthonormal in M: rigid ones, and those of a neighbouring window.
     start : (n, s) float64, optional
         Static shapes from which the search starts.
     tolerance : float
-        A Ritz value is an eigenvalue when its residual is below this share of it.
+        Relative residual at which a Ritz value is an eigenvalue.
 
     Returns
     -------
     ShiftedModes or None
-        None if an eigenvalue is so near to the shift that it spoils the others.
+        None if an eigenvalue is so near to the shift that the others lose their digits.
     """
-    found: list[NDArray[np.float64]] = []
+    found: list[Array] = []
     theta, missing, complete, spare = np.empty(0), window, False, 0
     while not complete:
         run = _run(missing, spare, solve, mass, np.hstack([deflated, *found]), start, tolerance)
         if run is None:
             return None
-        # Copies of a repeated mode, beyond one for each column of a block, show once those found are deflated.
+        # One run finds one copy of a repeated mode for each column of a block. The next run finds further copies.
         X, new, complete = run
         found, theta, start = [*found, X], np.concatenate([theta, new]), None
         if not new.size:
             if complete or spare >= _MOST_SPARE:
                 break
-            # Many copies of a mode that is not sought may crowd the others out of a basis.
+            # Many copies of a mode outside the window may fill the basis.
             spare = max(2 * spare, _LEAST_SPARE)
         low = int(np.count_nonzero(new < 0))
         high = new.size - low
@@ -114,7 +115,7 @@ def modes_about(
     X = found.pop() if len(found) == 1 else np.hstack(found)
     modes = polished(X, theta, window.sigma, solve, mass, deflated)
     if modes.bound.max() > tolerance:
-        # Where frequencies are far apart, rounding along the lowest is large beside the highest; not in the modes now.
+        # Between frequencies far apart, rounding along the lowest mode spoils the highest; a second pass removes it.
         modes = polished(modes.X, 1 / (modes.lam - window.sigma), window.sigma, solve, mass, deflated)
     return modes
 
@@ -124,11 +125,11 @@ def _run(
     spare: int,
     solve: Operator,
     mass: Operator,
-    deflated: NDArray[np.float64],
-    start: NDArray[np.float64] | None,
+    deflated: Array,
+    start: Array | None,
     tolerance: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], bool] | None:
-    """Modes (n, k) of a window that one Lanczos run sees, their Ritz values (k,), and whether they are all."""
+) -> tuple[Array, Array, bool] | None:
+    """Modes (n, k) of a window from one Lanczos run, their Ritz values (k,), and True if none is missing."""
     lanczos = BlockLanczos(
         solve,
         mass,
@@ -139,14 +140,14 @@ def _run(
         deflated=deflated,
         start=start,
     )
-    look = 0
+    due = 0
     for _ in range(_PATIENCE * (1 + window.enough // _BLOCK)):
         if lanczos.exhausted:
             break
         before = lanczos.m
         lanczos.step()
-        # A restart, which shrinks the basis, is looked at too.
-        if before < lanczos.m < look and not lanczos.exhausted:
+        # After a restart, which shrinks the basis, Ritz values are always computed.
+        if before < lanczos.m < due and not lanczos.exhausted:
             continue
         ritz = lanczos.ritz()
         if abs(ritz.theta[0]) * _NEAR * window.sigma > 1:
@@ -155,24 +156,23 @@ def _run(
         chosen, complete = _chosen(window, lam, settled)
         if complete or lanczos.exhausted or (chosen.size and _stuck(window, lam, settled)):
             return lanczos.vectors(ritz, chosen), ritz.theta[chosen], complete
-        look = lanczos.m + _unlooked(lanczos.m, deflated.shape[0], window.enough - chosen.size)
+        due = lanczos.m + _columns_until_due(lanczos.m, deflated.shape[0], window.enough - chosen.size)
     return np.empty((deflated.shape[0], 0)), np.empty(0), False
 
 
-def _unlooked(m: int, n: int, missing: int) -> int:
-    """Columns by which a basis (n, m) grows before its Ritz values are worth another look."""
-    paid = min(_OF_A_LOOK * m**3 / (_OF_A_STEP * n * m), _LOOK * m)
-    return int(max(paid, missing * _COLUMNS_PER_MODE))
+def _columns_until_due(m: int, n: int, missing: int) -> int:
+    """Columns by which a basis (n, m) grows before its Ritz values are computed again."""
+    return int(max(min(_RITZ_COST * m**3 / (_STEP_COST * n * m), _GROWTH * m), missing * _COLUMNS_PER_MODE))
 
 
-def _squared_frequencies(theta: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+def _squared_frequencies(theta: Array, sigma: float) -> Array:
     """Eigenvalues sigma + 1 / theta; infinite where theta vanishes."""
     far = theta == 0
     return np.where(far, np.inf, sigma + 1 / np.where(far, 1.0, theta))
 
 
-def _chosen(window: Window, lam: NDArray[np.float64], settled: NDArray[np.bool_]) -> tuple[NDArray[np.int64], bool]:
-    """Which of the Ritz values, nearest to the shift first, are modes of the window; whether they suffice."""
+def _chosen(window: Window, lam: Array, settled: NDArray[np.bool_]) -> tuple[NDArray[np.int64], bool]:
+    """Indices of the Ritz values that are modes of the window, nearest to the shift first; True if they suffice."""
     below = (lam > window.low) & (lam < window.sigma)
     above = (lam > window.sigma) & (lam <= window.high)
     outwards = above & np.logical_and.accumulate(settled | ~above)
@@ -183,9 +183,9 @@ def _chosen(window: Window, lam: NDArray[np.float64], settled: NDArray[np.bool_]
     return np.flatnonzero((below & settled) | outwards), complete
 
 
-def _stuck(window: Window, lam: NDArray[np.float64], settled: NDArray[np.bool_]) -> bool:
-    """Whether all that is in view, and one beyond, has converged while modes are missing."""
+def _stuck(window: Window, lam: Array, settled: NDArray[np.bool_]) -> bool:
+    """True if all Ritz values within the window, and the next one, have converged although modes are missing."""
     below = np.count_nonzero((lam > window.low) & (lam < window.sigma))
     radius = window.sigma - window.low if below < window.below else window.high - window.sigma
-    in_view = np.count_nonzero(abs(lam - window.sigma) <= radius)
-    return bool(settled[: in_view + 1].all())
+    inside = np.count_nonzero(abs(lam - window.sigma) <= radius)
+    return bool(settled[: inside + 1].all())

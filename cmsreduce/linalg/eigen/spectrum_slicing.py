@@ -1,6 +1,8 @@
-"""Sturm counts: how many modes lie below a frequency, from the inertia of one factorisation.
+"""Sturm counts and slices of the spectrum.
 
-Hundreds of modes, slice by slice: each slice has a shift and a factor of its own, and is counted before.
+A Sturm count is the number of modes below a frequency, read from the inertia of one factorisation. A search for
+hundreds of modes cuts the spectrum into slices. Each slice has its own shift and factor, and its modes are counted
+before they are computed.
 """
 
 from __future__ import annotations
@@ -15,23 +17,29 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import symmetric_product, times
 from cmsreduce.linalg.eigen.block_lanczos import Operator
-from cmsreduce.linalg.eigen.inverse_iteration import ShiftedModes, refined
+from cmsreduce.linalg.eigen.inverse_iteration import ShiftedModes, refined_orthonormal
 from cmsreduce.linalg.eigen.shift_invert import CONVERGED, Window, modes_about
 from cmsreduce.linalg.sparse import BLOCK, Factor, NotPositiveDefiniteError, factorise
 
-__all__ = [
-    "SLICED",
-    "STEPPED",
-    "counted_modes",
-    "shifted_factor",
-    "sturm_count",
-]
+__all__ = ["SLICED", "STEPPED", "counted_modes", "shifted_factor", "sturm_count"]
 
-# A count steps over a mode that it hits by up to this share of its squared frequency, so many times.
+Array = NDArray[np.float64]
+
+# A shift that hits an eigenvalue is raised by this share of itself, at most _STEPS times.
 _STEP = 1e-7
 _STEPS = 6
 STEPPED = _STEPS * _STEP
-"""How far above the frequency asked for a count may lie, relative to its square."""
+"""Largest relative distance of the shift of a count above the squared frequency asked for."""
+SLICED = 300
+"""Number of modes above which slices save time: without them the cost of a basis grows with the square of the modes."""
+# Modes of a slice, half of them below its shift: a factorisation then costs about as much as its solves.
+_SHARE = 100
+# A slice is cut again, at most _CUTS times, if this many times the planned number of modes lies below its shift.
+_CROWDED = 1.5
+_CUTS = 3
+# A shift too close to an eigenvalue is lowered by this share of itself, more each time.
+_ASIDE = 2e-4
+_TRIES = 5
 
 
 def sturm_count(K: sp.csc_array, M: sp.csc_array, omega: float) -> int:
@@ -53,7 +61,7 @@ def sturm_count(K: sp.csc_array, M: sp.csc_array, omega: float) -> int:
 
 
 def shifted_factor(K: sp.csc_array, M: sp.csc_array, sigma: float) -> tuple[float, Factor]:
-    """Factorise K - sigma M so that its inertia is known: a shift that hits an eigenvalue is stepped over by a hair.
+    """Factorise K - sigma M with known inertia, and raise a shift that hits an eigenvalue.
 
     Parameters
     ----------
@@ -65,13 +73,13 @@ def shifted_factor(K: sp.csc_array, M: sp.csc_array, sigma: float) -> tuple[floa
     Returns
     -------
     sigma : float
-        The shift that was taken, `STEPPED` of itself above the one asked for at most.
+        Shift used, at most `STEPPED` of itself above the one asked for.
     factor : Factor
 
     Raises
     ------
     MatrixError
-        If the factorisation needs pivots off the diagonal wherever it is tried.
+        If the factorisation needs pivots off the diagonal at every shift tried.
     """
     for attempt in range(_STEPS):
         stepped = sigma * (1 + attempt * _STEP)
@@ -87,20 +95,8 @@ def shifted_factor(K: sp.csc_array, M: sp.csc_array, sigma: float) -> tuple[floa
     )
 
 
-SLICED = 300
-"""Modes beyond which slices pay in time: without them the cost of a basis grows with the square of the modes."""
-# Modes of a slice, half of them below its shift: about where a factorisation costs what its solves do.
-_SHARE = 100
-# A slice with so many times the modes it should have below its shift is cut once more.
-_CROWDED = 1.5
-_CUTS = 3
-# A shift that an eigenvalue spoils is moved down by this share, further each time.
-_ASIDE = 2e-4
-_TRIES = 5
-
-
 class _Shift(NamedTuple):
-    """A shift, the solve with K - sigma M, and how many elastic modes lie below."""
+    """Shift, solve with K - sigma M, and number of elastic modes below the shift."""
 
     sigma: float
     solve: Operator
@@ -108,19 +104,19 @@ class _Shift(NamedTuple):
 
 
 class _Known:
-    """Modes that are found, in the order of their slices; room for them all is made once."""
+    """Modes found so far, slice by slice, in an array that has room for all of them."""
 
     def __init__(self, n: int, room: int) -> None:
-        # Pages that no mode has been written to take no memory.
+        # A page without modes takes no memory.
         self._Phi = np.empty((n, room), order="F")
         self.lam, self.bound, self.starts = np.empty(0), np.empty(0), [0]
 
     @property
-    def Phi(self) -> NDArray[np.float64]:
+    def Phi(self) -> Array:
         return self._Phi[:, : self.lam.size]
 
     def add(self, modes: ShiftedModes) -> None:
-        """Take the modes of another slice, the lowest if they are more than were counted."""
+        """Append the modes of a slice; drop the highest ones for which there is no room."""
         first = self.lam.size
         last = min(first + modes.lam.size, self._Phi.shape[1])
         self._Phi[:, first:last] = modes.X[:, : last - first]
@@ -131,10 +127,11 @@ class _Known:
     def below(self, sigma: float) -> int:
         return int(np.count_nonzero(self.lam < sigma))
 
-    def near(self, sigma: float, low: float) -> NDArray[np.float64]:
-        """Modes that a search about a shift would find again: those above the last shift, and as many below as disturb.
+    def near(self, sigma: float, low: float) -> Array:
+        """Modes that a search about a shift would find again.
 
-        What is sought lies no farther from the shift than twice the highest known mode; nearer ones would come first.
+        A mode sought is no farther from the shift than twice the highest known mode. Known modes that are nearer would
+        converge first.
         """
         farthest = min(low, sigma - 2 * (sigma - float(self.lam.max(initial=0.0))))
         return self.Phi[:, self.lam > farthest]
@@ -146,9 +143,9 @@ def counted_modes(
     omega: float,
     wanted: int,
     *,
-    rigid: NDArray[np.float64],
+    rigid: Array,
     solve: Operator,
-    start: NDArray[np.float64] | None = None,
+    start: Array | None = None,
     share: int | None = None,
     tolerance: float = CONVERGED,
 ) -> ShiftedModes:
@@ -165,13 +162,13 @@ def counted_modes(
     rigid : (n, r) float64
         Rigid-body modes, orthonormal in M.
     solve : callable
-        Solves K x = b (elastic flexibility for a free body): the shift of the lowest slice is zero.
+        Solves K x = b (elastic flexibility for a free body). The lowest slice has the shift zero and uses this solve.
     start : (n, s) float64, optional
         Static shapes from which the search starts.
     share : int, optional
-        Modes of a slice; up to `SLICED` modes are one slice if absent.
+        Modes of a slice. By default up to `SLICED` modes are one slice.
     tolerance : float
-        Residual of a Ritz value, relative to it, at which it is an eigenvalue.
+        Relative residual at which a Ritz value is an eigenvalue.
 
     Returns
     -------
@@ -184,30 +181,31 @@ def counted_modes(
 
     Notes
     -----
-    The modes between two shifts are as many as the inertias of the two factors differ by, so none is missed at the
-    edge of a slice; those found above a shift are deflated at the next one, so none is found twice. Source: Grimes,
-    Lewis and Simon, SIAM J. Matrix Anal. 15 (1994), 228-272.
+    The difference of the inertias at two shifts is the number of modes between them, so no mode at the edge of a slice
+    is missed. Modes found above a shift are deflated at the next one, so none is found twice. Source: Grimes, Lewis
+    and Simon, SIAM J. Matrix Anal. 15 (1994), 228-272.
     """
     mass, high = symmetric_product(M), omega**2 * (1 + STEPPED)
     share = share or (wanted if wanted <= SLICED else _SHARE)
-    shift, low = _Shift(0.0, solve, 0), 0.0
-    # What the counting steps over may be found beyond what was counted.
+    lowest = shift = _Shift(0.0, solve, 0)
+    low = 0.0
+    # The raised shift of a count may hide a few modes, which the search finds in addition.
     known = _Known(K.shape[0], wanted + BLOCK)
     part = wanted if wanted <= share else _part(wanted, share)
     for attempt in range(_TRIES * (1 + wanted // share)):
-        below, above = shift.below - known.below(shift.sigma), wanted - shift.below
-        above -= known.lam.size - known.below(shift.sigma)
+        known_below = known.below(shift.sigma)
+        below, above = shift.below - known_below, wanted - shift.below - (known.lam.size - known_below)
         if below < 0 or above < 0:
             raise MatrixError(
                 f"{shift.below} modes were counted below {sqrt(shift.sigma) / 2 / np.pi:.6g} Hz but more were found: "
-                "the matrices are too ill conditioned for their inertia to be read"
+                "the matrices are too ill conditioned for a count"
             )
         window = Window(shift.sigma, low, high, below, above, min(max(part, below), below + above))
         deflated = np.hstack([rigid, known.near(shift.sigma, low)])
         modes = modes_about(window, shift.solve, mass, deflated, start, tolerance)
         if modes is None:
-            # One factor is in memory at a time.
-            aside, shift = shift.sigma * (1 - _ASIDE * (1 + attempt)), _Shift(0.0, solve, 0)
+            # Releases the factor first: memory holds one at a time.
+            aside, shift = shift.sigma * (1 - _ASIDE * (1 + attempt)), lowest
             shift = _shift(K, M, aside, rigid.shape[1])
             continue
         if not modes.complete:
@@ -222,13 +220,13 @@ def counted_modes(
         del modes, deflated
         if known.lam.size >= wanted:
             return _joined(K, mass, known)
-        part, start, shift = _part(wanted - known.lam.size, share), None, _Shift(0.0, solve, 0)
+        part, start, shift = _part(wanted - known.lam.size, share), None, lowest
         shift = _next(K, M, known, low, (high, wanted), part, rigid.shape[1])
     raise MatrixError(f"{wanted} modes lie below {omega / 2 / np.pi:.6g} Hz but {known.lam.size} were found")
 
 
 def _part(modes: int, share: int) -> int:
-    """Modes of the next slice, where all slices are to have about as many."""
+    """Modes of the next slice, if the remaining slices are to have equal numbers."""
     return ceil(modes / ceil(modes / share))
 
 
@@ -247,38 +245,38 @@ def _next(
     rigid: int,
     cuts: int = _CUTS,
 ) -> _Shift:
-    """The shift of the next slice: half of its modes lie below, as far as the density of modes can be foreseen."""
+    """Shift of the next slice, placed so that about half of the modes of the slice lie below it."""
     inner = max(float(known.lam.max()), low), known.lam.size
-    sigma = _placed(inner, outer, inner[1] + part / 2)
+    sigma = _interpolated(inner, outer, inner[1] + part / 2)
     shift = _shift(K, M, sigma, rigid)
     if cuts and shift.below - known.below(shift.sigma) > _CROWDED * part:
         outer = shift.sigma, shift.below
-        # One factor is in memory at a time.
+        # Releases the factor first: memory holds one at a time.
         del shift
         return _next(K, M, known, low, outer, part, rigid, cuts - 1)
     return shift
 
 
-def _placed(inner: tuple[float, int], outer: tuple[float, int], count: float) -> float:
-    """Squared frequency below which so many modes lie, if their number grows by a power of it."""
+def _interpolated(inner: tuple[float, int], outer: tuple[float, int], count: float) -> float:
+    """Squared frequency below which ``count`` modes lie, if the count grows as a power of it."""
     power = log(outer[1] / inner[1]) / log(outer[0] / inner[0])
     return float(inner[0] * (count / inner[1]) ** (1 / power))
 
 
 def _joined(K: sp.csc_array, mass: Operator, known: _Known) -> ShiftedModes:
-    """Modes of all slices, made orthonormal as a whole by one Rayleigh-Ritz step; the array is overwritten."""
+    """Modes of all slices, made orthonormal together by a Rayleigh-Ritz step; overwrites the array of modes."""
     Phi, k = known.Phi, known.lam.size
     stiffness, gram = np.empty((k, k)), np.empty((k, k))
     for first in range(0, k, BLOCK):
         part = slice(first, min(first + BLOCK, k))
         gram[:, part], stiffness[:, part] = Phi.T @ mass(Phi[:, part]), Phi.T @ (K @ Phi[:, part])
     for first, last in zip(known.starts, known.starts[1:], strict=False):
-        # Within a slice they are modes already, more accurately than products with K can tell.
+        # The modes of a slice are more accurate among themselves than products with K.
         own = slice(first, last)
         stiffness[own, own], gram[own, own] = np.diag(known.lam[own]), np.eye(last - first)
     lam, Z = known.lam, np.eye(k)
     for _ in range(2):
-        lam, Z = refined(stiffness, gram, lam, Z)
+        lam, Z = refined_orthonormal(stiffness, gram, lam, Z)
     order = np.argsort(lam, kind="stable")
     times(Phi, Z[:, order])
     return ShiftedModes(lam[order], Phi, known.bound[np.argsort(known.lam, kind="stable")], True)

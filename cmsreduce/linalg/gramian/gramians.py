@@ -1,7 +1,7 @@
 """Gramians of a modal model in closed form, pair of modes by pair of modes: no Lyapunov solver.
 
-The states of mode i are w_i q_i and q_i', in which a lone, lightly damped mode is balanced but for a factor; of all
-modes the displacements come first: x = [w_1 q_1 .. w_e q_e, q_1' .. q_e'].
+The states of mode i are w_i q_i and q_i', in which a single lightly damped mode is balanced up to a factor. The
+displacement states come first: x = [w_1 q_1 .. w_e q_e, q_1' .. q_e'].
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ __all__ = ["Band", "band_shares", "check_damped", "controllability", "observabil
 
 Array = NDArray[np.float64]
 Band = tuple[float, float]
-"""Lower and upper end in rad/s; the upper one may be infinite."""
+"""Lower and upper end of a frequency band in rad/s; the upper one may be infinite."""
 
 
 def check_damped(channels: ModalChannels, what: str) -> None:
-    """Refuse modes without damping, whose Gramians are infinite.
+    """Refuse modes without damping, since their Gramians are infinite.
 
     Parameters
     ----------
     channels : ModalChannels
         The modes.
     what : str
-        What needs damping, as the subject of a sentence.
+        Name of the quantity that needs damping, for the message.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def state_space(channels: ModalChannels, *, summed: bool = False) -> tuple[Array
     channels : ModalChannels
         e modes.
     summed : bool
-        Whether row k of C1 and row k of C2 are one output, their sum; otherwise each row is an output by itself.
+        True if output k is the sum of row k of C1 and row k of C2; otherwise each row is an output of its own.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def controllability(channels: ModalChannels, band: Band | None = None) -> Array:
     Returns
     -------
     (2e, 2e) float64
-        Every entry to a few roundings of itself; with a band, of its unlimited value.
+        Each entry is accurate to a few roundings of itself; with a band, of its value without the band.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def controllability(channels: ModalChannels, band: Band | None = None) -> Array:
     -----
     With d = 2 zeta w, D = w_i^2 - w_j^2, s = d_i + d_j and Delta = D^2 + s (d_j w_i^2 + d_i w_j^2), the four entries of
     modes i and j are b_i b_j^T / Delta times w_i w_j s, w_i D, -w_j D and d_j w_i^2 + d_i w_j^2.
-    Source: the Lyapunov equation solved by hand for each pair; for the limited one Gawronski and Juang (1990).
+    Source: closed solution of the Lyapunov equation for each pair; with a band, Gawronski and Juang (1990).
     """
     check_damped(channels, "a Gramian")
     pair = _Pairs.of(channels)
@@ -109,7 +109,7 @@ def observability(channels: ModalChannels, band: Band | None = None, *, summed: 
     channels, band
         As in `controllability`.
     summed : bool
-        As in `state_space`; an output that is a sum has cross terms of displacement and rate.
+        As in `state_space`; a summed output has cross terms of displacement and rate.
 
     Returns
     -------
@@ -143,7 +143,7 @@ def observability(channels: ModalChannels, band: Band | None = None, *, summed: 
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """What all entries of a pair of modes are made of; columns for i, rows for j."""
+    """Terms that the entries of a pair of modes share; columns for i, rows for j."""
 
     wi: Array
     wj: Array
@@ -158,7 +158,7 @@ class _Pairs:
     def of(cls, channels: ModalChannels) -> _Pairs:
         w, d = channels.omega, 2 * channels.zeta * channels.omega
         wi, wj, di, dj = w[:, None], w[None, :], d[:, None], d[None, :]
-        # Factored, so that close frequencies lose no digits.
+        # The factored form keeps the digits of close frequencies.
         D = (wi - wj) * (wi + wj)
         s, E = di + dj, dj * wi**2 + di * wj**2
         return cls(wi, wj, di, dj, s, D, E, D**2 + s * E)
@@ -177,17 +177,17 @@ def band_shares(omega: Array, zeta: Array, band: Band) -> tuple[Array, Array, Ar
     Returns
     -------
     s11, s12, s21, s22 : (..., e) float64
-        S W + W S^T is the part of a Gramian W that the band makes.
+        S W + W S^T is the part of a Gramian W due to the band.
     """
     low, high = (_integral(omega, zeta, end) for end in band)
     return tuple(b - a for a, b in zip(low, high, strict=True))  # type: ignore[return-value]
 
 
 def _integral(w: Array, zeta: Array, end: float) -> tuple[Array, Array, Array, Array]:
-    """The same from -end to end: a I + b A_i for each mode, of its two eigenvalues' arctan(end / -lambda) / pi."""
+    """Diagonals of S for the band from -end to end: a I + b A_i of each mode, from arctan(end / -lambda) / pi."""
     if np.isinf(end):
         return np.full(w.shape, 0.5), np.zeros(w.shape), np.zeros(w.shape), np.full(w.shape, 0.5)
-    # Half the distance of the eigenvalues: along the imaginary axis below critical damping, the real one above.
+    # Half the distance of the two eigenvalues, along the imaginary axis below critical damping and the real one above.
     apart = w * np.sqrt(abs(1 - zeta**2))
     under = zeta < 1
     near = (end - np.where(under, apart, 0.0)) ** 2 + (zeta * w) ** 2

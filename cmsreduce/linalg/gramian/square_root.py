@@ -1,4 +1,4 @@
-"""Square-root factors of Gramians, and what follows from them: Hankel singular values and balanced states."""
+"""Square-root factors of Gramians, Hankel singular values and balanced states."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ __all__ = ["Balancing", "balancing", "hankel_norm", "hankel_singular_values", "s
 Array = NDArray[np.float64]
 
 _DOUBLE = 2.0**-53
-# Largest matrix whose norm is taken from all its singular values; beyond, iteration for one of them is quicker.
+# Up to this size the norm of a matrix comes from all its singular values; above, iteration for the largest is quicker.
 _SMALL = 300
-# A ranking shows four digits.
+# Relative accuracy of a norm; a ranking shows four digits.
 _NORM = 1e-6
 
 
-def semidefinite_root(W: NDArray[np.float64]) -> Array:
+def semidefinite_root(W: Array) -> Array:
     """Factor a positive semi-definite matrix.
 
-    Rows are scaled to a unit diagonal first, so that weak states keep their digits beside strong ones, and Cholesky's
-    method takes the largest pivot at each step and stops where only rounding is left.
+    Rows are scaled to a unit diagonal first, so that weak states keep their digits beside strong ones. Cholesky's
+    method takes the largest pivot at each step and stops when only rounding is left.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def semidefinite_root(W: NDArray[np.float64]) -> Array:
     Returns
     -------
     (n, r) float64
-        L with W = L L^T, r its numerical rank.
+        L with W = L L^T; r is the numerical rank.
 
     Examples
     --------
@@ -44,28 +44,28 @@ def semidefinite_root(W: NDArray[np.float64]) -> Array:
     [2.0, 1.0]
     """
     size = np.sqrt(np.maximum(W.diagonal(), 0.0))
-    heard = np.flatnonzero(size > 0)
-    if heard.size == 0:
+    active = np.flatnonzero(size > 0)
+    if active.size == 0:
         return np.zeros((W.shape[0], 0))
-    scaled = W[np.ix_(heard, heard)] / np.outer(size[heard], size[heard])
-    factor, pivot, rank, _ = la.lapack.dpstrf(scaled, tol=heard.size * _DOUBLE, lower=1)
+    scaled = W[np.ix_(active, active)] / np.outer(size[active], size[active])
+    factor, pivot, rank, _ = la.lapack.dpstrf(scaled, tol=active.size * _DOUBLE, lower=1)
     L = np.zeros((W.shape[0], rank))
-    L[heard[pivot - 1]] = np.tril(factor)[:, :rank]
+    L[active[pivot - 1]] = np.tril(factor)[:, :rank]
     return np.asarray(size[:, None] * L)
 
 
-def hankel_singular_values(Lc: NDArray[np.float64], Lo: NDArray[np.float64]) -> Array:
+def hankel_singular_values(Lc: Array, Lo: Array) -> Array:
     """Hankel singular values from the square-root factors of both Gramians, largest first.
 
     Parameters
     ----------
     Lc, Lo : (n, r), (n, s) float64
-        Of the controllability and the observability Gramian.
+        Factors of the controllability and the observability Gramian.
 
     Returns
     -------
     (n,) float64
-        Zeros after the ranks of the factors.
+        Zeros beyond the rank.
     """
     values = np.zeros(Lc.shape[0])
     if Lc.shape[1] and Lo.shape[1]:
@@ -74,10 +74,10 @@ def hankel_singular_values(Lc: NDArray[np.float64], Lo: NDArray[np.float64]) -> 
     return values
 
 
-def hankel_norm(Lc: NDArray[np.float64], Lo: NDArray[np.float64]) -> float:
+def hankel_norm(Lc: Array, Lo: Array) -> float:
     """Largest Hankel singular value from the square-root factors of both Gramians (n, r), (n, s).
 
-    Some rows of the factors are factors of the Gramians' blocks at these states.
+    The norm of some states alone needs only their rows of both factors.
     """
     product = Lo.T @ Lc
     if 0 in product.shape:
@@ -97,7 +97,7 @@ class Balancing:
     right, left : (n, k) float64
         left^T right is the identity.
     sigma : (k,) float64
-        Hankel singular values, largest first; k of them are more than rounding.
+        The k Hankel singular values that exceed rounding, largest first.
     """
 
     right: Array
@@ -105,7 +105,7 @@ class Balancing:
     sigma: Array
 
 
-def balancing(Lc: NDArray[np.float64], Lo: NDArray[np.float64]) -> Balancing:
+def balancing(Lc: Array, Lo: Array) -> Balancing:
     """Balance a model by the square-root method.
 
     Parameters
@@ -115,8 +115,8 @@ def balancing(Lc: NDArray[np.float64], Lo: NDArray[np.float64]) -> Balancing:
 
     Notes
     -----
-    Source: Laub, Heath, Paige and Ward (1987), in the form of Tombs and Postlethwaite (1987), which needs no minimal
-    model: states that rounding hides are left out.
+    Source: Laub, Heath, Paige and Ward (1987), in the form of Tombs and Postlethwaite (1987), which accepts models that
+    are not minimal. States below rounding are left out.
     """
     if not (Lc.shape[1] and Lo.shape[1]):
         none = np.zeros((Lc.shape[0], 0))

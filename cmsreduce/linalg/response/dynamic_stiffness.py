@@ -14,7 +14,7 @@ from cmsreduce.errors import MatrixError
 
 __all__ = ["DynamicStiffness", "ResonanceError"]
 
-# Symmetric matrices factorise in their own order; a pivot ten times its diagonal entry still goes before it.
+# Symmetric ordering; a diagonal pivot is used unless another entry is ten times as large.
 _SYMMETRIC: dict[str, Any] = {
     "permc_spec": "MMD_AT_PLUS_A",
     "diag_pivot_thresh": 0.1,
@@ -23,7 +23,7 @@ _SYMMETRIC: dict[str, Any] = {
 
 
 class ResonanceError(MatrixError):
-    """A frequency at which nothing bounds the response; ``omega`` is it, in rad/s."""
+    """The response is infinite at the frequency ``omega`` in rad/s."""
 
     def __init__(self, omega: float) -> None:
         super().__init__(f"the response is infinite at {omega / 2 / np.pi:.6g} Hz")
@@ -53,7 +53,7 @@ class DynamicStiffness:
         return int(self.K.shape[0])
 
     def at(self, omega: float) -> sp.csc_array:
-        """The matrix at a frequency in rad/s, (n, n) complex."""
+        """Matrix at a frequency in rad/s, (n, n) complex."""
         Z = self.K - omega**2 * self.M + 0j * self.K
         if self.D is not None:
             Z = Z + 1j * omega * self.D
@@ -62,7 +62,7 @@ class DynamicStiffness:
         return sp.csc_array(Z)
 
     def flexibility(self, load: NDArray[np.float64], omega: float) -> NDArray[np.complex128]:
-        """Solve at one frequency: load^T Z^-1 load.
+        """Dynamic flexibility load^T Z^-1 load by a solve at one frequency.
 
         Parameters
         ----------

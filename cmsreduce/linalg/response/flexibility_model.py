@@ -1,13 +1,13 @@
-"""A small model that gives the dynamic flexibility of a sparse body at any number of frequencies, with its error.
+"""A small model of the dynamic flexibility of a sparse body at any number of frequencies, with an error bound.
 
-Over real shapes V the Galerkin model of Y = F^T Z^-1 F, Z symmetric, errs by exactly r^T Z^-1 r, where r = F - Z V y is
-what the model leaves of the load. With all modes below w_c among the shapes r has no part in them, and on what is left
-K - w^2 M is at least (1 - w^2/w_c^2) K, so that
+The Galerkin model of Y = F^T Z^-1 F, with real shapes V and symmetric Z, has the error r^T Z^-1 r exactly, where
+r = F - Z V y is the residual of the loads. If all modes below w_c are among the shapes, r has no part along them. On
+the rest K - w^2 M is at least (1 - w^2/w_c^2) K, so that
 
-    |error_ab| <= |r_a| |r_b| / (1 - w^2/w_c^2),   |r|^2 = r^H K^-1 r,
+    |error_ab| <= |r_a| |r_b| / (1 - w^2/w_c^2),   |r|^2 = r^H K^-1 r.
 
-resonances between the frequencies looked at included. This is a bound for damping that does not couple the modes, for
-other damping it leaves out how the coupling is returned through the modes, which is of the order of the damping.
+This holds at resonances between the sampled frequencies too. It is a bound for damping that does not couple the modes.
+For other damping it neglects the coupling through the modes, which is of the order of the damping.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ __all__ = ["Evaluation", "FlexibilityModel", "Residual", "frequency_blocks"]
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# Where modes cancel, a receptance is measured by this share of what they add up to without their signs: an
-# antiresonance deeper than this is no size to measure an error by.
+# The size of a receptance is at least this share of the sum of its absolute modal terms, so that the error is not
+# measured relative to a deep antiresonance.
 _ANTIRESONANCE = 1e-3
-# A mode without damping nearer to the frequency than this, relative: rounding of K alone decides what its response is.
+# If an undamped mode is nearer to the frequency than this, relative to it, the rounding of K determines the response.
 _HIT = 1e-10
-# Memory of the amplitudes of one block of frequencies.
+# Memory of the amplitudes of one block of frequencies, in bytes.
 _BLOCK_BYTES = 2**26
 
 
 def frequency_blocks(count: int, bytes_each: int, limit: int = _BLOCK_BYTES) -> Iterator[slice]:
-    """Runs of ``count`` frequencies, as many in each as the memory limit allows and never less than one.
+    """Slices of ``count`` frequencies, each as long as the memory limit allows and never empty.
 
     >>> [(part.start, part.stop) for part in frequency_blocks(5, 8, 16)]
     [(0, 2), (2, 4), (4, 6)]
@@ -46,14 +46,14 @@ def frequency_blocks(count: int, bytes_each: int, limit: int = _BLOCK_BYTES) -> 
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """What the model leaves of the loads, in q coordinates whose length is the norm of K^-1.
+    """Residual of the loads, in q coordinates whose Euclidean norm is the norm in K^-1.
 
     Parameters
     ----------
     load : (q, p) float64
-        Of the loads themselves.
+        Coordinates of the loads.
     mass, loss, drag : (q, k) float64
-        Of w^2 M, -i loss and -i w D on the shapes.
+        Coordinates of w^2 M, -i loss and -i w D times the shapes, without these factors.
     """
 
     load: Real
@@ -74,16 +74,16 @@ class Residual:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The model at some frequencies.
+    """Results of the model at some frequencies.
 
     Parameters
     ----------
     Y : (f, p, p) complex128
         Dynamic flexibility.
     error : (f,) float64
-        Bound of the largest |error_ab| / sqrt(size_a size_b).
+        Upper bound of |error_ab| / sqrt(size_a size_b).
     size : (f, p) float64
-        |Y_aa|, or a thousandth of what the modes add up to in it without cancelling, whichever is larger.
+        |Y_aa|, or a thousandth of the sum of its absolute modal terms, whichever is larger.
     residual : (f, q, p) complex128
         Residuals of the loads.
     """
@@ -105,9 +105,9 @@ class FlexibilityModel:
     stiffness, mass : (k,) float64
         Diagonals.
     drag, loss : (k,) or (k, k) float64
-        Viscous damping and loss, diagonals where nothing lies beside them.
+        Viscous damping and loss; the diagonals only if the matrices are diagonal.
     residual : Residual
-        What the model leaves of the loads.
+        Residual of the loads.
     ceiling : float
         Frequency in rad/s up to which every mode is among the shapes.
     """
@@ -127,18 +127,18 @@ class FlexibilityModel:
 
     @property
     def bytes_each(self) -> int:
-        """Memory that one frequency takes while it is evaluated."""
+        """Memory in bytes of the evaluation at one frequency."""
         p, q = self.load.shape[1], self.residual.load.shape[0]
         full = self.k if self.coupled else 0
         return int(16 * (self.k * (full + p) + 2 * q * p + p * p))
 
     def __call__(self, omega: Real) -> Evaluation:
-        """Evaluate at frequencies in rad/s, all at once; ``frequency_blocks(.., bytes_each)`` bounds the memory.
+        """Evaluate at frequencies in rad/s, all at once; `frequency_blocks` with ``bytes_each`` limits the memory.
 
         Raises
         ------
         ResonanceError
-            At a resonance of a mode without damping.
+            At a resonance of an undamped mode.
         """
         y = self.amplitudes(omega)
         Y = _times(self.load.T, y)
@@ -151,7 +151,7 @@ class FlexibilityModel:
 
     @property
     def coupled(self) -> bool:
-        """Whether damping couples the shapes."""
+        """True if damping couples the shapes."""
         return self.drag.ndim == 2 or self.loss.ndim == 2
 
     def amplitudes(self, omega: Real) -> Complex:
@@ -168,17 +168,17 @@ class FlexibilityModel:
         return np.asarray(np.linalg.solve(Z, F), dtype=np.complex128)
 
     def detuning(self, omega: Real) -> Real:
-        """Distance to the nearest resonance (f,): the least that stiffness and inertia leave of a shape's stiffness."""
+        """Distance to the nearest resonance (f,): least |1 - w^2 m| of the shapes, which have unit stiffness."""
         elastic = self.stiffness > 0
         return np.asarray(abs(1 - omega[:, None] ** 2 * self.mass[elastic]).min(axis=1, initial=1.0))
 
     def amplification(self, omega: Real) -> Real:
-        """Largest response of what is above the ceiling, over its static one; infinite from the ceiling on."""
+        """Largest ratio of dynamic to static response of modes above the ceiling; infinite from the ceiling on."""
         below = np.maximum(1 - (omega / self.ceiling) ** 2, 0.0)
         return np.asarray(np.divide(1.0, below, out=np.full(omega.shape, np.inf), where=below > 0))
 
     def hits(self, omega: Real) -> NDArray[np.bool_]:
-        """Which frequencies hit a mode without damping."""
+        """True for frequencies that hit an undamped mode (f,)."""
         size = self.stiffness + omega[:, None] ** 2 * self.mass
         return np.asarray((abs(self._diagonal(omega)) <= _HIT * size).any(axis=1))
 
@@ -193,5 +193,5 @@ def _full(A: Real) -> Real:
 
 
 def _times(A: Real, y: Complex) -> Complex:
-    """A @ y[f] of a real matrix, without the complex arithmetic."""
+    """A @ y[f] of a real matrix in real arithmetic."""
     return np.asarray((A @ np.ascontiguousarray(y).view(np.float64)).view(np.complex128))

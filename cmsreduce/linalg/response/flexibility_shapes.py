@@ -1,9 +1,8 @@
-"""Shapes of a flexibility model, and what the body answers outside of them.
+"""Flexibility models whose shapes are the modes below a frequency and responses to the residuals of the model.
 
-Shapes for a flexibility model: the modes below a frequency, then what its own residuals ask for.
-
-A block Krylov method deflated by the modes: one real factor of K turns the residuals of many frequencies into shapes,
-of which as many are taken as carry a residual that counts. Real arithmetic, no factorisation at any frequency.
+The method is a block Krylov method deflated by the modes. One real factor of K turns the residuals of many frequencies
+into shapes, and the shapes that carry a significant residual are added. The arithmetic is real, and no frequency needs
+a factorisation.
 """
 
 from __future__ import annotations
@@ -26,38 +25,129 @@ __all__ = [
     "adaptive_flexibility",
 ]
 
-# A column of which no more than this is left outside the shapes is one of them.
-_DEPENDENT = 1e-10
-# Damping is diagonal in the shapes if nothing beside the diagonal is more than this of what lies on it.
-_DIAGONAL = 1e-9
-
 Real = NDArray[np.float64]
+
+RESPONSE_TOLERANCE = 1e-6
+"""Largest error of a receptance, relative to the driving-point receptances of its two ends (``Evaluation.size``)."""
+# Modes are computed to this many times the highest frequency. The modes above then respond at most
+# 1/(1 - 1/1.25^2) = 2.8 times as much as statically.
+_BEYOND = 1.25
+# Shapes are added until the bound is this share of the tolerance at the sampled frequencies, so that it holds between.
+_SHARE = 0.1
+# Number of sampled frequencies, and number of sampled resonances.
+_SAMPLES = 150
+# Rounds of shapes; each reduces the error of modes far above the band by a large factor. Four or five rounds are usual.
+_ROUNDS = 12
+# Residual directions that carry less than this share of the allowed error are left out.
+_SIGNIFICANT = 0.1
+# More shapes than this share of the dofs save no time.
+_MOST = 0.5
+# A frequency is clear of resonances if 1 - w^2/w_i^2 of every mode exceeds this. Nearer to an undamped resonance the
+# rounding of the matrices dominates a comparison.
+_CLEAR = 1e-3
+# A column depends on the shapes if no more than this share of its length lies outside them.
+_DEPENDENT = 1e-10
+# Damping is diagonal in the shapes if no other entry exceeds this share of the diagonal ones.
+_DIAGONAL = 1e-9
 
 _LOAD, _MASS, _LOSS, _DRAG = range(4)
 
 
-class FlexibilityShapes:
-    """Elastic shapes V with V^T K V = 1, and what K^-1 makes of the loads and of M V, loss V, D V outside of them.
+class UnconfirmedError(MatrixError):
+    """The measured error of a model exceeds the tolerance although its bound does not."""
+
+
+def adaptive_flexibility(
+    Z: DynamicStiffness,
+    load: Real,
+    omega: Real,
+    *,
+    rigid: Real,
+    braked: bool = False,
+    rounding: float = 2.0**-53,
+    tolerance: float = RESPONSE_TOLERANCE,
+) -> FlexibilityModel:
+    """Build a flexibility model that is accurate at given frequencies; its own bound shows the accuracy between them.
 
     Parameters
     ----------
     Z : DynamicStiffness
-        Matrices.
+        Dynamic stiffness with positive semidefinite stiffness, damping and loss.
+    load : (n, p) float64
+        Loads, self-balanced unless rigid motion is ``braked``.
+    omega : (f,) float64
+        Circular frequencies in rad/s.
+    rigid : (n, r) float64
+        Rigid-body modes, in any scaling.
+    braked : bool
+        True if D acts on rigid motion, which is then a part of the response.
+    rounding : float
+        Relative rounding of the entries of K and M.
+    tolerance : float
+        Largest error, relative to ``Evaluation.size``.
+
+    Returns
+    -------
+    FlexibilityModel
+        Best model found; its error bound may exceed the tolerance at some frequencies.
+
+    Raises
+    ------
+    MatrixError
+        If stiffness is not definite on elastic motion, or its modes do not converge.
+    UnconfirmedError
+        If the error of the model, measured at two frequencies, exceeds the tolerance.
+
+    Notes
+    -----
+    The model is confirmed at two frequencies: by a solve of the body or, if damping does not couple the modes, so that
+    the bound is strict, by the error r^T (K - w^2 M)^-1 r from the residual r of the body's own matrices.
+
+    Source: Galerkin models from residuals, Hetmaniuk, Tezaur and Farhat, Int. J. Numer. Meth. Engng 90 (2012),
+    1636-1662; deflation by modes and correction by static solves, MacNeal, Computers & Structures 1 (1971), 581-601.
+    """
+    if rigid.shape[1]:
+        L = la.cholesky(rigid.T @ (Z.M @ rigid), lower=True)
+        rigid = la.solve_triangular(L, rigid.T, lower=True).T
+    flexibility: Solve = ElasticFlexibility(Z.K, Z.M, rigid) if rigid.shape[1] else factorise(Z.K)
+    ceiling = _BEYOND * float(omega.max())
+    w, Phi = modes_below(Z.K, Z.M, ceiling, rigid=rigid, solve=flexibility, rounding=rounding)
+    shapes = FlexibilityShapes(Z, load, flexibility, rigid if braked else rigid[:, :0])
+    shapes.add(Phi)
+    grid = _sampled(omega, w)
+    model = shapes.model(ceiling)
+    for _ in range(_ROUNDS):
+        directions = _significant(model, grid, _SHARE * tolerance)
+        if not directions.shape[1] or shapes.basis.shape[1] + directions.shape[1] > _MOST * Z.n:
+            break
+        shapes.add(shapes.toward(directions))
+        model = shapes.model(ceiling)
+    _confirm(Z, load, shapes, model, omega, tolerance)
+    return model
+
+
+class FlexibilityShapes:
+    """Elastic shapes V with V^T K V = 1, and the parts of K^-1 times loads, M V, loss V and D V outside them.
+
+    Parameters
+    ----------
+    Z : DynamicStiffness
+        Dynamic stiffness of the body.
     load : (n, p) float64
         Loads.
     flexibility : Solve
-        Elastic displacement under loads, M-orthogonal to the rigid modes: K^-1 where there are none.
+        Elastic displacement under loads, M-orthogonal to the rigid modes; K^-1 for a held body.
     braked : (n, b) float64
-        Rigid motions, orthonormal in M, that damping acts on; they are shapes too, the first ones.
+        Rigid motions, orthonormal in M, on which damping acts; they are the first shapes.
     """
 
     def __init__(self, Z: DynamicStiffness, load: Real, flexibility: Solve, braked: Real) -> None:
         self.Z, self.load, self.flexibility = Z, load, flexibility
         self.rigid_count = braked.shape[1]
-        self.every = braked
+        self.basis = braked
         self._matrices = {_MASS: Z.M, _LOSS: Z.loss, _DRAG: Z.D}
         self._small = {origin: np.zeros((0, 0)) for origin in self._matrices}
-        # Columns outside the shapes: the matrix each comes from, the load or shape, and its length before.
+        # Parts outside the shapes, with the matrix and the load or shape of each, and its length with the part inside.
         self._columns = load[:, :0]
         self._origin, self._index, self._length = np.empty(0, int), np.empty(0, int), np.empty(0)
         self._put_outside(load, _LOAD, 0)
@@ -66,19 +156,19 @@ class FlexibilityShapes:
 
     @property
     def elastic(self) -> Real:
-        """The elastic shapes V (n, k - b)."""
-        return self.every[:, self.rigid_count :]
+        """Elastic shapes V (n, k - b)."""
+        return self.basis[:, self.rigid_count :]
 
     def add(self, X: Real) -> None:
-        """Take in what some elastic motions (n, c) add to the shapes."""
-        new, before = self._independent(X), self.every
-        self.every = np.hstack([before, new])
+        """Add the independent parts of elastic motions (n, c) to the shapes."""
+        new, before = self._independent(X), self.basis
+        self.basis = np.hstack([before, new])
         self._columns = self._columns - new @ ((self.Z.K @ new).T @ self._columns)
         self._multiply(new, before)
         self._settle()
 
     def model(self, ceiling: float) -> FlexibilityModel:
-        """The Galerkin model, over the shapes turned so that mass is diagonal; see ``turn``.
+        """Galerkin model over combinations of the shapes in which stiffness and mass are diagonal; see ``turn``.
 
         Parameters
         ----------
@@ -94,7 +184,7 @@ class FlexibilityShapes:
             parts.append(part if origin == _LOAD else part @ T)
         mass = np.einsum("ij,ij->j", T, self._small[_MASS] @ T)
         return FlexibilityModel(
-            load=T.T @ (self.every.T @ self.load),
+            load=T.T @ (self.basis.T @ self.load),
             stiffness=np.repeat([0.0, 1.0], [b, T.shape[0] - b]),
             mass=np.maximum(mass, 0.0),
             drag=_diagonal(T.T @ self._small[_DRAG] @ T),
@@ -111,7 +201,7 @@ class FlexibilityShapes:
         return np.asarray(la.block_diag(np.eye(b), la.eigh(mass)[1] if mass.size else mass))
 
     def toward(self, directions: Real) -> Real:
-        """Motions (n, d) from directions (q, d) of the model's residuals."""
+        """Motions (n, d) from directions (q, d) of the residuals of the model."""
         return np.asarray(self._outside @ directions)
 
     def _multiply(self, new: Real, before: Real) -> None:
@@ -134,7 +224,7 @@ class FlexibilityShapes:
         self._length = np.append(self._length, length[left])
 
     def _settle(self) -> None:
-        """Drop columns that the shapes have taken in; give the others coordinates in a basis orthonormal in K."""
+        """Drop columns that depend on the shapes; compute coordinates of the others in a basis orthonormal in K."""
         size = self._lengths(self._columns)
         left = size > _DEPENDENT * self._length
         self._columns, self._length = self._columns[:, left], self._length[left]
@@ -144,13 +234,13 @@ class FlexibilityShapes:
         self._outside, self._coordinates = unit @ combine, (root[:, None] * E.T) * size
 
     def _without(self, X: Real) -> Real:
-        # Twice: the first pass leaves the rounding of what it takes out.
+        # The second pass removes the rounding of the first.
         for _ in range(2):
             X = X - self.elastic @ (self.elastic.T @ (self.Z.K @ X))
         return X
 
     def _independent(self, X: Real) -> Real:
-        """What X adds to the shapes, orthonormal in K; the second pass makes it so to rounding."""
+        """Part of X outside the shapes, orthonormal in K; the second pass reaches round-off."""
         for _ in range(2):
             length = self._lengths(X)
             X = self._without(X[:, length > 0] / length[length > 0])
@@ -161,135 +251,23 @@ class FlexibilityShapes:
         return np.asarray(np.sqrt(np.maximum(np.einsum("ij,ij->j", X, self.Z.K @ X), 0.0)))
 
 
-def _orthonormal(gram: Real, least: float) -> tuple[Real, Real, Real]:
-    """Combinations that orthonormalise columns with these products, above a share of the largest: E / root, root, E."""
-    if not gram.size:
-        return gram, np.empty(0), gram
-    s, E = la.eigh(gram)
-    kept = s > least * s.max()
-    root = np.sqrt(s[kept])
-    return E[:, kept] / root, root, E[:, kept]
-
-
-def _diagonal(A: Real) -> Real:
-    """The diagonal of a matrix, if nothing lies beside it."""
-    d = np.diagonal(A)
-    root = np.sqrt(abs(d))
-    beside = abs(A - np.diag(d))
-    return d.copy() if (beside <= _DIAGONAL * np.outer(root, root)).all() else A
-
-
-RESPONSE_TOLERANCE = 1e-6
-"""Largest error of a receptance, relative to the driving-point receptances of its two ends (``Evaluation.size``)."""
-
-# Modes are computed to this many times the highest frequency: what is left then answers at most 1/(1 - 1/1.25^2) = 2.8
-# times as much as in statics.
-_BEYOND = 1.25
-# Shapes are sought until the bound is this share of the tolerance where it is looked at, so that it holds between.
-_SHARE = 0.1
-# Frequencies looked at, and as many resonances again.
-_LOOKED_AT = 150
-# Rounds of shapes. Each divides the error of what lies far above the band by many; four or five are usual.
-_ROUNDS = 12
-# Directions of the residuals that carry less than this share of what is allowed are left out.
-_COUNTS = 0.1
-# More shapes than this share of the dofs save nothing.
-_MOST = 0.5
-# A frequency is clear of resonances where stiffness and inertia of every mode leave this share of its stiffness:
-# nearer to one without damping, rounding of the matrices is what a comparison would show.
-_CLEAR = 1e-3
-
-
-class UnconfirmedError(MatrixError):
-    """A model whose error, measured, is more than its bound allows."""
-
-
-def adaptive_flexibility(
-    Z: DynamicStiffness,
-    load: Real,
-    omega: Real,
-    *,
-    rigid: Real,
-    braked: bool = False,
-    rounding: float = 2.0**-53,
-    tolerance: float = RESPONSE_TOLERANCE,
-) -> FlexibilityModel:
-    """Build a flexibility model that is good at given frequencies, and between them as far as its own bound says.
-
-    Parameters
-    ----------
-    Z : DynamicStiffness
-        Matrices; stiffness, damping and loss positive semidefinite.
-    load : (n, p) float64
-        Loads, in balance with rigid motion unless that is ``braked``.
-    omega : (f,) float64
-        Circular frequencies in rad/s.
-    rigid : (n, r) float64
-        Rigid-body modes, in any scaling.
-    braked : bool
-        Whether D acts on rigid motion, which is then a part of the response.
-    rounding : float
-        Relative rounding of the entries of K and M, where they come from a file.
-    tolerance : float
-        Error to stay below.
-
-    Returns
-    -------
-    FlexibilityModel
-        The best one found; its own bound says where it stays below the tolerance.
-
-    Raises
-    ------
-    MatrixError
-        If stiffness is not definite on elastic motion, or its modes do not converge.
-    UnconfirmedError
-        If the error of the model, measured at two frequencies, is more than the tolerance.
-
-    Notes
-    -----
-    The model is confirmed at two frequencies: by solving the body there, or, where damping leaves the modes uncoupled
-    so that the bound is one strictly, from the residual r of the body's own matrices, r^T (K - w^2 M)^-1 r.
-
-    Source: Galerkin models from residuals, Hetmaniuk, Tezaur and Farhat, Int. J. Numer. Meth. Engng 90 (2012),
-    1636-1662; deflation by modes and correction by static solves, MacNeal, Computers & Structures 1 (1971), 581-601.
-    """
-    if rigid.shape[1]:
-        L = la.cholesky(rigid.T @ (Z.M @ rigid), lower=True)
-        rigid = la.solve_triangular(L, rigid.T, lower=True).T
-    flexibility: Solve = ElasticFlexibility(Z.K, Z.M, rigid) if rigid.shape[1] else factorise(Z.K)
-    ceiling = _BEYOND * float(omega.max())
-    w, Phi = modes_below(Z.K, Z.M, ceiling, rigid=rigid, solve=flexibility, rounding=rounding)
-    shapes = FlexibilityShapes(Z, load, flexibility, rigid if braked else rigid[:, :0])
-    shapes.add(Phi)
-    grid = _looked_at(omega, w)
-    model = shapes.model(ceiling)
-    for _ in range(_ROUNDS):
-        wanted = _wanted(model, grid, _SHARE * tolerance)
-        if not wanted.shape[1] or shapes.every.shape[1] + wanted.shape[1] > _MOST * Z.n:
-            break
-        shapes.add(shapes.toward(wanted))
-        model = shapes.model(ceiling)
-    _confirm(Z, load, shapes, model, omega, tolerance)
-    return model
-
-
 def _confirm(
     Z: DynamicStiffness, load: Real, shapes: FlexibilityShapes, model: FlexibilityModel, omega: Real, tolerance: float
 ) -> None:
-    """Measure the error with the body's own matrices: where its bound is largest, and at one frequency by chance."""
+    """Measure the error with the body's matrices where its bound is largest, and at a random frequency."""
     detuned = model.detuning(omega)
     clear = omega[detuned >= min(_CLEAR, detuned.max())]
     error = np.concatenate([model(clear[part]).error for part in frequency_blocks(clear.size, model.bytes_each)])
     clear, error = clear[error <= tolerance], error[error <= tolerance]
     if not clear.size:
         return
-    chance = np.random.default_rng(clear.size).integers(clear.size)
-    for w in np.unique(clear[[int(error.argmax()), int(chance)]]):
+    random = np.random.default_rng(clear.size).integers(clear.size)
+    for w in np.unique(clear[[int(error.argmax()), int(random)]]):
         found = model(np.array([w]))
         if model.coupled:
             difference = Z.flexibility(load, w) - found.Y[0]
         else:
-            r = load - Z.at(w) @ (shapes.every @ (shapes.turn @ model.amplitudes(np.array([w]))[0]))
+            r = load - Z.at(w) @ (shapes.basis @ (shapes.turn @ model.amplitudes(np.array([w]))[0]))
             undamped = factorise(sp.csc_array(Z.K - w**2 * Z.M), definite=False, what="the dynamic stiffness")
             difference = r.T @ (undamped(r.real) + 1j * undamped(r.imag))
         measured = float((abs(difference) / np.sqrt(np.outer(found.size[0], found.size[0]))).max())
@@ -300,31 +278,49 @@ def _confirm(
             )
 
 
-def _looked_at(omega: Real, resonances: Real) -> Real:
-    """Frequencies over the whole grid, and the resonances within it."""
+def _sampled(omega: Real, resonances: Real) -> Real:
+    """Sampled frequencies of the grid and sampled resonances within it."""
     grid = np.unique(omega)
     inside = resonances[(resonances > grid[0]) & (resonances < grid[-1])]
     picked = [
-        values[np.unique(np.linspace(0, values.size - 1, _LOOKED_AT).astype(int))]
+        values[np.unique(np.linspace(0, values.size - 1, _SAMPLES).astype(int))]
         for values in (grid, inside)
         if values.size
     ]
     return np.unique(np.concatenate(picked))
 
 
-def _wanted(model: FlexibilityModel, omega: Real, allowed: float) -> Real:
-    """Directions (q, d) of the residuals that count, over all frequencies whose error is more than is allowed."""
+def _significant(model: FlexibilityModel, omega: Real, allowed: float) -> Real:
+    """Significant directions (q, d) of the residuals at the frequencies whose error exceeds the allowed one."""
     omega = omega[~model.hits(omega)]
     q = model.residual.load.shape[0]
     gathered = np.zeros((q, q))
     for part in frequency_blocks(omega.size, model.bytes_each):
         found = model(omega[part])
-        late = found.error > allowed
-        weight = model.amplification(omega[part])[late, None] / (allowed * found.size[late])
-        r = found.residual[late] * np.sqrt(weight)[:, None, :]
+        inaccurate = found.error > allowed
+        weight = model.amplification(omega[part])[inaccurate, None] / (allowed * found.size[inaccurate])
+        r = found.residual[inaccurate] * np.sqrt(weight)[:, None, :]
         r = np.moveaxis(r, 1, 0).reshape(q, -1)
         gathered += r.real @ r.real.T + r.imag @ r.imag.T
     if not q:
         return gathered
     weight, directions = la.eigh(gathered)
-    return np.asarray(directions[:, weight > _COUNTS**2])
+    return np.asarray(directions[:, weight > _SIGNIFICANT**2])
+
+
+def _orthonormal(gram: Real, least: float) -> tuple[Real, Real, Real]:
+    """E / root, root and E of a Gram matrix: eigenvectors, and roots of eigenvalues above a share of the largest."""
+    if not gram.size:
+        return gram, np.empty(0), gram
+    s, E = la.eigh(gram)
+    kept = s > least * s.max()
+    root = np.sqrt(s[kept])
+    return E[:, kept] / root, root, E[:, kept]
+
+
+def _diagonal(A: Real) -> Real:
+    """Diagonal of a diagonal matrix, or the matrix itself."""
+    d = np.diagonal(A)
+    root = np.sqrt(abs(d))
+    others = abs(A - np.diag(d))
+    return d.copy() if (others <= _DIAGONAL * np.outer(root, root)).all() else A

@@ -151,12 +151,12 @@ def test_a_count_that_is_not_met_is_refused():
 @pytest.mark.parametrize("off", [0.0, 1e-9, -1e-6])
 def test_a_shift_that_hits_a_mode_is_moved(monkeypatch, off):
     K, M, lam = rods(700)
-    placed = spectrum_slicing._placed
+    interpolated = spectrum_slicing._interpolated
 
     def hit(*given):
-        return lam[abs(lam - placed(*given)).argmin()] * (1 + off)
+        return lam[abs(lam - interpolated(*given)).argmin()] * (1 + off)
 
-    monkeypatch.setattr(spectrum_slicing, "_placed", hit)
+    monkeypatch.setattr(spectrum_slicing, "_interpolated", hit)
     modes, factors = sliced(K, M, lam, 120, 60)
     assert_exact(K, M, modes, lam[:120], 1e-9)
     assert factors >= 3
