@@ -68,8 +68,8 @@ class Multifrontal(Factor):
 def _order(A: sp.csc_array) -> NDArray[np.int64]:
     """Fill-reducing order, found before or found now."""
     orders, pattern = current_settings().orders, lower_pattern(A)
-    known = orders.of(*pattern)
+    known = orders.find(*pattern)
     if known is None:
         known = nested_dissection(A)
-        orders.keep(*pattern, known)
+        orders.store(*pattern, known)
     return np.asarray(known, dtype=np.int64)

@@ -94,7 +94,7 @@ class Pardiso(Factor):
         self._integer = np.dtype(np.int64 if A.shape[0] > _LONG and scale is not None else np.int32)
         self._indices, self._indptr = (part.astype(self._integer, copy=False) for part in (self._indices, self._indptr))
         orders = current_settings().orders
-        known = orders.of(self._indptr, self._indices)
+        known = orders.find(self._indptr, self._indices)
         self._order = np.zeros(A.shape[0], self._integer) if known is None else known.astype(self._integer)
         self._type = _DEFINITE if definite else _INDEFINITE
         self._handle = np.zeros(64, dtype=np.int64)
@@ -104,7 +104,7 @@ class Pardiso(Factor):
         watch_if_large(size)
         self._call(_ANALYSE, size)
         if known is None:
-            orders.keep(self._indptr, self._indices, self._order)
+            orders.store(self._indptr, self._indices, self._order)
         peak, factors, entries = float(self._iparm[15]), float(self._iparm[16]), int(self._iparm[17])
         nnz = entries if entries > 0 else int(factors * _KIB / self._real.itemsize)
         # With two levels PARDISO does not count operations: those of a solid's or a frame's factor are near this.

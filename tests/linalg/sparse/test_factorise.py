@@ -352,13 +352,13 @@ def test_without_metis_superlu_takes_its_own_order(monkeypatch):
 
 
 class Counted(KnownOrders):
-    """Says how many orders were found."""
+    """Counts the orders that are stored."""
 
     found = 0
 
-    def keep(self, starts, indices, order):
+    def store(self, starts, indices, order):
         self.found += 1
-        super().keep(starts, indices, order)
+        super().store(starts, indices, order)
 
 
 @pytest.mark.pardiso
