@@ -27,7 +27,7 @@ def main(folder: Path) -> None:
     """Factorise, solve for the constraint modes, find the modes, and count them once more for their price."""
     problem, report = Problem.load(folder), Report()
     loaded()
-    with current_settings().pages_kept(problem.K.shape[0]):
+    with current_settings().reused_pages(problem.K.shape[0]):
         reduce(problem, report)
     report.write(folder / "report.json")
 

@@ -122,7 +122,7 @@ class Reduction(ABC):
         MatrixError
             If a rigid-body mode lies outside the span of the mode set, or the set holds no shape at all.
         """
-        with current_settings().pages_kept(body.n):
+        with current_settings().reused_pages(body.n):
             rigid = _rigid_modes(body) if rigid is None else rigid
             basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
             self._refuse_empty(body, basis.modes)
@@ -158,7 +158,7 @@ class Reduction(ABC):
         MatrixError
             As in `reduce`.
         """
-        with current_settings().pages_kept(body.n):
+        with current_settings().reused_pages(body.n):
             rigid = _rigid_modes(body) if rigid is None else rigid
             basis = self.basis(body, _i_set(body, interface), rigid, _loads(body, loads))
             self._refuse_empty(body, basis.modes)

@@ -1,4 +1,4 @@
-"""Settings limit the threads of dense algebra, and leave MKL alone."""
+"""Settings limit the threads of dense algebra and leave those of MKL unchanged."""
 
 import subprocess
 import sys
@@ -35,7 +35,7 @@ def threads() -> list[int]:
 
 @pytest.fixture(autouse=True)
 def two():
-    """Two threads, whatever the environment says."""
+    """Set two threads, independent of the environment."""
     with threadpool_limits(2, "blas"):
         yield
 
@@ -48,7 +48,7 @@ def test_settings_take_one_thread_unless_they_name_more():
     assert set(threads()) == {2}
 
 
-def test_threads_that_are_allowed_are_not_exceeded():
+def test_allowed_threads_are_not_exceeded():
     with allowed_threads(1):
         assert SolverSettings().thread_count == 1 and set(threads()) == {1}
         assert SolverSettings(threads=2).thread_count == 2
@@ -57,7 +57,7 @@ def test_threads_that_are_allowed_are_not_exceeded():
 
 @pytest.mark.pardiso
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="files are mapped by Linux's own calls")
-def test_fronts_leave_a_file_to_pardiso(tmp_path):
+def test_multifrontal_factors_leave_files_to_pardiso(tmp_path):
     command = [sys.executable, "-c", SCRIPT, str(tmp_path)]
-    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=300).stdout
-    assert told.split() == ["multifrontal", "True"]
+    output = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=300).stdout
+    assert output.split() == ["multifrontal", "True"]

@@ -1,6 +1,6 @@
-"""Blocks of vectors: products with tall and sparse matrices, and bases that may lie on disk.
+"""Blocks of vectors: products with tall and sparse matrices, and bases in memory or on disk.
 
-Code whose cost is memory traffic belongs here: products, orthonormal columns, layouts.
+Products, orthonormal columns and layouts belong here: code that is as fast as the memory.
 Factorisations belong in `sparse`, searches for modes in `eigen`.
 """
 

@@ -1,6 +1,6 @@
-"""Bases of shapes: in memory, or on disk where they outgrow it, and what is done with them by rows and by columns.
+"""Bases of shapes in memory or on disk: new bases, combinations of their columns, and products block by block.
 
-Orthonormal columns of a search, which grow by blocks: in memory as they come, or on disk where they outgrow it.
+A basis (n, m) is stored by columns, the columns of a search for modes (`SearchSpace`) by rows.
 """
 
 from __future__ import annotations
@@ -23,73 +23,54 @@ __all__ = [
     "absolute_parts",
     "combine",
     "combined",
-    "kept_by_rows",
     "new_basis",
     "observed",
     "outgrows",
     "row_blocks",
-    "search_outgrows",
     "side_by_side",
 ]
 
 Array = NDArray[np.float64]
 
-# Values of a block of rows, 8 MiB: far less than a block of columns, and still long runs of every column on disk.
+# Values in a block of rows, 8 MiB: far less than a block of columns, and still long runs of each column on disk.
 _VALUES = 2**20
-# A search may take so many times the memory of a basis.
-_SEARCHES = 3
+# A search may take the memory of three bases: only one search runs at a time.
+_SEARCH_BASES = 3
+# Rows of a search that are combined at a time.
+_SEARCH_ROWS = 4096
+
+
+def outgrows(n: int, m: int) -> bool:
+    """Whether a basis (n, m) goes to disk: `SolverSettings` name a folder, and it exceeds their ``basis_limit``."""
+    settings = current_settings()
+    return settings.scratch is not None and np.dtype(np.float64).itemsize * n * m > settings.basis_limit
 
 
 def new_basis(n: int, m: int) -> Array:
-    """Room for shapes (n, m), all zero, in Fortran order.
-
-    They are on disk where they would take more memory than `SolverSettings.basis_limit`, and the settings say where.
-    """
+    """Zero basis (n, m) in Fortran order, in memory or on disk (`outgrows`)."""
     folder = current_settings().scratch
     if folder is None or not outgrows(n, m):
         return np.zeros((n, m), order="F")
     return mapped_array(folder, n, m)
 
 
-def search_outgrows(n: int, m: int) -> bool:
-    """Whether a search over vectors (n, m) is to be on disk: there is one at a time, which may take several bases."""
-    return outgrows(n, m // _SEARCHES)
-
-
-def kept_by_rows(X: Array, beside: int) -> Array:
-    """Columns (n, k) of a search by rows: themselves, or on disk where with those ``beside`` they outgrow memory."""
-    folder, (n, k) = current_settings().scratch, X.shape
-    if folder is None or not k or not search_outgrows(n, beside + k):
-        return by_rows(X)
-    place = mapped_array(folder, n, k, by_rows=True)
-    for rows in row_blocks(n, k):
-        place[rows] = X[rows]
-    return place
-
-
-def outgrows(n: int, m: int) -> bool:
-    """Whether a basis (n, m) is to be on disk."""
-    settings = current_settings()
-    return settings.scratch is not None and np.dtype(np.float64).itemsize * n * m > settings.basis_limit
-
-
 def row_blocks(n: int, m: int) -> Iterator[slice]:
-    """Rows of a basis (n, m), some at a time."""
+    """Rows of a basis (n, m) in blocks of 8 MiB."""
     height = max(_VALUES // max(m, 1), 1)
     return (slice(first, min(first + height, n)) for first in range(0, n, height))
 
 
 def combined(Phi: Array, V: Array) -> Array:
-    """Combinations Phi V of shapes (n, m), for V (m, k): on disk where these are, or where they outgrow memory."""
+    """New shapes Phi V (n, k) of shapes (n, m), for V (m, k); on disk if Phi is, or if they outgrow memory."""
     n, k = Phi.shape[0], V.shape[1]
-    found = new_basis(n, k) if mapped_in(Phi) is None else shapes_beside(Phi, k)
+    shapes = new_basis(n, k) if mapped_in(Phi) is None else shapes_beside(Phi, k)
     for rows in row_blocks(n, max(Phi.shape[1], k)):
-        found[rows] = Phi[rows] @ V
-    return found
+        shapes[rows] = Phi[rows] @ V
+    return shapes
 
 
 def combine(Phi: Array, V: Array) -> None:
-    """Phi V in the memory of Phi (n, m), for V (m, m)."""
+    """Replace the shapes Phi (n, m) by Phi V, for V (m, m), in the memory of Phi."""
     for rows in row_blocks(*Phi.shape):
         Phi[rows] = Phi[rows] @ V
 
@@ -102,12 +83,12 @@ def side_by_side(n: int, blocks: Sequence[tuple[NDArray[np.int64] | None, Array]
     n : int
         Dofs of the body.
     blocks : sequence of ((t,) int64 or None, (t, k) float64)
-        Rows that the shapes are given at, and are zero beside; None for all.
+        Rows of the body at which the shapes are given, None for all rows, and the shapes; they are zero elsewhere.
 
     Returns
     -------
     Phi : (n, m) float64
-        The basis. It is the block itself where only one of them holds shapes, and has all rows.
+        The basis. It is the block itself if only one block holds shapes and has all rows.
     views : tuple of (n, k) float64
         The blocks in it.
     """
@@ -124,31 +105,29 @@ def side_by_side(n: int, blocks: Sequence[tuple[NDArray[np.int64] | None, Array]
 
 
 def absolute_parts(A: sp.csc_array, Phi: Array) -> Array:
-    """Absolute parts abs(phi)^T abs(A) abs(phi) that the energy of each shape is the sum of (m,)."""
-    size, found = symmetric_product(abs(A)), np.empty(Phi.shape[1])
+    """Sums abs(phi)^T abs(A) abs(phi) (m,): the scale of the rounding error in the energy of each shape."""
+    product, sums = symmetric_product(abs(A)), np.empty(Phi.shape[1])
     for part in column_blocks(Phi.shape[1]):
         X = abs(Phi[:, part])
-        found[part] = np.einsum("ij,ij->j", X, size(X))
-    return found
+        sums[part] = np.einsum("ij,ij->j", X, product(X))
+    return sums
 
 
 def observed(C: sp.csr_array | sp.csc_array, Phi: Array) -> Array:
-    """Motions C Phi (p, m) of some rows of a body in its shapes; only what C holds is read of these."""
+    """Motions C Phi (p, m) of a few observed rows; only the rows of Phi that C uses are read."""
     C = sp.csr_array(C)
     used = np.unique(C.indices)
-    near = sp.csr_array(C[:, used])
-    found = np.empty((C.shape[0], Phi.shape[1]))
+    C_used = sp.csr_array(C[:, used])
+    motions = np.empty((C.shape[0], Phi.shape[1]))
     for part in column_blocks(Phi.shape[1]):
-        found[:, part] = near @ Phi[:, part][used]
-    return found
-
-
-# Rows that are combined at a time.
-_ROWS = 4096
+        motions[:, part] = C_used @ Phi[:, part][used]
+    return motions
 
 
 class SearchSpace:
-    """Columns V (n, m), of which some more may come; each block lies by rows, for it is read as a whole.
+    """Orthonormal columns V (n, m) of a search, which grows by blocks; each block is stored by rows.
+
+    Products read a block as a whole, which is quicker by rows. Blocks that do not fit in memory are on disk.
 
     Parameters
     ----------
@@ -159,45 +138,57 @@ class SearchSpace:
     def __init__(self, n: int) -> None:
         self.n = n
         self._blocks: list[Array] = []
-        # Columns that are known to have room in memory.
-        self._sure = 0
+        # Number of columns that are known to fit in memory.
+        self._fitting = 0
 
     @property
     def m(self) -> int:
-        """Columns."""
+        """Number of columns."""
         return sum(block.shape[1] for block in self._blocks)
 
     def append(self, X: Array) -> Array:
-        """Add columns (n, k), and return them as they are kept: themselves, if they may be, from now on unchanged."""
-        wanted = self.m + X.shape[1]
-        if wanted > self._sure and not search_outgrows(self.n, 2 * wanted):
-            # To ask the system takes as long as a product with all columns.
-            self._sure = 2 * wanted
-        kept = by_rows(X) if wanted <= self._sure else kept_by_rows(X, self.m)
-        if kept.shape[1]:
-            self._blocks.append(kept)
-        return kept
+        """Add columns (n, k) and return them as they are stored: possibly X itself, which must not change any more."""
+        k = X.shape[1]
+        if not k:
+            return by_rows(X)
+        wanted = self.m + k
+        if wanted > self._fitting and not self._outgrows(2 * wanted):
+            # Reading the free memory takes as long as a product with all columns: it is done when columns double.
+            self._fitting = 2 * wanted
+        folder = current_settings().scratch
+        if wanted <= self._fitting or folder is None or not self._outgrows(wanted):
+            block = by_rows(X)
+        else:
+            block = mapped_array(folder, self.n, k, by_rows=True)
+            for rows in row_blocks(self.n, k):
+                block[rows] = X[rows]
+        self._blocks.append(block)
+        return block
+
+    def _outgrows(self, m: int) -> bool:
+        """Whether a search over m columns does not fit in memory."""
+        return outgrows(self.n, m // _SEARCH_BASES)
 
     def inner(self, W: Array) -> Array:
-        """V^T W (m, k)."""
+        """Inner products V^T W (m, k)."""
         return inner_of_all(self._blocks, W)
 
     def taken_from(self, W: Array, c: Array) -> Array:
-        """W - V c in the memory of W, (n, k) by columns or by rows."""
+        """Difference W - V c in the memory of W, (n, k) by columns or by rows."""
         return less_all(W, self._blocks, c)
 
     def combined(self, S: Array, *beside: Array) -> Array:
-        """V S (n, k), in Fortran order; [V, X] S with columns X ``beside``."""
+        """Combinations V S (n, k) in Fortran order, or [V, X] S with further columns X in ``beside``."""
         blocks = [*self._blocks, *beside]
         return combination(blocks, S) if blocks else np.zeros((self.n, S.shape[1]), order="F")
 
     def shrink(self, S: Array) -> None:
         """Replace the columns by V S, for S (m, k) with k <= m."""
-        before, kept = self._blocks, S.shape[1]
+        before, k = self._blocks, S.shape[1]
         starts = np.cumsum([0, *(block.shape[1] for block in before)]).tolist()
-        self._blocks = [block[:, : kept - start] for block, start in zip(before, starts, strict=False) if start < kept]
-        for first in range(0, self.n, _ROWS):
-            rows = slice(first, first + _ROWS)
-            combined = np.hstack([block[rows] for block in before]) @ S
+        self._blocks = [block[:, : k - start] for block, start in zip(before, starts, strict=False) if start < k]
+        for first in range(0, self.n, _SEARCH_ROWS):
+            rows = slice(first, first + _SEARCH_ROWS)
+            columns = np.hstack([block[rows] for block in before]) @ S
             for block, start in zip(self._blocks, starts, strict=False):
-                block[rows] = combined[:, start : start + block.shape[1]]
+                block[rows] = columns[:, start : start + block.shape[1]]

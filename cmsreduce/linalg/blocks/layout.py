@@ -1,7 +1,4 @@
-"""Blocks of vectors by rows, as sparse products and searches want them, and by columns, as shapes are kept.
-
-Small matrices, which may be sparse, as dense ones.
-"""
+"""Layout of blocks of vectors: by rows for sparse products and searches, by columns for shapes and solves."""
 
 from __future__ import annotations
 
@@ -13,25 +10,22 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.machine import share_rows
 
-__all__ = [
-    "by_columns",
-    "by_rows",
-    "dense",
-    "put",
-]
+__all__ = ["by_columns", "by_rows", "dense", "put"]
 
-# Rows that are turned at a time: few enough that all their columns stay at hand.
+# Rows that are copied at a time: few enough that all their columns stay in the cache.
 _ROWS = 256
 
 
 def by_columns(X: NDArray[Any], real: np.dtype[Any] | type[np.floating[Any]] = np.float64) -> NDArray[Any]:
-    """Lay a block (n, k) out by columns (Fortran order), itself where it is; numpy's own way takes six times as long.
+    """Return a block (n, k) by columns (Fortran order); the block itself if it is.
+
+    A copy by numpy would take six times as long.
 
     Parameters
     ----------
     X : (n, k) float array
     real : dtype
-        Of the result.
+        Type of the result.
 
     Returns
     -------
@@ -39,22 +33,22 @@ def by_columns(X: NDArray[Any], real: np.dtype[Any] | type[np.floating[Any]] = n
     """
     if X.strides[0] <= X.strides[1]:
         return np.asfortranarray(X, dtype=real)
-    turned = np.empty(X.shape, dtype=real, order="F")
-    put(X, turned)
-    return turned
+    copy = np.empty(X.shape, dtype=real, order="F")
+    put(X, copy)
+    return copy
 
 
 def by_rows(X: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lay a block (n, k) out by rows (C order), itself where it is."""
+    """Return a block (n, k) by rows (C order); the block itself if it is."""
     if X.flags.c_contiguous:
         return X
-    turned = np.empty(X.shape)
-    put(X, turned)
-    return turned
+    copy = np.empty(X.shape)
+    put(X, copy)
+    return copy
 
 
 def put(X: NDArray[Any], place: NDArray[Any], scale: NDArray[np.float64] | None = None) -> None:
-    """Write a block (n, k), each column multiplied by its ``scale`` (k,), to where it may lie otherwise."""
+    """Copy a block (n, k), each column times its ``scale`` (k,), into ``place``, which may have another layout."""
 
     def work(_: int, rows: slice) -> None:
         place[rows] = X[rows] if scale is None else X[rows] * scale
@@ -63,5 +57,5 @@ def put(X: NDArray[Any], place: NDArray[Any], scale: NDArray[np.float64] | None 
 
 
 def dense(A: NDArray[np.float64] | sp.sparray) -> NDArray[np.float64]:
-    """Make a small matrix dense: rows of points, coordinates of a reduced body, never the dofs of a full one."""
+    """Return a small matrix as a dense one: rows of points or reduced coordinates, never all dofs of a full body."""
     return np.asarray(A.toarray() if sp.issparse(A) else A)  # type: ignore[union-attr]

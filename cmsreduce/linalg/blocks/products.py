@@ -1,6 +1,6 @@
-"""Products of a sparse matrix with blocks of vectors, on several threads.
+"""Products of a symmetric sparse matrix with blocks of vectors on several threads, and energies Phi^T A Phi.
 
-Energies of shapes: Phi^T A Phi, block by block, so that no second basis is ever in memory.
+Energies are computed block by block, so that memory never holds a second basis.
 """
 
 from __future__ import annotations
@@ -15,31 +15,29 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.machine import SparseMatrix, current_settings, mkl_library, watch_if_large
 
-__all__ = [
-    "Product",
-    "column_blocks",
-    "congruence",
-    "symmetric_product",
-]
+__all__ = ["Product", "column_blocks", "congruence", "mkl_product", "symmetric_product"]
 
-Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Product with a vector (n,) or a block of them (n, k)."""
+Array = NDArray[np.float64]
 
-# Entries below which MKL, and a second thread of scipy's routines, cost more than they save. MKL takes 15 ms to load
-# and half of scipy's 0.17 ms for 28 000 entries and 32 columns; a small run has two hundred such products.
+Product = Callable[[Array], Array]
+"""Product with a vector (n,) or a block of vectors (n, k)."""
+
+# Number of entries below which MKL, or a second thread of scipy's routines, costs more than it saves. MKL takes 15 ms
+# to load and halves scipy's 0.17 ms for 28 000 entries and 32 columns; a small run has two hundred such products.
 _FEW_FOR_MKL, _FEW_FOR_THREADS = 20_000, 200_000
-# A matrix that stores more zeros than this share of its entries, as an element's mass does between its directions, is
-# copied without them; for fewer the copy costs more than it saves.
+# Share of stored zeros from which on a copy without them pays. The mass of an element has zeros between directions.
 _ZEROS = 0.5
+# Columns in a block: enough to read a matrix only a few times, few beside the right-hand sides of a solve.
+_COLUMNS = 32
 
 
 def symmetric_product(A: sp.csc_array) -> Product:
-    """Product of a symmetric matrix with blocks of vectors; each thread has rows of its own, so sums never differ.
+    """Product of a symmetric matrix with blocks of vectors; the sums do not depend on the number of threads.
 
     Parameters
     ----------
     A : (n, n) sparse array
-        Symmetric; its columns are read as rows, without a copy unless many of its entries are zeros.
+        Symmetric. Its columns are read as rows, without a copy unless many of its entries are zeros.
 
     Returns
     -------
@@ -48,22 +46,24 @@ def symmetric_product(A: sp.csc_array) -> Product:
     """
     columns = sp.csc_array(A)
     if np.count_nonzero(columns.data) < (1 - _ZEROS) * columns.nnz:
-        columns = _without_zeros(columns)
-    return (mkl_product(columns) if columns.nnz >= _FEW_FOR_MKL else None) or _shared(columns)
+        kept = columns.data != 0
+        starts = np.concatenate([[0], np.cumsum(kept, dtype=columns.indptr.dtype)])[columns.indptr]
+        columns = sp.csc_array((columns.data[kept], columns.indices[kept], starts), shape=columns.shape)
+    return (mkl_product(columns) if columns.nnz >= _FEW_FOR_MKL else None) or _scipy_product(columns)
 
 
 def mkl_product(A: sp.csc_array) -> Product | None:
-    """Product of a symmetric matrix with blocks of vectors by MKL, four times as quick as scipy's.
+    """Product of a symmetric matrix with blocks of vectors by MKL, four times as fast as scipy's.
 
     Parameters
     ----------
     A : (n, n) csc array
-        Symmetric, float64; its columns are read as rows, without a copy.
+        Symmetric, float64. Its columns are read as rows, without a copy.
 
     Returns
     -------
     callable or None
-        X -> A X, (n,) or (n, k); None without MKL, or where its indices do not reach.
+        X -> A X, (n,) or (n, k); None without MKL, or if the matrix has too many entries for its integers.
     """
     if mkl_library() is None or A.nnz > np.iinfo(np.int32).max or A.data.dtype != np.float64:
         return None
@@ -73,7 +73,7 @@ def mkl_product(A: sp.csc_array) -> Product | None:
     except ValueError:
         return None
 
-    def product(X: NDArray[np.float64]) -> NDArray[np.float64]:
+    def product(X: Array) -> Array:
         X = np.ascontiguousarray(X, dtype=np.float64)
         Y = np.empty_like(X)
         if X.size:
@@ -83,8 +83,8 @@ def mkl_product(A: sp.csc_array) -> Product | None:
     return product
 
 
-def _shared(columns: sp.csc_array) -> Product:
-    """Product by scipy's routines, each thread with rows of its own."""
+def _scipy_product(columns: sp.csc_array) -> Product:
+    """Product by scipy's routines; each thread has its own rows."""
     n, threads = columns.shape[0], current_settings().thread_count
     if columns.nnz < _FEW_FOR_THREADS:
         rows = _rows(columns, 0, n)
@@ -93,7 +93,7 @@ def _shared(columns: sp.csc_array) -> Product:
     ends = [0, *(int(cut) for cut in cuts), n]
     parts = [_rows(columns, start, stop) for start, stop in pairwise(ends)]
 
-    def product(X: NDArray[np.float64]) -> NDArray[np.float64]:
+    def product(X: Array) -> Array:
         X = np.ascontiguousarray(X)
         with ThreadPoolExecutor(threads) as pool:
             return np.concatenate(list(pool.map(lambda part: part @ X, parts)))
@@ -101,37 +101,27 @@ def _shared(columns: sp.csc_array) -> Product:
     return product
 
 
-def _without_zeros(A: sp.csc_array) -> sp.csc_array:
-    kept = A.data != 0
-    starts = np.concatenate([[0], np.cumsum(kept, dtype=A.indptr.dtype)])[A.indptr]
-    return sp.csc_array((A.data[kept], A.indices[kept], starts), shape=A.shape)
-
-
 def _rows(A: sp.csc_array, start: int, stop: int) -> sp.csr_array:
-    """Some rows of a symmetric matrix, sharing its entries."""
+    """Some rows of a symmetric matrix, without a copy of its entries."""
     own = slice(A.indptr[start], A.indptr[stop])
     indptr = A.indptr[start : stop + 1] - A.indptr[start]
     return sp.csr_array((A.data[own], A.indices[own], indptr), shape=(stop - start, A.shape[0]))
 
 
-# Wide enough to read a matrix few times, narrow enough beside the block of right-hand sides of a solve.
-_COLUMNS = 32
-
-
 def column_blocks(m: int) -> Iterator[slice]:
-    """Columns of a basis of m shapes, some at a time."""
+    """Columns of a basis of m shapes in blocks of 32."""
     return (slice(first, min(first + _COLUMNS, m)) for first in range(0, m, _COLUMNS))
 
 
-def congruence(A: sp.csc_array | NDArray[np.float64], Phi: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Phi^T A Phi of a symmetric matrix.
+def congruence(A: sp.csc_array | Array, Phi: Array) -> Array:
+    """Energies Phi^T A Phi of shapes in a symmetric matrix.
 
     Parameters
     ----------
     A : (n, n) array, sparse or dense
         Symmetric.
     Phi : (n, m) float64
-        Shapes; they may be on disk.
+        Shapes, in memory or on disk.
 
     Returns
     -------
@@ -139,11 +129,11 @@ def congruence(A: sp.csc_array | NDArray[np.float64], Phi: NDArray[np.float64]) 
         Symmetric to the last bit.
     """
     m = Phi.shape[1]
-    found, product = np.empty((m, m)), symmetric_product(A) if sp.issparse(A) else A.__matmul__
+    energies, product = np.empty((m, m)), symmetric_product(A) if sp.issparse(A) else A.__matmul__
     for part in column_blocks(m):
-        # Of a symmetric matrix half is enough: the basis is read half as often.
+        # Half of a symmetric matrix is enough: the basis is read half as often.
         known = slice(part.stop)
-        found[known, part] = Phi[:, known].T @ product(Phi[:, part])
-        found[part, known] = found[known, part].T
-        found[part, part] = (found[part, part] + found[part, part].T) / 2
-    return found
+        energies[known, part] = Phi[:, known].T @ product(Phi[:, part])
+        energies[part, known] = energies[known, part].T
+        energies[part, part] = (energies[part, part] + energies[part, part].T) / 2
+    return energies

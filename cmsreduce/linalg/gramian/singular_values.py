@@ -9,7 +9,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.machine import lapack_call, lent
+from cmsreduce.linalg.machine import lapack_call, lapack_offers
 from cmsreduce.multifrontal import blas_threads
 
 __all__ = ["singular_values", "weighted_singular_values"]
@@ -52,7 +52,7 @@ def singular_values(A: Array) -> Array:
     """
     p, q = A.shape
     rows, columns = (np.argsort(-np.linalg.norm(A, axis=axis), kind="stable") for axis in (1, 0))
-    if min(p, q) < _LARGE or not lent("dgbbrd", "dlasq1"):
+    if min(p, q) < _LARGE or not lapack_offers("dgbbrd", "dlasq1"):
         return np.asarray(la.svdvals(A[np.ix_(rows, columns)]))
     square = np.zeros((max(p, q), max(p, q)))
     square[:p, :q] = A[np.ix_(rows, columns)]

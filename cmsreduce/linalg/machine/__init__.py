@@ -1,10 +1,10 @@
 """Machine: threads, memory and the libraries that the process has loaded.
 
-Solver settings, thread counts, memory limits and calls into MKL belong here.
-Nothing here knows what a matrix means; algorithms belong in the other rooms of `linalg`.
+Solver settings, thread counts, memory limits and calls into MKL and LAPACK belong here.
+Algorithms belong in the other rooms of `linalg`.
 """
 
-from cmsreduce.linalg.machine.lapack_calls import lapack_call, lent
+from cmsreduce.linalg.machine.lapack_calls import lapack_call, lapack_offers
 from cmsreduce.linalg.machine.mkl_library import SparseMatrix, add_product, mkl_library, pardiso, pardiso_pivots
 from cmsreduce.linalg.machine.mkl_memory import can_be_mapped, free_on_disk, mapped_entries, watch_if_large
 from cmsreduce.linalg.machine.settings import (
@@ -15,10 +15,10 @@ from cmsreduce.linalg.machine.settings import (
     allowed_threads,
     available_memory,
     current_settings,
+    share_rows,
     solver_settings,
     usable_cores,
 )
-from cmsreduce.linalg.machine.threads import share_rows
 
 __all__ = [
     "BACKENDS",
@@ -33,7 +33,7 @@ __all__ = [
     "current_settings",
     "free_on_disk",
     "lapack_call",
-    "lent",
+    "lapack_offers",
     "mapped_entries",
     "mkl_library",
     "pardiso",

@@ -1,4 +1,4 @@
-"""Memory that one step of a reduction leaves to the next, page by page, instead of giving it back to the system."""
+"""Reuse of memory pages: pages that one step of a reduction frees serve the next step instead of the system."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
-__all__ = ["kept_bytes", "kept_pages"]
+__all__ = ["reusable_bytes", "reused_pages"]
 
-# Bodies of fewer rows are done before a page counts.
+# For matrices of fewer rows the cost of new pages does not matter.
 _LEAST_ROWS = 20_000
-# Bytes for each row that huge pages are asked for: the factors and blocks of vectors of a solid. What is not used takes
-# no memory.
+# Bytes for each row for which huge pages are requested: the factors and blocks of vectors of a solid. Memory that is
+# not used takes no pages.
 _BYTES_A_ROW = 16_000
-# The C library's names for what is set, and what it arrives at by itself in a program that frees large blocks.
+# The C library's parameters, and the values that it reaches by itself in a program that frees large blocks.
 _TRIM_THRESHOLD, _MMAP_THRESHOLD, _MMAP_MAX = -1, -3, -4
 _OWN = {_TRIM_THRESHOLD: 64 * 2**20, _MMAP_THRESHOLD: 32 * 2**20, _MMAP_MAX: 65536}
 _NEVER = -1
@@ -36,7 +36,7 @@ class _Usage(ctypes.Structure):
 
 
 class _Scopes:
-    """Blocks of code that keep their pages, and are being run."""
+    """Number of `with` blocks that reuse pages at this moment."""
 
     def __init__(self) -> None:
         self.open = 0
@@ -47,24 +47,24 @@ _SCOPES = _Scopes()
 
 
 @contextmanager
-def kept_pages(n: int, limit: float) -> Iterator[None]:
-    """Use the pages of what is freed within a `with` block again within it, and ask for huge ones.
+def reused_pages(n: int, limit: float) -> Iterator[None]:
+    """Reuse the pages of freed memory within a `with` block, and request huge pages.
 
-    A page that is touched for the first time costs 0.1 to 0.4 s a GiB, on a virtual machine whose host has to find it
-    2.5 s: as much as a factorisation. At the end what is free goes back to the system.
+    The first access to a page costs 0.1 to 0.4 s a GiB, and 2.5 s on a virtual machine whose host has to find it: as
+    much as a factorisation. At the end of the block all free pages go back to the system.
 
     Parameters
     ----------
     n : int
-        Rows of the matrices; few need no such care.
+        Rows of the matrices; nothing is done for small ones.
     limit : float
-        Bytes that a factor may take: what may come near it (8 kB a row) is left to the system, page by page.
+        Bytes that a factor may take. Nothing is done where the factor may come near this limit (16 kB a row).
 
     Notes
     -----
-    Only with the GNU C library; elsewhere nothing is changed. It maps large arrays one by one and unmaps them when they
-    are freed (`mallopt`, M_MMAP_THRESHOLD); here they come out of its heap, which is not trimmed. Huge pages are a
-    matter of the heap's addresses: those that are asked for and freed at once are touched by what comes next.
+    This needs the GNU C library; with any other nothing changes. By default that library maps each large array and
+    unmaps it when it is freed (`mallopt`, M_MMAP_THRESHOLD). Here large arrays lie on the heap, which is not trimmed.
+    Huge pages belong to addresses of the heap: an area is requested and freed at once, and later arrays use it.
     """
     library = _library() if n > _LEAST_ROWS and _BYTES_A_ROW * n < limit else None
     if library is None:
@@ -75,7 +75,7 @@ def kept_pages(n: int, limit: float) -> Iterator[None]:
         if _SCOPES.open == 1:
             library.mallopt(_MMAP_MAX, 0)
             library.mallopt(_TRIM_THRESHOLD, _NEVER)
-            _reserve(library, _BYTES_A_ROW * n)
+            _request_huge_pages(library, _BYTES_A_ROW * n)
     try:
         yield
     finally:
@@ -87,8 +87,8 @@ def kept_pages(n: int, limit: float) -> Iterator[None]:
                 library.malloc_trim(0)
 
 
-def kept_bytes() -> float:
-    """Bytes of memory that are kept and free to be used: the system counts them as taken."""
+def reusable_bytes() -> float:
+    """Bytes of free memory that this process holds for reuse; the system counts them as taken."""
     library = _library() if _SCOPES.open else None
     if library is None:
         return 0.0
@@ -96,7 +96,7 @@ def kept_bytes() -> float:
         lines = Path("/proc/self/smaps").read_text().splitlines()
     except OSError:
         return 0.0
-    # The heap is several mappings, those of huge pages and others; the next line but a few says what is there of each.
+    # The heap consists of several mappings, with huge pages and with others. The line "Rss:" of each gives its size.
     heap, resident = False, 0.0
     for line in lines:
         if line.startswith("Rss:"):
@@ -106,8 +106,8 @@ def kept_bytes() -> float:
     return max(resident - float(library.mallinfo2().used), 0.0)
 
 
-def _reserve(library: ctypes.CDLL, size: int) -> None:
-    """Ask for huge pages where the heap grows to."""
+def _request_huge_pages(library: ctypes.CDLL, size: int) -> None:
+    """Request huge pages for the addresses into which the heap will grow."""
     start = library.malloc(size)
     if start is None:
         return
@@ -119,16 +119,16 @@ def _reserve(library: ctypes.CDLL, size: int) -> None:
 
 @cache
 def _library() -> ctypes.CDLL | None:
-    """The GNU C library, where this is one of its programs."""
+    """The GNU C library; None where this process uses another one."""
     if sys.platform != "linux":
         return None
     library = ctypes.CDLL(None)
     if not all(hasattr(library, name) for name in ("mallopt", "malloc_trim", "mallinfo2")):
         return None
-    at, size = ctypes.c_void_p, ctypes.c_size_t
-    library.malloc.restype, library.malloc.argtypes = at, (size,)
-    library.free.restype, library.free.argtypes = None, (at,)
-    library.madvise.restype, library.madvise.argtypes = ctypes.c_int, (at, size, ctypes.c_int)
+    address, size = ctypes.c_void_p, ctypes.c_size_t
+    library.malloc.restype, library.malloc.argtypes = address, (size,)
+    library.free.restype, library.free.argtypes = None, (address,)
+    library.madvise.restype, library.madvise.argtypes = ctypes.c_int, (address, size, ctypes.c_int)
     library.malloc_trim.argtypes = (size,)
     library.mallinfo2.restype = _Usage
     return library

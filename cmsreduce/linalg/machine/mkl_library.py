@@ -1,4 +1,4 @@
-"""MKL's runtime: where it is, and its entry points, with arguments of Python and numpy."""
+"""MKL's runtime: find it, and call its PARDISO, sparse and dense products with numpy arrays."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 
 __all__ = ["SparseMatrix", "add_product", "mkl_library", "pardiso", "pardiso_pivots"]
 
-# MKL's names for what is multiplied and how it lies.
+# MKL's constants for the kind of a matrix, its layout and its transposition.
 _AS_IT_IS, _GENERAL, _SPARSE_BY_ROWS = 10, 20, 101
 _BY_COLUMNS, _PLAIN, _TRANSPOSED = 102, 111, 112
-# Milliseconds that threads wait for more work by spinning; 200 by default, on the cores that dense algebra needs next.
+# Milliseconds that idle threads spin. The default of 200 would take the cores that dense algebra needs next.
 _SPIN = 1
 
 
 @cache
 def mkl_library() -> ctypes.CDLL | None:
-    """The MKL runtime of the `mkl` wheel, or of the system; None where there is none."""
+    """The MKL runtime of the `mkl` wheel or of the system; None if there is none."""
     roots = [Path(sysconfig.get_path("data")) / "lib", Path(sys.prefix) / "lib", Path(sysconfig.get_path("purelib"))]
     names = [str(path) for root in roots for path in sorted(root.glob("libmkl_rt.so*"), reverse=True)]
     for name in [*names, "libmkl_rt.so.3", "libmkl_rt.so.2", "libmkl_rt.so"]:
@@ -41,7 +41,7 @@ def mkl_library() -> ctypes.CDLL | None:
 
 @cache
 def _openmp() -> ctypes.CDLL | None:
-    """The OpenMP runtime of Intel's that MKL takes, where it is found beside MKL."""
+    """Intel's OpenMP runtime, which MKL uses, if it lies beside MKL."""
     library = mkl_library()
     if library is None or library._name is None:
         return None
@@ -53,8 +53,8 @@ def _openmp() -> ctypes.CDLL | None:
 
 
 @contextmanager
-def _called(threads: int) -> Iterator[ctypes.CDLL]:
-    """MKL with so many threads for calls of this thread, which sleep soon after; both are as before at the end."""
+def _with_threads(threads: int) -> Iterator[ctypes.CDLL]:
+    """MKL with a number of threads for calls of this thread, and short spinning; both are reset at the end."""
     library, openmp = mkl_library(), _openmp()
     assert library is not None
     before = library.MKL_Set_Num_Threads_Local(ctypes.c_int(threads))
@@ -86,9 +86,9 @@ def pardiso(
     Parameters
     ----------
     handle : (64,) int64
-        PARDISO's own memory of the factor; zeros before the first call.
+        PARDISO's handle of the factor; zeros before the first call.
     phase, kind : int
-        What is done, and the type of the matrix.
+        PARDISO's numbers of the phase and of the type of the matrix.
     n : int
         Rows.
     matrix : three arrays
@@ -96,7 +96,7 @@ def pardiso(
     order : (n,) int, optional
         Fill-reducing order, read or written.
     iparm : (64,) int32 or int64
-        Parameters; with the larger integers the entries of a long factor can be counted.
+        Parameters; int64 is needed for a factor whose entries an int32 cannot count.
     b, x : (n, k) float64 or float32, optional
         By columns.
     threads : int
@@ -109,7 +109,7 @@ def pardiso(
     columns = 1 if b is None else b.shape[1]
     number = ctypes.c_int64 if iparm.dtype == np.int64 else ctypes.c_int32
     one, type_, step, rows, width, quiet, error = ((number * 1)(v) for v in (1, kind, phase, n, columns, 0, 0))
-    with _called(threads) as library:
+    with _with_threads(threads) as library:
         routine = library.pardiso_64 if iparm.dtype == np.int64 else library.pardiso
         routine(
             *(_at(handle), one, one, type_, step, rows),
@@ -120,7 +120,7 @@ def pardiso(
 
 
 def pardiso_pivots(handle: NDArray[np.int64], pivots: NDArray[Any]) -> int:
-    """Write the pivots of a factor in the order of elimination (n,), and return PARDISO's error code."""
+    """Write the pivots of a factor into an array (n,), in the order of elimination; return PARDISO's error code."""
     library, error = mkl_library(), ctypes.c_int(0)
     assert library is not None
     entries, first = np.empty_like(pivots), ctypes.c_int(1)
@@ -135,22 +135,22 @@ class _Description(ctypes.Structure):
 
 
 class SparseMatrix:
-    """A square sparse matrix that MKL multiplies with blocks of vectors (its inspector-executor routines).
+    """Square sparse matrix for MKL's products with blocks of vectors (inspector-executor routines).
 
     Parameters
     ----------
     starts, indices : int32
-        Compressed rows.
+        Starts and column numbers of the compressed rows.
     data : float64
 
     Raises
     ------
     ValueError
-        If MKL does not take them.
+        If MKL refuses the arrays.
     """
 
     def __init__(self, starts: NDArray[np.int32], indices: NDArray[np.int32], data: NDArray[np.float64]) -> None:
-        # The arrays stay the matrix's own; MKL reads them in every product.
+        # MKL reads these arrays in every product: they must stay alive.
         self._arrays, self._handle = (starts, indices, data), ctypes.c_void_p()
         library, size = mkl_library(), ctypes.c_int(starts.size - 1)
         assert library is not None
@@ -158,13 +158,13 @@ class SparseMatrix:
         if library.mkl_sparse_d_create_csr(
             *(ctypes.byref(self._handle), 0, size, size, _at(starts), ends, _at(indices), _at(data))
         ):
-            raise ValueError("MKL does not take the sparse matrix")
+            raise ValueError("MKL refuses the sparse matrix")
         weakref.finalize(self, library.mkl_sparse_destroy, self._handle)
 
     def multiply(self, X: NDArray[np.float64], Y: NDArray[np.float64], threads: int) -> None:
-        """Y = A X for vectors (n,) or blocks (n, k) that lie by rows."""
+        """Compute Y = A X for vectors (n,) or blocks (n, k) that are stored by rows."""
         width = ctypes.c_int(1 if X.ndim == 1 else X.shape[1])
-        with _called(threads) as library:
+        with _with_threads(threads) as library:
             library.mkl_sparse_d_mm(
                 *(_AS_IT_IS, ctypes.c_double(1.0), self._handle, _Description(_GENERAL, 0, 50), _SPARSE_BY_ROWS),
                 *(_at(X), width, width, ctypes.c_double(0.0), _at(Y), width),
@@ -180,7 +180,7 @@ def add_product(
     times: float = 1.0,
     keep: float = 0.0,
 ) -> bool:
-    """C = keep C + times A B in the memory of C, if MKL is installed and each of the three lies by rows or by columns.
+    """Compute C = keep C + times A B in the memory of C by MKL, if each of the three is stored by rows or by columns.
 
     Parameters
     ----------
@@ -191,15 +191,15 @@ def add_product(
     Returns
     -------
     bool
-        Whether it was done.
+        False if MKL is missing or a layout does not fit; C is then unchanged.
     """
     if mkl_library() is None or not all(_step(X) for X in (A, B, C)):
         return False
     if _step(C) < 0:
-        # What lies by rows is the transpose of what lies by columns.
+        # A matrix stored by rows is the transpose of one stored by columns.
         return add_product(C.T, B.T, A.T, threads, times=times, keep=keep)
     left, right = _step(A), _step(B)
-    with _called(threads) as library:
+    with _with_threads(threads) as library:
         library.cblas_dgemm(
             *(_BY_COLUMNS, _TRANSPOSED if left < 0 else _PLAIN, _TRANSPOSED if right < 0 else _PLAIN),
             *(C.shape[0], C.shape[1], A.shape[1], ctypes.c_double(times)),
@@ -209,7 +209,7 @@ def add_product(
 
 
 def _step(V: NDArray[np.float64]) -> int:
-    """Entries from a column to the next, or, negative, from a row to the next; 0 where neither lies together."""
+    """Leading dimension of a matrix stored by columns; its negative if stored by rows; 0 for any other layout."""
     row, column = (step // V.itemsize for step in V.strides)
     if V.dtype != np.float64 or not V.size:
         return 0

@@ -1,4 +1,4 @@
-"""A factor of MKL's that does not fit in memory: its entries in a file, mapped where they would lie."""
+"""MKL factors that do not fit in memory: a file holds the entries, mapped at the addresses that MKL uses."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from cmsreduce.linalg.machine.settings import current_settings
 
 __all__ = ["can_be_mapped", "free_on_disk", "mapped_entries", "watch_if_large"]
 
-# Bytes of a factor for each row, from which on it is prepared for one that does not fit: a compact solid of 1e6 dofs
-# in single precision.
+# Bytes of a factor for each row, to judge whether it may outgrow memory: a compact solid of 1e6 dofs in single
+# precision.
 _BYTES_A_ROW = 8000
-# Allocations from here on are a factor's entries, one for all of them; malloc maps whatever is as large.
+# An allocation of at least this size holds all entries of a factor; malloc gives it a mapping of its own.
 _LARGE = 32 * 2**20
-# Flags of mmap, and of memory that malloc maps; what mmap returns where it fails.
+# Flag of mmap, flag of memory that malloc maps, and the value that mmap returns if it fails.
 _FIXED, _OWN_MAPPING, _FAILED = 0x10, 2, ctypes.c_void_p(-1).value
-# Attempts to get a mapping of its own.
+# Attempts to get memory with a mapping of its own.
 _TRIES = 8
 _ALLOCATE = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_size_t)
 
 
 class _Entries:
-    """Memory of the factor that is being made, as MKL asks for it.
+    """State of MKL's allocations while a factor is made.
 
-    Nothing has to be known when MKL frees it: the system's `free` gives back whatever pages lie there by then.
+    No record is needed for the moment when MKL frees the memory: the system's `free` unmaps whatever pages lie there.
     """
 
     def __init__(self) -> None:
-        # What MKL calls, and may call until the process ends.
-        self.watching: list[Any] = []
-        self.asked = False
-        # Set while a factor is made that goes to disk, whichever of MKL's threads asks for its memory.
+        # The function that MKL calls, possibly until the process ends, and its library.
+        self.replaced: list[Any] = []
+        self.called = False
+        # Set while a factor is made on disk; any thread of MKL may allocate its memory.
         self.folder: Path | None = None
 
 
@@ -48,7 +48,7 @@ _ENTRIES = _Entries()
 
 
 def watch_if_large(n: int) -> None:
-    """Have MKL ask here for memory, where settings allow it and a factor of so many rows may outgrow memory.
+    """Replace MKL's allocator if the settings allow it and a factor of n rows may outgrow memory.
 
     Parameters
     ----------
@@ -57,22 +57,22 @@ def watch_if_large(n: int) -> None:
 
     Notes
     -----
-    MKL looks for whom to ask only once, when it is used for the first time. Not done for smaller matrices: code that
-    calls MKL without letting go of Python's lock would wait for itself.
+    MKL looks up its allocator only once, at its first use. The allocator is not replaced for small matrices: code that
+    calls MKL while it holds Python's lock would wait for itself.
     Source: Intel oneAPI Math Kernel Library, developer guide, "Redefining Memory Functions" (i_malloc).
     """
     settings = current_settings()
     if settings.replace_allocators and settings.scratch is not None and _BYTES_A_ROW * n > settings.memory_limit:
-        _watch()
+        _replace_allocator()
 
 
-def _watch() -> None:
+def _replace_allocator() -> None:
     library = mkl_library()
-    if sys.platform != "linux" or _ENTRIES.watching or library is None or library._name is None:
+    if sys.platform != "linux" or _ENTRIES.replaced or library is None or library._name is None:
         return
     beside = Path(library._name)
     try:
-        # An order that needs no memory makes the runtime load the library that allocates.
+        # A call that needs no memory makes the runtime load the library with the allocator.
         library.MKL_Set_Num_Threads_Local(0)
         core = ctypes.CDLL(str(beside.with_name(beside.name.replace("_rt", "_core"))))
         pointer = ctypes.c_void_p.in_dll(core, "i_malloc")
@@ -83,14 +83,14 @@ def _watch() -> None:
         return
     allocate = _ALLOCATE(pointer.value or 0)
 
-    def taken(size: int) -> int | None:
-        _ENTRIES.asked = True
+    def allocated(size: int) -> int | None:
+        _ENTRIES.called = True
         address: int | None = allocate(size)
         if address is None or size < _LARGE or _ENTRIES.folder is None:
             return address
         passed: list[int] = []
         while address is not None and not _alone(address) and len(passed) < _TRIES:
-            # From what was freed before; there is not much of that.
+            # This piece comes from memory freed before; there are few of them.
             passed.append(address)
             address = allocate(size)
         for each in passed:
@@ -98,9 +98,9 @@ def _watch() -> None:
         own = address is not None and _alone(address) and _mapped(system, *_pages(address, size), _ENTRIES.folder)
         return address if own else None
 
-    _ENTRIES.watching = [_ALLOCATE(taken), core]
-    pointer.value = ctypes.cast(_ENTRIES.watching[0], ctypes.c_void_p).value
-    # Whether it asks: not if it had memory before.
+    _ENTRIES.replaced = [_ALLOCATE(allocated), core]
+    pointer.value = ctypes.cast(_ENTRIES.replaced[0], ctypes.c_void_p).value
+    # Test it: MKL does not call the new allocator if it allocated memory before.
     library.MKL_free(library.MKL_malloc(_LARGE, mmap.PAGESIZE))
 
 
@@ -113,11 +113,11 @@ def _system() -> ctypes.CDLL:
 
 
 def _mapped(system: ctypes.CDLL, start: int, length: int, folder: Path) -> bool:
-    """Put the pages of a file without a name where memory was just allocated; false where they cannot be had."""
+    """Replace the pages of new memory by those of a file without a name; false if this fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder) as file:
-            # All of it now: a page that finds no room on disk later would end the process.
+            # Reserve the whole file now: a page without room on disk would later end the process.
             os.posix_fallocate(file.fileno(), 0, length)
             rights = mmap.PROT_READ | mmap.PROT_WRITE
             at = system.mmap(start, length, rights, mmap.MAP_SHARED | _FIXED, file.fileno(), 0)
@@ -127,37 +127,37 @@ def _mapped(system: ctypes.CDLL, start: int, length: int, folder: Path) -> bool:
 
 
 def _alone(address: int) -> bool:
-    """Whether memory is a mapping of its own, which is unmapped when it is freed: the C library marks it as such."""
+    """Whether memory has a mapping of its own, which `free` unmaps; the C library marks it in front of the memory."""
     head = 2 * ctypes.sizeof(ctypes.c_size_t)
     marks = ctypes.c_size_t.from_address(address - head // 2).value
     return address % mmap.PAGESIZE == head and bool(marks & _OWN_MAPPING)
 
 
 def _pages(address: int, size: int) -> tuple[int, int]:
-    """First whole page of some memory, and the bytes of all of them."""
+    """Address of the first whole page in some memory, and the bytes of all whole pages."""
     start = -(-address // mmap.PAGESIZE) * mmap.PAGESIZE
     return start, (address + size - start) // mmap.PAGESIZE * mmap.PAGESIZE
 
 
 def can_be_mapped() -> bool:
-    """Whether MKL asks here for memory."""
-    return _ENTRIES.asked
+    """Whether MKL uses the allocator of this module."""
+    return _ENTRIES.called
 
 
 def free_on_disk(folder: Path) -> float:
-    """Bytes that a file in a folder, there or not yet, may take."""
+    """Free bytes on the disk of a folder, which need not exist yet."""
     there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
     return float(shutil.disk_usage(there).free)
 
 
 @contextmanager
 def mapped_entries(folder: Path | None) -> Iterator[None]:
-    """Keep the entries of a factor that MKL makes within a `with` block in a file.
+    """Put the entries of factors that MKL makes within a `with` block into files.
 
     Parameters
     ----------
     folder : Path, optional
-        Where; without it they stay in memory.
+        Folder of the files; None leaves the entries in memory.
     """
     _ENTRIES.folder = folder
     try:

@@ -1,22 +1,24 @@
-"""Fill-reducing orders that were found, by the pattern that they belong to.
+"""Solver settings in force: the sparse solver, its memory, its threads, and the fill-reducing orders found so far.
 
-Which sparse solver is used, how much memory it may take: set for a block of code, like numpy's error state.
+Settings hold for a block of code, like numpy's error state. Work on the rows of tall blocks is shared by their threads.
 """
 
 from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.machine.allocators import kept_bytes, kept_pages
+from cmsreduce.linalg.machine.allocators import reusable_bytes, reused_pages
 from cmsreduce.model import Factorisation
 from cmsreduce.multifrontal import blas_threads
 
@@ -29,84 +31,86 @@ __all__ = [
     "allowed_threads",
     "available_memory",
     "current_settings",
+    "share_rows",
     "solver_settings",
     "usable_cores",
 ]
 
-# Patterns whose order is remembered: those of a few components at work, and of the parts of one.
-_KNOWN = 8
+Precision = Literal["auto", "double", "single"]
+Backend = Literal["auto", "pardiso", "multifrontal", "cholmod", "superlu", "mumps"]
+BACKENDS: tuple[Backend, ...] = ("pardiso", "multifrontal", "cholmod", "superlu", "mumps")
+"""Sparse solvers, the quickest first; the last one runs only if the settings name it."""
+
+# Share of the free memory that a factor may take; the rest is for the basis.
+_FACTOR_SHARE = 0.9
+# Share of the factor's memory that one basis may take: several exist at a time, beside the block of new columns.
+_BASIS_SHARE = 0.1
+_KIB = 1024
+# Orders in memory: enough for a few components and the parts of one.
+_ORDERS = 8
+# With fewer rows a second thread costs more than it saves.
+_FEW_ROWS = 4096
 
 
 class KnownOrders:
-    """Orders that were found for patterns, so that K, K - sigma M at any shift and what follows are ordered once.
+    """Fill-reducing orders found so far: K, K - sigma M at any shift and later matrices of one pattern share one order.
 
-    They stay in their process: each finds its own.
+    Orders stay in their process; a copy that is sent to another process starts empty.
     """
 
     def __init__(self) -> None:
-        self._found: dict[int, NDArray[Any]] = {}
+        self._orders: dict[int, NDArray[Any]] = {}
 
     def __reduce__(self) -> tuple[type[KnownOrders], tuple[()]]:
         return type(self), ()
 
-    def of(self, starts: NDArray[Any], indices: NDArray[Any]) -> NDArray[Any] | None:
-        """Order (n,) that was found for a pattern in compressed form; None for another one."""
-        return self._found.get(_fingerprint(starts, indices))
+    def find(self, starts: NDArray[Any], indices: NDArray[Any]) -> NDArray[Any] | None:
+        """Order (n,) of a pattern in compressed form; None for an unknown pattern."""
+        return self._orders.get(_fingerprint(starts, indices))
 
-    def keep(self, starts: NDArray[Any], indices: NDArray[Any], order: NDArray[Any]) -> None:
-        """Remember an order (n,); the oldest is forgotten."""
-        self._found[_fingerprint(starts, indices)] = order
-        while len(self._found) > _KNOWN:
-            del self._found[next(iter(self._found))]
+    def store(self, starts: NDArray[Any], indices: NDArray[Any], order: NDArray[Any]) -> None:
+        """Store the order (n,) of a pattern, and drop the oldest orders."""
+        self._orders[_fingerprint(starts, indices)] = order
+        while len(self._orders) > _ORDERS:
+            del self._orders[next(iter(self._orders))]
 
 
 def _fingerprint(starts: NDArray[Any], indices: NDArray[Any]) -> int:
-    """Number of a pattern: two that share one by chance cost each other fill, not digits, if they have as many rows."""
+    """Number of a pattern. Two patterns of as many rows may share one by chance: this costs fill, not digits."""
     return zlib.crc32(indices.data, zlib.crc32(starts.data)) << 32 | starts.size
-
-
-Precision = Literal["auto", "double", "single"]
-Backend = Literal["auto", "pardiso", "multifrontal", "cholmod", "superlu", "mumps"]
-BACKENDS: tuple[Backend, ...] = ("pardiso", "multifrontal", "cholmod", "superlu", "mumps")
-"""Sparse solvers, the quickest first; the last is only taken where it is asked for."""
-
-# Share of the memory that is free which a factor may take: the rest is for the basis.
-_SHARE = 0.9
-# Share of that memory which one basis may take; several are at hand at a time, beside the block that they are made of.
-_BASIS_SHARE = 0.1
-_KIB = 1024
 
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """How sparse matrices are factorised.
+    """Sparse solver, and the memory and threads that it may use.
 
     Parameters
     ----------
     backend : str
-        ``pardiso``, ``multifrontal``, ``cholmod``, ``superlu``; ``auto`` takes the quickest of them that is installed.
-        ``mumps`` works on several processes.
+        ``pardiso``, ``multifrontal``, ``cholmod`` or ``superlu``; ``mumps`` on several processes; ``auto`` takes the
+        quickest of the first four that is installed.
     memory : float, optional
-        Bytes that a factor may take; most of what is free if absent.
+        Bytes that a factor may take; most of the free memory if absent.
     threads : int, optional
-        Threads of a product, a factorisation, a solve or dense algebra; if absent all cores, or what OMP_NUM_THREADS
-        allows, but one for dense algebra.
+        Threads of a product, a factorisation, a solve or dense algebra. If absent, dense algebra takes one thread, and
+        everything else all cores or the number in OMP_NUM_THREADS.
     precision : str
         ``double``; ``single`` for factors in float32, whose solutions are refined to double precision; ``auto`` takes
-        single where a factor in double precision would not fit in memory.
+        single precision if a factor in double precision would not fit in memory.
     ranks : int
         Processes of ``mumps``.
     python : str, optional
-        Interpreter of ``mumps``, which has petsc4py; this one or the system's if absent.
+        Interpreter with petsc4py for ``mumps``; this one or the system's if absent.
     scratch : Path, optional
-        Folder for bases that outgrow memory, and with ``replace_allocators`` for factors; without it bases stay there.
+        Folder for bases that do not fit in memory, and with ``replace_allocators`` for factors; without it all bases
+        stay in memory.
     replace_allocators : bool
-        Whether the allocators of the C library and of MKL may be set or replaced while a body is reduced, for the whole
-        process: pages are then used again (`kept_pages`), and factors that outgrow memory lie in files (`mkl_memory`).
+        Whether the allocators of the C library and of MKL may be changed for the whole process while a body is reduced:
+        freed pages are then reused (`allocators`), and factors that do not fit in memory lie in files (`mkl_memory`).
     work : list of Factorisation
-        Every factorisation that was done under these settings, in order.
+        All factorisations under these settings, in order.
     orders : KnownOrders
-        Fill-reducing orders that were found under these settings.
+        Fill-reducing orders found under these settings.
     """
 
     backend: Backend = "auto"
@@ -123,28 +127,21 @@ class SolverSettings:
     @property
     def memory_limit(self) -> float:
         """Bytes that the next factor may take."""
-        return _SHARE * available_memory() if self.memory is None else self.memory
+        return _FACTOR_SHARE * available_memory() if self.memory is None else self.memory
 
     @property
     def basis_limit(self) -> float:
-        """Bytes beyond which a basis is kept on disk."""
+        """Bytes above which a basis goes to disk."""
         return _BASIS_SHARE * self.memory_limit
 
-    def pages_kept(self, n: int) -> AbstractContextManager[None]:
-        """Context in which the pages of work on n rows are used again, where allocators may be set for that."""
-        return kept_pages(n, self.memory_limit) if self.replace_allocators else nullcontext()
+    def reused_pages(self, n: int) -> AbstractContextManager[None]:
+        """Context for work on n rows that reuses memory pages if ``replace_allocators`` is set."""
+        return reused_pages(n, self.memory_limit) if self.replace_allocators else nullcontext()
 
     @property
     def thread_count(self) -> int:
-        """Threads to use; what OMP_NUM_THREADS allows, unless these settings say it."""
+        """Threads to use: those of these settings, else the allowed ones, else all cores."""
         return self.threads or _ALLOWED.get() or usable_cores()
-
-
-def usable_cores() -> int:
-    """Cores that this process may use, or as many as OMP_NUM_THREADS allows."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    allowed = os.environ.get("OMP_NUM_THREADS", "")
-    return min(cores, int(allowed)) if allowed.isdigit() and int(allowed) else cores
 
 
 _SETTINGS: ContextVar[SolverSettings | None] = ContextVar("solver_settings", default=None)
@@ -160,9 +157,9 @@ def current_settings() -> SolverSettings:
 def solver_settings(settings: SolverSettings) -> Iterator[SolverSettings]:
     """Put settings in force within a `with` block.
 
-    Dense algebra takes the threads that the settings name, or one: threads of OpenBLAS that wait for more work spin, on
-    the cores that sparse work needs next, and a run of small bodies then takes twice to four times the processor time.
-    Sparse and tall products share their rows among all threads by themselves.
+    Dense algebra takes the threads that the settings name, or one. Idle threads of OpenBLAS spin on the cores that
+    sparse work needs next: a run of small bodies then takes two to four times the processor time. Sparse and tall
+    products share their rows among all threads by themselves.
 
     Parameters
     ----------
@@ -184,7 +181,7 @@ def solver_settings(settings: SolverSettings) -> Iterator[SolverSettings]:
 
 @contextmanager
 def allowed_threads(count: int) -> Iterator[None]:
-    """Allow so many threads within a `with` block, unless settings name a number: other processes use the other cores.
+    """Limit the threads within a `with` block, unless settings name a number: other processes use the other cores.
 
     Parameters
     ----------
@@ -198,11 +195,45 @@ def allowed_threads(count: int) -> Iterator[None]:
         _ALLOWED.reset(token)
 
 
+def usable_cores() -> int:
+    """Number of cores that this process may use, at most OMP_NUM_THREADS."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    allowed = os.environ.get("OMP_NUM_THREADS", "")
+    return min(cores, int(allowed)) if allowed.isdigit() and int(allowed) else cores
+
+
 def available_memory() -> float:
-    """Bytes of memory that can be had without swapping; of the whole machine where the system does not tell."""
+    """Bytes of memory available without swapping; the memory of the whole machine if the system does not report it."""
     table = Path("/proc/meminfo")
     if table.is_file():
         for line in table.read_text().splitlines():
             if line.startswith("MemAvailable:"):
-                return float(line.split()[1]) * _KIB + kept_bytes()
+                return float(line.split()[1]) * _KIB + reusable_bytes()
     return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
+
+
+def share_rows(n: int, at_once: int, work: Callable[[int, slice], None]) -> None:
+    """Share rows among threads: call ``work`` with the number of a thread and a few rows until all rows are done.
+
+    Parameters
+    ----------
+    n : int
+        Rows.
+    at_once : int
+        Largest number of rows in a call.
+    work : callable
+        Releases Python's lock for most of its time, as numpy does in long products and sums.
+    """
+    threads = current_settings().thread_count if n > _FEW_ROWS else 1
+    cuts = np.linspace(0, n, threads + 1).astype(int).tolist()
+
+    def share(thread: int) -> None:
+        low, high = cuts[thread : thread + 2]
+        for first in range(low, high, at_once):
+            work(thread, slice(first, min(first + at_once, high)))
+
+    if threads == 1:
+        share(0)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(share, range(threads)))

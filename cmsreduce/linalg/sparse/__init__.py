@@ -1,7 +1,7 @@
 """Sparse direct solvers behind one interface, one file a backend.
 
 Orderings, factors, pivots and inertia counts belong here.
-Algorithms that use a factor, such as searches for modes, belong in `eigen` or `response`.
+Algorithms that use a factor belong in `eigen` or `response`.
 """
 
 from cmsreduce.linalg.sparse.factorisation import (

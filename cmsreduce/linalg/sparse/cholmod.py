@@ -1,4 +1,4 @@
-"""CHOLMOD through scikit-sparse: Cholesky factors by supernodes, in METIS order, on any platform."""
+"""Backend CHOLMOD by scikit-sparse: supernodal Cholesky factors in METIS order, on any platform."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from cmsreduce.linalg.sparse.superlu import SuperLU
 
 __all__ = ["Cholmod", "cholmod_factor"]
 
-# Memory for each entry of L: 12 bytes in large factors, 15 in small ones, of blocks with their padding and work space.
+# Bytes for each entry of L, with the padding of its blocks and the work space: 12 in large factors, 15 in small ones.
 _BYTES = 15.0
-# scikit-sparse from 0.5 on turns the blocks into a sparse factor, with both in memory meanwhile: 18 to 22 bytes.
+# scikit-sparse from 0.5 on converts the blocks to a sparse factor, and both are in memory: 18 to 22 bytes.
 _BYTES_UNBLOCKED = 23.0
 
 
 def cholmod_factor(A: sp.csc_array, definite: bool, admit: Admit) -> Factor:
-    """Factor of a definite matrix by CHOLMOD, of any other by SuperLU.
+    """Factor of a definite matrix by CHOLMOD, and of any other matrix by SuperLU.
 
     Parameters
     ----------
@@ -43,8 +43,8 @@ def cholmod_factor(A: sp.csc_array, definite: bool, admit: Admit) -> Factor:
     SingularFactorError
         If a pivot is zero, or not positive in a definite matrix.
     """
-    # CHOLMOD's L D L^T works entry by entry, without pivots: a solid of 30 000 rows takes it four times SuperLU's time,
-    # and a zero on the diagonal stops it.
+    # CHOLMOD's L D L^T works entry by entry without pivoting: it takes four times as long as SuperLU for a solid of
+    # 30 000 rows, and stops at a zero on the diagonal.
     return Cholmod(A, admit) if definite else SuperLU(A, definite, admit)
 
 
@@ -68,7 +68,7 @@ class Cholmod(Factor):
     Notes
     -----
     Source: Y. Chen, T. Davis, W. Hager, S. Rajamanickam, "Algorithm 887: CHOLMOD", ACM Trans. Math. Softw. 35 (2008).
-    scikit-sparse 0.4 and 0.5 are served; 0.5 renamed every call.
+    scikit-sparse 0.4 and 0.5 both work; 0.5 renamed every call.
     """
 
     backend: str = "cholmod"
@@ -100,11 +100,11 @@ class Cholmod(Factor):
         """Squares of the diagonal of L in the matrix's own row order (n,)."""
         D = self._factor.D
         pivots = np.empty(self.n)
-        # The older D is L's squared diagonal; the newer one, of L L^T, is the identity.
+        # D of scikit-sparse 0.4 is the squared diagonal of L; D of 0.5, for L L^T, is the identity.
         pivots[self._order] = D() if callable(D) else self._factor.factor.diagonal() ** 2
         return pivots
 
     @property
     def inertia_known(self) -> bool:
-        """True: rows and columns are permuted alike."""
+        """True: rows and columns have one order."""
         return True

@@ -1,4 +1,4 @@
-"""What every sparse direct solver gives: a factor to solve with, its pivots, its inertia and what it cost."""
+"""Interface of all sparse direct solvers: a factor to solve with, its pivots, its inertia and its cost."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from cmsreduce.linalg.blocks import by_columns
 __all__ = ["BLOCK", "Admit", "Factor", "FactorCost", "SingularFactorError"]
 
 BLOCK = 64
-"""Right-hand sides solved at once: wide enough to reuse the factor, narrow enough to stay in memory."""
+"""Right-hand sides of one solve: enough to reuse the factor, few enough for the memory."""
 
 
 @dataclass(frozen=True)
 class FactorCost:
-    """What a factorisation will take, known from the pattern of the matrix alone.
+    """Cost of a factorisation, known from the pattern of the matrix alone.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class FactorCost:
     flops : float
         Floating-point operations of the factorisation.
     bytes : float
-        Memory that the factorisation takes at its peak, beside the matrix.
+        Peak memory of the factorisation, without the matrix.
     """
 
     nnz: int
@@ -40,20 +40,20 @@ class FactorCost:
 
 
 Admit = Callable[[FactorCost], None]
-"""Called between the symbolic and the numeric phase; raises where the factor would not fit in memory."""
+"""Called between the symbolic and the numeric phase; raises an error if the factor would not fit in memory."""
 
 
 class SingularFactorError(ArithmeticError):
-    """A pivot is zero, or negative where it must not be: the factorisation stopped."""
+    """The factorisation stopped at a zero pivot, or at a negative pivot of a definite matrix."""
 
 
 class Factor(ABC):
-    """Triangular factors of a sparse symmetric matrix: call it with a right-hand side to solve.
+    """Triangular factors of a sparse symmetric matrix; a call solves for right-hand sides.
 
     Parameters
     ----------
     A : (n, n) csc array
-        The matrix; its diagonal is the scale that pivots are judged by.
+        The matrix; pivots are compared with its diagonal.
     cost : FactorCost
         Size of the factors.
     """
@@ -75,7 +75,7 @@ class Factor(ABC):
         Returns
         -------
         x : float64, shape of ``b``
-            By columns, or by rows where ``b`` lies so.
+            Stored by columns, or by rows if ``b`` is.
         """
         b = np.asarray(b, dtype=np.float64)
         if not b.size:
@@ -92,17 +92,17 @@ class Factor(ABC):
 
     @abstractmethod
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solve for a block (n, k) of any layout; the solution lies by columns, or as the block does."""
+        """Solve for a block (n, k) of any layout; the solution is stored by columns, or as the block is."""
 
     @cached_property
     @abstractmethod
     def pivots(self) -> NDArray[np.float64]:
-        """Pivots in the matrix's own row order (n,); of a block of two rows, its diagonal."""
+        """Pivots in the matrix's own row order (n,); the diagonal of a pivot of two rows."""
 
     @property
     @abstractmethod
     def inertia_known(self) -> bool:
-        """Whether the signs of the pivots are the inertia: rows and columns permuted alike, no pivot moved."""
+        """Whether the signs of the pivots are the inertia: rows and columns have one order, and no pivot was moved."""
 
     @property
     def negative_pivots(self) -> int:
@@ -114,21 +114,21 @@ class Factor(ABC):
             If the factorisation had to pivot off the diagonal, which hides the inertia.
         """
         if not self.inertia_known:
-            raise MatrixError("the factorisation pivoted off the diagonal: its inertia cannot be read")
+            raise MatrixError("the factorisation pivoted off the diagonal: its inertia is unknown")
         return self._negative_pivots()
 
     def _negative_pivots(self) -> int:
         return int(np.count_nonzero(self.pivots < 0))
 
     @property
-    def pivot_ratio(self) -> NDArray[np.float64]:
-        """Pivot over size of the diagonal entry: what is left of a dof's stiffness when those before it are free."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(self.diagonal != 0, self.pivots / abs(self.diagonal), 0.0)
-
-    @property
     def weakest(self) -> tuple[int, float]:
-        """Row of the smallest pivot ratio, and that ratio; 0 and 1 for a matrix without rows."""
-        ratio = self.pivot_ratio
-        row = int(np.argmin(ratio)) if ratio.size else 0
-        return row, float(ratio[row]) if ratio.size else 1.0
+        """Row with the smallest ratio of its pivot to its diagonal entry, and this ratio; (0, 1) without rows.
+
+        The ratio is the share of a dof's stiffness that remains when the dofs eliminated before it are free.
+        """
+        if not self.n:
+            return 0, 1.0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(self.diagonal != 0, self.pivots / abs(self.diagonal), 0.0)
+        row = int(np.argmin(ratio))
+        return row, float(ratio[row])

@@ -1,4 +1,4 @@
-"""Size of a Cholesky factor, known from the pattern of the matrix and its order, before anything is factorised."""
+"""Size of a Cholesky factor, computed from the pattern and the order of the matrix before its factorisation."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ __all__ = ["elimination_tree", "factor_cost"]
 
 
 def factor_cost(A: sp.csc_array, order: NDArray[np.int64], bytes_per_entry: float = 8.0) -> FactorCost:
-    """Entries and operations of the Cholesky factor of ``A[order][:, order]``, exact where nothing cancels.
+    """Entries and operations of the Cholesky factor of ``A[order][:, order]``, exact if no entry cancels.
 
     Parameters
     ----------
     A : (n, n) csc array
-        Symmetric; entries that are stored count, zeros too.
+        Symmetric; stored zeros count as entries.
     order : (n,) int
         Row that is eliminated first, second, ...
     bytes_per_entry : float
-        Memory that a solver takes for each entry of the factor.
+        Memory of a solver for each entry of the factor.
 
     Returns
     -------
     FactorCost
-        Operations: the sum of squares of the column counts.
+        Its operations are the sum of squares of the column counts.
 
     Notes
     -----
-    Counted on the graph of groups of indistinguishable rows that are eliminated one after the other. Source: J.
+    The count uses the graph of groups of indistinguishable rows that are eliminated one after the other. Source: J.
     Gilbert, E. Ng, B. Peyton, "An efficient algorithm to compute row and column counts for sparse Cholesky
     factorization", SIAM J. Matrix Anal. Appl. 15 (1994) 1075-1091.
     """
@@ -46,7 +46,7 @@ def factor_cost(A: sp.csc_array, order: NDArray[np.int64], bytes_per_entry: floa
 
 
 def elimination_tree(graph: sp.csr_array) -> NDArray[np.int64]:
-    """Parent of each vertex when vertices are eliminated in the order of their numbers.
+    """Elimination tree of a graph whose vertices are eliminated in the order of their numbers.
 
     Parameters
     ----------
@@ -56,18 +56,18 @@ def elimination_tree(graph: sp.csr_array) -> NDArray[np.int64]:
     Returns
     -------
     parent : (g,) int64
-        The next vertex in the same column structure; ``g`` for a root.
+        Parent of each vertex, the first row below the diagonal of its column in the factor; ``g`` for a root.
 
     Notes
     -----
-    The tree says when parts grow together as vertices are added, and a spanning tree of least weights, the later end of
-    an edge its weight, says the same with fewer edges. Source: J. Liu, "The role of elimination trees in sparse
+    The tree records how parts of the graph join as vertices are added. The minimum spanning tree, with the later end of
+    an edge as its weight, has the same joins and fewer edges. Source: J. Liu, "The role of elimination trees in sparse
     factorization", SIAM J. Matrix Anal. Appl. 11 (1990) 134-172.
     """
     n = graph.shape[0]
     upper = sp.coo_array(sp.triu(graph, 1))
     early, late = upper.coords
-    # Weight zero would be no edge; the later end is 1 at least.
+    # A weight of zero would be no edge; the later end is at least 1.
     spanning = sp.coo_array(csgraph.minimum_spanning_tree(sp.csr_array((late.astype(float), (early, late)), (n, n))))
     early, late = spanning.coords
     by_late = np.argsort(late, kind="stable")
@@ -80,7 +80,7 @@ def elimination_tree(graph: sp.csr_array) -> NDArray[np.int64]:
 
 
 def _runs(group: NDArray[np.int64], order: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Number of each row's run, in the order of elimination: rows of one group with no other between."""
+    """Number of the run of each row: rows of one group that are eliminated one after the other."""
     sequence = group[order]
     run = np.empty_like(sequence)
     run[order] = np.cumsum(np.diff(sequence, prepend=sequence[0]) != 0)
@@ -88,7 +88,7 @@ def _runs(group: NDArray[np.int64], order: NDArray[np.int64]) -> NDArray[np.int6
 
 
 def _rows_below(graph: sp.csr_array, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Rows of the factor below each vertex's own, vertices in some order of elimination that has the same factor."""
+    """Rows of the factor below the rows of each vertex; ``rows`` is put into postorder, which has the same factor."""
     n = graph.shape[0]
     parent, place, size = _postordered(elimination_tree(graph))
     first = np.arange(n) - size + 1
@@ -98,12 +98,13 @@ def _rows_below(graph: sp.csr_array, rows: NDArray[np.int64]) -> NDArray[np.int6
     i, j = i[lower], j[lower]
     by_row = np.lexsort((j, i))
     i, j = i[by_row], j[by_row]
-    # Row i of the factor is the subtree under i that its entries span. Its leaves: no entry further down.
+    # Row i of the factor is the subtree under i that its entries span. A leaf has no entry below it.
     fresh = np.diff(i, prepend=-1) != 0
     leaf = fresh | (np.concatenate([[-1], j[:-1]]) < first[j])
     i, j, fresh = i[leaf], j[leaf], fresh[leaf]
     joins = np.flatnonzero(~fresh)
-    # One for each leaf, less one where two branches meet and less one at i: sums over subtrees are 1 in row i, else 0.
+    # Add one at each leaf, subtract one where two branches meet and one at i. The sum over the subtree of a vertex is
+    # then 1 if row i has an entry there, else 0.
     share = np.zeros(n + 1, dtype=np.int64)
     np.add.at(share, j, rows[i])
     np.subtract.at(share, i[fresh], rows[i[fresh]])
@@ -113,13 +114,13 @@ def _rows_below(graph: sp.csr_array, rows: NDArray[np.int64]) -> NDArray[np.int6
 
 
 def _postordered(tree: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Parents and subtree sizes in postorder, and each vertex's place in it: a subtree's vertices stand together."""
+    """Parents in postorder, the place of each vertex, and subtree sizes; the vertices of a subtree are consecutive."""
     n = tree.size
     parents = tree.tolist()
     size = [1] * n + [0]
     for child, parent in enumerate(parents):
         size[parent] += size[child]
-    # Last place that is free in each subtree, whose own root takes the last of all.
+    # Last free place in each subtree; its root takes the last place.
     free, place = [0] * n + [n - 1], [0] * n
     for child in range(n - 1, -1, -1):
         parent = parents[child]
@@ -134,7 +135,7 @@ def _postordered(tree: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np
 
 
 def _common_ancestors(parent: NDArray[np.int64], a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Lowest common ancestors of vertices a < b in postorder: the first ancestor of a that is not before b."""
+    """Lowest common ancestors of vertices a < b in postorder: the first ancestor of a at or after b."""
     n = parent.size
     steps = [np.append(parent, n)]
     while steps[-1].min() < n:

@@ -1,6 +1,7 @@
-"""Sparse solvers: which can be used here, and which factors each of them makes.
+"""Factorisation of a sparse symmetric matrix by the solver that the settings name or that is quickest here.
 
-Factorise a sparse symmetric matrix once, solve for blocks of right-hand sides, count negative pivots.
+`factorise` tries the solver's precisions in turn, refuses a factor that would not fit in memory, and checks that a
+definite matrix is definite.
 """
 
 from __future__ import annotations
@@ -30,113 +31,34 @@ __all__ = [
     "BLOCK",
     "Factor",
     "InsufficientMemoryError",
-    "Kind",
     "NotPositiveDefiniteError",
     "factorise",
     "installed",
     "installed_backends",
-    "kinds",
 ]
 
-Kind = Callable[[sp.csc_array, bool, Admit], Factor]
-"""Makes a factor of a matrix, given whether it is taken to be definite and what admits the factor."""
+_Kind = Callable[[sp.csc_array, bool, Admit], Factor]
+"""Makes a factor of a matrix. Arguments: the matrix, whether it should be definite, a check of the factor's size."""
 
-
-def installed_backends() -> tuple[Backend, ...]:
-    """Sparse solvers that can be used here, the quickest first."""
-    return tuple(backend for backend in BACKENDS if installed(backend))
-
-
-@cache
-def installed(backend: Backend) -> bool:
-    """Whether a sparse solver can be used here."""
-    if backend == "pardiso":
-        return mkl_library() is not None
-    if backend == "cholmod":
-        return importlib.util.find_spec("sksparse") is not None
-    if backend == "multifrontal":
-        return not lacks()
-    return backend != "mumps" or not mumps_lacks()
-
-
-def kinds(backend: Backend, settings: SolverSettings) -> list[tuple[str, Kind]]:
-    """Precisions and factors that a solver offers, in the order in which they are tried.
-
-    Parameters
-    ----------
-    backend : str
-        The solver that was chosen.
-    settings : SolverSettings
-        Whether it was asked for, the precision, and where a factor may lie on disk.
-
-    Returns
-    -------
-    list of (str, callable)
-
-    Raises
-    ------
-    MatrixError
-        If it was asked for factors in single precision and makes none.
-    """
-    # PARDISO holds nothing beside the factor, and may have it on disk.
-    followed = backend == "multifrontal" and settings.backend == "auto" and installed("pardiso")
-    taken: list[Backend] = [backend, "pardiso"] if followed else [backend]
-    on_disk = partial(Pardiso, folder=settings.scratch if settings.replace_allocators else None)
-    rough: dict[str, Rough] = {"pardiso": on_disk, "multifrontal": _rough_fronts}
-    single: list[tuple[str, Kind]] = [
-        ("single", partial(RefinedFactor, rough=rough[each])) for each in taken if each in rough
-    ]
-    if settings.precision == "single" and not single and settings.backend != "auto":
-        raise MatrixError(
-            f"{' and '.join(rough)} make factors in single precision, {backend} does not: set solver.backend to one "
-            "of them"
-        )
-    # In double precision on disk only where single in memory is ruled out.
-    types: dict[str, Kind] = _TYPES | ({"pardiso": on_disk} if settings.precision == "double" else {})
-    double: list[tuple[str, Kind]] = [("double", types[each]) for each in taken]
-    return {"single": single or double, "double": double, "auto": [*double, *single]}[settings.precision]
-
-
-def _multifrontal(A: sp.csc_array, definite: bool, admit: Admit) -> Factor:
-    """Multifrontal factor of a definite matrix; of any other, whose pivots it does not order, by another solver."""
-    if definite:
-        return Multifrontal(A, admit)
-    return Pardiso(A, definite, admit) if installed("pardiso") else SuperLU(A, definite, admit)
-
-
-def _rough_fronts(A: sp.csc_array, definite: bool, admit: Admit, scale: NDArray[np.float64]) -> Factor:
-    """Factor in single precision, as `_multifrontal` makes it in double."""
-    return Multifrontal(A, admit, scale) if definite else Pardiso(A, definite, admit, scale)
-
-
-_TYPES: dict[str, Kind] = {
-    "pardiso": Pardiso,
-    "multifrontal": _multifrontal,
-    "cholmod": cholmod_factor,
-    "superlu": SuperLU,
-    "mumps": Mumps,
-}
-
-
-# A pivot is what its diagonal entry leaves after cancellation. Of a singular matrix of a few dofs up to a hundred
-# roundings are left (2e-14 seen), of a large one n of them; a cantilever of a thousand elements in a row leaves 1e-10.
+# A pivot is the rest of its diagonal entry after cancellation. In a singular matrix of a few dofs this rest is up to a
+# hundred roundings (2e-14 was seen), in a large one n roundings. A cantilever of a thousand elements has 1e-10.
 _FEWEST_ROUNDINGS = 1000
 _LARGEST_SINGULAR = 1e-10
-# A pivot that small may also be a soft spring beside a stiff one. A motion that nothing resists then leaves less than
-# one rounding of its energy's absolute parts, a spring that the entries still hold leaves more than this.
+# Such a small pivot may also be a soft spring beside a stiff one. A motion without resistance leaves less than one
+# rounding of the absolute parts of its energy; a spring that the entries still represent leaves more than this.
 _LEFT_BY_ARITHMETIC = 5.0
-# Raises a matrix that is exactly singular enough to be factorised, so that its smallest pivot shows where.
+# Raises the diagonal of an exactly singular matrix so that it can be factorised: the smallest pivot shows the row.
 _RAISED = 1e-8
-# Below this size SuperLU is done before another library is loaded: a whole run of 1080 dofs takes as long with MKL, one
-# of 3060 dofs 0.14 s less.
+# Below this number of rows SuperLU is done before another library is loaded: a whole run of 1080 dofs takes as long
+# with MKL, one of 3060 dofs 0.14 s less.
 _SMALL = 1000
-# From here on compiled loops save more than the second that it takes to load them: a multifrontal Cholesky factor of
-# 3e4 rows takes 0.1 s less than PARDISO's, and a solve for eight columns half as long, 0.015 s.
+# From this number of rows on compiled loops save more than the second that they take to load: a multifrontal Cholesky
+# factor of 3e4 rows takes 0.1 s less than PARDISO's, and a solve for eight columns half as long, 0.015 s.
 _LARGE = 50_000
 
 
 class NotPositiveDefiniteError(MatrixError):
-    """A matrix that had to be positive definite is not; ``row`` is where the factorisation says so."""
+    """A matrix that should be positive definite is not; ``row`` is the row at which the factorisation failed."""
 
     def __init__(self, message: str, row: int) -> None:
         super().__init__(message)
@@ -155,36 +77,36 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
     A : (n, n) sparse array
         Symmetric.
     definite : bool
-        Whether the matrix must be positive definite; a shifted one need not.
+        Whether the matrix must be positive definite; a shifted matrix need not be.
     what : str
-        What the matrix is, for the error message.
+        Name of the matrix in error messages.
 
     Returns
     -------
     Factor
-        By the solver that `current_settings` names.
+        Made by the solver of `current_settings`.
 
     Raises
     ------
     NotPositiveDefiniteError
-        If ``definite`` and a pivot is not positive, or falls to the round-off of its diagonal entry in a motion whose
-        energy is round-off too.
+        If ``definite`` and a pivot is not positive, or is round-off of its diagonal entry in a motion whose energy is
+        round-off too.
     InsufficientMemoryError
-        If the factor would outgrow the memory it may take; said before that memory is allocated.
+        If the factor would need more memory than it may take; raised before the memory is allocated.
     """
     A = sp.csc_array(A)
     settings = current_settings()
-    backend = _chosen(settings.backend, A.shape[0], definite)
+    backend = _backend(settings.backend, A.shape[0], definite)
     started, admit = time.perf_counter(), _admission(settings, what, A.shape[0])
     factor, refused, precision = None, None, ""
-    for precision_tried, kind in kinds(backend, settings):
+    for precision_tried, kind in _kinds(backend, settings):
         try:
             try:
                 factor = kind(A, definite, admit)
             except SingularFactorError:
                 if not definite:
                     raise
-                # Cholesky stops at a pivot that is not positive; L D L^T shows which pivot is the smallest.
+                # Cholesky stops at a pivot that is not positive; L D L^T shows the smallest pivot.
                 factor = kind(A, False, admit)
             precision = precision_tried
             break
@@ -208,7 +130,7 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
     settings.work.append(
         Factorisation(factor.backend, factor.n, cost.nnz, cost.flops / 1e9, cost.bytes / 2**20, seconds, precision)
     )
-    # Of a factor in single precision, refinement that converges has proven the signs of all pivots.
+    # Refinement that converges proves the signs of all pivots of a factor in single precision.
     proven = isinstance(factor, RefinedFactor) and factor.inertia_known and not factor.negative_pivots
     if definite and not proven:
         limit = min(max(A.shape[0], _FEWEST_ROUNDINGS) * np.finfo(float).eps, _LARGEST_SINGULAR)
@@ -220,31 +142,29 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
     return factor
 
 
-def _resists(A: sp.csc_array, factor: Factor, row: int) -> bool:
-    """Whether a matrix of positive pivots resists its weakest motion, that of the row with the smallest pivot."""
-    if factor.weakest[1] <= 0:
-        return False
-    x = factor(np.eye(1, A.shape[0], row)[0])
-    x = factor(factor.diagonal * x / abs(x).max())
-    parts = abs(x) @ (abs(A) @ abs(x))
-    return bool(x @ (A @ x) > _LEFT_BY_ARITHMETIC * 2.0**-53 * parts)
+def installed_backends() -> tuple[Backend, ...]:
+    """Sparse solvers that are installed here, the quickest first."""
+    return tuple(backend for backend in BACKENDS if installed(backend))
 
 
-def _singular_row(A: sp.csc_array) -> int:
-    """Row with the smallest pivot, relative to its diagonal, of a matrix whose factorisation met a zero pivot."""
-    diagonal = abs(A.diagonal())
-    if not diagonal.all():
-        return int(np.argmin(diagonal))
-    raised = factorise(sp.csc_array(A + _RAISED * sp.diags_array(diagonal)), definite=False)
-    return raised.weakest[0]
+@cache
+def installed(backend: Backend) -> bool:
+    """Whether a sparse solver is installed here."""
+    if backend == "pardiso":
+        return mkl_library() is not None
+    if backend == "cholmod":
+        return importlib.util.find_spec("sksparse") is not None
+    if backend == "multifrontal":
+        return not lacks()
+    return backend != "mumps" or not mumps_lacks()
 
 
-def _chosen(wanted: Backend, n: int, definite: bool) -> Backend:
-    """The solver to use: the one asked for, or the quickest for the size."""
+def _backend(wanted: Backend, n: int, definite: bool) -> Backend:
+    """The solver of the settings, or for ``auto`` the quickest for n rows."""
     if wanted == "auto":
         if definite and n >= _LARGE and installed("multifrontal"):
             return "multifrontal"
-        # Whether MUMPS can run takes a second to find out, and is not asked here: it is the last.
+        # MUMPS comes last, so it is not tested here: the test takes a second.
         return "superlu" if n < _SMALL else next(backend for backend in BACKENDS if installed(backend))
     if wanted != "mumps" and not installed(wanted):
         missing = f": it lacks {lacks()}" if wanted == "multifrontal" else ""
@@ -252,6 +172,52 @@ def _chosen(wanted: Backend, n: int, definite: bool) -> Backend:
             f"the sparse solver '{wanted}' is not installed here{missing}; installed: {', '.join(installed_backends())}"
         )
     return wanted if n else "superlu"
+
+
+def _kinds(backend: Backend, settings: SolverSettings) -> list[tuple[str, _Kind]]:
+    """Precisions and factors of a solver in the order in which they are tried.
+
+    Raises `MatrixError` if the settings name this solver and single precision, which it does not have.
+    """
+    # PARDISO needs no memory beside the factor, and can put the factor on disk: it follows the multifrontal solver.
+    followed = backend == "multifrontal" and settings.backend == "auto" and installed("pardiso")
+    tried: list[Backend] = [backend, "pardiso"] if followed else [backend]
+    on_disk = partial(Pardiso, folder=settings.scratch if settings.replace_allocators else None)
+    rough: dict[str, Rough] = {"pardiso": on_disk, "multifrontal": _rough_multifrontal}
+    single: list[tuple[str, _Kind]] = [
+        ("single", partial(RefinedFactor, rough=rough[each])) for each in tried if each in rough
+    ]
+    if settings.precision == "single" and not single and settings.backend != "auto":
+        raise MatrixError(
+            f"{' and '.join(rough)} make factors in single precision, {backend} does not: set solver.backend to one "
+            "of them"
+        )
+    # In double precision a factor goes to disk only if single precision is ruled out.
+    double: list[tuple[str, _Kind]] = [
+        ("double", on_disk if each == "pardiso" and settings.precision == "double" else _DOUBLE[each]) for each in tried
+    ]
+    return {"single": single or double, "double": double, "auto": [*double, *single]}[settings.precision]
+
+
+def _multifrontal(A: sp.csc_array, definite: bool, admit: Admit) -> Factor:
+    """Multifrontal factor of a definite matrix; factor by another solver of any other matrix, which needs pivoting."""
+    if definite:
+        return Multifrontal(A, admit)
+    return Pardiso(A, definite, admit) if installed("pardiso") else SuperLU(A, definite, admit)
+
+
+def _rough_multifrontal(A: sp.csc_array, definite: bool, admit: Admit, scale: NDArray[np.float64]) -> Factor:
+    """The same in single precision."""
+    return Multifrontal(A, admit, scale) if definite else Pardiso(A, definite, admit, scale)
+
+
+_DOUBLE: dict[str, _Kind] = {
+    "pardiso": Pardiso,
+    "multifrontal": _multifrontal,
+    "cholmod": cholmod_factor,
+    "superlu": SuperLU,
+    "mumps": Mumps,
+}
 
 
 def _admission(settings: SolverSettings, what: str, n: int) -> Admit:
@@ -265,3 +231,22 @@ def _admission(settings: SolverSettings, what: str, n: int) -> Admit:
             )
 
     return admit
+
+
+def _resists(A: sp.csc_array, factor: Factor, row: int) -> bool:
+    """Whether a matrix of positive pivots resists its weakest motion, that of the row with the smallest pivot."""
+    if factor.weakest[1] <= 0:
+        return False
+    x = factor(np.eye(1, A.shape[0], row)[0])
+    x = factor(factor.diagonal * x / abs(x).max())
+    parts = abs(x) @ (abs(A) @ abs(x))
+    return bool(x @ (A @ x) > _LEFT_BY_ARITHMETIC * 2.0**-53 * parts)
+
+
+def _singular_row(A: sp.csc_array) -> int:
+    """Row with the smallest pivot relative to its diagonal entry, in a matrix whose factorisation met a zero pivot."""
+    diagonal = abs(A.diagonal())
+    if not diagonal.all():
+        return int(np.argmin(diagonal))
+    raised = factorise(sp.csc_array(A + _RAISED * sp.diags_array(diagonal)), definite=False)
+    return raised.weakest[0]

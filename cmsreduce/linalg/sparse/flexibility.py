@@ -14,16 +14,16 @@ from cmsreduce.linalg.sparse.factorisation import factorise
 __all__ = ["ElasticFlexibility", "Solve"]
 
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Solves for one right-hand side (n,) or a block of them (n, k)."""
+"""Solves for one right-hand side (n,) or a block of right-hand sides (n, k)."""
 
 
 class ElasticFlexibility:
-    """Elastic flexibility of a free body, P^T G P (theory section 2): a solve in which rigid motion is absent.
+    """Elastic flexibility P^T G P of a free body (theory section 2): a static solve without rigid motion.
 
     Parameters
     ----------
     K, M : (n, n) sparse array
-        Stiffness (singular on ``rigid``) and mass.
+        Stiffness, singular on ``rigid``, and mass.
     rigid : (n, r) float64
         Rigid-body modes, orthonormal in M.
     """
@@ -31,7 +31,7 @@ class ElasticFlexibility:
     def __init__(self, K: sp.csc_array, M: sp.csc_array, rigid: NDArray[np.float64]) -> None:
         n, r = rigid.shape
         self.rigid, self.momentum = rigid, M @ rigid
-        # r dofs that the rigid modes move independently hold the body in a statically determinate way.
+        # The rigid modes move r dofs independently: holding these makes the body statically determinate.
         _, _, order = la.qr(rigid.T, mode="economic", pivoting=True)
         self.free = np.setdiff1d(np.arange(n), order[:r])
         self.factor = factorise(
@@ -39,7 +39,7 @@ class ElasticFlexibility:
         )
 
     def __call__(self, f: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Elastic displacement, M-orthogonal to the rigid modes, under a load; (n,) or (n, k)."""
+        """Elastic displacement under a load, M-orthogonal to the rigid modes; (n,) or (n, k)."""
         load = f - self.momentum @ (self.rigid.T @ f)
         u = np.zeros_like(load)
         u[self.free] = self.factor(load[self.free])

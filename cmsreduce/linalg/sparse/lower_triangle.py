@@ -1,4 +1,4 @@
-"""The lower triangle of a sparse symmetric matrix, column by column, and where it has entries."""
+"""Lower triangle of a sparse symmetric matrix, column by column: its pattern and its values."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["lower_pattern", "lower_triangle"]
 
 Integers = NDArray[np.int32]
 
-# Columns that are looked at at a time: what is set aside is memory that a factor would have to find elsewhere.
+# Columns in a block: temporary arrays take memory that the factor needs.
 _COLUMNS = 4096
 
 
 def lower_pattern(A: sp.csc_array) -> tuple[Integers, Integers]:
-    """Where the lower triangle has entries: zeros are left out, but for those of the diagonal.
+    """Pattern of the lower triangle without stored zeros, except those of the diagonal.
 
     Parameters
     ----------
@@ -28,9 +28,9 @@ def lower_pattern(A: sp.csc_array) -> tuple[Integers, Integers]:
     Returns
     -------
     starts : (n + 1,) int32
-        Where the rows of each column begin.
+        Start of each column in ``rows``.
     rows : int32
-        Rows, ascending in each column. Those of K and of K - sigma M agree, which have zeros in different places.
+        Rows, ascending in each column. K and K - sigma M have the same pattern, although K may store more zeros.
     """
     A = _ready(A)
     starts, pieces = np.zeros(A.shape[0] + 1, dtype=np.int32), [np.zeros(0, dtype=np.int32)]
@@ -43,7 +43,7 @@ def lower_pattern(A: sp.csc_array) -> tuple[Integers, Integers]:
 def lower_triangle(
     A: sp.csc_array, scale: NDArray[np.float64] | None = None, real: np.dtype[Any] | type[np.floating[Any]] = np.float64
 ) -> tuple[NDArray[Any], Integers, Integers]:
-    """Values of the lower triangle, their rows and the starts of its columns, as `lower_pattern` has them.
+    """Values of the lower triangle, with their rows and the starts of the columns (`lower_pattern`).
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def lower_triangle(
     scale : (n,) float64, optional
         S, for the triangle of S A S.
     real : dtype
-        Of the values.
+        Type of the values.
     """
     A = _ready(A)
     starts, rows = lower_pattern(A)
@@ -68,7 +68,7 @@ def lower_triangle(
 
 
 def _pieces(A: sp.csc_array) -> Iterator[tuple[slice, slice, NDArray[np.bool_]]]:
-    """Some columns, where their entries are, and which of them are kept."""
+    """Blocks of columns: the columns, the range of their entries, and a mask of the entries to keep."""
     n = A.shape[0]
     for first in range(0, n, _COLUMNS):
         columns = slice(first, min(first + _COLUMNS, n))
@@ -78,25 +78,25 @@ def _pieces(A: sp.csc_array) -> Iterator[tuple[slice, slice, NDArray[np.bool_]]]
             np.diff(A.indptr[columns.start : columns.stop + 1]),
         )
         rows = A.indices[entries]
-        # Stored zeros would fill the factor, and set K apart from K - sigma M, which has none.
+        # Stored zeros would cause fill, and K would have another pattern than K - sigma M.
         yield columns, entries, (rows > column) & (A.data[entries] != 0) | (rows == column)
 
 
 def _lengths(A: sp.csc_array, columns: slice, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Entries of each column that are kept."""
+    """Number of kept entries in each column."""
     before = np.concatenate([[0], np.cumsum(kept)])
     starts = A.indptr[columns.start : columns.stop + 1]
     return np.asarray(np.diff(before[starts - starts[0]]))
 
 
 def _ready(A: sp.csc_array) -> sp.csc_array:
-    """The same matrix with sorted rows and every diagonal entry stored."""
+    """The same matrix with sorted rows and all diagonal entries stored."""
     if not A.diagonal().all():
         n = A.shape[0]
         rows = np.arange(n)
         entries = sp.coo_array(A)
         row, column = entries.coords
         data = np.concatenate([entries.data, np.zeros(n)])
-        # Adding entries of one place keeps explicit zeros.
+        # The conversion adds entries at one place and keeps zeros.
         A = sp.csc_array(sp.coo_array((data, (np.concatenate([row, rows]), np.concatenate([column, rows]))), (n, n)))
     return A if A.has_sorted_indices else A.sorted_indices()

@@ -1,4 +1,4 @@
-"""Multifrontal factors as a backend: `cmsreduce.multifrontal` with the settings and the errors of this package."""
+"""Backend `cmsreduce.multifrontal`, with the settings and errors of this package: Cholesky factors on all threads."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Multifrontal(Factor):
     admit : callable
         Refuses a factor that is too large.
     scale : (n,) float64, optional
-        S, for factors of S A S in float32 instead: half the memory and the time, seven digits.
+        S, for factors of S A S in float32: half the memory and half the time, seven digits.
 
     Raises
     ------
@@ -37,21 +37,27 @@ class Multifrontal(Factor):
     backend: str = "multifrontal"
 
     def __init__(self, A: sp.csc_array, admit: Admit, scale: NDArray[np.float64] | None = None) -> None:
-        # numba takes half a second to load, which small bodies need not wait for.
+        # Imported here: numba takes half a second to load, which small bodies do not need.
         from cmsreduce.multifrontal import CholeskyFactor, FactorSize, NotPositiveDefiniteError
 
-        def admitted(size: FactorSize) -> None:
+        def admit_size(size: FactorSize) -> None:
             super(Multifrontal, self).__init__(A, FactorCost(*size))
             admit(self.cost)
 
-        threads = current_settings().thread_count
+        settings, pattern = current_settings(), lower_pattern(A)
+        order = settings.orders.find(*pattern)
+        if order is None:
+            order = nested_dissection(A)
+            settings.orders.store(*pattern, order)
+        # A factor needs memory for its work: the pattern goes first.
+        del pattern
         try:
-            self._factor = CholeskyFactor(A, _order(A), threads=threads, scale=scale, admit=admitted)
+            self._factor = CholeskyFactor(A, order, threads=settings.thread_count, scale=scale, admit=admit_size)
         except NotPositiveDefiniteError:
             raise SingularFactorError from None
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solution (n, k) for A, whatever the matrix was scaled by, laid out as b; in single precision to 7 digits."""
+        """Solution (n, k) for A, not for S A S, in the layout of b; in single precision to seven digits."""
         return self._factor.solve(b)
 
     @cached_property
@@ -61,15 +67,5 @@ class Multifrontal(Factor):
 
     @property
     def inertia_known(self) -> bool:
-        """True: rows and columns are permuted alike."""
+        """True: rows and columns have one order."""
         return True
-
-
-def _order(A: sp.csc_array) -> NDArray[np.int64]:
-    """Fill-reducing order, found before or found now."""
-    orders, pattern = current_settings().orders, lower_pattern(A)
-    known = orders.of(*pattern)
-    if known is None:
-        known = nested_dissection(A)
-        orders.keep(*pattern, known)
-    return np.asarray(known, dtype=np.int64)

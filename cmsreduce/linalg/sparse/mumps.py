@@ -1,4 +1,4 @@
-"""MUMPS by way of PETSc, on as many processes as are asked for: for bodies whose factor one process does not hold."""
+"""Backend MUMPS by PETSc on several processes, for bodies whose factor is too large for one process."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from cmsreduce.multifrontal import nested_dissection
 
 __all__ = ["Mumps", "mumps_lacks"]
 
-# Of the system, where Debian's petsc4py is found.
+# The system's interpreter, for which Debian installs petsc4py.
 _SYSTEM_PYTHON = "/usr/bin/python3"
 _SCRIPT = Path(mumps_ranks.__file__)
-# Memory for each entry of the factor, with fronts and room to move them in: 14 bytes in one process and 17 over two, of
-# a solid of 3e4 dofs; more processes take a little more.
+# Bytes for each entry of the factor, with the fronts and their work space: 14 in one process and 17 in two for a solid
+# of 3e4 dofs, a little more with more processes.
 _BYTES = 18.0
-# MUMPS's errors: no memory of several kinds; a matrix that is singular in its structure or its numbers.
+# MUMPS's errors: lack of memory of several kinds; a matrix that is singular by its structure or by its numbers.
 _NO_MEMORY, _SINGULAR = (-8, -9, -11, -13, -14, -15, -19, -20), (-6, -10)
-# Block inverse iteration that finds the motion which a matrix resists least.
+# Columns, steps and seed of the block inverse iteration that finds the motion which a matrix resists least.
 _COLUMNS, _STEPS, _SEED = 4, 6, 5
-# Characters shown of what the processes said last; seconds in which they end by themselves.
-_TAIL, _PATIENCE = 2000, 10.0
+# Characters shown of the last output of the processes; seconds that they have to end by themselves.
+_TAIL, _END_SECONDS = 2000, 10.0
 
 
 class Mumps(Factor):
@@ -53,21 +53,21 @@ class Mumps(Factor):
     A : (n, n) csc array
         Symmetric.
     definite : bool
-        Whether the matrix is taken to be positive definite; MUMPS pivots either way.
+        Whether the matrix is taken to be positive definite; MUMPS pivots in both cases.
     admit : callable
-        Refuses a factor that is too large, by its size in the order of METIS.
+        Refuses a factor that is too large; the size is that in METIS order.
 
     Raises
     ------
     SingularFactorError
         If a pivot is zero.
     MatrixError
-        If petsc4py or mpiexec is missing, or a process ends.
+        If petsc4py or mpiexec is missing, or if a process ends.
 
     Notes
     -----
-    MUMPS counts negative pivots, also those of two rows, so that the inertia is known whatever it permutes; it shows no
-    pivot. `weakest` finds what a pivot would tell by inverse iteration.
+    MUMPS counts negative pivots, also in pivots of two rows: the inertia is always known. It shows no pivots; `weakest`
+    finds the smallest one by inverse iteration.
     """
 
     backend: str = "mumps"
@@ -80,36 +80,39 @@ class Mumps(Factor):
         self._group = _group(settings.ranks, settings.python, threads)
         self._matrix, self._scale = A, powers_of_two(A.diagonal())
         scale = sp.diags_array(self._scale)
-        self._name, told = self._group.factorise(sp.csc_array(scale @ A @ scale))
+        self._name, answer = self._group.factorise(sp.csc_array(scale @ A @ scale))
         weakref.finalize(self, self._group.free, self._name)
-        if told.get("error", 0) in _NO_MEMORY:
-            raise MemoryError(f"MUMPS found no memory for the factor of {A.shape[0]} rows (its error {told['error']})")
-        if told.get("error", 0) in _SINGULAR or told.get("zero"):
+        if answer.get("error", 0) in _NO_MEMORY:
+            raise MemoryError(
+                f"MUMPS could not allocate memory for the factor of {A.shape[0]} rows (its error {answer['error']})"
+            )
+        if answer.get("error", 0) in _SINGULAR or answer.get("zero"):
             raise SingularFactorError
-        if "error" in told:
-            raise MatrixError(f"MUMPS stopped on {A.shape[0]} rows (its error {told['error']}, {told['detail']})")
-        super().__init__(A, FactorCost(int(told["entries"]), cost.flops, float(told["mib"]) * 2**20))
-        self._negative = int(told["negative"])
+        if "error" in answer:
+            raise MatrixError(f"MUMPS stopped on {A.shape[0]} rows (its error {answer['error']}, {answer['detail']})")
+        super().__init__(A, FactorCost(int(answer["entries"]), cost.flops, float(answer["mib"]) * 2**20))
+        self._negative = int(answer["negative"])
 
     @property
     def pivots(self) -> NDArray[np.float64]:
-        """None that can be read.
+        """Not available.
 
         Raises
         ------
         MatrixError
-            Always: MUMPS keeps its pivots to itself.
+            Always: MUMPS does not show its pivots.
         """
-        raise MatrixError("MUMPS does not show its pivots; ask for the weakest row")
+        raise MatrixError("MUMPS does not show its pivots; use `weakest`")
 
     @cached_property
     def weakest(self) -> tuple[int, float]:
-        """Row that is held least, and what is left of its diagonal entry when all other rows are free.
+        """Row that is held least, and the share of its diagonal entry that remains when all other rows are free.
 
         Notes
         -----
-        1 / (a_ii (A^-1)_ii), the pivot ratio of a row that is eliminated last, at the row that moves most in the
-        motion resisted least; a negative Rayleigh quotient where there is one.
+        The share is 1 / (a_ii (A^-1)_ii), the pivot ratio of a row that is eliminated last. The row is the one that
+        moves most in the motion with the least resistance. If the matrix has a negative pivot, the second value is the
+        lowest Rayleigh quotient, which is negative.
         """
         if not self.n:
             return 0, 1.0
@@ -131,7 +134,7 @@ class Mumps(Factor):
 
     @property
     def inertia_known(self) -> bool:
-        """Whether negative pivots are counted: always, or the factorisation would have stopped."""
+        """True: MUMPS counts negative pivots, or the factorisation stops."""
         return True
 
     def _negative_pivots(self) -> int:
@@ -143,7 +146,7 @@ class Mumps(Factor):
 
 
 def mumps_lacks(python: str | None = None) -> str:
-    """What is missing for MUMPS to run: empty where nothing is.
+    """Missing programs for MUMPS, as a message; empty if nothing is missing.
 
     Parameters
     ----------
@@ -155,25 +158,25 @@ def mumps_lacks(python: str | None = None) -> str:
 
 @cache
 def _found(python: str | None) -> tuple[str, str, str]:
-    """Interpreter with petsc4py, mpiexec that belongs to it, and what is missing of them."""
-    said = ""
+    """Interpreter with petsc4py, its mpiexec, and a message of what is missing."""
+    missing = ""
     for candidate in (sys.executable, _SYSTEM_PYTHON) if python is None else (python,):
         path = shutil.which(candidate)
         if path is None:
-            said = said or f"there is no interpreter {candidate}"
+            missing = missing or f"there is no interpreter {candidate}"
             continue
-        asked = subprocess.run([path, str(_SCRIPT)], env=_environment(1), capture_output=True, text=True, check=False)
-        if asked.returncode:
-            said = f"{path} cannot load petsc4py ({(asked.stderr.strip().splitlines() or ['it ended'])[-1]})"
+        probe = subprocess.run([path, str(_SCRIPT)], env=_environment(1), capture_output=True, text=True, check=False)
+        if probe.returncode:
+            missing = f"{path} cannot load petsc4py ({(probe.stderr.strip().splitlines() or ['it ended'])[-1]})"
             continue
-        # MPI of a wheel lies beside its interpreter, and only its own mpiexec starts it.
+        # The MPI of a wheel lies beside its interpreter and needs its own mpiexec.
         mpiexec = shutil.which("mpiexec", path=str(Path(path).parent)) or shutil.which("mpiexec")
         return path, mpiexec or "", "" if mpiexec else "there is no mpiexec on the PATH"
-    return "", "", said
+    return "", "", missing
 
 
 def _environment(threads: int) -> dict[str, str]:
-    """Environment of the ranks: more of them than cores, and as root, are nothing to refuse."""
+    """Environment of the ranks; it lets MPI run as root, and more ranks than cores."""
     own = {"OMP_NUM_THREADS": str(threads), "OPENBLAS_NUM_THREADS": str(threads)}
     open_mpi = {"OMPI_MCA_rmaps_base_oversubscribe": "1", "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe"}
     if hasattr(os, "geteuid") and os.geteuid() == 0:
@@ -183,7 +186,7 @@ def _environment(threads: int) -> dict[str, str]:
 
 
 class _Group:
-    """Processes that wait for orders; they end with this one, however it ends."""
+    """Processes that wait for orders; they end when this process ends, also if it is killed."""
 
     def __init__(self, ranks: int, python: str | None, threads: int) -> None:
         interpreter, mpiexec, lacks = _found(python)
@@ -202,7 +205,7 @@ class _Group:
             stdout=subprocess.PIPE,
             stderr=self._errors,
             text=True,
-            # A signal of the terminal is this process's to answer.
+            # Signals of the terminal go to this process alone.
             start_new_session=True,
         )
         self._names = (f"A{number}" for number in count())
@@ -211,38 +214,38 @@ class _Group:
 
     @property
     def alive(self) -> bool:
-        """Whether orders are still taken."""
+        """Whether the processes still run."""
         return self._process.poll() is None
 
     def factorise(self, A: sp.csc_array) -> tuple[str, dict[str, Any]]:
-        """Name of the factor of a matrix, and what MUMPS says of it."""
+        """Factorise a matrix; return the name of the factor and the answer of MUMPS."""
         name = next(self._names)
         parts = {"starts": A.indptr, "columns": A.indices, "values": A.data}
         for part, array in parts.items():
             np.save(self.folder / f"{name}.{part}.npy", array)
-        told = self._ask("factorise", name)
+        answer = self._order("factorise", name)
         for part in parts:
             (self.folder / f"{name}.{part}.npy").unlink()
-        return name, told
+        return name, answer
 
     def solve(self, name: str, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solution for a block of columns (n, k)."""
+        """Solve for a block of columns (n, k)."""
         right, left = (self.folder / f"{name}.{end}" for end in "bx")
         np.ascontiguousarray(b).tofile(right)
         with left.open("wb") as file:
             file.truncate(b.nbytes)
-        self._ask("solve", name, str(b.shape[1]))
+        self._order("solve", name, str(b.shape[1]))
         x = np.fromfile(left, np.float64).reshape(b.shape)
         right.unlink()
         left.unlink()
         return np.asfortranarray(x)
 
     def free(self, name: str) -> None:
-        """Let go of a factor, if anybody still holds it."""
+        """Free a factor."""
         if self.alive:
-            self._ask("free", name)
+            self._order("free", name)
 
-    def _ask(self, order: str, *arguments: str) -> dict[str, Any]:
+    def _order(self, order: str, *arguments: str) -> dict[str, Any]:
         with (self.folder / "orders").open("a") as file:
             file.write(" ".join([order, *arguments]) + "\n")
         return self._answer(order)
@@ -253,27 +256,27 @@ class _Group:
         if not line:
             self._process.wait()
             self._errors.seek(0)
-            said = self._errors.read()[-_TAIL:].strip()
+            output = self._errors.read()[-_TAIL:].strip()
             raise MatrixError(
-                f"the processes of MUMPS ended at '{order}' (exit {self._process.returncode}): {said or 'nothing said'}"
+                f"the processes of MUMPS ended at '{order}' (exit {self._process.returncode}): {output or 'no output'}"
             )
-        told: dict[str, Any] = json.loads(line)
-        return told
+        answer: dict[str, Any] = json.loads(line)
+        return answer
 
 
 def _end(process: subprocess.Popen[str], folder: Path, owner: int) -> None:
-    """Tell the ranks to end, and clear up after them."""
+    """End the ranks and remove their folder."""
     if os.getpid() != owner:
         return
     if process.poll() is None and (folder / "orders").exists():
         with (folder / "orders").open("a") as file:
             file.write("end\n")
         with suppress(subprocess.TimeoutExpired):
-            process.wait(_PATIENCE)
+            process.wait(_END_SECONDS)
     for end in (process.stdin, process.stdout):
         if end is not None:
             end.close()
-    # With their input closed they are gone within a moment, whatever they were at.
+    # Closed input ends the ranks at once, whatever they do.
     process.wait()
     shutil.rmtree(folder, ignore_errors=True)
 
@@ -284,7 +287,7 @@ def _started(ranks: int, python: str | None, threads: int, process: int) -> _Gro
 
 
 def _group(ranks: int, python: str | None, threads: int) -> _Group:
-    """The processes that serve this one, started when first asked for; a process that forked off has its own."""
+    """The processes that work for this one, started at the first call; a forked process starts its own."""
     group = _started(ranks, python, threads, os.getpid())
     if not group.alive:
         _started.cache_clear()

@@ -1,8 +1,8 @@
-"""What each rank of the MUMPS backend does: keep rows of matrices, factorise them together, solve.
+"""Work of each rank of the MUMPS backend: it holds rows of the matrices; all ranks factorise and solve together.
 
-Run by ``mpiexec -n RANKS PYTHON mumps_ranks.py FOLDER`` in any interpreter that has petsc4py and numpy: nothing else is
-imported. Orders are lines of the file ``orders`` in the folder, matrices and right-hand sides are files beside it; the
-first rank answers each order with a line of JSON. When its standard input ends, so do all ranks.
+``mpiexec -n RANKS PYTHON mumps_ranks.py FOLDER`` starts it in any interpreter with petsc4py and numpy; this file imports
+nothing else. Orders are lines of the file ``orders`` in the folder, matrices and right-hand sides are files beside it.
+The first rank answers each order with a line of JSON. When its standard input ends, all ranks end.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from typing import Any
 
 import numpy as np
 
-# Where Debian's packages put petsc4py, for interpreters that its alternatives system did not tell.
+# Debian's folder of petsc4py, for interpreters that do not search it.
 _DEBIAN = Path("/usr/lib/petscdir"), "petsc*/*-real*/lib/python3/dist-packages"
-# An idle rank looks for orders after so many seconds, later each time up to the second figure: MPI's own waiting would
-# take a whole core.
-_LOOK, _LOOK_AT_MOST = 2e-4, 5e-3
-# MUMPS: METIS; no scaling, for what comes is scaled by powers of two, which cost no digit; 30 % more room than it
-# estimates; no ScaLAPACK at the root, which counts no negative pivots; zero pivots are found.
+# Seconds after which an idle rank reads the orders again, and their upper limit: each pause is twice the one before.
+# MPI's own waiting would take a whole core.
+_PAUSE, _LONGEST_PAUSE = 2e-4, 5e-3
+# Controls of MUMPS: METIS; no scaling, because the matrix is scaled by powers of two, which costs no digits; 30 % more
+# memory than estimated; no ScaLAPACK at the root, which does not count negative pivots; detection of zero pivots.
 _CONTROLS = {7: 5, 8: 0, 14: 30, 13: 1, 24: 1}
-# Infog entries: error, negative pivots, entries of the factor in all, its MiB over all ranks, zero pivots.
+# Infog entries: error, negative pivots, entries of the whole factor, MiB of all ranks, zero pivots.
 _ERROR, _NEGATIVE, _ENTRIES, _MIB, _ZERO = 1, 12, 29, 19, 28
 _MILLION = -1_000_000
 
 
 def petsc() -> Any:
-    """PETSc as petsc4py has it.
+    """PETSc, imported from petsc4py.
 
     Raises
     ------
     ImportError
-        If petsc4py is not there, or without MUMPS, or for complex numbers.
+        If petsc4py is missing, or if it has complex scalars.
     """
     folder, pattern = _DEBIAN
     sys.path += map(str, sorted(folder.glob(pattern)))
@@ -52,23 +52,23 @@ def petsc() -> Any:
 
 
 class Ranks:
-    """The share of one rank of the matrices and their factors.
+    """Share of one rank in the matrices and their factors.
 
     Parameters
     ----------
     PETSc : module
-        petsc4py's.
+        PETSc of petsc4py.
     folder : Path
-        Where files are exchanged.
+        Folder of the exchanged files.
     """
 
     def __init__(self, PETSc: Any, folder: Path) -> None:
         self.PETSc, self.folder = PETSc, folder
         self.comm = PETSc.COMM_WORLD
-        self.kept: dict[str, tuple[Any, Any, Any]] = {}
+        self._factors: dict[str, tuple[Any, Any, Any]] = {}
 
     def factorise(self, name: str) -> dict[str, Any]:
-        """Factorise the matrix of some files; every rank reads its own rows."""
+        """Factorise the matrix in the files ``NAME.*.npy``; each rank reads its own rows."""
         starts = np.load(self.folder / f"{name}.starts.npy", mmap_mode="r")
         columns = np.load(self.folder / f"{name}.columns.npy", mmap_mode="r")
         values = np.load(self.folder / f"{name}.values.npy", mmap_mode="r")
@@ -94,19 +94,19 @@ class Ranks:
         error = int(factor.getMumpsInfog(_ERROR))
         if error < 0:
             return {"error": error, "detail": int(factor.getMumpsInfog(2))}
-        self.kept[name] = matrix, pc, factor
+        self._factors[name] = matrix, pc, factor
         entries = int(factor.getMumpsInfog(_ENTRIES))
         return {
             "negative": int(factor.getMumpsInfog(_NEGATIVE)),
             "zero": int(factor.getMumpsInfog(_ZERO)),
-            # Beyond an int32 MUMPS counts in millions, with a minus sign.
+            # Above an int32 MUMPS returns the negative number of millions.
             "entries": entries if entries >= 0 else entries * _MILLION,
             "mib": int(factor.getMumpsInfog(_MIB)),
         }
 
     def solve(self, name: str, k: str) -> dict[str, Any]:
-        """Solve for the block of columns in the file ``NAME.b``, into ``NAME.x``; rows one after the other."""
-        matrix, _, factor = self.kept[name]
+        """Solve for the block of ``k`` columns in the file ``NAME.b``, stored by rows, and write ``NAME.x``."""
+        matrix, _, factor = self._factors[name]
         n, columns = matrix.getSize()[0], int(k)
         low, high = self._own(n)
         at = 8 * low * columns
@@ -124,8 +124,8 @@ class Ranks:
         return {}
 
     def free(self, name: str) -> dict[str, Any]:
-        """Let go of a factor."""
-        for each in self.kept.pop(name, ())[1::-1]:
+        """Free a factor."""
+        for each in self._factors.pop(name, ())[1::-1]:
             each.destroy()
         return {}
 
@@ -136,40 +136,40 @@ class Ranks:
 
 
 def _end_with_input(folder: Path) -> None:
-    """End at once when nobody is left to ask: the process that started the ranks is gone, however it went."""
+    """End the rank at once when its input ends: the process that started the ranks is gone."""
     while sys.stdin.buffer.read(1):
         pass
     shutil.rmtree(folder, ignore_errors=True)
     os._exit(1)
 
 
-def _say(answer: dict[str, Any]) -> None:
+def _answer(answer: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(answer) + "\n")
     sys.stdout.flush()
 
 
 def main(folder: Path) -> None:
-    """Carry out orders until the last."""
+    """Carry out orders until the order "end"."""
     PETSc = petsc()
     ranks, first = Ranks(PETSc, folder), PETSc.COMM_WORLD.rank == 0
     if first:
         threading.Thread(target=_end_with_input, args=(folder,), daemon=True).start()
-        _say({"ranks": PETSc.COMM_WORLD.size})
+        _answer({"ranks": PETSc.COMM_WORLD.size})
     with (folder / "orders").open() as orders:
-        pause, line = _LOOK, ""
+        pause, line = _PAUSE, ""
         while True:
             line += orders.readline()
             if not line.endswith("\n"):
                 time.sleep(pause)
-                pause = min(2 * pause, _LOOK_AT_MOST)
+                pause = min(2 * pause, _LONGEST_PAUSE)
                 continue
             order, *arguments = line.split()
-            pause, line = _LOOK, ""
+            pause, line = _PAUSE, ""
             if order == "end":
                 return
             answer = getattr(ranks, order)(*arguments)
             if first:
-                _say(answer)
+                _answer(answer)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""MKL PARDISO, called directly: symmetric factors by supernodes, in METIS order, on all threads."""
+"""Backend MKL PARDISO: supernodal symmetric factors in METIS order, on all threads, in memory or on disk."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ __all__ = ["Pardiso"]
 
 # Matrix types of PARDISO.
 _DEFINITE, _INDEFINITE = 2, -2
-# Rows from which its integers have 64 bits: a factor's entries are then more than 32 can count.
+# From this number of rows on its integers have 64 bits: 32 bits cannot count the entries of such a factor.
 _LONG = 1_500_000
-# Phases.
+# Phases of PARDISO.
 _ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
-# Its error codes.
+# Error codes of PARDISO.
 _NO_MEMORY, _BAD_PIVOT = -2, -4
-# From here on two levels of parallel work are quicker than one, in the factorisation and in the solves.
+# From this number of rows on two levels of parallel work are quicker than one.
 _TWO_LEVELS = 20_000
-# No pivot is moved off zero unless it is far below round-off: a count of signs must be the matrix's own.
+# A pivot is moved away from zero only if it is far below round-off: the count of signs must be that of the matrix.
 _PERTURBED = 20
-# Where it says how many pivots were moved.
+# Index in iparm of the number of moved pivots.
 _MOVED = 13
 _KIB = 1024.0
 
@@ -58,16 +58,16 @@ class Pardiso(Factor):
     admit : callable
         Refuses a factor that is too large.
     scale : (n,) float64, optional
-        S, for factors of S A S in float32 instead: half the memory and the time, seven digits.
+        S, for factors of S A S in float32: half the memory and half the time, seven digits.
     folder : Path, optional
-        Where the factor may lie in a file if it is refused in memory.
+        Folder for a file with the factor if memory does not suffice.
 
     Raises
     ------
     SingularFactorError
         If a pivot is zero, or not positive in a definite matrix.
     MemoryError
-        If PARDISO finds no memory.
+        If PARDISO cannot allocate memory.
     MatrixError
         If it stops for another reason.
 
@@ -89,12 +89,12 @@ class Pardiso(Factor):
         if mkl_library() is None:
             raise MatrixError("the MKL runtime is not installed: pip install mkl, or set solver.backend to superlu")
         self._scale, self._real = scale, np.dtype(np.float64 if scale is None else np.float32)
-        # The upper triangle by rows is the lower one by columns; PARDISO wants every diagonal entry, zeros too.
+        # The upper triangle by rows is the lower one by columns. PARDISO needs all diagonal entries, zeros too.
         self._values, self._indices, self._indptr = lower_triangle(A, scale, self._real)
         self._integer = np.dtype(np.int64 if A.shape[0] > _LONG and scale is not None else np.int32)
         self._indices, self._indptr = (part.astype(self._integer, copy=False) for part in (self._indices, self._indptr))
         orders = current_settings().orders
-        known = orders.of(self._indptr, self._indices)
+        known = orders.find(self._indptr, self._indices)
         self._order = np.zeros(A.shape[0], self._integer) if known is None else known.astype(self._integer)
         self._type = _DEFINITE if definite else _INDEFINITE
         self._handle = np.zeros(64, dtype=np.int64)
@@ -104,29 +104,29 @@ class Pardiso(Factor):
         watch_if_large(size)
         self._call(_ANALYSE, size)
         if known is None:
-            orders.keep(self._indptr, self._indices, self._order)
+            orders.store(self._indptr, self._indices, self._order)
         peak, factors, entries = float(self._iparm[15]), float(self._iparm[16]), int(self._iparm[17])
         nnz = entries if entries > 0 else int(factors * _KIB / self._real.itemsize)
-        # With two levels PARDISO does not count operations: those of a solid's or a frame's factor are near this.
+        # With two levels PARDISO does not count operations; this estimate is close for solids and frames.
         counted = float(self._iparm[18]) * 1e6
         flops = counted if counted > 0 else 2.0 * nnz**2 / max(size, 1)
         super().__init__(A, FactorCost(nnz, flops, (peak + factors) * _KIB))
-        self.on_disk = self._refused(admit, folder, factors * _KIB)
-        with mapped_entries(folder if self.on_disk else None):
+        on_disk = self._goes_to_disk(admit, folder, factors * _KIB)
+        with mapped_entries(folder if on_disk else None):
             self._call(_FACTORISE, size)
         if not self._iparm[_MOVED]:
-            # Solves look at the matrix only to refine what a moved pivot spoils.
+            # Solves read the matrix only to refine solutions after a moved pivot.
             self._values, self._indices, self._indptr = (part[:1].copy() for part in self._matrix)
 
-    def _refused(self, admit: Admit, folder: Path | None, room: float) -> bool:
-        """Whether the factor, for which PARDISO takes some room, is refused in memory but has its place on disk."""
+    def _goes_to_disk(self, admit: Admit, folder: Path | None, room: float) -> bool:
+        """Whether the factor, with ``room`` bytes in PARDISO, does not fit in memory but fits on disk."""
         entries = float(self.cost.nnz * self._real.itemsize)
         try:
             admit(self.cost)
         except MatrixError:
             if folder is None or not can_be_mapped() or entries > free_on_disk(folder):
                 raise
-            # What the analysis took is there already.
+            # The work space of the analysis stays in memory.
             admit(replace(self.cost, bytes=max(room - entries, 0.0)))
             return True
         return False
@@ -136,7 +136,7 @@ class Pardiso(Factor):
         return self._values, self._indices, self._indptr
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solution (n, k) for A, whatever the matrix was scaled by; in single precision to seven digits."""
+        """Solution (n, k) for A, not for S A S; in single precision to seven digits."""
         b = by_columns(b)
         if self._scale is None:
             x = np.empty_like(b)
@@ -144,10 +144,10 @@ class Pardiso(Factor):
             return x
         size = np.ones(b.shape[1])
         c = np.empty(b.shape, self._real, order="F")
-        # Column by column, while it is at hand: the solve itself takes little longer than a few passes over memory.
+        # Column by column, while it is in the cache: the solve takes little longer than a few passes over memory.
         for j, column in enumerate(b.T):
             scaled = column * self._scale
-            # Or small columns would vanish in float32.
+            # Without this a column of small values would vanish in float32.
             size[j] = max(scaled.max(), -scaled.min()) or 1.0
             np.divide(scaled, size[j], out=c[:, j], casting="same_kind")
         y = np.empty_like(c)
@@ -161,7 +161,7 @@ class Pardiso(Factor):
 
     @cached_property
     def pivots(self) -> NDArray[np.float64]:
-        """Pivots in the matrix's own row order (n,); of a block of two rows, its diagonal."""
+        """Pivots in the matrix's own row order (n,); the diagonal of a pivot of two rows."""
         eliminated = np.empty(self.n, self._real)
         if code := pardiso_pivots(self._handle, eliminated):
             raise _failure("gives no pivots", code)
@@ -171,7 +171,7 @@ class Pardiso(Factor):
 
     @property
     def inertia_known(self) -> bool:
-        """Whether no pivot had to be moved off zero."""
+        """Whether no pivot had to be moved away from zero."""
         return int(self._iparm[_MOVED]) == 0
 
     def _negative_pivots(self) -> int:
@@ -183,16 +183,16 @@ class Pardiso(Factor):
         if code == _BAD_PIVOT:
             raise SingularFactorError
         if code == _NO_MEMORY:
-            raise MemoryError(f"MKL PARDISO found no memory for the factor of {n} rows")
+            raise MemoryError(f"MKL PARDISO could not allocate memory for the factor of {n} rows")
         if code:
             raise _failure(f"stopped in phase {phase} on {n} rows", code)
 
 
 def _parameters(n: int, single: bool, ordered: bool) -> NDArray[np.int32]:
     iparm = np.zeros(64, dtype=np.int32)
-    iparm[0] = 1  # values of our own
-    iparm[1] = 3  # nested dissection, on all threads: a small matrix too spends most of its time here
-    iparm[4] = 1 if ordered else 2  # take an order, or give the one that was found
+    iparm[0] = 1  # the values below instead of defaults
+    iparm[1] = 3  # nested dissection on all threads: most of the time of a small matrix
+    iparm[4] = 1 if ordered else 2  # read a known order, or return the new one
     iparm[9] = _PERTURBED
     iparm[17] = iparm[18] = -1  # count entries and operations
     iparm[20] = 1  # pivots of one or two rows
@@ -210,6 +210,6 @@ def _failure(what: str, code: int) -> MatrixError:
 
 
 def _release(handle: NDArray[np.int64], iparm: NDArray[Any], kind: int, n: int) -> None:
-    """Give the memory of a factor back."""
+    """Free the memory of a factor."""
     nothing = np.zeros(1, dtype=iparm.dtype)
     pardiso(handle, _RELEASE, kind, n, (nothing, nothing, nothing), nothing, iparm)

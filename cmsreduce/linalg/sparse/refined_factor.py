@@ -1,4 +1,4 @@
-"""A factor in single precision whose solutions are refined to double: half the memory, the same digits."""
+"""Factors in single precision with solutions refined to double precision: half the memory, the same digits."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ from cmsreduce.linalg.sparse.factor import Admit, Factor
 
 __all__ = ["RefinedFactor", "UnrefinableError", "powers_of_two"]
 
-# A step of refinement leaves at most this share of the error: then it converges, and the inertia is the matrix's own.
+# If a step of refinement leaves at most this share of the error, it converges and the inertia is that of the matrix.
 _CONTRACTS = 0.5
-# Steps of the power iteration that measures the share, from so many random columns.
-_MEASURED, _COLUMNS, _SEED = 4, 4, 11
-# An error this small, relative to the solution in the norm of the diagonal, is none; or what a factor in double
-# precision would leave, which is as much smaller as its digits are more.
+# Steps, random columns and seed of the power iteration that measures this share.
+_POWER_STEPS, _COLUMNS, _SEED = 4, 4, 11
+# Refinement ends at this error, relative to the solution in the norm of the diagonal, or at the error of a factor in
+# double precision: the error in single precision times the ratio of the two roundings.
 _REFINED = 1e-13
-_MORE_DIGITS = float(np.finfo(np.float64).eps / np.finfo(np.float32).eps)
+_ROUNDING_RATIO = float(np.finfo(np.float64).eps / np.finfo(np.float32).eps)
 _STEPS = 60
-# What is left when corrections no longer shrink to less than this share of the one before is round-off.
+# If a correction exceeds this share of the one before, only round-off is left.
 _STALLED = 0.8
 
 Rough = Callable[[sp.csc_array, bool, Admit, NDArray[np.float64]], Factor]
+"""Makes a factor in single precision. Arguments: the matrix, whether it should be definite, a check of the size, S."""
 
 
 class UnrefinableError(ArithmeticError):
-    """A matrix is too ill conditioned for single precision: refinement would not converge."""
+    """The matrix is too ill conditioned for single precision: refinement would not converge."""
 
 
 class RefinedFactor(Factor):
@@ -46,7 +47,7 @@ class RefinedFactor(Factor):
     admit : callable
         Refuses a factor that is too large.
     rough : callable
-        Makes the factor in single precision, of the matrix, whether it is definite, what admits it and the scale.
+        Makes the factor in single precision.
 
     Raises
     ------
@@ -57,10 +58,10 @@ class RefinedFactor(Factor):
 
     Notes
     -----
-    With A~ = L D L^T as it is in single precision, a step of refinement multiplies the error by E = I - A~^-1 A. While
+    With A~ = L D L^T computed in single precision, a step of refinement multiplies the error by E = I - A~^-1 A. While
     the spectral radius of E is below one, no matrix between A~ and A is singular (it would make 1/t an eigenvalue of E
-    for some t in (0, 1)), so both have the same inertia: the count of negative pivots is exact although its digits are
-    few. The radius is measured by a block power iteration. Refinement: Higham, Accuracy and Stability of Numerical
+    for some t in (0, 1)), so both have the same inertia: the count of negative pivots is exact in spite of few
+    digits. A block power iteration measures the radius. Refinement: Higham, Accuracy and Stability of Numerical
     Algorithms, section 12.
     """
 
@@ -71,25 +72,25 @@ class RefinedFactor(Factor):
         super().__init__(A, self._rough.cost)
         self._product = symmetric_product(A)
         self._modes: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None = None
-        self.contraction = self._measured()
+        self.contraction = self._measured_contraction()
         if not self.contraction <= _CONTRACTS:
             raise UnrefinableError
 
     @cached_property
     def pivots(self) -> NDArray[np.float64]:
-        """Pivots in the matrix's own row order (n,), to seven digits; of a block of two rows, its diagonal."""
+        """Pivots in the matrix's own row order (n,), to seven digits; the diagonal of a pivot of two rows."""
         return self._rough.pivots
 
     @property
     def inertia_known(self) -> bool:
-        """Whether no pivot had to be moved off zero."""
+        """Whether no pivot had to be moved away from zero."""
         return self._rough.inertia_known
 
     def _negative_pivots(self) -> int:
         return self._rough.negative_pivots
 
     def beside(self, lam: NDArray[np.float64], X: NDArray[np.float64], MX: NDArray[np.float64]) -> RefinedFactor:
-        """The same factor, where modes of the matrix are known: along soft ones single precision loses the most.
+        """The same factor with known modes of the matrix: single precision loses most digits along soft modes.
 
         Parameters
         ----------
@@ -101,14 +102,14 @@ class RefinedFactor(Factor):
         Returns
         -------
         RefinedFactor
-            Takes two solves instead of four to eight.
+            It takes two solves instead of four to eight.
         """
         known = copy(self)
         known._modes = (lam, X, MX)
         return known
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        x, last, enough = self.rough(b), np.inf, max(_REFINED, _MORE_DIGITS * self.contraction)
+        x, last, enough = self.rough(b), np.inf, max(_REFINED, _ROUNDING_RATIO * self.contraction)
         for _ in range(_STEPS):
             rest = b - self._product(x)
             if self._modes is not None:
@@ -118,12 +119,12 @@ class RefinedFactor(Factor):
                 rest -= MX @ along
             correction = self.rough(rest)
             if self._modes is not None:
-                # What is orthogonal to the modes as a load stays so as a motion.
+                # A load orthogonal to the modes causes a motion orthogonal to them in M.
                 correction -= X @ (MX.T @ correction)
             x += correction
-            size, whole = self._size(correction), self._size(x)
-            share = float((size / np.where(whole > 0, whole, 1.0)).max())
-            # The next one would shrink as this one did; beside known modes, as the first of them did from all of x.
+            size, of_x = self._size(correction), self._size(x)
+            share = float((size / np.where(of_x > 0, of_x, 1.0)).max())
+            # The next correction would shrink as this one did; with known modes, as the first one did relative to x.
             next_share = max(share / last, self.contraction if self._modes is None else share)
             if share * next_share <= enough or share > _STALLED * last:
                 break
@@ -135,14 +136,14 @@ class RefinedFactor(Factor):
         return self._rough(b)
 
     def _size(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Norm of each column, each dof measured by the root of its stiffness."""
+        """Norm of each column, with each dof weighted by the root of its stiffness."""
         return np.asarray(np.linalg.norm(x / self._scale[:, None], axis=0))
 
-    def _measured(self) -> float:
-        """Share of an error that a step of refinement leaves."""
+    def _measured_contraction(self) -> float:
+        """Share of an error that is left after a step of refinement."""
         e = np.random.default_rng(_SEED).standard_normal((self.n, _COLUMNS)) * self._scale[:, None]
         share = 0.0
-        for _ in range(_MEASURED):
+        for _ in range(_POWER_STEPS):
             e /= self._size(e)
             e = e - self.rough(self._product(e))
             share = float(self._size(e).max())

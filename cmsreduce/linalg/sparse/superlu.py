@@ -1,4 +1,4 @@
-"""SuperLU, which comes with scipy: everywhere, at a tenth of the speed of a symmetric solver."""
+"""Backend SuperLU, which comes with scipy: runs everywhere, at a tenth of the speed of a symmetric solver."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from cmsreduce.multifrontal import dissection_installed, nested_dissection
 
 __all__ = ["SuperLU"]
 
-# From here on nested dissection repays its time; below, SuperLU's own minimum degree leaves about the same fill.
+# From this number of rows on nested dissection saves time; below, SuperLU's minimum degree has about the same fill.
 _DISSECTED = 10_000
-# Memory for each entry of L: 25 bytes at most hold L, U and the matrix; scipy copies both (23 more) to show the pivots.
+# Bytes for each entry of L: up to 25 for L, U and the matrix, and 23 for the copies that scipy makes for the pivots.
 _BYTES = 48.0
 
 
@@ -33,7 +33,7 @@ class SuperLU(Factor):
     definite : bool
         Whether the matrix is taken to be positive definite.
     admit : callable
-        Refuses a factor that is too large. Without METIS it cannot: SuperLU does not tell its own order beforehand.
+        Refuses a factor that is too large. Without METIS the size is a lower bound: SuperLU's own order is unknown.
 
     Raises
     ------
@@ -42,8 +42,8 @@ class SuperLU(Factor):
 
     Notes
     -----
-    Wider panels and larger relaxed supernodes than SuperLU's defaults gain less than a tenth and overrun its work
-    arrays (scipy 1.17): both stay as they are.
+    SuperLU's defaults for panels and relaxed supernodes stay: larger ones gain less than a tenth and overrun its work
+    arrays (scipy 1.17).
     """
 
     backend: str = "superlu"
@@ -83,12 +83,12 @@ class SuperLU(Factor):
 
     @property
     def inertia_known(self) -> bool:
-        """Whether rows and columns were permuted alike."""
+        """Whether rows and columns have one order."""
         return bool(np.array_equal(self.lu.perm_r, self.lu.perm_c))
 
 
 def _analysed(A: sp.csc_array, admit: Admit) -> tuple[NDArray[np.int64] | None, FactorCost | None]:
-    """Order to factorise in, with its cost; none of either where SuperLU's own minimum degree does."""
+    """Order of the elimination and its cost; None for both if SuperLU's own minimum degree is good enough."""
     n = A.shape[0]
     if not dissection_installed():
         admit(FactorCost(A.nnz // 2, 0.0, _BYTES * A.nnz / 2))

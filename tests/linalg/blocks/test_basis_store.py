@@ -1,4 +1,4 @@
-"""Bases that outgrow memory: the same numbers from a file, which leaves nothing behind."""
+"""Bases on disk give the same numbers as bases in memory, and leave no file behind."""
 
 import errno
 import os
@@ -37,7 +37,7 @@ def in_place(Phi):
     return own
 
 
-# What is done with a basis, and the same in one line of numpy.
+# Each operation on a basis, and the same in one line of numpy.
 WORK = {
     "congruence": (lambda Phi: congruence(A, Phi), SHAPES.T @ (A @ SHAPES)),
     "combined": (lambda Phi: combined(Phi, SQUARE[:, :90]), SHAPES @ SQUARE[:, :90]),
@@ -71,9 +71,9 @@ def test_a_basis_beyond_its_share_of_memory_goes_on_disk(memory, disk, tmp_path)
         assert mapped_in(new_basis(N, M)) is None
 
 
-def test_what_comes_of_a_basis_on_disk_is_there_too_unless_it_is_small(tmp_path):
+def test_combinations_of_a_basis_on_disk_are_on_disk_unless_they_are_small(tmp_path):
     Phi = on_disk(tmp_path)
-    # Views know where they are, too.
+    # Views are on disk, too.
     assert mapped_in(Phi[5:, 3:9].T) == tmp_path
     assert mapped_in(shapes_beside(Phi, M)) == mapped_in(combined(Phi, SQUARE)) == tmp_path
     assert mapped_in(shapes_beside(Phi, 3)) is None
@@ -113,7 +113,7 @@ def test_a_killed_process_leaves_nothing(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_full_disk_is_said_before_anything_is_computed(tmp_path, monkeypatch):
+def test_a_full_disk_is_reported_before_any_computation(tmp_path, monkeypatch):
     def full(*arguments):
         raise OSError(errno.ENOSPC, "No space left on device")
 

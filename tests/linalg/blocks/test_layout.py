@@ -1,4 +1,4 @@
-"""Blocks of vectors laid out by columns or by rows: the same numbers, whatever they come from."""
+"""Blocks of vectors by columns or by rows hold the same numbers, whatever their layout was."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def test_what_lies_by_columns_is_not_copied():
 
 
 @pytest.mark.parametrize("rows", [3, 10_001])
-def test_a_block_is_put_where_it_belongs(rows):
+def test_a_block_is_copied_into_its_place(rows):
     X = np.random.default_rng(3).standard_normal((rows, 4))
     place = np.full((rows, 9), np.nan, order="F")
     put(X, place[:, 2:6], np.arange(4.0))

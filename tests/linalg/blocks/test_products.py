@@ -1,4 +1,4 @@
-"""Products on several threads: the same digits whatever their number, and scipy's to the rounding of a row's sum."""
+"""Products on any number of threads give the same digits; they agree with scipy's to the rounding of a row's sum."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def band(width: int) -> sp.csc_array:
 
 
 def arrow() -> sp.csc_array:
-    """Half of all entries in a hundred rows and columns: rows split evenly would not share the work."""
+    """Matrix with half of its entries in a hundred rows and columns: equal shares of rows are unequal work."""
     rng = np.random.default_rng(1)
     dense = sp.coo_array(rng.standard_normal((100, N)))
     top = sp.csr_array((dense.data, dense.coords), shape=(N, N))
@@ -28,7 +28,7 @@ def arrow() -> sp.csc_array:
 
 
 def hollow() -> sp.csc_array:
-    """Rows without an entry at both ends."""
+    """Band with rows without entries at both ends."""
     return sp.block_diag([sp.csc_array((500, 500)), band(40)[500:-500, 500:-500], sp.csc_array((500, 500))], "csc")
 
 
@@ -46,7 +46,7 @@ def test_every_thread_count_gives_the_same_digits(A, threads, columns):
         product = symmetric_product(A)
         for given in (X, np.asfortranarray(X)):
             assert np.array_equal(product(given), alone)
-    # MKL adds a row's terms eight at a time where the processor does.
+    # MKL adds eight terms of a row at a time if the processor can.
     longest = np.diff(A.indptr).max()
     assert (abs(alone - A @ X) <= longest * 2.0**-53 * (abs(A) @ abs(X))).all()
 

@@ -1,4 +1,4 @@
-"""Columns that come by blocks, against one array that holds them all."""
+"""Columns that are added by blocks, compared with one array of all columns."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def settings(request, tmp_path) -> SolverSettings:
 
 
 @pytest.mark.parametrize("widths", [(16,) * 9, (30, 30, 7, 60, 1), (130,)])
-def test_products_are_those_of_the_columns(settings, widths):
+def test_products_equal_those_of_one_array(settings, widths):
     random = np.random.default_rng(0)
     V = random.standard_normal((N, sum(widths)))
     W, c, S = random.standard_normal((N, 5)), random.standard_normal((V.shape[1], 5)), np.eye(V.shape[1])[:, ::-1]
@@ -37,21 +37,21 @@ def test_products_are_those_of_the_columns(settings, widths):
         space.shrink(S[:, :70])
         assert space.m == 70
         np.testing.assert_allclose(space.combined(np.eye(70)), V @ S[:, :70], atol=1e-12)
-        # What is added now follows what is left.
+        # New columns follow the remaining ones.
         space.append(np.asfortranarray(W))
         np.testing.assert_array_equal(space.combined(np.eye(75))[:, 70:], W)
-        # Columns are in a file or in none.
+        # New columns are in a file, or in memory.
         assert (mapped_in(space.append(W[:, :1])) is None) == (settings.memory == 1e12)
 
 
-def test_a_space_without_columns_takes_nothing():
+def test_a_space_without_columns_changes_nothing():
     space, W = SearchSpace(N), np.ones((N, 2), order="F")
     assert space.inner(W).shape == (0, 2)
     np.testing.assert_array_equal(space.taken_from(W, np.empty((0, 2))), 1.0)
 
 
-def test_only_what_outgrows_memory_is_on_disk(tmp_path):
-    """A tenth of the memory is a basis of 20 columns, and a search may take three of them."""
+def test_only_blocks_that_outgrow_memory_are_on_disk(tmp_path):
+    """A tenth of the memory holds a basis of 20 columns, and a search may take three bases."""
     with solver_settings(SolverSettings(memory=8.0 * N * 200, scratch=tmp_path)):
         space = SearchSpace(N)
         on_disk = [mapped_in(space.append(np.full((N, 8), float(i)))) is not None for i in range(10)]
@@ -59,8 +59,8 @@ def test_only_what_outgrows_memory_is_on_disk(tmp_path):
         np.testing.assert_array_equal(space.combined(np.eye(80))[0], np.repeat(np.arange(10.0), 8))
 
 
-def test_the_system_is_asked_for_its_memory_as_columns_double(tmp_path, monkeypatch):
-    """To 256 columns by eights: at 8, 24, 56, 120 and 248, each time for twice as many."""
+def test_free_memory_is_read_only_when_columns_double(tmp_path, monkeypatch):
+    """256 columns, eight at a time: memory is read at 8, 24, 56, 120 and 248, for twice as many columns."""
     asked = []
     monkeypatch.setattr("cmsreduce.linalg.machine.settings.available_memory", lambda: asked.append(space.m + 8) or 1e12)
     with solver_settings(SolverSettings(scratch=tmp_path)):

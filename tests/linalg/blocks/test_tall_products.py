@@ -1,4 +1,4 @@
-"""Products of tall blocks against numpy's, however the blocks lie."""
+"""Products of tall blocks in every layout, compared with numpy's."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ def test_every_layout(left, right, n, m, k):
 @pytest.mark.parametrize(
     ("n", "m", "k"), [(300, 30, 5), (50_001, 30, 5), (50_001, 24, 17), (50_001, 3, 40), (60_000, 9, 0)]
 )
-def test_what_is_taken_from_a_block(left, n, m, k):
+def test_difference_in_a_block(left, n, m, k):
     V, W, c = laid(n, m, left, 1), laid(n, k, "some of the columns", 2), laid(m, k, "columns", 3)
     wanted = W - V @ c
     found = less(W, V, c)
@@ -51,7 +51,7 @@ def test_what_is_taken_from_a_block(left, n, m, k):
 @pytest.mark.parametrize("left", LAYOUTS)
 @pytest.mark.parametrize("n", [300, 20_001, 50_001])
 @pytest.mark.parametrize("k", [4, 8, 30])
-def test_what_is_taken_from_a_block_by_rows(left, n, k):
+def test_difference_in_a_block_by_rows(left, n, k):
     V, W, c = laid(n, 30, left, 1), laid(n, k, "rows", 2), laid(30, k, "columns", 3)
     wanted = W - V @ c
     found = less(W, V, c)
@@ -61,8 +61,8 @@ def test_what_is_taken_from_a_block_by_rows(left, n, k):
 
 @pytest.mark.parametrize("n", [300, 20_001, 50_001, 200_003])
 @pytest.mark.parametrize("how", LAYOUTS[:4])
-def test_blocks_side_by_side(n, how):
-    """Blocks of several widths, one of a single column, and right-hand sides of several layouts."""
+def test_several_blocks(n, how):
+    """Blocks of several widths, one of them a single column, and right-hand sides in several layouts."""
     widths = (8, 3, 1, 8, 24)
     blocks = [laid(n, width, LAYOUTS[i], i) for i, width in enumerate(widths)]
     V, W = np.hstack(blocks), laid(n, 8, how, 9)

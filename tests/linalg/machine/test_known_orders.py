@@ -1,4 +1,4 @@
-"""Orders that are remembered, known again by the pattern of a matrix alone."""
+"""Stored orders are found again by the pattern of a matrix alone."""
 
 import pickle
 
@@ -10,20 +10,20 @@ from cmsreduce.linalg.sparse.lower_triangle import lower_pattern
 from tests.multifrontal.matrices import shuffled, sparse_definite
 
 
-def test_an_order_is_known_again_by_its_pattern_alone():
+def test_an_order_is_found_by_its_pattern_alone():
     known, A = KnownOrders(), sparse_definite(10, 0.2, 0)
     other = shuffled(A)
-    known.keep(A.indptr, A.indices, np.arange(A.shape[0]))
-    np.testing.assert_array_equal(known.of(A.indptr.copy(), A.indices.copy()), np.arange(A.shape[0]))
-    assert known.of(other.indptr, other.indices) is None
-    assert pickle.loads(pickle.dumps(known)).of(A.indptr, A.indices) is None
+    known.store(A.indptr, A.indices, np.arange(A.shape[0]))
+    np.testing.assert_array_equal(known.find(A.indptr.copy(), A.indices.copy()), np.arange(A.shape[0]))
+    assert known.find(other.indptr, other.indices) is None
+    assert pickle.loads(pickle.dumps(known)).find(A.indptr, A.indices) is None
     for n in range(40, 48):
-        known.keep(np.arange(n + 1), np.arange(n), np.arange(n))
-    assert known.of(A.indptr, A.indices) is None
-    assert known.of(np.arange(48), np.arange(47)) is not None
+        known.store(np.arange(n + 1), np.arange(n), np.arange(n))
+    assert known.find(A.indptr, A.indices) is None
+    assert known.find(np.arange(48), np.arange(47)) is not None
 
 
-def test_a_pattern_has_no_zeros_but_those_of_the_diagonal():
+def test_a_pattern_leaves_out_all_zeros_except_on_the_diagonal():
     entries = [(0, 0, 1.0), (1, 0, 0.0), (2, 0, 1.0), (1, 1, 1.0), (2, 1, 1e-17), (3, 3, 1.0), (0, 1, 0.0), (2, 2, 0.0)]
     row, column, value = (np.array(part) for part in zip(*entries, strict=True))
     starts, rows = lower_pattern(sp.csc_array((value, (row, column))))

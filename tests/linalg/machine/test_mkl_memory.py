@@ -1,4 +1,7 @@
-"""A factor on disk: the same numbers, and nothing left behind. In processes of their own: MKL asks for memory once."""
+"""Factors on disk give the same numbers and leave no file behind.
+
+Each case runs in a process of its own: MKL looks up its allocator only once.
+"""
 
 import ast
 import json
@@ -19,8 +22,8 @@ ROOT = Path(__file__).resolve().parents[3]
 linux = pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="files are mapped by Linux's own calls")
 pytestmark = [pytest.mark.pardiso, linux]
 OMEGA = 2 * np.pi * 900.0
-# Entries of a test's factor count as a large one's, beyond the buffers that MKL keeps, and malloc maps them as it maps
-# those (mallopt, M_MMAP_THRESHOLD).
+# The entries of a test's factor count as those of a large factor, and malloc maps them in the same way
+# (mallopt, M_MMAP_THRESHOLD).
 SCRIPT = """
     import ctypes, gc, json, sys
     from pathlib import Path
@@ -46,15 +49,15 @@ SCRIPT = """
     with solver_settings(SolverSettings("pardiso", precision=precision, **allowed)) as settings:
         count = count_below(model.K, model.M, OMEGA)
         factor = factorise(model.K)
-        told = {"mapped": mapped(), "files": len(list(folder.iterdir()))}
+        result = {"mapped": mapped(), "files": len(list(folder.iterdir()))}
         b = np.random.default_rng(1).standard_normal((model.n, 3))
-        told["residual"] = float(abs(model.K @ factor(b) - b).max())
+        result["residual"] = float(abs(model.K @ factor(b) - b).max())
         modes = certified_modes(model.K, model.M, OMEGA, solve=factor, count=count)
-        told |= {"count": count, "omega": modes.omega.tolist()}
-        told["precision"] = sorted({work.precision for work in settings.work})
+        result |= {"count": count, "omega": modes.omega.tolist()}
+        result["precision"] = sorted({work.precision for work in settings.work})
         del factor, modes
         gc.collect()
-    print(json.dumps(told | {"left": mapped()}))
+    print(json.dumps(result | {"left": mapped()}))
 """
 
 
@@ -63,7 +66,7 @@ def body():
 
 
 def needed(precision):
-    """Bytes of all of a factor, and of its entries."""
+    """Bytes of a factor with its work space, and bytes of its entries."""
     with solver_settings(SolverSettings("pardiso", precision=precision)) as settings:
         factorise(body().K)
     return settings.work[0].mib * 2**20, settings.work[0].entries * {"single": 4, "double": 8}[precision]
@@ -76,27 +79,27 @@ def in_a_process(precision, memory, folder, how="first"):
 
 
 @pytest.mark.parametrize("precision", ["single", "double", "auto"])
-def test_what_does_not_fit_in_memory_is_on_disk(tmp_path, precision):
+def test_a_factor_that_does_not_fit_in_memory_is_on_disk(tmp_path, precision):
     whole, entries = needed("double" if precision == "double" else "single")
     done = in_a_process(precision, whole - entries / 2, tmp_path / "new")
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert told["mapped"] and not told["left"] and told["files"] == 0
-    assert told["precision"] == ["double" if precision == "double" else "single"]
-    assert told["residual"] < 1e-9
+    result = json.loads(done.stdout)
+    assert result["mapped"] and not result["left"] and result["files"] == 0
+    assert result["precision"] == ["double" if precision == "double" else "single"]
+    assert result["residual"] < 1e-9
     expected = certified_modes(body().K, body().M, OMEGA)
-    assert told["count"] == expected.omega.size > 5
-    np.testing.assert_allclose(told["omega"], expected.omega, rtol=1e-9)
+    assert result["count"] == expected.omega.size > 5
+    np.testing.assert_allclose(result["omega"], expected.omega, rtol=1e-9)
 
 
-def test_where_mkl_had_memory_before_it_is_refused(tmp_path):
+def test_a_factor_is_refused_if_mkl_allocated_memory_before(tmp_path):
     whole, entries = needed("single")
     done = in_a_process("single", whole - entries / 2, tmp_path, "earlier")
     assert done.returncode == 1 and "InsufficientMemoryError" in done.stderr
     assert not list(tmp_path.iterdir())
 
 
-def test_without_room_or_folder_it_is_refused(tmp_path, monkeypatch):
+def test_a_factor_is_refused_without_room_or_folder(tmp_path, monkeypatch):
     whole, entries = needed("single")
     monkeypatch.setattr("cmsreduce.linalg.sparse.pardiso.can_be_mapped", lambda: True)
     monkeypatch.setattr("cmsreduce.linalg.sparse.pardiso.free_on_disk", lambda folder: entries / 2)
@@ -106,14 +109,14 @@ def test_without_room_or_folder_it_is_refused(tmp_path, monkeypatch):
             factorise(body().K)
 
 
-def test_unless_it_is_allowed_it_is_refused(tmp_path):
+def test_a_factor_is_refused_unless_allocators_may_be_replaced(tmp_path):
     whole, entries = needed("single")
     done = in_a_process("single", whole - entries / 2, tmp_path, "refused")
     assert done.returncode == 1 and "InsufficientMemoryError" in done.stderr
     assert not list(tmp_path.iterdir())
 
 
-# Reduces a body that both tricks would be done for, in a process whose C library and MKL report every touch.
+# Reduces a body large enough for both replacements, in a process that records every call of an allocator's functions.
 UNTOUCHED = """
     import ctypes, sys
     from pathlib import Path
@@ -122,13 +125,13 @@ UNTOUCHED = """
     from cmsreduce.reduce import CraigBampton
     from tests.solids import block
 
-    touched = []
+    changed = []
     allocators._LEAST_ROWS, mkl_memory._BYTES_A_ROW = 1000, 1e12
     class Watched:
         def __init__(self, library):
             self.__dict__["library"] = library
         def __getattr__(self, name):
-            touched.append(name)
+            changed.append(name)
             return getattr(self.library, name)
     library, system = allocators._library, mkl_memory._system
     allocators._library = lambda: Watched(library())
@@ -138,16 +141,16 @@ UNTOUCHED = """
     allowed = {"scratch": Path(sys.argv[1]), "replace_allocators": sys.argv[2] == "allowed"}
     with solver_settings(SolverSettings("pardiso", **allowed)):
         CraigBampton(1500.0).reduce(body, range(75))
-    print(sorted({"mallopt", "mmap"} & set(touched) | ({"i_malloc"} if mkl_memory._ENTRIES.watching else set())))
+    print(sorted({"mallopt", "mmap"} & set(changed) | ({"i_malloc"} if mkl_memory._ENTRIES.replaced else set())))
 """
 
 
-@pytest.mark.parametrize(("how", "touched"), [("allowed", ["i_malloc", "mallopt"]), ("refused", [])])
-def test_no_allocator_is_touched_unless_it_is_allowed(tmp_path, how, touched):
+@pytest.mark.parametrize(("how", "changed"), [("allowed", ["i_malloc", "mallopt"]), ("refused", [])])
+def test_no_allocator_is_changed_unless_it_is_allowed(tmp_path, how, changed):
     command = [sys.executable, "-c", textwrap.dedent(UNTOUCHED), str(tmp_path), how]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=True)
-    assert ast.literal_eval(done.stdout) == touched
+    assert ast.literal_eval(done.stdout) == changed
 
 
-def test_room_is_that_of_the_folder_s_disk(tmp_path):
+def test_free_bytes_are_those_of_the_folder_s_disk(tmp_path):
     assert 0 < free_on_disk(tmp_path / "not" / "yet") == pytest.approx(free_on_disk(tmp_path), rel=0.01)

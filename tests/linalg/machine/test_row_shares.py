@@ -1,4 +1,4 @@
-"""Rows shared by threads: each of them once, and no failure lost."""
+"""Threads share rows: each row is worked on once, and errors reach the caller."""
 
 from threading import get_ident
 
@@ -26,7 +26,7 @@ def test_each_row_belongs_to_one_thread(n, threads):
 
 
 @pytest.mark.parametrize("n", [10, 100_000])
-def test_a_failure_is_raised(n):
+def test_an_error_reaches_the_caller(n):
     def work(thread: int, rows: slice) -> None:
         raise ArithmeticError(f"rows from {rows.start}")
 

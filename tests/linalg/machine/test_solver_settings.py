@@ -1,4 +1,4 @@
-"""Settings hold within their block, whatever ends it, and threads never exceed what the process may use."""
+"""Settings hold within their block, also if an error ends it; threads never exceed the usable cores."""
 
 import os
 from contextvars import copy_context
@@ -21,7 +21,7 @@ def test_settings_nest():
     assert current_settings() == SolverSettings()
 
 
-def test_an_error_ends_the_block():
+def test_settings_end_with_an_error_in_the_block():
     with pytest.raises(ZeroDivisionError), solver_settings(SolverSettings("superlu")):
         raise ZeroDivisionError
     assert current_settings().backend == "auto"

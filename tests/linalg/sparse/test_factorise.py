@@ -1,4 +1,4 @@
-"""Sparse factors against dense algebra, by every solver that is installed."""
+"""Sparse factors of every installed solver, compared with dense algebra."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,14 +29,14 @@ SHOW_PIVOTS = (where_installed("pardiso"), "multifrontal", where_installed("chol
 
 @pytest.fixture(params=[*SHOW_PIVOTS, where_installed("mumps")])
 def backend(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """The solver that factorises in this test; SuperLU in its own order and in that for large matrices."""
+    """Solver of this test; SuperLU runs in its own order and in the order for large matrices."""
     with chosen(request.param, monkeypatch) as solver:
         yield solver
 
 
 @pytest.fixture(params=SHOW_PIVOTS)
 def pivoting(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """The same, but only those that show their pivots."""
+    """Solver of this test, among those that show their pivots."""
     with chosen(request.param, monkeypatch) as solver:
         yield solver
 
@@ -68,7 +68,7 @@ def mast(elements: int) -> sp.csc_array:
 
 
 def penalty() -> sp.csc_array:
-    """A bar of unit springs from row 0, which a spring of 1e12 holds; another such spring joins the last two rows."""
+    """A bar of unit springs; a spring of 1e12 holds row 0, and another one joins the last two rows."""
     K = sp.lil_array((12, 12))
     K[0, 0] = 1e12
     for e in range(11):
@@ -94,7 +94,7 @@ def test_solutions_are_exact_for_a_matrix_rounded_once(backend, name):
     A = BODIES[name]
     b = np.random.default_rng(0).standard_normal((A.shape[0], 5))
     x = factorise(A)(b)
-    # A backward error: what the equations miss over what their terms sum to, in each row.
+    # Backward error of each row: its residual over the sum of its terms.
     missed = abs(A @ x - b) / (abs(A) @ abs(x) + abs(b))
     assert missed.max() < 20 * np.finfo(float).eps
 
@@ -120,7 +120,7 @@ def test_any_layout_of_columns_gives_the_same_and_stays_as_it_was(backend, layou
 
 
 def test_a_bar_stretches_as_it_should(backend):
-    # Without lateral contraction: u = F L / (E A) at the end, whatever the elements.
+    # Without lateral contraction u = F L / (E A) at the end for any elements.
     A = BODIES["solid"]
     end = BRICKS.n - 3 * 12
     push = np.zeros((CELLS[1] + 1, CELLS[2] + 1))
@@ -148,7 +148,7 @@ def test_pivots_multiply_to_the_determinant(pivoting, name):
 
 
 def test_pivots_stand_at_their_rows(pivoting):
-    # Pairs of rows in a random order; whichever of a pair goes first, its pivot is its own diagonal entry.
+    # Pairs of rows in a random order. The pivot of the first row of a pair is its own diagonal entry.
     rng = np.random.default_rng(5)
     pairs = 30
     a, c = rng.uniform(1, 9, (2, pairs))
@@ -170,7 +170,7 @@ def test_a_pivot_is_between_all_others_held_and_all_others_free(pivoting, name):
     pivots, free = factorise(BODIES[name]).pivots, 1 / np.linalg.inv(A).diagonal()
     assert np.all(pivots > free * (1 - 1e-9))
     assert np.all(pivots < A.diagonal() * (1 + 1e-9))
-    # The first row to go has all others held, the last has them free.
+    # When the first row is eliminated, all others are held; when the last row is, all others are free.
     assert np.isclose(pivots, A.diagonal(), rtol=1e-12).any()
     assert np.isclose(pivots, free, rtol=1e-9).any()
 
@@ -232,14 +232,14 @@ def test_constraints_with_zeros_on_the_diagonal(backend, stored):
 
 
 def pair() -> np.ndarray:
-    """Rows 2 and 3 slide together; every diagonal entry of theirs is larger than row 0's."""
+    """Rows 2 and 3 slide together; their diagonal entries are larger than that of row 0."""
     A = np.diag([0.1, 2.0, 5.0, 5.0, 3.0])
     A[2, 3] = A[3, 2] = -5.0
     return A
 
 
 def dangling() -> np.ndarray:
-    """A clamped bar with a last node that only its axial stiffness holds: it swings across."""
+    """A clamped bar whose last node has axial stiffness only: the node swings sideways."""
     K = line("bar", [0, 0, 0], [1, 0, 0], 3, held=(1,)).K.toarray()
     n = K.shape[0]
     grown = np.zeros((n + 3, n + 3))
@@ -262,7 +262,7 @@ def dangling() -> np.ndarray:
     ],
     ids=["two rows slide together", "empty row", "a node swings", "negative"],
 )
-def test_what_is_not_held_is_named(backend, A, rows):
+def test_a_row_that_is_not_held_is_named(backend, A, rows):
     with pytest.raises(NotPositiveDefiniteError) as caught:
         factorise(sp.csc_array(A), what="the block")
     assert caught.value.row in rows
@@ -305,7 +305,7 @@ def test_a_factor_that_outgrows_the_memory_is_refused(backend, definite):
         factorise(A, definite=definite, what="the body")
     assert str(caught.value).startswith(f"the body ({A.shape[0]} rows): its factor has ")
     entries = float(str(caught.value).split("its factor has ")[1].split()[0])
-    # PARDISO counts the padding of its blocks, which is much in a small factor.
+    # PARDISO counts the padding of its blocks, a large share of a small factor.
     assert 0.8 * fewest < entries < 1.6 * fewest
     assert not settings.work
     with solver_settings(SolverSettings(backend, memory=1e9)) as settings:
@@ -326,13 +326,13 @@ def test_two_threads_give_what_one_gives(backend):
     assert log_det2 == pytest.approx(log_det, rel=1e-14)
 
 
-def test_a_solver_that_is_not_there_is_named(monkeypatch):
+def test_a_solver_that_is_not_installed_is_named(monkeypatch):
     monkeypatch.setattr("cmsreduce.linalg.sparse.factorisation.installed", lambda backend: backend == "superlu")
     with solver_settings(SolverSettings("cholmod")), pytest.raises(MatrixError, match="'cholmod' is not installed"):
         factorise(BODIES["banded"])
 
 
-def test_what_a_solver_lacks_is_said(monkeypatch):
+def test_a_message_names_what_a_solver_lacks(monkeypatch):
     monkeypatch.setattr("cmsreduce.linalg.sparse.factorisation.lacks", lambda: "METIS (pip install pymetis)")
     monkeypatch.setattr("cmsreduce.linalg.sparse.factorisation.installed", lambda backend: backend == "superlu")
     with (
@@ -352,19 +352,19 @@ def test_without_metis_superlu_takes_its_own_order(monkeypatch):
 
 
 class Counted(KnownOrders):
-    """Says how many orders were found."""
+    """Counts the orders that are stored."""
 
     found = 0
 
-    def keep(self, starts, indices, order):
+    def store(self, starts, indices, order):
         self.found += 1
-        super().keep(starts, indices, order)
+        super().store(starts, indices, order)
 
 
 @pytest.mark.pardiso
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_the_order_of_k_serves_k_less_sigma_m(precision):
-    """Stored zeros, which K may hold and K - sigma M does not, set no order apart."""
+    """K may store zeros that K - sigma M does not have; both use one order."""
     body = block("bar", (2.0, 0.2, 0.2), (40, 4, 4), held=range(1, 26))
     M, entries, ends = sp.diags_array(body.M.diagonal()), sp.coo_array(body.K), np.arange(100)
     rows, columns = (

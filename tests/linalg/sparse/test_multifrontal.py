@@ -1,4 +1,4 @@
-"""Multifrontal factors as a backend: where they are taken, what is refused, and the modes that they give."""
+"""Multifrontal factors as a backend: when they are used, which matrices are refused, and the modes that they give."""
 
 from itertools import pairwise
 
@@ -18,7 +18,7 @@ BAR = block("bar", (3.0, 0.4, 0.3), (40, 5, 5), held=range(1, 37))
 
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("row", [0, 1700, -1])
-def test_what_is_not_definite_is_said(threads, row):
+def test_an_indefinite_matrix_is_refused(threads, row):
     A = CUBE.K.copy()
     A[row, row] *= -1
     with (
@@ -39,8 +39,8 @@ def test_auto_takes_it_for_large_definite_matrices(monkeypatch):
 
 
 @pytest.mark.pardiso
-def test_auto_takes_what_fits(monkeypatch):
-    """Updates beside the factor may be too much where the factor alone is not, and double where single is not."""
+def test_auto_takes_the_first_factor_that_fits(monkeypatch):
+    """The factor may fit without its updates, and in single precision where double does not fit."""
     monkeypatch.setattr(module, "_LARGE", 1)
     needs = {}
     for backend in ("multifrontal", "pardiso"):
@@ -56,7 +56,7 @@ def test_auto_takes_what_fits(monkeypatch):
         np.testing.assert_allclose(x, 1.0, rtol=0, atol=1e-9)
         taken = settings.work[0]
         assert needs[taken.backend, taken.precision] <= needs[backend, precision]
-        # Double precision where it fits.
+        # Double precision is taken if it fits.
         assert (taken.precision == "double") == any(
             kind[1] == "double" for kind in by_need[: by_need.index((backend, precision)) + 1]
         )
@@ -67,7 +67,7 @@ def test_auto_takes_what_fits(monkeypatch):
         factorise(CUBE.K)
 
 
-def test_in_single_precision_it_is_refined():
+def test_solutions_in_single_precision_are_refined():
     x = np.random.default_rng(4).standard_normal((CUBE.n, 5)) * [1e-60, 1.0, 1e60, 0.0, 3.0]
     with solver_settings(SolverSettings("multifrontal", precision="single")) as settings:
         factor = factorise(CUBE.K)

@@ -1,4 +1,4 @@
-"""MUMPS on two processes: what it needs, what it leaves behind, and modes by it against those by SuperLU."""
+"""MUMPS on several processes: its modes equal SuperLU's, missing programs are named, and nothing is left behind."""
 
 import os
 import signal
@@ -42,7 +42,7 @@ def test_modes_are_those_of_superlu_on_any_number_of_processes(ranks):
 
 
 @pytest.mark.mumps
-def test_several_factors_are_kept_side_by_side_and_let_go():
+def test_several_factors_exist_at_a_time_and_are_freed():
     matrices = [sp.csc_array(BAR.K + shift * BAR.M) for shift in (0.0, 1e6, 1e8)]
     x = np.random.default_rng(0).standard_normal((BAR.n, 2))
     with solver_settings(SolverSettings("mumps")):
@@ -53,7 +53,7 @@ def test_several_factors_are_kept_side_by_side_and_let_go():
         group, name = factors[0]._group, factors[0]._name
         assert group.alive
         del factors, factor
-        # What was let go cannot be asked any more: the process that is asked stops, and the next one takes its place.
+        # A solve with a freed factor ends the processes; the next factorisation starts new ones.
         with pytest.raises(MatrixError, match="processes of MUMPS ended at 'solve'"):
             group.solve(name, x)
         np.testing.assert_allclose(factorise(matrices[0])(matrices[0] @ x), x, atol=1e-9)
@@ -72,7 +72,7 @@ time.sleep({seconds})
 
 
 def _beneath(pid: int) -> set[int]:
-    """Processes that a process started, and those that they did."""
+    """Processes that a process started, and their own children."""
     try:
         children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     except OSError:
@@ -96,7 +96,7 @@ def test_nothing_is_left_behind(death):
     parent.stdout.close()
     last = time.monotonic() + 20
     while time.monotonic() < last and (Path(folder).exists() or any(Path(f"/proc/{pid}").exists() for pid in started)):
-        # Whoever adopts an orphan may be slow to bury it.
+        # An ended process may stay listed until its adopted parent reads its exit status.
         started = {pid for pid in started if _runs(pid)}
         time.sleep(0.05)
     assert not Path(folder).exists()
@@ -111,20 +111,20 @@ def _runs(pid: int) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("python", "said"),
+    ("python", "message"),
     [
         ("/nowhere/python3", "there is no interpreter /nowhere/python3"),
-        # Isolated from all packages.
+        # An interpreter without packages.
         ("bare", "cannot load petsc4py"),
     ],
 )
-def test_an_interpreter_that_will_not_do_is_named(tmp_path, python, said):
+def test_an_unusable_interpreter_is_named(tmp_path, python, message):
     if python == "bare":
         bare = tmp_path / "bare"
         bare.write_text("#!/bin/sh\necho \"ModuleNotFoundError: No module named 'petsc4py'\" >&2\nexit 1\n")
         bare.chmod(0o755)
         python = str(bare)
-    assert said in mumps_lacks(python)
+    assert message in mumps_lacks(python)
     with (
         solver_settings(SolverSettings("mumps", python=python)),
         pytest.raises(MatrixError, match=r"'mumps' cannot run: .*solver\.python"),

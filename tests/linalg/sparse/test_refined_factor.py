@@ -1,4 +1,4 @@
-"""Factors in single precision: their solutions are double's, their inertia is the matrix's, or they are refused."""
+"""Factors in single precision give solutions in double precision and the inertia of the matrix, or are refused."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from tests.solids import block
 
 pytestmark = pytest.mark.pardiso
 SINGLE = SolverSettings("pardiso", precision="single")
-# Refinement ends at this error of a double-precision solution times the condition that its residual is rounded with.
+# Error of a refined solution in the energy norm: rounding times the condition of the matrix.
 ACCURACY = 1e-11
 
 
@@ -28,12 +28,12 @@ def test_solutions_are_those_of_double_precision(name):
     assert [work.precision for work in settings.work] == ["single"]
     energy = [np.sqrt(np.einsum("ij,ij->j", u, A @ u)) for u in (found - x, x)]
     assert (energy[0] <= ACCURACY * energy[1]).all()
-    # The rough solution alone is seven digits and its condition off.
+    # Without refinement the error would be that of seven digits times the condition.
     assert factor.contraction > 1e-9
 
 
 def test_columns_of_any_size_are_refined():
-    """1e-60 and 1e60 are no numbers in float32."""
+    """float32 cannot represent 1e-60 or 1e60."""
     A = BODIES["solid"]
     x = np.random.default_rng(2).standard_normal((A.shape[0], 4)) * [1e-60, 1.0, 1e60, 0.0]
     with solver_settings(SINGLE):
@@ -71,8 +71,8 @@ def test_near_an_eigenvalue_the_count_is_right_or_refused(body, nearness):
 
 
 @pytest.mark.parametrize("A", [mast(2000), BODIES["penalty"]], ids=["mast", "penalty"])
-def test_what_cannot_be_refined_is_refused(A):
-    """2000 elements in a row, or springs of 1e12 beside those of 1: no factor of seven digits leads to the solution."""
+def test_a_matrix_that_cannot_be_refined_is_refused(A):
+    """2000 elements in a row, or springs of 1e12 beside springs of 1, are too ill conditioned for seven digits."""
     rows = rf"\({A.shape[0]} rows\) is too ill conditioned .* single"
     with solver_settings(SINGLE), pytest.raises(MatrixError, match=rows):
         factorise(A)
@@ -82,7 +82,7 @@ def test_what_cannot_be_refined_is_refused(A):
 
 
 def test_single_precision_is_taken_where_double_does_not_fit():
-    # Large enough for its entries to outweigh what PARDISO takes for each thread.
+    # The cube is so large that its entries take more memory than PARDISO's threads.
     A = block("cube", (1.0, 1.0, 1.0), (15, 15, 15), held=range(1, 257)).K
     needs = {}
     for precision in ("double", "single"):
@@ -111,7 +111,7 @@ def test_other_solvers_have_no_single_precision():
 
 def test_certified_modes_do_not_depend_on_the_precision():
     body = block("bar", (3.0, 0.4, 0.3), (30, 3, 3), held=range(1, 17))
-    # Of the inverse: rounding is then a share of the lowest, not of the highest.
+    # From the inverse problem: rounding is then relative to the lowest eigenvalue, not to the highest.
     lam = 1 / la.eigvalsh(body.M.toarray(), body.K.toarray())[::-1]
     omega = float(np.sqrt((lam[29] + lam[30]) / 2))
     with solver_settings(SINGLE):

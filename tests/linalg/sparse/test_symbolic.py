@@ -1,4 +1,4 @@
-"""Size of Cholesky factors against the factors themselves."""
+"""Predicted sizes of Cholesky factors, compared with the factors."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from cmsreduce.multifrontal import nested_dissection
 
 
 def sparse_definite(nodes: int, density: float, seed: int) -> sp.csc_array:
-    """Nodes of three rows; negative couplings on a dominant diagonal: no entry of the factor cancels."""
+    """Nodes of three rows with negative couplings and a dominant diagonal: no entry of the factor cancels."""
     rng = np.random.default_rng(seed)
     graph = sp.random_array((nodes, nodes), density=density, rng=rng)
     coupling = sp.kron(graph + graph.T + sp.eye_array(nodes), np.ones((3, 3)))
@@ -84,7 +84,7 @@ def test_zeros_on_the_diagonal_are_entries_of_the_factor():
     assert factor_cost(hollow, order) == factor_cost(A, order)
 
 
-def test_superlu_takes_the_entries_that_were_counted():
+def test_superlu_has_the_predicted_entries():
     A = solid(14)
     asked = []
     factor = SuperLU(A, True, asked.append)
@@ -99,6 +99,6 @@ def test_pardiso_counts_about_the_same():
     with solver_settings(SolverSettings("pardiso")):
         counted = factorise(A).cost
     cost = factor_cost(A, nested_dissection(A))
-    # Two codes dissect the same graph, each in its own way.
+    # The two codes dissect the same graph differently.
     assert counted.nnz == pytest.approx(cost.nnz, rel=0.3)
     assert counted.flops == pytest.approx(cost.flops, rel=0.5)
