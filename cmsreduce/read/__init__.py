@@ -8,8 +8,8 @@ from cmsreduce.read.body import read_body
 from cmsreduce.read.controller import read_controller
 from cmsreduce.read.differential_stiffness import read_differential_stiffness
 from cmsreduce.read.files import sha256_of
-from cmsreduce.read.formats import Geometry, MatrixFormat, MatrixInfo, StoredMatrix
-from cmsreduce.read.geometry import read_cells, read_geometry
+from cmsreduce.read.formats import Geometry, GeometryFormat, MatrixFormat, MatrixInfo, StoredMatrix
+from cmsreduce.read.geometry import GEOMETRY_FORMATS, read_cells, read_geometry
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import FORMATS, detect_format, matrix_names, read_matrix
@@ -29,7 +29,9 @@ __all__ = [
     "BulkDeck",
     "DeckMass",
     "FORMATS",
+    "GEOMETRY_FORMATS",
     "Geometry",
+    "GeometryFormat",
     "InterfaceSpec",
     "LabelledMatrix",
     "MatrixFormat",

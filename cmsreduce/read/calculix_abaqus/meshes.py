@@ -266,16 +266,17 @@ def _merge(into: Coordinates, more: Coordinates, where: str) -> None:
 
 
 FRD = GeometryFormat(
+    "frd",
+    "CalculiX .frd",
     # The first record is 1C.
-    detect=lambda head: head.lstrip("\r\n").startswith("    1C"),
-    read=_read_frd,
-    cells=lambda path: cells_by_kind(_frd_cells(path)),
+    lambda head: head.lstrip("\r\n").startswith("    1C"),
+    _read_frd,
+    lambda path: cells_by_kind(_frd_cells(path)),
 )
-"""CalculiX result file."""
-
 INPUT_FILE = GeometryFormat(
-    detect=lambda head: _INPUT_KEYWORD.search(head) is not None,
-    read=_read_input,
-    cells=lambda path: cells_by_kind(_input_cells(path)),
+    "inp",
+    "Abaqus or CalculiX .inp",
+    lambda head: _INPUT_KEYWORD.search(head) is not None,
+    _read_input,
+    lambda path: cells_by_kind(_input_cells(path)),
 )
-"""Abaqus or CalculiX input file."""

@@ -328,17 +328,15 @@ def _superelement(nodes: Nodes, keys: Keys, files: tuple[Path, ...]) -> Geometry
 
 
 def _is_bulk_data(head: str) -> bool:
-    """Whether text from the start of a file is a NASTRAN deck or punch file with points."""
     return "\0" not in head and _BULK_DATA.search(head) is not None
 
 
-def _is_superelement(head: str) -> bool:
-    """Whether the file gives the order of a superelement; an assembly run does so too, but is a deck of its own."""
-    return _is_bulk_data(head) and _ORDER.search(head) is not None and not _CASE_CONTROL.search(head)
-
-
-BULK_DATA = GeometryFormat(_is_bulk_data, _deck_geometry, _deck_cells)
-"""NASTRAN deck."""
-
-EXTERNAL_SUPERELEMENT = GeometryFormat(_is_superelement, read_extseout, _deck_cells)
-"""Assembly or punch file of an external superelement."""
+BULK_DATA = GeometryFormat("bulk", "NASTRAN bulk data", _is_bulk_data, _deck_geometry, _deck_cells)
+EXTERNAL_SUPERELEMENT = GeometryFormat(
+    "superelement",
+    "NASTRAN external superelement (.asm, .pch)",
+    # An assembly run has these cards too, but it is a deck with case control.
+    lambda head: _is_bulk_data(head) and _ORDER.search(head) is not None and not _CASE_CONTROL.search(head),
+    read_extseout,
+    _deck_cells,
+)
