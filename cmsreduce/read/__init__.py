@@ -15,7 +15,6 @@ from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import FORMATS, detect_format, matrix_names, read_matrix
 from cmsreduce.read.nastran import (
     BulkDeck,
-    DeckMass,
     bars_in_units,
     deck_mass,
     read_bars,
@@ -27,7 +26,6 @@ from cmsreduce.read.row_order import RowOrderProof, prove_row_order
 
 __all__ = [
     "BulkDeck",
-    "DeckMass",
     "FORMATS",
     "GEOMETRY_FORMATS",
     "Geometry",
