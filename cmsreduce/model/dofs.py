@@ -20,6 +20,9 @@ SCALAR = 0
 KEY_STEP = 8
 """A dof as one integer is node * 8 + component, so that sorting keys sorts dofs as NASTRAN does."""
 
+# Frames are printed with eight digits at worst; a matrix that is further from a rotation is none.
+_CROOKED = 1e-6
+
 
 def components_from_digits(digits: str | int) -> tuple[int, ...]:
     """Component numbers named by a NASTRAN digit string.
@@ -93,7 +96,7 @@ class DofTable:
         return int(self.node.size)
 
     def joined(self, other: DofTable) -> DofTable:
-        """The rows of this table, then those of another one."""
+        """Table of the rows of this one, then of another one."""
         return DofTable(np.append(self.node, other.node), np.append(self.component, other.component))
 
     def __getitem__(self, rows: NDArray[Any] | slice) -> DofTable:
@@ -199,9 +202,8 @@ class Nodes:
             raise DofMapError(f"node {values[counts > 1][0]} is defined twice")
         if not np.isfinite(xyz).all():
             raise DofMapError(f"node {ids[~np.isfinite(xyz).all(axis=1)][0]} has a coordinate that is not a number")
-        # 1e-6: a frame is printed with 8 digits at worst; anything beyond is not a rotation matrix.
         gram = np.einsum("nij,nkj->nik", frame, frame)
-        crooked = np.abs(gram - np.eye(3)).max(axis=(1, 2), initial=0.0) > 1e-6
+        crooked = np.abs(gram - np.eye(3)).max(axis=(1, 2), initial=0.0) > _CROOKED
         if crooked.any():
             raise DofMapError(f"node {ids[crooked][0]}: its displacement frame is not orthonormal")
         object.__setattr__(self, "id", ids)
@@ -249,7 +251,7 @@ def rigid_body_shapes(dofs: DofTable, nodes: Nodes, about: ArrayLike = (0.0, 0.0
     dofs : DofTable
         n rows; scalar dofs do not move.
     nodes : Nodes
-        Every node of the table, except those of scalar dofs.
+        Every node of the table; nodes of scalar dofs may be absent.
     about : (3,) array_like
         Centre of the rotations, in basic.
 
