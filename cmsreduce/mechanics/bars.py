@@ -94,7 +94,13 @@ class BarStiffness:
         self.bars = bars
         self._without_rows = np.zeros(0, dtype=np.int64) if hidden is None else np.unique(hidden.dofs.node)
         offset = _offsets(body, bars)
-        t, L = _directions(body, bars, offset)
+        assert body.nodes is not None
+        places = body.nodes.xyz[body.nodes.index(bars.node.ravel())].reshape(-1, 2, 3) + offset
+        along = places[:, 1] - places[:, 0]
+        L = np.linalg.norm(along, axis=1)
+        if (L == 0).any():
+            raise MatrixError(f"body '{body.name}': bar {bars.id[L == 0][0]} has no length")
+        t = along / L[:, None]
         self.length = L
         """(b,) float64: length of each bar."""
         self.motion = _end_motion(body, bars, offset, hidden)
@@ -165,17 +171,6 @@ def _offsets(body: FEModel, bars: Bars) -> Array:
     return np.asarray(np.einsum("beji,bej->bei", body.nodes.frame[at], bars.offset))
 
 
-def _directions(body: FEModel, bars: Bars, offset: Array) -> tuple[Array, Array]:
-    """Unit vectors along the bars (b, 3) and lengths (b,)."""
-    assert body.nodes is not None
-    places = body.nodes.xyz[body.nodes.index(bars.node.ravel())].reshape(-1, 2, 3) + offset
-    along = places[:, 1] - places[:, 0]
-    length = np.linalg.norm(along, axis=1)
-    if (length == 0).any():
-        raise MatrixError(f"body '{body.name}': bar {bars.id[length == 0][0]} has no length")
-    return along / length[:, None], length
-
-
 def end_dofs(bars: Bars) -> DofTable:
     """Dofs that bars depend on, each once: slopes only for ends with slopes or offsets."""
     needed = np.ones((len(bars), 2, 6), dtype=bool)
@@ -189,7 +184,12 @@ def end_dofs(bars: Bars) -> DofTable:
 def _end_motion(body: FEModel, bars: Bars, offset: Array, hidden: Recovery | None) -> sp.csr_array:
     """Translations and rotations at both ends of each bar, along basic axes, for unit motions of the rows (12 b, n)."""
     assert body.nodes is not None
-    known = body.recovery if hidden is None else _together(body.recovery, hidden)
+    known = body.recovery
+    if hidden is not None:
+        # A dof with a row keeps its motion there.
+        new = known.dofs.rows(hidden.dofs.node, hidden.dofs.component) < 0
+        T = sp.csr_array(sp.vstack([known.T, hidden.T[new]]))
+        known = Recovery(known.dofs.joined(hidden.dofs[new]), known.leads, T)
     needed = end_dofs(bars)
     unknown = known.dofs.rows(needed.node, needed.component) < 0
     if body.constrained is not None:
@@ -203,12 +203,6 @@ def _end_motion(body: FEModel, bars: Bars, offset: Array, hidden: Recovery | Non
             "known; give the full matrices, or the geometric stiffness itself (`matrices:`)"
         )
     return end_motion(body.nodes, bars.node.ravel(), known, offset.reshape(-1, 3))
-
-
-def _together(rows: Recovery, hidden: Recovery) -> Recovery:
-    """Both recoveries; a dof of the first keeps its motion there."""
-    new = rows.dofs.rows(hidden.dofs.node, hidden.dofs.component) < 0
-    return Recovery(rows.dofs.joined(hidden.dofs[new]), rows.leads, sp.csr_array(sp.vstack([rows.T, hidden.T[new]])))
 
 
 def _unit_stiffness(t: Array, L: Array, bars: Bars) -> Array:
@@ -264,7 +258,7 @@ def member_stiffness(members: Members, nodes: Nodes) -> Array:
     Notes
     -----
     With end a held, end b deflects by the flexibility of bending, shear, torsion and stretch. The stiffness is its
-    inverse, with the rigid motion of b under that of a. Released motions are condensed.
+    inverse, with the rigid motion of b under the motion of a. Released motions are condensed.
     """
     places = nodes.xyz[nodes.index(members.node.ravel())].reshape(-1, 2, 3) + members.offset
     out = np.zeros((members.EA.size, 12, 12))
@@ -275,7 +269,9 @@ def member_stiffness(members: Members, nodes: Nodes) -> Array:
         at_end += _bending(members.EI[k], members.shear[k], L)
         carried = np.hstack([-np.eye(6), np.eye(6)])
         carried[:3, 3:6] = cross_matrix([L, 0.0, 0.0])
-        own = _released(carried.T @ at_end @ carried, members.released[k])
+        own, free = carried.T @ at_end @ carried, members.released[k]
+        if free.any():
+            own = own - own[:, free] @ np.linalg.pinv(own[np.ix_(free, free)], hermitian=True) @ own[free]
         turn = np.kron(np.eye(4), axes)
         out[k] = turn.T @ own @ turn
     return out
@@ -310,9 +306,3 @@ def _bending(EI: Array, shear: Array, L: float) -> Array:
     sign = np.concatenate([np.ones(planes.size), np.array([1.0, -1.0])[planes]])
     K[np.ix_(at, at)] = np.linalg.inv(flexibility) * np.outer(sign, sign)
     return K
-
-
-def _released(K: Array, free: NDArray[np.bool_]) -> Array:
-    if not free.any():
-        return K
-    return K - K[:, free] @ np.linalg.pinv(K[np.ix_(free, free)], hermitian=True) @ K[free]

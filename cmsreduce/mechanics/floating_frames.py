@@ -40,11 +40,11 @@ _SIX = 6
 _DETERMINED = 1e-7
 # Relative to the strongest row of a condition: a weaker row is round-off. The inertia of a wire about itself is 1e-8 of
 # that across it if its thickness is a ten thousandth of its length.
-_SAID = 1e-12
+_WEAKEST = 1e-12
 # Shortest chord with a direction, relative to the body.
 _CHORD = 1e-6
-# A rigid motion that some rows show less than this, relative to the largest, cannot be found from them.
-_SHOWN = 1e-8
+# Relative to the best observed rigid motion: a motion observed less cannot be found from the rows.
+_OBSERVED = 1e-8
 
 
 def floating_frame(
@@ -63,7 +63,7 @@ def floating_frame(
     condition : FrameCondition
         Condition that makes the frame.
     lumping : Lumping
-        Mass matrix of mean axes: that of the integrals.
+        Mass matrix of mean axes, the same as of the integrals.
 
     Raises
     ------
@@ -176,8 +176,8 @@ def best_fit(body: FEModel, rows: NDArray[np.int64], position: NDArray[np.float6
     Returns
     -------
     (6, i) float64
-        From displacements of the rows to translations and rotations along the basic axes; motions that the rows do not
-        show are zero.
+        From displacements of the rows to translations and rotations along the basic axes; zero for motions that do not
+        move the rows.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def best_fit(body: FEModel, rows: NDArray[np.int64], position: NDArray[np.float6
     row = np.where(np.isin(body.dofs.component[rows], (4, 5, 6)), edge, 1.0)
     column = np.array([1.0, 1.0, 1.0, edge, edge, edge])
     R = rigid_body_shapes(body.dofs, body.nodes, position[0])[rows]
-    return np.asarray(la.pinv(row[:, None] * R / column, rtol=_SHOWN) * row / column[:, None])
+    return np.asarray(la.pinv(row[:, None] * R / column, rtol=_OBSERVED) * row / column[:, None])
 
 
 def _chord(
@@ -248,15 +248,15 @@ def _check_determined(body: FEModel, C: Array, origin: Array, condition: FrameCo
     size = float(np.ptp(body.nodes.xyz, axis=0).max(initial=0.0)) or 1.0
     on_rigid = C @ (rigid_body_shapes(body.dofs, body.nodes, origin) / np.repeat([1.0, size], 3))
     norms = np.linalg.norm(on_rigid, axis=1)
-    said = norms > _SAID * norms.max(initial=0.0)
-    scaled = on_rigid[said] / norms[said, None]
-    shown = int(np.count_nonzero(la.svdvals(scaled) > _DETERMINED))
-    if shown < _SIX:
+    strong = norms > _WEAKEST * norms.max(initial=0.0)
+    scaled = on_rigid[strong] / norms[strong, None]
+    determined = int(np.count_nonzero(la.svdvals(scaled) > _DETERMINED))
+    if determined < _SIX:
         remedy = {
             "clamped": "clamp it at an interface with rotations or with three nodes that are not in line",
             "chord": "state another `roll`: a displacement of a point off the chord, across it, or a rotation along it",
             "mean-axis": "its mass has no inertia about a line; clamp it at an interface",
         }[condition.kind]
         raise FloatingFrameError(
-            f"component '{body.name}': a frame by {condition} determines {shown} of six rigid motions; {remedy}"
+            f"component '{body.name}': a frame by {condition} determines {determined} of six rigid motions; {remedy}"
         )

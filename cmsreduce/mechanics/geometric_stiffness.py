@@ -66,8 +66,8 @@ def inertia_loads(body: FEModel, origin: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
     -----
     A point at r of a frame of angular velocity w has the acceleration W r, W = w w^T - w.w 1, and the force on the
     shape phi is - int phi . W r dm = - W_ij int r_i phi_j dm. Only the symmetric part of the integral matters, because
-    W is symmetric. The integrals are those of `modal_integrals`, so the centrifugal force is the derivative of the
-    inertia in a floating-frame code; rigid lumps count with offset and inertia.
+    W is symmetric. The integrals are the same as in `modal_integrals`, so the centrifugal force is the derivative of
+    the inertia in a floating-frame code; rigid lumps count with offset and inertia.
     """
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so its inertia forces are unknown")

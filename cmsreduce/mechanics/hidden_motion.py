@@ -1,4 +1,4 @@
-"""Motion of dofs without rows: those that rigid elements move, and those that were condensed."""
+"""Motion of dofs without rows: dofs that rigid elements move, and condensed dofs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _REMEDY = "give the full matrices, or the geometric stiffness itself (`matrices:
 
 
 def condensed_dofs(body: FEModel, followers: Recovery, wanted: DofTable) -> DofTable:
-    """Condensed dofs among some dofs and their leads: those without row and constraint that follow no other dof.
+    """Condensed dofs among some dofs and their leads: no row, no constraint, and no other dof that they follow.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def condensed_dofs(body: FEModel, followers: Recovery, wanted: DofTable) -> DofT
     followers : Recovery
         Dofs that rigid elements of its deck move.
     wanted : DofTable
-        Dofs whose motion is needed.
+        Dofs with a motion that is needed.
     """
     used = sp.csr_array(followers.T[np.isin(followers.dofs.keys, wanted.keys)])
     leads = followers.leads.keys[np.unique(used.indices)]
@@ -103,7 +103,7 @@ def _with_followers(own: DofTable, followers: Recovery) -> Recovery:
 
 
 def _condensation(body: FEModel, known: Recovery, members: Members, o: int) -> sp.csr_array:
-    """Motion of the condensed dofs (o, n); refused if the matrices were not condensed by it."""
+    """Motion of the condensed dofs (o, n); an error if the matrices were not condensed by it."""
     n = body.n
     K = _assembled(body, known, members)
     T = np.zeros((o, n))

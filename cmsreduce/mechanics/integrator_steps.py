@@ -75,7 +75,7 @@ STABLE: Mapping[str, float] = {
 }
 """Largest w h at which an undamped oscillation does not grow; with AB-2 it always grows."""
 
-# Below this w h the phase errors are those of their leading terms, and round-off of a ratio near 1 is visible.
+# Below this w h the phase errors equal their leading terms, and round-off of a ratio near 1 is visible.
 _SMALLEST = 1e-5
 # Factor from one trial step to the next.
 _WIDER = 1.25
@@ -107,7 +107,8 @@ def step_limit(integrator: str, accuracy: float) -> float:
     """
 
     def excess(x: float) -> float:
-        return abs(_frequency_ratio(integrator, x) - 1) - accuracy
+        # The frequency of the integrated oscillation over the true one, less 1.
+        return abs(float(np.angle(INTEGRATORS[integrator](x))) / x - 1) - accuracy
 
     x = _SMALLEST
     while excess(_WIDER * x) < 0:
@@ -149,8 +150,3 @@ def numerical_damping(integrator: str, x: float) -> float:
     """Numerical damping ratio of an undamped oscillation at w h = x; negative if the oscillation grows."""
     z = INTEGRATORS[integrator](x)
     return float(-np.log(abs(z)) / np.angle(z))
-
-
-def _frequency_ratio(integrator: str, x: float) -> float:
-    """Frequency of the integrated oscillation over the true one."""
-    return float(np.angle(INTEGRATORS[integrator](x))) / x

@@ -11,11 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import Damping, FEModel, Lumping, rigid_body_shapes
 
-__all__ = [
-    "lumped_mass",
-    "total_mass",
-    "untied_body",
-]
+__all__ = ["lumped_mass", "total_mass", "untied_body"]
 
 
 def untied_body(body: FEModel) -> tuple[FEModel, sp.csr_array]:
@@ -28,10 +24,10 @@ def untied_body(body: FEModel) -> tuple[FEModel, sp.csr_array]:
 
     Returns
     -------
-    untied : FEModel
+    as_read : FEModel
         With g dofs, the mass of every node in rows of its own, and no stiffness; the body itself without ties.
     T : (g, n) sparse array
-        Motion of these dofs under unit motion of each row of the body: ``body.M`` is T^T ``untied.M`` T.
+        Motion of these dofs under unit motion of each row of the body: ``body.M`` is T^T ``as_read.M`` T.
     """
     if body.untied_mass is None:
         return body, sp.eye_array(body.n, format="csr")
@@ -39,7 +35,7 @@ def untied_body(body: FEModel) -> tuple[FEModel, sp.csr_array]:
     rows = every.dofs.rows(dofs.node, dofs.component)
     # Dofs without a row are held.
     moving = sp.diags_array((rows >= 0).astype(np.float64))
-    untied = replace(
+    as_read = replace(
         body,
         K=sp.csc_array((len(dofs), len(dofs))),
         M=body.untied_mass.M,
@@ -51,7 +47,7 @@ def untied_body(body: FEModel) -> tuple[FEModel, sp.csr_array]:
         tied=None,
         untied_mass=None,
     )
-    return untied, sp.csr_array(moving @ every.T[np.maximum(rows, 0)])
+    return as_read, sp.csr_array(moving @ every.T[np.maximum(rows, 0)])
 
 
 def lumped_mass(body: FEModel, lumping: Lumping) -> sp.csc_array:
@@ -89,8 +85,8 @@ def lumped_mass(body: FEModel, lumping: Lumping) -> sp.csc_array:
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so its mass cannot be lumped at its nodes")
     if body.untied_mass is not None:
-        untied, T = untied_body(body)
-        return sp.csc_array(T.T @ lumped_mass(untied, lumping) @ T)
+        as_read, T = untied_body(body)
+        return sp.csc_array(T.T @ lumped_mass(as_read, lumping) @ T)
     M, component = body.M, body.dofs.component
     translations, rotations = np.flatnonzero((component >= 1) & (component <= 3)), np.flatnonzero(component > 3)
     if lumping == "row-sum":

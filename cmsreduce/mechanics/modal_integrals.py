@@ -92,9 +92,9 @@ def modal_integrals(
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so there is nothing to integrate over")
     if body.untied_mass is not None:
-        untied, T = untied_body(body)
+        as_read, T = untied_body(body)
         modes = np.arange(shapes.shape[1]) if modes is None else modes
-        return modal_integrals(untied, T @ shapes, origin=origin, axes=axes, lumping=lumping, modes=modes)
+        return modal_integrals(as_read, T @ shapes, origin=origin, axes=axes, lumping=lumping, modes=modes)
     origin = np.asarray(origin, dtype=np.float64)
     axes = np.eye(3) if axes is None else np.asarray(axes, dtype=np.float64)
     M = lumped_mass(body, lumping)
@@ -296,7 +296,7 @@ def energies(A: Matrix, X: Array) -> Array:
 
     Notes
     -----
-    The strain energy of a mode of 0.1 Hz is the small difference of terms as large as those of a mode of 10 kHz: ten of
+    The strain energy of a mode of 0.1 Hz is the small difference of terms as large as in a mode of 10 kHz: ten of
     sixteen digits cancel. ``numpy.longdouble`` has three digits more than a double on x86, and the same number where
     the hardware has no wider number.
 

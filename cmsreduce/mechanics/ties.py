@@ -73,9 +73,9 @@ def tie_nodes(body: FEModel, name: str, tie: Tie) -> FEModel:
     Notes
     -----
     ``rigid``: x_tied = R x_point. ``average``: x_point = A x_nodes with A = (R^T W R)^-1 R^T W over the translations of
-    the nodes, the least-squares rigid motion. Six of these, taken by pivoted QR of A, are replaced by those of the
-    point, x_6 = A_6^-1 (x_point - A_rest x_rest), so that no dof is lost and nothing is stiffened. A force on the point
-    acts on the nodes as A^T f, which is statically equivalent.
+    the nodes, the least-squares rigid motion. The dofs of the point replace six translations, taken by pivoted QR of A,
+    x_6 = A_6^-1 (x_point - A_rest x_rest), so that no dof is lost and nothing is stiffened. A force on the point acts
+    on the nodes as A^T f, which is statically equivalent.
     """
     where, face = f"body '{body.name}', interface '{name}'", body.interfaces[name]
     nodes = body.nodes
@@ -85,11 +85,13 @@ def tie_nodes(body: FEModel, name: str, tie: Tie) -> FEModel:
     at = nodes.xyz[nodes.index(face.node)]
     axes = np.eye(3) if tie.frame is None else tie.frame
     rows = _rigid_rows(where, body, face) if tie.kind == "rigid" else _translations(where, body, face)
-    weights = _weights(where, face, tie)
+    weights = np.ones(face.node.size) if tie.weights is None else np.asarray(tie.weights, dtype=np.float64)
+    if weights.size != face.node.size or not (weights > 0).all():
+        raise SceneError(f"{where}: {face.node.size} nodes need as many positive weights, found {list(weights)}")
     centre = weights @ at / weights.sum()
     length = float(np.linalg.norm(at - centre, axis=1).max()) or 1.0
     position = at.mean(axis=0) if tie.position is None else np.asarray(tie.position, dtype=np.float64)
-    # Motion of the point, in its frame, from that of the centre, with rotations scaled to displacements.
+    # Motion of the point, in its frame, from the motion of the centre, with rotations scaled to displacements.
     G = np.eye(6)
     G[:3, 3:] = -cross_matrix(position - centre)
     G = np.kron(np.eye(2), axes) @ G / np.repeat([1.0, length], 3)
@@ -108,13 +110,6 @@ def tie_nodes(body: FEModel, name: str, tie: Tie) -> FEModel:
         T = _transformation(body.n, gone, follow[:, :6], follow[:, 6:], rows[rest])
     free_id = max(int(nodes.id.max()), int(body.recovery.dofs.node.max())) + 1
     return _restated(body, T, gone, name, Nodes(np.array([free_id]), position[None], axes[None]))
-
-
-def _weights(where: str, face: Interface, tie: Tie) -> NDArray[np.float64]:
-    weights = np.ones(face.node.size) if tie.weights is None else np.asarray(tie.weights, dtype=np.float64)
-    if weights.size != face.node.size or not (weights > 0).all():
-        raise SceneError(f"{where}: {face.node.size} nodes need as many positive weights, found {list(weights)}")
-    return weights
 
 
 def _check_free(where: str, body: FEModel, face: Interface) -> None:

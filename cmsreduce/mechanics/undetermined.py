@@ -1,4 +1,4 @@
-"""Bodies that are not one piece, and motions that neither stiffness nor mass nor damping determines."""
+"""Bodies in several pieces, and motions that neither stiffness nor mass nor damping determines."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def hold_undetermined(
     body : FEModel
         n dofs.
     named : collection of str
-        Interfaces whose dofs the user has listed.
+        Interfaces with dofs that the user has listed.
     proven : (n, r) float64, optional
         All motions without stiffness, if known: if they have mass, every motion is determined.
 
@@ -157,8 +157,8 @@ def hold_undetermined(
 
     Notes
     -----
-    The motions are the common null space of K, M and D, which is that of their sum. An interface loses the dofs that
-    such a motion moves: otherwise they would pass the load of the joint to the dof held, and so to the ground.
+    The motions are the common null space of K, M and D, which is the null space of their sum. An interface loses the
+    dofs that such a motion moves: otherwise these dofs would pass the load of the joint to the ground.
     """
     if not body.M.diagonal().any():
         raise MatrixError(f"body '{body.name}' has no mass: all entries of M are zero; name its mass matrix")

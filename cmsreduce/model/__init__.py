@@ -7,7 +7,15 @@ Nothing here reads a file, solves or prints, except for arrays that are mapped b
 from cmsreduce.model import results
 from cmsreduce.model.body import FEModel, Interface, Recovery, RigidBody, Source, UntiedMass
 from cmsreduce.model.damping import Damping
-from cmsreduce.model.dofs import SCALAR, DofTable, Nodes, components_from_digits, cross_matrix, rigid_body_shapes
+from cmsreduce.model.dofs import (
+    KEY_STEP,
+    SCALAR,
+    DofTable,
+    Nodes,
+    components_from_digits,
+    cross_matrix,
+    rigid_body_shapes,
+)
 from cmsreduce.model.geometric_stiffness import (
     INERTIA_LOADS,
     SQUARES,
@@ -87,6 +95,7 @@ __all__ = [
     "Joint",
     "JointElement",
     "JointTerm",
+    "KEY_STEP",
     "LUMPINGS",
     "Lumping",
     "Matrix",

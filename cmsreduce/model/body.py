@@ -15,19 +15,13 @@ from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import SCALAR, DofTable, Nodes
 from cmsreduce.model.units import SI, Units
 
-__all__ = [
-    "FEModel",
-    "Interface",
-    "Recovery",
-    "RigidBody",
-    "Source",
-    "UntiedMass",
-]
-
+__all__ = ["FEModel", "Interface", "Recovery", "RigidBody", "Source", "UntiedMass"]
 
 # A matrix must be symmetric to this multiple of the rounding of its file, relative to the largest entry: round-off of a
 # solver leaves 1e-16, a missing triangle or a wrong matrix leaves order 1.
 _SYMMETRY_FACTOR = 1e4
+# Round-off of six printed digits may make the inertia about a rod's axis slightly negative.
+_INERTIA_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +205,7 @@ class FEModel:
                 )
 
     def _checked(self, A: sp.csc_array, what: str) -> sp.csc_array:
-        """A matrix made exactly symmetric; refused if it is not finite, symmetric and semidefinite on its diagonal."""
+        """Matrix made exactly symmetric; refused if it is not finite, not symmetric or has a negative diagonal."""
         n, labels, where = len(self.dofs), self.dofs.labels, f"body '{self.name}': {what}"
         A = sp.csc_array(A, dtype=np.float64)
         A.sum_duplicates()
@@ -313,8 +307,7 @@ class RigidBody:
         if not self.mass > 0:
             raise MatrixError(f"rigid body '{self.name}': mass {self.mass:g} is not positive")
         principal = np.linalg.eigvalsh(J)
-        # Round-off of six printed digits may make the inertia about a rod's axis slightly negative.
-        slack = 1e-6 * abs(principal).max()
+        slack = _INERTIA_ROUNDING * abs(principal).max()
         if principal[0] < -slack or principal[0] + principal[1] < principal[2] - slack:
             raise MatrixError(
                 f"rigid body '{self.name}': no mass distribution has principal inertias "

@@ -50,20 +50,20 @@ class Damping:
         if not given:
             return
         value = getattr(self, given[0])
-        figures = np.ravel(np.asarray(value, dtype=np.float64))
-        if figures.size == 0 or not np.isfinite(figures).all():
+        numbers = np.ravel(np.asarray(value, dtype=np.float64))
+        if numbers.size == 0 or not np.isfinite(numbers).all():
             raise DampingError(f"damping {given[0]}: {value} is not a finite number")
         if given[0] == "rayleigh":
-            if figures.min() < 0 or figures.max() <= 0:
+            if numbers.min() < 0 or numbers.max() <= 0:
                 raise DampingError(f"damping rayleigh: alpha, beta = {value} must not be negative, nor both zero")
             return
-        ratios = figures.reshape(-1, 2)[:, 1] if given[0] == "table" else figures
+        ratios = numbers.reshape(-1, 2)[:, 1] if given[0] == "table" else numbers
         if ratios.min() <= 0:
             raise DampingError(
                 f"damping {given[0]}: {ratios.min():g} is not positive; a mode without damping has no finite "
                 "peak. Give a small ratio such as 0.001, or leave `damping` out for an undamped body"
             )
-        if given[0] == "table" and (np.diff(figures.reshape(-1, 2)[:, 0]) <= 0).any():
+        if given[0] == "table" and (np.diff(numbers.reshape(-1, 2)[:, 0]) <= 0).any():
             raise DampingError("damping table: frequencies must increase")
 
     @property

@@ -12,12 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import DofMapError
 
-__all__ = ["SCALAR", "DofTable", "Nodes", "components_from_digits", "cross_matrix", "rigid_body_shapes"]
+__all__ = ["KEY_STEP", "SCALAR", "DofTable", "Nodes", "components_from_digits", "cross_matrix", "rigid_body_shapes"]
 
 SCALAR = 0
 """Component number of a dof that is not the motion of a node: an SPOINT or a modal coordinate."""
 
-_STEP = 8
+KEY_STEP = 8
+"""A dof as one integer is node * 8 + component, so that sorting keys sorts dofs as NASTRAN does."""
+
+# Frames are printed with eight digits at worst; a matrix that is further from a rotation is none.
+_CROOKED = 1e-6
 
 
 def components_from_digits(digits: str | int) -> tuple[int, ...]:
@@ -77,7 +81,7 @@ class DofTable:
         if component.size and (component.min() < 0 or component.max() > 6):
             bad = int(np.flatnonzero((component < 0) | (component > 6))[0])
             raise DofMapError(f"row {bad + 1}: component {component[bad]} of node {node[bad]} is not 0..6")
-        key = node * _STEP + component
+        key = node * KEY_STEP + component
         order = np.argsort(key, kind="stable")
         repeated = np.flatnonzero(np.diff(key[order]) == 0)
         if repeated.size:
@@ -92,7 +96,7 @@ class DofTable:
         return int(self.node.size)
 
     def joined(self, other: DofTable) -> DofTable:
-        """The rows of this table, then those of another one."""
+        """Table of the rows of this one, then of another one."""
         return DofTable(np.append(self.node, other.node), np.append(self.component, other.component))
 
     def __getitem__(self, rows: NDArray[Any] | slice) -> DofTable:
@@ -102,12 +106,12 @@ class DofTable:
     @classmethod
     def from_keys(cls, keys: NDArray[np.int64]) -> DofTable:
         """Table of dofs that are given by their keys."""
-        return cls(keys // _STEP, (keys % _STEP).astype(np.int8))
+        return cls(keys // KEY_STEP, (keys % KEY_STEP).astype(np.int8))
 
     @cached_property
     def keys(self) -> NDArray[np.int64]:
-        """One number for each dof (n,): 8 node + component."""
-        return self.node * _STEP + self.component
+        """One number for each dof (n,), see ``KEY_STEP``."""
+        return self.node * KEY_STEP + self.component
 
     @cached_property
     def _sorted(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -128,7 +132,8 @@ class DofTable:
         (k,) int64
         """
         key, order = self._sorted
-        wanted = np.atleast_1d(np.asarray(node, dtype=np.int64) * _STEP + np.asarray(component, dtype=np.int64)).ravel()
+        node, component = np.asarray(node, dtype=np.int64), np.asarray(component, dtype=np.int64)
+        wanted = np.atleast_1d(node * KEY_STEP + component).ravel()
         if not key.size:
             return np.full(wanted.shape, -1, dtype=np.int64)
         at = np.minimum(np.searchsorted(key, wanted), key.size - 1)
@@ -197,9 +202,8 @@ class Nodes:
             raise DofMapError(f"node {values[counts > 1][0]} is defined twice")
         if not np.isfinite(xyz).all():
             raise DofMapError(f"node {ids[~np.isfinite(xyz).all(axis=1)][0]} has a coordinate that is not a number")
-        # 1e-6: a frame is printed with 8 digits at worst; anything beyond is not a rotation matrix.
         gram = np.einsum("nij,nkj->nik", frame, frame)
-        crooked = np.abs(gram - np.eye(3)).max(axis=(1, 2), initial=0.0) > 1e-6
+        crooked = np.abs(gram - np.eye(3)).max(axis=(1, 2), initial=0.0) > _CROOKED
         if crooked.any():
             raise DofMapError(f"node {ids[crooked][0]}: its displacement frame is not orthonormal")
         object.__setattr__(self, "id", ids)
@@ -247,7 +251,7 @@ def rigid_body_shapes(dofs: DofTable, nodes: Nodes, about: ArrayLike = (0.0, 0.0
     dofs : DofTable
         n rows; scalar dofs do not move.
     nodes : Nodes
-        Every node of the table, except those of scalar dofs.
+        Every node of the table; nodes of scalar dofs may be absent.
     about : (3,) array_like
         Centre of the rotations, in basic.
 

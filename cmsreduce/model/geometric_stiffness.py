@@ -55,7 +55,7 @@ class Bars:
     radius_squared : (b,) float64
         Polar moment of the section over its area, Ip / A, in units of length squared; 0 where it does not matter.
     bends : (b,) bool
-        True for a beam, whose ends have slopes; false for a rod.
+        True for a beam, which has slopes at its ends; false for a rod.
     hinged : (b, 2) bool, optional
         True for each end of a beam that is free to rotate across it; none by default.
     offset : (b, 2, 3) float64, optional

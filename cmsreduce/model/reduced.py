@@ -94,7 +94,8 @@ class ModalComponent:
     static_count : int
         s: the last s columns are static modes.
     neglected_count : int
-        The first of the static modes, this many, are elastic modes whose mass was left out by choice.
+        Number of static modes that are elastic modes without their mass, by choice; they come first among the static
+        ones.
     basis_rank : int
         Columns of the mode set that are independent to rounding; 0 if unknown.
     basis_condition : float
@@ -186,12 +187,12 @@ class ModalComponent:
 
     @property
     def neglected(self) -> slice:
-        """Columns of the static modes whose mass was left out by choice."""
+        """Columns of the static modes that are elastic modes without their mass."""
         return slice(self.elastic.stop, self.elastic.stop + self.neglected_count)
 
     @property
     def inertial_shapes(self) -> NDArray[np.float64]:
-        """Shapes for integrals over the mass (n, m): Phi with zeros for the modes whose mass was left out."""
+        """Shapes for integrals over the mass (n, m): Phi, with zeros for the neglected masses."""
         if not self.neglected_count:
             return self.Phi
         scale = np.ones(self.omega.size)
@@ -273,7 +274,7 @@ class ModalComponent:
         Parameters
         ----------
         keep : (k,) array_like of int
-            Columns to keep; rigid and static modes are always kept. The order stays that of the frequencies.
+            Columns to keep; rigid and static modes are always kept. The modes stay in order of frequency.
         why : sequence of str, optional
             Reason for each column of this component (m).
         """

@@ -171,7 +171,7 @@ class Joint:
     name : str
         Name of the joint.
     first, second : Point
-        Interfaces; the axes are those of the first.
+        Interfaces; the first one gives the axes.
     free : frozenset of int
         Motions 0..5 along the axes that are free; the others are locked.
     offset : tuple of 3 float, optional

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from cmsreduce.model.body import FEModel, Interface, Recovery, RigidBody, UntiedMass
+from cmsreduce.model.body import FEModel, Interface, Recovery, RigidBody
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import DofTable
 from cmsreduce.model.geometric_stiffness import UnitLoad
@@ -29,8 +29,7 @@ def in_units(body: FEModel, units: Units) -> FEModel:
     Notes
     -----
     Energies are invariant: with x' = T x, T the ratio of lengths on translations and 1 on rotations and scalar
-    dofs, K' = e T^-1 K T^-1, where e is the ratio of the units of energy; M and D have powers of the ratio of times,
-    too.
+    dofs, K' = e T^-1 K T^-1, e the ratio of the units of energy; M and D also have powers of the ratio of times.
     """
     length, mass, time = _ratios(body.units, units)
     if (length, mass, time) == (1.0, 1.0, 1.0):
@@ -45,6 +44,10 @@ def in_units(body: FEModel, units: Units) -> FEModel:
     if damping.rayleigh is not None:
         alpha, beta = damping.rayleigh
         damping = Damping(rayleigh=(alpha / time, beta * time))
+    untied_mass = body.untied_mass
+    if untied_mass is not None:
+        scale = _diagonal(untied_mass.dofs, 1 / length)
+        untied_mass = replace(untied_mass, M=sp.csc_array(mass * length**2 * (scale @ untied_mass.M @ scale)))
     return replace(
         body,
         K=restated(body.K, 0),
@@ -56,7 +59,7 @@ def in_units(body: FEModel, units: Units) -> FEModel:
         damping=damping,
         units=units,
         tied=body.tied and recovery_in_units(body.tied, body.units, units),
-        untied_mass=body.untied_mass and _untied(body.untied_mass, length, mass),
+        untied_mass=untied_mass,
     )
 
 
@@ -85,11 +88,6 @@ def rigid_in_units(body: RigidBody, units: Units) -> RigidBody:
         interfaces=_faces(body.interfaces, length),
         units=units,
     )
-
-
-def _untied(old: UntiedMass, length: float, mass: float) -> UntiedMass:
-    inverse = _diagonal(old.dofs, 1 / length)
-    return UntiedMass(old.dofs, sp.csc_array(mass * length**2 * (inverse @ old.M @ inverse)))
 
 
 def _diagonal(dofs: DofTable, length: float) -> sp.dia_array:

@@ -1,4 +1,4 @@
-"""The one table of units, and the unit systems of bodies and scenes."""
+"""Table of units, and the unit systems of bodies and scenes."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ UnitKind = Literal["frequency", "angle", "length", "time", "mass", "force", "tor
 
 _POUND, _INCH, _FOOT = 0.45359237, 0.0254, 0.3048  # kg and m, by definition
 _POUND_FORCE = 4.4482216152605  # N, by definition
+# Units of time of a unit system; matrices in minutes are a mistake.
+_SYSTEM_TIMES = ("s", "ms")
 
 UNITS: Mapping[str, tuple[UnitKind, float]] = {
     "Hz": ("frequency", 1.0),
@@ -78,10 +80,6 @@ def units_of(*kinds: UnitKind) -> dict[str, float]:
     1000.0
     """
     return {name: value for name, (kind, value) in UNITS.items() if kind in kinds}
-
-
-# The unit of time of a unit system; matrices in minutes are a mistake.
-_SYSTEM_TIMES = ("s", "ms")
 
 
 @dataclass(frozen=True)

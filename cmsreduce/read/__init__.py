@@ -8,14 +8,13 @@ from cmsreduce.read.body import read_body
 from cmsreduce.read.controller import read_controller
 from cmsreduce.read.differential_stiffness import read_differential_stiffness
 from cmsreduce.read.files import sha256_of
-from cmsreduce.read.formats import Geometry, MatrixFormat, MatrixInfo, StoredMatrix
-from cmsreduce.read.geometry import read_cells, read_geometry
+from cmsreduce.read.formats import Geometry, GeometryFormat, MatrixFormat, MatrixInfo, StoredMatrix
+from cmsreduce.read.geometry import GEOMETRY_FORMATS, read_cells, read_geometry
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import FORMATS, detect_format, matrix_names, read_matrix
 from cmsreduce.read.nastran import (
     BulkDeck,
-    DeckMass,
     bars_in_units,
     deck_mass,
     read_bars,
@@ -27,9 +26,10 @@ from cmsreduce.read.row_order import RowOrderProof, prove_row_order
 
 __all__ = [
     "BulkDeck",
-    "DeckMass",
     "FORMATS",
+    "GEOMETRY_FORMATS",
     "Geometry",
+    "GeometryFormat",
     "InterfaceSpec",
     "LabelledMatrix",
     "MatrixFormat",

@@ -1,12 +1,12 @@
-"""A body read from its files: matrices, the dofs of their rows, geometry, interfaces, and proof of the row order."""
+"""Bodies from their files: matrices, the dofs of their rows, geometry, interfaces, and proof of the row order."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import SI, Damping, DofTable, FEModel, Source, Units
@@ -55,7 +55,7 @@ def read_body(
     units : Units
         Unit system of the files; nothing is converted here.
     grounded : bool
-        Whether the body is meant to be held to the ground; its row order is not proven then.
+        True if the body is meant to be held to the ground; its row order is not proven then.
     interfaces : mapping of str to InterfaceSpec
         Nodes and dofs at which joints attach.
 
@@ -76,10 +76,9 @@ def read_body(
     """
     shape = None if geometry is None else read_geometry(Path(geometry))
     set_name, dof_list = _set_or_list(rows, shape)
-    given = {"stiffness": stiffness, "mass": mass, "damping": damping_matrix}
     matrices = {
         kind: read_matrix(Path(source.path), source.matrix, source.format, dof_list)
-        for kind, source in given.items()
+        for kind, source in {"stiffness": stiffness, "mass": mass, "damping": damping_matrix}.items()
         if source is not None
     }
     sources = _sources(matrices, shape, dof_list)
@@ -87,7 +86,10 @@ def read_body(
     def build(dofs: DofTable, named: Mapping[str, InterfaceSpec]) -> FEModel:
         table, (K, M, *D) = _on_common_rows(name, dofs, [*matrices.values()], shape)
         nodes = shape.nodes if shape is not None and len(shape.nodes) else None
-        sets = {} if shape is None else _rows_of_sets(table, shape)
+        given = {} if shape is None else shape.sets
+        found = {label: table.rows(one.node, one.component) for label, one in given.items()}
+        # A set counts if all its dofs have rows.
+        sets = {label: rows for label, rows in found.items() if rows.size and (rows >= 0).all()}
         resolved = {face: resolve_interface(name, face, spec, table, nodes, sets) for face, spec in named.items()}
         return FEModel(
             name,
@@ -101,7 +103,7 @@ def read_body(
             units=units,
             rounding=max(one.rounding for one in matrices.values()),
             sets=sets,
-            constrained=_held(table, shape),
+            constrained=_constrained(table, shape),
             grounded=grounded,
             sources=sources,
         )
@@ -109,21 +111,15 @@ def read_body(
     candidates = _possible_rows(name, matrices["stiffness"], matrices["mass"], shape, set_name)
     dofs = candidates[0]
     if len(candidates) > 1:
-        # A wrong set may lack the interfaces, so the sets are tried without them.
-        proven = (table for table in candidates if _in_order(build(table, {})))
-        dofs = next(proven, dofs)
+        for table in candidates:
+            # A wrong set may lack the interfaces, so the sets are tried without them.
+            with contextlib.suppress(DofMapError):
+                prove_row_order(build(table, {}))
+                dofs = table
+                break
     body = build(dofs, interfaces or {})
     prove_row_order(body)
     return body
-
-
-def _in_order(body: FEModel) -> bool:
-    """Whether the row order is proven, or needs no proof."""
-    try:
-        prove_row_order(body)
-    except DofMapError:
-        return False
-    return True
 
 
 def _set_or_list(rows: Path | str | None, geometry: Geometry | None) -> tuple[str | None, Path | None]:
@@ -136,19 +132,13 @@ def _set_or_list(rows: Path | str | None, geometry: Geometry | None) -> tuple[st
     return (rows, None) if named or word else (None, Path(rows))
 
 
-def _rows_of_sets(dofs: DofTable, geometry: Geometry) -> dict[str, NDArray[np.int64]]:
-    """Rows of the sets that have all their dofs among the rows."""
-    found = {name: dofs.rows(table.node, table.component) for name, table in geometry.sets.items()}
-    return {name: rows for name, rows in found.items() if rows.size and (rows >= 0).all()}
-
-
-def _held(dofs: DofTable, geometry: Geometry | None) -> DofTable | None:
+def _constrained(dofs: DofTable, geometry: Geometry | None) -> DofTable | None:
     """Constrained dofs without rows; a constrained dof that has a row is free in these matrices."""
     if geometry is None or geometry.constrained is None:
         return None
     table = geometry.constrained
-    gone = dofs.rows(table.node, table.component) < 0
-    return DofTable(table.node[gone], table.component[gone]) if gone.any() else None
+    without_row = dofs.rows(table.node, table.component) < 0
+    return table[without_row] if without_row.any() else None
 
 
 def _sources(
@@ -221,7 +211,7 @@ def _on_common_rows(
 
 
 def _labelled(body: str, matrix: LabelledMatrix, dofs: DofTable, first: LabelledMatrix) -> LabelledMatrix:
-    """The matrix with its own labels, or those of the body."""
+    """The matrix with its own labels, or else with the dofs of the body."""
     rows, cols = matrix.A.shape
     if rows != cols:
         raise MatrixError(
@@ -250,7 +240,7 @@ def _extended(
         for known in geometry.rows.values():
             rows = np.unique(known.rows(node, component))
             if rows[0] >= 0:
-                return DofTable(known.node[rows], known.component[rows])
+                return known[rows]
     raise MatrixError(
         f"body '{body}': '{matrix.name}' of {matrix.path} has {missing.sum()} dofs that '{first.name}' of {first.path} "
         f"lacks, the first is {matrix.dofs.labels[int(missing.argmax())]}"

@@ -41,7 +41,10 @@ def read_controller(path: Path, sensors: tuple[str, ...], actuators: tuple[str, 
         If the file is missing, is no controller, has numbers that are not finite, or does not fit the channels.
     """
     require_file(path)
-    found = _from_text(path) if _is_text(path) else _from_matrices(path)
+    head = read_head(path, 4096)
+    lines = map(_bare, head.decode("latin-1").splitlines()) if is_text(head) else ()
+    text_heading = _heading(next(filter(None, lines), ""))
+    found = _from_text(path) if text_heading else _from_matrices(path)
     missing = [letter for letter in ("A", "B", "C") if letter not in found]
     # D alone is a gain without states.
     if missing and ("D" not in found or len(missing) < 3):
@@ -63,16 +66,6 @@ def read_controller(path: Path, sensors: tuple[str, ...], actuators: tuple[str, 
     return Controller(*(found.get(letter, np.zeros(shapes[letter])) for letter in _LETTERS))
 
 
-def _is_text(path: Path) -> bool:
-    """Whether the first line that is not empty is one of the letters."""
-    head = read_head(path, 4096)
-    if not is_text(head):
-        return False
-    lines = (_bare(line) for line in head.decode("latin-1").splitlines())
-    first = next((line for line in lines if line), "")
-    return first.rstrip(":=").strip().upper() in _LETTERS
-
-
 def _from_matrices(path: Path) -> Matrices:
     names = {info.name for info in matrix_names(path)}
     chosen = [letter for letter in _LETTERS if letter in names]
@@ -89,8 +82,8 @@ def _from_text(path: Path) -> Matrices:
         text = _bare(line)
         if not text:
             continue
-        heading = text.rstrip(":=").strip().upper()
-        if heading in _LETTERS:
+        heading = _heading(text)
+        if heading:
             if heading in rows:
                 raise ReadError(f"{path}, line {number}: {heading} appears twice")
             letter, rows[heading] = heading, []
@@ -108,6 +101,12 @@ def _from_text(path: Path) -> Matrices:
     return {
         each: np.array(values, dtype=np.float64).reshape(len(values), -1) for each, values in rows.items() if values
     }
+
+
+def _heading(line: str) -> str:
+    """Letter of the matrix that starts after a line; empty for other lines."""
+    word = line.rstrip(":=").strip().upper()
+    return word if word in _LETTERS else ""
 
 
 def _bare(line: str) -> str:

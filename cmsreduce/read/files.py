@@ -109,7 +109,7 @@ def read_head(path: Path, count: int, subject: str = "") -> bytes:
 
 
 def is_text(head: bytes) -> bool:
-    """Whether bytes are plain text."""
+    """True for bytes of plain text."""
     return not any(byte < 32 and byte not in _TEXT_CONTROLS for byte in head)
 
 

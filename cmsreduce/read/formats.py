@@ -1,6 +1,6 @@
 """Contract of a file format: what its readers return, and its entry in the tables of `matrix.py` and `geometry.py`.
 
-A new format is one folder with its readers and its ``MatrixFormat`` or ``GeometryFormat``, and one line in a table.
+A new format is one folder with its readers, its ``MatrixFormat`` or ``GeometryFormat``, and one line in a table.
 """
 
 from __future__ import annotations
@@ -121,13 +121,13 @@ class MatrixFormat:
     words : str
         The format in words, for messages.
     detect : callable
-        Whether a file, given with its first bytes, has this format. Formats earlier in the table come first.
+        True for a file of this format, from its path and first bytes. Formats earlier in the table come first.
     read : callable
         Matrices of a file, in its order. Large libraries are imported inside it.
     named : bool
-        Whether the file names its matrices; otherwise the file's stem is the name.
+        True if the file names its matrices; otherwise the file's stem is the name.
     dof_list : bool
-        Whether a ``.dof`` file of the same stem labels the rows.
+        True if a ``.dof`` file of the same stem labels the rows.
     """
 
     name: str
@@ -194,14 +194,20 @@ class GeometryFormat:
 
     Parameters
     ----------
+    name : str
+        Key in the table of formats.
+    words : str
+        The format in words, for messages.
     detect : callable
-        Whether text from the start of a file has this format. Formats earlier in the table come first.
+        True for a file of this format, from text at its start. Formats earlier in the table come first.
     read : callable
         Geometry of a file.
     cells : callable
-        Elements of a file, for pictures.
+        Elements of a file, for pictures; empty where there are none.
     """
 
+    name: str
+    words: str
     detect: Callable[[str], bool]
     read: Callable[[Path], Geometry]
     cells: Callable[[Path], Cells]

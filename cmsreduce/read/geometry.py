@@ -1,6 +1,6 @@
 """Geometry files of any registered format: nodes, the dofs that matrix rows may be, and elements for pictures.
 
-The reader of other meshes (meshio) is here; it takes every file that no registered format takes.
+meshio reads every file that no registered format takes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,12 @@ from cmsreduce.read.labelled_matrix import SINGLE
 from cmsreduce.read.nastran import BULK_DATA, EXTERNAL_SUPERELEMENT
 from cmsreduce.read.printed_numbers import coordinate_rounding
 
-__all__ = ["read_cells", "read_geometry"]
+__all__ = ["GEOMETRY_FORMATS", "read_cells", "read_geometry"]
+
+GEOMETRY_FORMATS: dict[str, GeometryFormat] = {
+    format.name: format for format in (FRD, INPUT_FILE, EXTERNAL_SUPERELEMENT, BULK_DATA)
+}
+"""Every registered format of geometry files by name, in the order of detection."""
 
 _HEAD = 1 << 20  # bytes that detection examines
 # meshio's NASTRAN reader drops GRID coordinate systems and wide cards without a message.
@@ -35,12 +40,12 @@ def read_geometry(path: Path) -> Geometry:
     Parameters
     ----------
     path : Path
-        NASTRAN deck, external superelement (.asm or .pch), CalculiX .frd, Abaqus .inp, or a mesh that meshio reads.
+        File of a format in ``GEOMETRY_FORMATS``, or a mesh that meshio reads.
 
     Returns
     -------
     Geometry
-        Node ids are those of the file; meshio keeps none, so its nodes count from 1 in order of the file.
+        With the node ids of the file; meshio has none, so its nodes count from 1 in order of the file.
 
     Raises
     ------
@@ -75,7 +80,7 @@ def read_cells(path: Path) -> Cells:
 
 def _format_of(path: Path) -> GeometryFormat:
     head = read_head(path, _HEAD, f"{path}: the geometry").decode("latin-1")
-    return next(format for format in _TABLE if format.detect(head))
+    return next((format for format in GEOMETRY_FORMATS.values() if format.detect(head)), _MESH)
 
 
 def _meshio_geometry(path: Path) -> Geometry:
@@ -116,15 +121,10 @@ def _meshio_read(path: Path) -> Any:
             return meshio.read(path)
     except (SystemExit, meshio.ReadError, *LIBRARY_ERRORS) as error:
         reason = " ".join(complaint.getvalue().split()) or str(error)
-        known = "NASTRAN bulk data, .frd, .inp and the formats of meshio (.msh, .vtu, .vtk, .xdmf, .med and others)"
+        known = ", ".join(format.words for format in (*GEOMETRY_FORMATS.values(), _MESH))
         raise ReadError(f"{path}: no geometry in a format that is known: {known}. {reason}") from error
 
 
-# In the order of detection; the last one takes every file.
-_TABLE: tuple[GeometryFormat, ...] = (
-    FRD,
-    INPUT_FILE,
-    EXTERNAL_SUPERELEMENT,
-    BULK_DATA,
-    GeometryFormat(lambda head: True, _meshio_geometry, _meshio_cells),
+_MESH = GeometryFormat(
+    "mesh", "meshes of meshio (.msh, .vtu, .vtk, .xdmf, .med)", lambda head: True, _meshio_geometry, _meshio_cells
 )

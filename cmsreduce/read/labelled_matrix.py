@@ -1,4 +1,4 @@
-"""A matrix as read from a file: sparse entries, the dofs of its rows where the file names them, and its rounding."""
+"""Matrices as read from files: sparse entries, the dofs of the rows where the file names them, and the rounding."""
 
 from __future__ import annotations
 
@@ -14,13 +14,11 @@ from cmsreduce.model import DofTable
 
 __all__ = [
     "DOUBLE",
-    "KEY_STEP",
     "SINGLE",
     "LabelledMatrix",
     "canonical",
     "check_size",
     "mirrored",
-    "table_of_keys",
 ]
 
 DOUBLE = 2.0**-53
@@ -28,9 +26,6 @@ DOUBLE = 2.0**-53
 
 SINGLE = 2.0**-24
 """Relative rounding of a single-precision number."""
-
-KEY_STEP = 8
-"""A dof as one integer is node * 8 + component, so that sorting keys sorts dofs as NASTRAN does."""
 
 # Files leave out empty rows and columns, so a header may rightly claim more of them than the file has bytes. Up to this
 # number they cost 160 MB of pointers, which is harmless; beyond it the bytes of the file must cover the claim.
@@ -131,11 +126,6 @@ class LabelledMatrix:
         entries = sp.coo_array(self.A)
         A = canonical(to[entries.row], to[entries.col], entries.data, (len(dofs), len(dofs)))
         return replace(self, A=A, dofs=dofs)
-
-
-def table_of_keys(keys: NDArray[np.int64]) -> DofTable:
-    """Dof table of keys (``KEY_STEP``), in their order."""
-    return DofTable(keys // KEY_STEP, (keys % KEY_STEP).astype(np.int8))
 
 
 def canonical(row: ArrayLike, col: ArrayLike, data: ArrayLike, shape: tuple[int, int]) -> sp.csc_array:

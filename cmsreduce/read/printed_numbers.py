@@ -1,4 +1,4 @@
-"""Numbers printed in text: their values, how finely they were rounded, and whether the last one is whole."""
+"""Numbers printed in text: their values, their rounding, and a test for a last number that is cut short."""
 
 from __future__ import annotations
 
@@ -84,11 +84,12 @@ def rounding_of_printed(numbers: Sequence[str], field: int | None = None) -> flo
     Returns
     -------
     float
-        Half a unit of the last printed digit, relative; that of a double where numbers were typed rather than printed.
+        Half a unit of the last printed digit, relative; the rounding of a double if a person typed the numbers.
 
     Notes
     -----
-    If all numbers have an exponent and as many digits, one scientific format printed them: those digits count.
+    If all numbers have an exponent and the same number of digits, one scientific format printed them: these digits
+    count.
     A narrow field cuts digits, so the shortest number that fills the field counts. In any other mixture the longest
     number counts: general formats drop trailing zeros, and fixed ones lose digits of small numbers.
     """
@@ -106,7 +107,7 @@ def rounding_of_printed(numbers: Sequence[str], field: int | None = None) -> flo
 
 
 def stops_in_a_number(numbers: Sequence[str]) -> bool:
-    """Whether the last number is cut short, given that the file does not end its last line.
+    """True if the last number is cut short, in a file that does not end its last line.
 
     Programs print all numbers of a matrix with one width and end the last line. So a number that is narrower than all
     others, on a line without an end, was cut. Numbers without exponents vary in width and prove nothing.

@@ -17,7 +17,7 @@ from cmsreduce.balance import RANKINGS
 from cmsreduce.cli import main
 from cmsreduce.config import json_schema, load_pipeline
 from cmsreduce.pipeline.batch import sweep_axes
-from cmsreduce.read import FORMATS
+from cmsreduce.read import FORMATS, GEOMETRY_FORMATS
 from cmsreduce.reduce import METHODS
 from cmsreduce.write import TARGETS
 from tests.docs.pages import PAGES, ROOT, commands, inline, snippets
@@ -186,7 +186,7 @@ def test_what_is_not_run_is_still_there() -> None:
 @pytest.fixture
 def own_tables() -> Iterator[None]:
     """Tables of formats, mode sets, rankings and targets without what a page registers in them."""
-    tables: tuple[dict[str, object], ...] = (FORMATS, METHODS, RANKINGS, TARGETS)
+    tables: tuple[dict[str, object], ...] = (FORMATS, GEOMETRY_FORMATS, METHODS, RANKINGS, TARGETS)
     before = [dict(table) for table in tables]
     yield
     for table, entries in zip(tables, before, strict=True):

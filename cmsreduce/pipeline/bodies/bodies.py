@@ -249,12 +249,13 @@ def against_deck(path: Path, body: FEModel) -> list[Finding]:
     stated = None if body.nodes is None else deck_mass(path, body.nodes)
     if stated is None:
         return []
+    deck, centre = stated
     found = rigid_mass_properties(rigid_mass(body))
     mass = float(found.mass.max())
     radius = float(np.sqrt(abs(found.inertia).max() / mass))
-    away = float(np.linalg.norm(found.cg - stated.centre))
+    away = float(np.linalg.norm(found.cg - centre))
     return [
-        Finding("mass against the deck", abs(stated.mass - mass) / mass, _DECK_DIGITS),
+        Finding("mass against the deck", abs(deck - mass) / mass, _DECK_DIGITS),
         Finding("centre of mass against the deck", away / radius if radius > 0 else float(away > 0), _DECK_DIGITS),
     ]
 

@@ -15,10 +15,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, ReadError
-from cmsreduce.model import DofTable
+from cmsreduce.model import KEY_STEP, DofTable
 from cmsreduce.read.files import is_text, read_text
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
-from cmsreduce.read.labelled_matrix import KEY_STEP, LabelledMatrix, canonical, check_size, mirrored, table_of_keys
+from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, check_size, mirrored
 from cmsreduce.read.matrices import COORDINATE, LABELLED, read_entries
 from cmsreduce.read.printed_numbers import rounding_of_printed
 
@@ -64,23 +64,23 @@ def _load(path: Path, format: str) -> LabelledMatrix:
     start = text.lstrip()[:500].split("\n", 1)[0]
     if LABELLED.matches(start):
         return _load_labelled(path, format, text, symmetric)
-    entries = read_entries(path, text, COORDINATE)
-    if entries.where.min() < 1:
-        i, j = entries.where[(entries.where < 1).any(axis=1)][0]
+    where, value, printed = read_entries(path, text, COORDINATE)
+    if where.min() < 1:
+        i, j = where[(where < 1).any(axis=1)][0]
         raise ReadError(
             f"{path}: there is an entry at row {i}, column {j}, but indices count from 1; if the writer counts from 0, "
             "let it write a Matrix Market or .npz file instead"
         )
-    n = int(entries.where.max())
+    n = int(where.max())
     check_size(path, path.stem, n, n, len(text))
-    A = _matrix(path, entries.where - 1, entries.value, n, lambda i: str(i + 1))
-    return LabelledMatrix(mirrored(A), path.stem, path, format, rounding_of_printed(entries.printed))
+    A = _matrix(path, where - 1, value, n, lambda i: str(i + 1))
+    return LabelledMatrix(mirrored(A), path.stem, path, format, rounding_of_printed(printed))
 
 
 def _load_labelled(path: Path, format: str, text: str, symmetric: bool) -> LabelledMatrix:
     """Read entries that name nodes and dofs; the rows are sorted by node and dof."""
-    entries = read_entries(path, text, LABELLED)
-    node, dof = entries.where[:, ::2], entries.where[:, 1::2]
+    where, value, printed = read_entries(path, text, LABELLED)
+    node, dof = where[:, ::2], where[:, 1::2]
     bad = (dof < 0) | (dof > 6)
     if bad.any():
         raise ReadError(
@@ -88,10 +88,11 @@ def _load_labelled(path: Path, format: str, text: str, symmetric: bool) -> Label
             "pressures and multipliers cannot be reduced: leave them out of the output"
         )
     keys, place = np.unique(node * KEY_STEP + dof, return_inverse=True)
-    dofs = table_of_keys(keys)
-    A = _matrix(path, place.reshape(node.shape), entries.value, len(dofs), lambda i: dofs.labels[i])
-    rounding = rounding_of_printed(entries.printed)
-    return LabelledMatrix(mirrored(A) if symmetric else A, path.stem, path, format, rounding, dofs)
+    dofs = DofTable.from_keys(keys)
+    A = _matrix(path, place.reshape(node.shape), value, len(dofs), lambda i: dofs.labels[i])
+    if symmetric:
+        A = mirrored(A)
+    return LabelledMatrix(A, path.stem, path, format, rounding_of_printed(printed), dofs)
 
 
 def _entries_only(path: Path) -> tuple[str, bool]:
@@ -193,11 +194,6 @@ def _is_upper_triangle(path: Path, head: bytes) -> bool:
     return all(int(i) <= int(j) for i, j in pairs)
 
 
-def _is_entries(path: Path, head: bytes) -> bool:
-    entries = _first_lines(path, head)
-    return bool(entries) and (LABELLED.matches(entries[0]) or COORDINATE.matches(entries[0]))
-
-
 CALCULIX = MatrixFormat(
     "calculix",
     "text 'i j value' of one triangle",
@@ -209,7 +205,7 @@ CALCULIX = MatrixFormat(
 ABAQUS = MatrixFormat(
     "abaqus",
     "text 'i j value', or 'node,dof, node,dof, value'",
-    _is_entries,
+    lambda path, head: any(LABELLED.matches(line) or COORDINATE.matches(line) for line in _first_lines(path, head)[:1]),
     partial(_coordinate_matrices, format="abaqus"),
     named=False,
     dof_list=True,

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
@@ -92,9 +91,9 @@ def _read_frd(path: Path) -> Geometry:
                 xyz.append([float(line[at : at + _FRD_REAL]) for at in range(start, start + 3 * _FRD_REAL, _FRD_REAL)])
             except ValueError:
                 raise ReadError(f"{path}, line {number}: '{line.rstrip()}' is no node; the file is damaged") from None
-    promised = header.split()[1]
-    if promised.isdigit() and int(promised) != len(ids):
-        raise ReadError(f"{path}: {promised} nodes are announced and {len(ids)} are there; the file is truncated")
+    announced = header.split()[1]
+    if announced.isdigit() and int(announced) != len(ids):
+        raise ReadError(f"{path}: {announced} nodes are announced and {len(ids)} are there; the file is truncated")
     points = np.array(xyz).reshape(-1, 3)
     return Geometry.of_mesh(path, Nodes.in_basic(ids, points, coordinate_rounding(points)))
 
@@ -241,18 +240,13 @@ def _placed(nodes: Coordinates, instance: _Block) -> Coordinates:
     if len(numbers) > 1:
         if len(numbers[1]) != 7:
             raise ReadError(f"{instance.where}: a rotation needs two points and an angle in degrees, 7 numbers")
-        xyz = _turned(xyz, numbers[1])
+        # Rodrigues' rotation about the axis through two points.
+        start, end = np.array(numbers[1][:3]), np.array(numbers[1][3:6])
+        axis = (end - start) / np.linalg.norm(end - start)
+        angle, arm = np.radians(numbers[1][6]), xyz - start
+        along = (arm @ axis)[:, None] * axis
+        xyz = start + along + np.cos(angle) * (arm - along) + np.sin(angle) * np.cross(axis, arm)
     return {id: tuple(map(float, row)) for id, row in zip(nodes, xyz, strict=True)}
-
-
-def _turned(xyz: NDArray[np.float64], rotation: Sequence[float]) -> NDArray[np.float64]:
-    """Points turned about the axis through two points (Rodrigues)."""
-    start, end = np.array(rotation[:3]), np.array(rotation[3:6])
-    axis = (end - start) / np.linalg.norm(end - start)
-    angle, arm = np.radians(rotation[6]), xyz - start
-    along = (arm @ axis)[:, None] * axis
-    turned: NDArray[np.float64] = start + along + np.cos(angle) * (arm - along) + np.sin(angle) * np.cross(axis, arm)
-    return turned
 
 
 def _merge(into: Coordinates, more: Coordinates, where: str) -> None:
@@ -266,16 +260,17 @@ def _merge(into: Coordinates, more: Coordinates, where: str) -> None:
 
 
 FRD = GeometryFormat(
+    "frd",
+    "CalculiX .frd",
     # The first record is 1C.
-    detect=lambda head: head.lstrip("\r\n").startswith("    1C"),
-    read=_read_frd,
-    cells=lambda path: cells_by_kind(_frd_cells(path)),
+    lambda head: head.lstrip("\r\n").startswith("    1C"),
+    _read_frd,
+    lambda path: cells_by_kind(_frd_cells(path)),
 )
-"""CalculiX result file."""
-
 INPUT_FILE = GeometryFormat(
-    detect=lambda head: _INPUT_KEYWORD.search(head) is not None,
-    read=_read_input,
-    cells=lambda path: cells_by_kind(_input_cells(path)),
+    "inp",
+    "Abaqus or CalculiX .inp",
+    lambda head: _INPUT_KEYWORD.search(head) is not None,
+    _read_input,
+    lambda path: cells_by_kind(_input_cells(path)),
 )
-"""Abaqus or CalculiX input file."""

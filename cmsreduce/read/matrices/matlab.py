@@ -16,15 +16,13 @@ from cmsreduce.read.files import reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrices.matlab_layout import check_layout, is_level_4
-from cmsreduce.read.matrices.numpy_files import from_array, kind_of
+from cmsreduce.read.matrices.numpy_files import LARGEST_RATIO, from_array, kind_of
 
 __all__ = ["MATLAB"]
 
 _NUMERIC = {"double", "single", "sparse", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"}
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HDF5_STARTS = (0, 512)  # MATLAB writes its own 512 bytes before the HDF5 part
-# Deflate cannot shrink data by more than this factor; a data set that claims more was never written.
-_LARGEST_RATIO = 1032
 
 
 def _matlab_matrices(path: Path) -> list[StoredMatrix]:
@@ -47,17 +45,24 @@ def _matlab_matrices(path: Path) -> list[StoredMatrix]:
     """
     with path.open("rb") as file:
         head = file.read(_HDF5_STARTS[-1] + len(_HDF5))
-    if any(head[at:].startswith(_HDF5) for at in _HDF5_STARTS):
+    if _is_hdf5(head):
         return _hdf5_matrices(path)
     check_layout(path, head)
     from scipy.io import whosmat
 
     variables = _by_scipy(path, "the MATLAB file", lambda: whosmat(str(path)))
-    return [_stored(path, name, shape, kind) for name, shape, kind in variables]
+    found = []
+    for name, shape, kind in variables:
+        usable = kind in _NUMERIC and len(shape) == 2
+        rows, cols = shape if len(shape) == 2 else (0, 0)
+        numbers = f"real {kind}" if kind in ("double", "single") else kind
+        load = partial(_load, path, name) if usable else partial(_refuse, path, name, kind, shape)
+        found.append(StoredMatrix(name, numbers, "", (rows, cols, None), load, usable))
+    return found
 
 
 def _by_scipy(path: Path, what: str, call: Callable[[], Any]) -> Any:
-    """Result of a call to scipy, whose own error for these files is not among ``LIBRARY_ERRORS``."""
+    """Result of a call to scipy; its own error for these files is not among ``LIBRARY_ERRORS``."""
     from scipy.io.matlab import MatReadError
 
     with reading(path, what), np.errstate(invalid="ignore"):
@@ -65,15 +70,6 @@ def _by_scipy(path: Path, what: str, call: Callable[[], Any]) -> Any:
             return call()
         except MatReadError as error:
             raise ValueError(str(error)) from error
-
-
-def _stored(path: Path, name: str, shape: tuple[int, ...], kind: str) -> StoredMatrix:
-    """A variable of a level 4 or 5 file."""
-    usable = kind in _NUMERIC and len(shape) == 2
-    rows, cols = shape if len(shape) == 2 else (0, 0)
-    numbers = f"real {kind}" if kind in ("double", "single") else kind
-    load = partial(_load, path, name) if usable else partial(_refuse, path, name, kind, shape)
-    return StoredMatrix(name, numbers, "", (rows, cols, None), load, usable)
 
 
 def _load(path: Path, name: str) -> LabelledMatrix:
@@ -120,7 +116,7 @@ def _hdf5_stored(path: Path, name: str, kind: str, item: Any) -> StoredMatrix:
         return StoredMatrix(name, kind, "", (0, 0, None), partial(_refuse, path, name, kind, shape), usable=False)
     numbers = "complex double" if item.dtype.names else kind_of(item.dtype) or str(item.dtype)
     claimed = prod(shape) * item.dtype.itemsize
-    if claimed > _LARGEST_RATIO * max(item.id.get_storage_size(), 1):
+    if claimed > LARGEST_RATIO * max(item.id.get_storage_size(), 1):
         raise ReadError(
             f"{path}: variable '{name}' claims {shape[0]} x {shape[1]} numbers, but {item.id.get_storage_size()} bytes "
             "are stored for it; the file is damaged: save it again"
@@ -153,12 +149,13 @@ def _load_hdf5_sparse(path: Path, name: str) -> LabelledMatrix:
     return from_array(path, name, "mat", A)
 
 
-def _is_matlab(path: Path, head: bytes) -> bool:
-    return (
-        head.startswith((b"MATLAB 5", b"MATLAB 7.3"))
-        or any(head[at:].startswith(_HDF5) for at in _HDF5_STARTS)
-        or is_level_4(head)
-    )
+def _is_hdf5(head: bytes) -> bool:
+    return any(head[at:].startswith(_HDF5) for at in _HDF5_STARTS)
 
 
-MATLAB = MatrixFormat("mat", "MATLAB .mat", _is_matlab, _matlab_matrices)
+MATLAB = MatrixFormat(
+    "mat",
+    "MATLAB .mat",
+    lambda path, head: head.startswith((b"MATLAB 5", b"MATLAB 7.3")) or _is_hdf5(head) or is_level_4(head),
+    _matlab_matrices,
+)

@@ -53,7 +53,7 @@ def check_layout(path: Path, head: bytes) -> None:
 
 
 def is_level_4(head: bytes) -> bool:
-    """Whether a file starts with the header of a level 4 matrix: five integers, then a name that ends with a zero."""
+    """True if a file starts with the header of a level 4 matrix: five integers, then a name that ends with a zero."""
     return _level_4_bytes(head) is not None
 
 

@@ -1,7 +1,7 @@
-"""Text of one matrix entry a line, integers and then a value; Matrix Market files, which are such text.
+"""Text with one matrix entry a line, integers and then a value; Matrix Market files, which have such lines.
 
-scipy reads the header of a Matrix Market file. It does not read the entries: in a file that is cut inside a number,
-scipy's reader reads past the end of the file and crashes the process.
+scipy reads the header of a Matrix Market file, but not the entries: if a file is cut inside a number, scipy's reader
+reads past the end of the file and crashes the process.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import re
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -51,7 +52,7 @@ class EntryLine:
     pattern: re.Pattern[str]
 
     def matches(self, line: str) -> bool:
-        """Whether a line is an entry."""
+        """True if a line is an entry."""
         return self.pattern.fullmatch(line) is not None
 
 
@@ -60,26 +61,7 @@ LABELLED = EntryLine("node,dof, node,dof, value", 4, re.compile(rf"\s*(?:{_INTEG
 VALUE = EntryLine("value", 0, re.compile(rf"\s*{_REAL}\s*"))
 
 
-@dataclass(frozen=True, eq=False)
-class Entries:
-    """Entries of a text.
-
-    Parameters
-    ----------
-    where : (entries, integers) int64
-        Integers before each value.
-    value : (entries,) float64
-        Values.
-    printed : list of str
-        Values as printed; of a long text, those of its first and last lines.
-    """
-
-    where: NDArray[np.int64]
-    value: NDArray[np.float64]
-    printed: list[str]
-
-
-def read_entries(path: Path, text: str, line: EntryLine) -> Entries:
+def read_entries(path: Path, text: str, line: EntryLine) -> tuple[NDArray[np.int64], NDArray[np.float64], list[str]]:
     """Read all entries of a text.
 
     Parameters
@@ -90,6 +72,15 @@ def read_entries(path: Path, text: str, line: EntryLine) -> Entries:
         Lines of entries; empty lines are skipped.
     line : EntryLine
         Grammar of every line.
+
+    Returns
+    -------
+    where : (entries, integers) int64
+        Integers before each value.
+    value : (entries,) float64
+        Values.
+    printed : list of str
+        Values as printed; only the first and the last ones of a long text.
 
     Raises
     ------
@@ -106,7 +97,7 @@ def read_entries(path: Path, text: str, line: EntryLine) -> Entries:
         raise ReadError(
             f"{path}: the file ends inside its last number, '{printed[-1]}'; it is truncated: write or copy it again"
         )
-    return Entries(numbers[:, :-1].astype(np.int64), numbers[:, -1], printed)
+    return numbers[:, :-1].astype(np.int64), numbers[:, -1], printed
 
 
 def _printed_values(text: str, width: int) -> list[str]:
@@ -150,18 +141,6 @@ def _line_by_line(path: Path, text: str, line: EntryLine) -> NDArray[np.float64]
     return np.array(rows, dtype=np.float64)
 
 
-@dataclass(frozen=True)
-class _Header:
-    """Contents of the first lines; ``layout`` is coordinate or array."""
-
-    rows: int
-    cols: int
-    entries: int
-    layout: str
-    field: str
-    symmetry: str
-
-
 def _market_matrices(path: Path) -> list[StoredMatrix]:
     """The one matrix of a Matrix Market file.
 
@@ -183,55 +162,54 @@ def _market_matrices(path: Path) -> list[StoredMatrix]:
     from scipy.io import mminfo
 
     with reading(path, "the Matrix Market header"):
-        header = _Header(*mminfo(str(path)))
-    check_size(path, path.stem, header.rows, header.cols, path.stat().st_size)
-    if header.field == "pattern":
+        rows, cols, count, layout, field, symmetry = mminfo(str(path))
+    check_size(path, path.stem, rows, cols, path.stat().st_size)
+    if field == "pattern":
         raise ReadError(f"{path}: the Matrix Market file is a pattern without values; write it with real values")
-    numbers = "complex" if header.field == "complex" else f"{header.field}, as text"
-    size = (header.rows, header.cols, header.entries)
-    return [StoredMatrix(path.stem, numbers, header.symmetry, size, lambda: _load(path, header))]
+    numbers = "complex" if field == "complex" else f"{field}, as text"
+    lengths = {"general": rows * cols, "skew-symmetric": rows * (rows - 1) // 2}
+    # An array file lists values without their places.
+    array = lengths.get(symmetry, rows * (rows + 1) // 2) if layout == "array" else None
+    load = partial(_load, path, (rows, cols), count, array, symmetry, field in ("real", "double"))
+    return [StoredMatrix(path.stem, numbers, symmetry, (rows, cols, count), load)]
 
 
-def _load(path: Path, header: _Header) -> LabelledMatrix:
-    """Read the matrix."""
-    entries = read_entries(path, _body(path), COORDINATE if header.layout == "coordinate" else VALUE)
-    shape = header.rows, header.cols
-    n, expected = header.rows, header.entries
-    if header.layout == "array":
-        lengths = {"general": n * header.cols, "skew-symmetric": n * (n - 1) // 2}
-        expected = lengths.get(header.symmetry, n * (n + 1) // 2)
-    if entries.value.size != expected:
+def _load(
+    path: Path, shape: tuple[int, int], count: int, array: int | None, symmetry: str, rounded: bool
+) -> LabelledMatrix:
+    """Read the matrix: ``count`` entries with their places, or ``array`` values without places."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    head = _HEAD.match(text)
+    end = head.end() if head else 0
+    # Lines up to the sizes become empty, so that the other lines keep their numbers.
+    body = "\n" * text.count("\n", 0, end) + text[end:]
+    where, value, printed = read_entries(path, body, COORDINATE if array is None else VALUE)
+    expected = count if array is None else array
+    if value.size != expected:
         raise ReadError(
-            f"{path}: the Matrix Market file has {entries.value.size} entries where its header says {expected}; it is "
+            f"{path}: the Matrix Market file has {value.size} entries where its header says {expected}; it is "
             "truncated or two files in one: write or copy it again"
         )
-    where = entries.where - 1 if header.layout == "coordinate" else _array_places(header)
-    outside = ((where < 0) | (where >= shape)).any(axis=1)
+    places = where - 1 if array is None else _array_places(shape, symmetry)
+    outside = ((places < 0) | (places >= shape)).any(axis=1)
     if outside.any():
-        i, j = where[outside][0] + 1
+        i, j = places[outside][0] + 1
         raise ReadError(f"{path}: there is an entry at row {i}, column {j} of a {shape[0]} x {shape[1]} matrix")
-    row, col = where.T
-    value, sign = entries.value, _MIRROR[header.symmetry]
+    row, col = places.T
+    sign = _MIRROR[symmetry]
     if sign:
         off = row != col
         row, col = np.concatenate([row, col[off]]), np.concatenate([col, row[off]])
         value = np.concatenate([value, sign * value[off]])
-    rounding = rounding_of_printed(entries.printed) if header.field in ("real", "double") else DOUBLE
+    rounding = rounding_of_printed(printed) if rounded else DOUBLE
     return LabelledMatrix(canonical(row, col, value, shape), path.stem, path, "matrix-market", rounding)
 
 
-def _body(path: Path) -> str:
-    """Text whose lines up to the sizes are empty, so that the other lines keep their numbers."""
-    text = path.read_text(encoding="utf-8", errors="replace")
-    head = _HEAD.match(text)
-    end = head.end() if head else 0
-    return "\n" * text.count("\n", 0, end) + text[end:]
-
-
-def _array_places(header: _Header) -> NDArray[np.int64]:
+def _array_places(shape: tuple[int, int], symmetry: str) -> NDArray[np.int64]:
     """Row and column of each value of an array file: column after column, of one triangle if symmetric."""
-    col, row = np.divmod(np.arange(header.rows * header.cols), header.rows)
-    above = {"general": -header.cols, "skew-symmetric": 1}.get(header.symmetry, 0)
+    rows, cols = shape
+    col, row = np.divmod(np.arange(rows * cols), rows)
+    above = {"general": -cols, "skew-symmetric": 1}.get(symmetry, 0)
     kept = row - col >= above
     return np.stack([row[kept], col[kept]], axis=1)
 

@@ -1,4 +1,4 @@
-"""Matrices of ``.npy`` and ``.npz`` files, dense or saved by ``scipy.sparse.save_npz``; pickles are never opened."""
+"""Matrices of ``.npy`` and ``.npz`` files, dense or saved by ``scipy.sparse.save_npz``; pickles stay closed."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from cmsreduce.read.files import reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import DOUBLE, LabelledMatrix, canonical, check_size
 
-__all__ = ["NPY", "NPZ", "from_array", "kind_of"]
+__all__ = ["LARGEST_RATIO", "NPY", "NPZ", "from_array", "kind_of"]
 
-# Deflate cannot shrink anything by more than this factor; a member that claims more is damaged or meant to exhaust
-# memory.
-_LARGEST_RATIO = 1032
+LARGEST_RATIO = 1032
+"""Largest factor by which deflate shrinks data; an array that claims more is damaged, or meant to exhaust memory."""
+
 # Bytes of a header; numpy writes some hundred.
 _LONGEST_HEADER = 1 << 16
 _SPARSE = {"format", "shape", "data"}  # members that save_npz writes for every layout
@@ -130,7 +130,7 @@ def _npz_matrices(path: Path) -> list[StoredMatrix]:
             with archive.open(info) as file:
                 shape, dtype = _header(file)
             name = info.filename.removesuffix(".npy")
-            holds = min(info.file_size, _LARGEST_RATIO * max(info.compress_size, 1))
+            holds = min(info.file_size, LARGEST_RATIO * max(info.compress_size, 1))
             if prod(shape) * dtype.itemsize > holds and not dtype.hasobject:
                 raise ReadError(
                     f"{path}: array '{name}' claims {_size(shape)} {dtype}, more than the {info.compress_size} bytes "

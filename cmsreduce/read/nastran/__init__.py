@@ -6,7 +6,7 @@ The proof that rows and geometry fit together belongs in `read.row_order`.
 
 from cmsreduce.read.nastran.bars import bars_in_units, read_bars, read_members
 from cmsreduce.read.nastran.bulk import BULK_DATA, EXTERNAL_SUPERELEMENT, SET_NAMES, BulkDeck, read_bulk
-from cmsreduce.read.nastran.deck_mass import DeckMass, deck_mass
+from cmsreduce.read.nastran.deck_mass import deck_mass
 from cmsreduce.read.nastran.dmig import DMIG
 from cmsreduce.read.nastran.op2 import OP2
 from cmsreduce.read.nastran.op4 import OP4
@@ -16,7 +16,6 @@ __all__ = [
     "BULK_DATA",
     "BulkDeck",
     "DMIG",
-    "DeckMass",
     "EXTERNAL_SUPERELEMENT",
     "OP2",
     "OP4",

@@ -149,15 +149,14 @@ def offsets_of(card: Card) -> Array:
     return offset
 
 
-def _released_at(card: Card) -> tuple[str, str]:
+def _released_at(card: Card) -> list[set[str]]:
     """Components in which the two ends of a CBAR or CBEAM are free (pins), along its own axes."""
-    first, second = (card.text(k).replace("0", "") for k in (8, 9))
-    return first, second
+    return [set(card.text(k).replace("0", "")) for k in (8, 9)]
 
 
 def _hinges(card: Card) -> tuple[bool, bool]:
-    """Whether each end is free to turn across the bar; if both are, the bar stays straight, as a rod does."""
-    pins = [set(pin) for pin in _released_at(card)]
+    """True for each end that is free to turn across the bar; if both are, the bar stays straight, as a rod does."""
+    pins = _released_at(card)
     if any(pin and not {"5", "6"} <= pin <= {"4", "5", "6"} for pin in pins):
         raise ReadError(
             f"{card.where} {card.integer(0)}: its ends are released (pins) otherwise than in both bendings; no "
@@ -203,7 +202,7 @@ def read_members(path: Path, nodes: Nodes) -> Members:
     Raises
     ------
     ReadError
-        If a property, material, grid or orientation is missing, or there are beams whose section is not that of a CBAR.
+        If a property, material, grid or orientation is missing, or a beam has another section than a CBAR.
     """
     sections = read_cards(path, {*_ELEMENTS, *_SPRINGS, "PBAR", "PROD", "PELAS", "MAT1"}).sections
     cards: Cards = next((one for _, one in sorted(sections.items()) if one.keys() & set(_ELEMENTS)), {})

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, ReadError
-from cmsreduce.model import SCALAR, DofTable, Nodes
+from cmsreduce.model import KEY_STEP, SCALAR, DofTable, Nodes
 from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat, cells_by_kind, rows_of_nodes
-from cmsreduce.read.labelled_matrix import KEY_STEP, table_of_keys
 from cmsreduce.read.nastran.cards import Card, CardFile, Cards, read_cards
 from cmsreduce.read.nastran.dof_sets import SET_CARDS, Keys, Points, constrained_dofs, id_ranges, named_sets
 from cmsreduce.read.nastran.grids import GRID_CARDS, read_points
@@ -130,7 +129,7 @@ class BulkDeck:
                 f"{self.path}: the deck has no {name}-set ({SET_NAMES[name]}); no card puts dofs in it. It has: "
                 + ", ".join(f"{letter} ({size})" for letter, size in self.sizes().items())
             )
-        return table_of_keys(self._keys[name])
+        return DofTable.from_keys(self._keys[name])
 
     def sizes(self) -> dict[str, int]:
         """Number of dofs of every set that the deck defines and that is not empty."""
@@ -197,9 +196,9 @@ def _deck_geometry(path: Path) -> Geometry:
     if len(deck.nodes):
         translations = rows_of_nodes(deck.nodes, 3)
         keys = translations.node * KEY_STEP + translations.component
-        rows["translations"] = table_of_keys(np.setdiff1d(keys, deck.constrained))
+        rows["translations"] = DofTable.from_keys(np.setdiff1d(keys, deck.constrained))
     sets = {name: deck.dof_table(name) for name in SET_NAMES if name in sizes}
-    return Geometry(path, deck.nodes, rows, sets, table_of_keys(deck.constrained), deck.files, deck.remarks)
+    return Geometry(path, deck.nodes, rows, sets, DofTable.from_keys(deck.constrained), deck.files, deck.remarks)
 
 
 def _deck_cells(path: Path) -> Cells:
@@ -295,7 +294,7 @@ def _from_extrn(cards: Cards) -> tuple[Nodes, Keys]:
 
 
 def _from_seconct(cards: Cards) -> tuple[Nodes, Keys]:
-    """Order from pairs of ids: that of the superelement, and that of the GRID which it is connected to."""
+    """Order from pairs of ids: the id in the superelement, and the id of the GRID to which it is connected."""
     nodes, points, _ = read_points(cards)
     keys = [np.zeros(0, dtype=np.int64)]
     own: dict[int, int] = {}
@@ -323,22 +322,20 @@ def _pairs(card: Card) -> list[tuple[int, int]]:
 
 def _superelement(nodes: Nodes, keys: Keys, files: tuple[Path, ...]) -> Geometry:
     scalar = keys % KEY_STEP == SCALAR
-    sets = {name: table_of_keys(part) for name, part in (("b", keys[~scalar]), ("q", keys[scalar])) if part.size}
-    return Geometry(files[0], nodes, {"a": table_of_keys(keys)}, sets, files=files)
+    sets = {name: DofTable.from_keys(part) for name, part in (("b", keys[~scalar]), ("q", keys[scalar])) if part.size}
+    return Geometry(files[0], nodes, {"a": DofTable.from_keys(keys)}, sets, files=files)
 
 
 def _is_bulk_data(head: str) -> bool:
-    """Whether text from the start of a file is a NASTRAN deck or punch file with points."""
     return "\0" not in head and _BULK_DATA.search(head) is not None
 
 
-def _is_superelement(head: str) -> bool:
-    """Whether the file gives the order of a superelement; an assembly run does so too, but is a deck of its own."""
-    return _is_bulk_data(head) and _ORDER.search(head) is not None and not _CASE_CONTROL.search(head)
-
-
-BULK_DATA = GeometryFormat(_is_bulk_data, _deck_geometry, _deck_cells)
-"""NASTRAN deck."""
-
-EXTERNAL_SUPERELEMENT = GeometryFormat(_is_superelement, read_extseout, _deck_cells)
-"""Assembly or punch file of an external superelement."""
+BULK_DATA = GeometryFormat("bulk", "NASTRAN bulk data", _is_bulk_data, _deck_geometry, _deck_cells)
+EXTERNAL_SUPERELEMENT = GeometryFormat(
+    "superelement",
+    "NASTRAN external superelement (.asm, .pch)",
+    # An assembly run has these cards too, but it is a deck with case control.
+    lambda head: _is_bulk_data(head) and _ORDER.search(head) is not None and not _CASE_CONTROL.search(head),
+    read_extseout,
+    _deck_cells,
+)

@@ -141,7 +141,7 @@ class _Line:
 
 @dataclass
 class _OpenCard:
-    """A card whose continuation lines may follow; ``kept`` is false for cards that are skipped."""
+    """A card with continuation lines to follow; ``kept`` is false for cards that are skipped."""
 
     name: str
     path: Path

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.bars import offsets_of
 from cmsreduce.read.nastran.cards import Card, Cards, read_cards
 
-__all__ = ["DeckMass", "deck_mass"]
+__all__ = ["deck_mass"]
 
 Array = NDArray[np.float64]
 
@@ -24,7 +23,7 @@ _BARS = {"CBAR": "PBAR", "CBEAM": "PBEAM", "CROD": "PROD", "CONROD": ""}
 # Fields of a property: area, and non-structural mass per length.
 _AREA, _PER_LENGTH = 2, {"PBAR": 6, "PBEAM": 7, "PROD": 5}
 _DENSITY = 4  # on MAT1
-# Elements and properties whose mass is not counted: the mass of a deck that has any is unknown.
+# Elements and properties without a counted mass: the mass of a deck that has any is unknown.
 _OTHERS = (
     *("CQUAD8", "CQUADR", "CQUAD", "CTRIA6", "CTRIAR", "CSHEAR", "CTRIAX", "CTRIAX6", "CQUADX", "PCOMP", "PCOMPG"),
     *("CPYRAM", "CTUBE", "CBEND", "CBEAM3", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "MAT2", "MAT8", "MAT9"),
@@ -41,7 +40,7 @@ _PLAIN_BEAM = 8  # fields of a PBEAM without stations along it
 _AT_POINT = -1  # frame of a CONM2 whose offset is a place in basic
 
 _HEXAHEDRON = ((-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1))
-# A tetrahedron and a wedge are hexahedra some of whose corners coincide.
+# A tetrahedron and a wedge are hexahedra with corners that coincide.
 _CORNERS = {4: (0, 1, 2, 2, 3, 3, 3, 3), 6: (0, 1, 2, 2, 3, 4, 5, 5), 8: (0, 1, 2, 3, 4, 5, 6, 7)}
 _DIMENSIONS = {"ROD": 1, "TUBE": 2, "BAR": 2, "BOX": 4}
 
@@ -49,23 +48,7 @@ _OTHER = re.compile(rb"^(" + "|".join(_OTHERS).encode() + rb")\b", re.MULTILINE 
 _COUNTED = re.compile(rb"^(CONM1|CONM2|MAT1)\b", re.MULTILINE | re.IGNORECASE)
 
 
-@dataclass(frozen=True, eq=False)
-class DeckMass:
-    """Mass and centre of mass that a deck states, in its units and basic frame.
-
-    Parameters
-    ----------
-    mass : float
-        Mass of all its bars, rods, plates, solids and point masses.
-    centre : (3,) float64
-        Their centre of mass.
-    """
-
-    mass: float
-    centre: Array
-
-
-def deck_mass(path: Path, nodes: Nodes) -> DeckMass | None:
+def deck_mass(path: Path, nodes: Nodes) -> tuple[float, Array] | None:
     """Add up the masses of the elements of a deck.
 
     Parameters
@@ -77,11 +60,12 @@ def deck_mass(path: Path, nodes: Nodes) -> DeckMass | None:
 
     Returns
     -------
-    DeckMass or None
-        None if the file is no deck, states no mass, or has elements whose mass is not counted: plates in layers or
-        with an offset or a thickness of their own, skew plates and solids (their centre depends on the lumping of
-        mass), elements with nodes between corners, scalar masses (CMASS has no place), sections with stations or
-        with other shapes than BAR, BOX, ROD and TUBE, a CONM1 that is no point mass.
+    (float, (3,) float64) or None
+        Mass of all bars, rods, plates, solids and point masses, and their centre in basic, in the units of the deck.
+        None if the file is no deck, states no mass, or has elements that are not counted: plates in layers or with an
+        offset or a thickness of their own, skew plates and solids (their centre depends on the lumping of mass),
+        elements with nodes between corners, scalar masses (CMASS has no place), sections with stations or with other
+        shapes than BAR, BOX, ROD and TUBE, a CONM1 that is no point mass.
     """
     try:
         # A search of the bytes is fast, also in large decks of solids.
@@ -102,7 +86,7 @@ def deck_mass(path: Path, nodes: Nodes) -> DeckMass | None:
     centre = masses @ np.array([place for _, place in parts]) / masses.sum()
     # PARAM, WTMASS: factor of weights.
     scale = next((card.real(1) for card in cards.get("PARAM", ()) if card.text(0).upper() == "WTMASS"), 1.0)
-    return DeckMass(float(masses.sum()) * scale, centre)
+    return float(masses.sum()) * scale, centre
 
 
 class _NotCountedError(Exception):
@@ -111,7 +95,11 @@ class _NotCountedError(Exception):
 
 def _bars(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, Array]]:
     density = _densities(cards)
-    sections = _shaped(cards)
+    sections = {}
+    for name, kind in _SHAPED.items():
+        for card in cards.get(name, ()):
+            area, per_length = _section_by_shape(card)
+            sections[kind, card.integer(0)] = (card.integer(1), area, per_length)
     for name in filter(None, _BARS.values()):
         for card in cards.get(name, ()):
             if name == "PBEAM" and any(card.text(k) for k in range(_PLAIN_BEAM + 8, len(card.fields))):
@@ -155,16 +143,6 @@ def _points(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, Array]]:
 
 def _densities(cards: Cards) -> dict[int, float]:
     return {card.integer(0): card.real(_DENSITY) for card in cards.get("MAT1", ())}
-
-
-def _shaped(cards: Cards) -> dict[tuple[str, int], tuple[int, float, float]]:
-    """Material, area and non-structural mass per length of PBARL and PBEAML."""
-    found = {}
-    for name, kind in _SHAPED.items():
-        for card in cards.get(name, ()):
-            area, per_length = _section_by_shape(card)
-            found[kind, card.integer(0)] = (card.integer(1), area, per_length)
-    return found
 
 
 def _plates(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, Array]]:

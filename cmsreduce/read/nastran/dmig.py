@@ -7,23 +7,26 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
+from cmsreduce.model import KEY_STEP, DofTable
 from cmsreduce.read.files import is_text
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
-from cmsreduce.read.labelled_matrix import KEY_STEP, SINGLE, LabelledMatrix, canonical, mirrored, table_of_keys
+from cmsreduce.read.labelled_matrix import SINGLE, LabelledMatrix, canonical, mirrored
 from cmsreduce.read.nastran.cards import Card, read_cards
 from cmsreduce.read.nastran.op4_records import TYPES
 from cmsreduce.read.printed_numbers import real_number, rounding_of_printed
 
 __all__ = ["DMIG"]
 
-_CARD = re.compile(rb"(?:^|\n)[ ]{0,7}DMIG(?:\*|[ ,\t])", re.IGNORECASE)
+Keys = NDArray[np.int64]
 
+_CARD = re.compile(rb"(?:^|\n)[ ]{0,7}DMIG(?:\*|[ ,\t])", re.IGNORECASE)
 _FORMS = {1: "square", 2: "rectangular", 6: "symmetric", 9: "rectangular"}
 _FIELD = 8  # characters of a small field, which cut the numbers printed in it
 _LINE = 120  # bytes that the last line cannot exceed
@@ -42,15 +45,6 @@ class _Dmig:
     @property
     def name(self) -> str:
         return self.header.text(0)
-
-
-@dataclass(frozen=True)
-class _Labels:
-    """Keys of the row and the column of each entry (``KEY_STEP``), and keys of all columns."""
-
-    row: NDArray[np.int64]
-    col: NDArray[np.int64]
-    column_keys: NDArray[np.int64]
 
 
 def _dmig_matrices(path: Path) -> list[StoredMatrix]:
@@ -90,16 +84,12 @@ def _dmig_matrices(path: Path) -> list[StoredMatrix]:
     if not found:
         raise ReadError(f"{path}: there are no DMIG entries in it; name the file that the matrices were punched to")
     _check_end(path, [card for dmig in found.values() for card in dmig.columns])
-    return [_stored(dmig, path) for dmig in found.values()]
-
-
-def _stored(dmig: _Dmig, path: Path) -> StoredMatrix:
-    def size() -> tuple[int, int, int | None]:
-        labels = _labels(dmig)
-        rows, cols = _index(dmig, labels)
-        return rows.size, cols.size, None
-
-    return StoredMatrix(dmig.name, TYPES[dmig.type], _FORMS[dmig.form], size, lambda: _assemble(dmig, path))
+    return [
+        StoredMatrix(
+            dmig.name, TYPES[dmig.type], _FORMS[dmig.form], partial(_size, dmig), partial(_assemble, dmig, path)
+        )
+        for dmig in found.values()
+    ]
 
 
 def _add_header(found: dict[str, _Dmig], name: str, card: Card) -> None:
@@ -133,8 +123,13 @@ def _check_end(path: Path, columns: list[Card]) -> None:
         )
 
 
-def _labels(dmig: _Dmig) -> _Labels:
-    """Keys of rows and columns of every entry."""
+def _size(dmig: _Dmig) -> tuple[int, int, int | None]:
+    _, _, rows, cols = _labels(dmig)
+    return rows.size, cols.size, None
+
+
+def _labels(dmig: _Dmig) -> tuple[Keys, Keys, Keys, Keys]:
+    """Keys (``KEY_STEP``) of the row and of the column of each entry, and sorted keys of all rows and columns."""
     node: list[int] = []
     component: list[int] = []
     counts, columns = [], []
@@ -158,8 +153,12 @@ def _labels(dmig: _Dmig) -> _Labels:
         at = int(np.flatnonzero((parts < 0) | (parts > 6))[0])
         card = dmig.columns[int(np.searchsorted(np.cumsum(counts), at, side="right"))]
         raise ReadError(f"{card.where}: component {parts[at]} of node {node[at]} is not 0..6")
-    keys = np.array(columns, dtype=np.int64)
-    return _Labels(np.array(node, dtype=np.int64) * KEY_STEP + parts, np.repeat(keys, counts), keys)
+    row, keys = np.array(node, dtype=np.int64) * KEY_STEP + parts, np.array(columns, dtype=np.int64)
+    rows, cols = np.unique(row), np.unique(keys)
+    if dmig.form in (1, 6):
+        # A square matrix has the same dofs as rows and as columns.
+        rows = cols = np.union1d(rows, cols)
+    return row, np.repeat(keys, counts), rows, cols
 
 
 def _bad_entry(card: Card, texts: list[str], needed: str) -> ReadError:
@@ -177,14 +176,6 @@ def _line_of(card: Card, text: str) -> int:
     lines = card.path.read_text(encoding="utf-8", errors="replace").upper().splitlines()
     found = (at for at in range(card.line, len(lines)) if text and text in lines[at])
     return next(found, card.line - 1) + 1
-
-
-def _index(dmig: _Dmig, labels: _Labels) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Sorted keys of the rows and of the columns; the same ones for a square matrix."""
-    if dmig.form in (1, 6):
-        both = np.union1d(labels.row, labels.column_keys)
-        return both, both
-    return np.unique(labels.row), np.unique(labels.column_keys)
 
 
 def _values(dmig: _Dmig) -> tuple[NDArray[np.float64], list[str]]:
@@ -207,10 +198,9 @@ def _values(dmig: _Dmig) -> tuple[NDArray[np.float64], list[str]]:
 
 def _assemble(dmig: _Dmig, path: Path) -> LabelledMatrix:
     """Sparse matrix of one DMIG."""
-    labels = _labels(dmig)
-    rows, cols = _index(dmig, labels)
+    row_keys, col_keys, rows, cols = _labels(dmig)
     values, printed = _values(dmig)
-    row, col = np.searchsorted(rows, labels.row), np.searchsorted(cols, labels.col)
+    row, col = np.searchsorted(rows, row_keys), np.searchsorted(cols, col_keys)
     if dmig.form == 6:
         row, col = np.maximum(row, col), np.minimum(row, col)
     _, at, inverse = np.unique(row * max(cols.size, 1) + col, return_index=True, return_inverse=True)
@@ -218,7 +208,7 @@ def _assemble(dmig: _Dmig, path: Path) -> LabelledMatrix:
     differs = np.flatnonzero((values != first) & ~(np.isnan(values) & np.isnan(first)))
     if differs.size:
         k = int(differs[0])
-        i, j = (table_of_keys(keys).labels[0] for keys in (rows[[row[k]]], cols[[col[k]]]))
+        i, j = (DofTable.from_keys(keys).labels[0] for keys in (rows[[row[k]]], cols[[col[k]]]))
         across = " (or across the diagonal)" if dmig.form == 6 and i != j else ""
         raise ReadError(
             f"{path}: matrix '{dmig.name}' has two values at row {i}, column {j}{across}: {first[k]:.10g} and "
@@ -233,9 +223,9 @@ def _assemble(dmig: _Dmig, path: Path) -> LabelledMatrix:
         path,
         "dmig",
         max(rounding, SINGLE) if dmig.type == 1 else rounding,
-        table_of_keys(rows),
+        DofTable.from_keys(rows),
         # Columns of form 9 are mere numbers.
-        table_of_keys(cols) if dmig.form == 2 else None,
+        DofTable.from_keys(cols) if dmig.form == 2 else None,
     )
 
 

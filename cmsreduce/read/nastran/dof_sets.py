@@ -1,4 +1,4 @@
-"""Ids and components on cards, and the dof sets that cards define: constrained dofs, and dofs kept for the analysis."""
+"""Ids and components on cards, and the dof sets that cards define: constrained dofs, and dofs of the analysis."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import SCALAR
-from cmsreduce.read.labelled_matrix import KEY_STEP
+from cmsreduce.model import KEY_STEP, SCALAR
 from cmsreduce.read.nastran.cards import Card, Cards
 from cmsreduce.read.printed_numbers import real_number
 
@@ -52,7 +51,7 @@ class IdRange:
 
     @property
     def single(self) -> bool:
-        """Whether it is one id."""
+        """True if the range is one id."""
         return self.first == self.last
 
     def ids(self) -> NDArray[np.int64]:
@@ -60,7 +59,7 @@ class IdRange:
         return np.setdiff1d(np.arange(self.first, self.last + 1, self.step, dtype=np.int64), self.without)
 
     def among(self, known: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Those of the sorted ids ``known`` that are in the range, which is not expanded."""
+        """Sorted ids ``known`` that are in the range; the range is not expanded."""
         here = known[np.searchsorted(known, self.first) : np.searchsorted(known, self.last, side="right")]
         return np.setdiff1d(here[(here - self.first) % self.step == 0], self.without)
 

@@ -218,7 +218,7 @@ class FrameDefinition:
     grids: tuple[int, ...] = ()
 
     def same_as(self, other: FrameDefinition) -> bool:
-        """Whether both are equal, so that one may be dropped."""
+        """True if both are equal, so that one may be dropped."""
         return (self.kind, self.reference, self.grids) == (other.kind, other.reference, other.grids) and np.array_equal(
             self.points if self.points is not None else (), other.points if other.points is not None else ()
         )

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import Nodes
-from cmsreduce.read.labelled_matrix import KEY_STEP
+from cmsreduce.model import KEY_STEP, Nodes
 from cmsreduce.read.nastran.cards import Card, Cards
 from cmsreduce.read.nastran.dof_sets import Points, id_ranges
 from cmsreduce.read.nastran.frames import FRAME_CARDS, FrameChain, Grid, frame_definitions

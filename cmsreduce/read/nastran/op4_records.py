@@ -49,7 +49,7 @@ class Op4Header:
     rounding : float
         Relative rounding of the numbers.
     ascii : bool
-        Whether numbers are printed.
+        True if numbers are printed.
     start : int
         Byte, or line, after which its columns start.
     number : str
@@ -59,7 +59,7 @@ class Op4Header:
     per_line : int
         Printed numbers on a line.
     bigmat : bool
-        Whether row numbers and lengths of strings have separate words.
+        True if row numbers and lengths of strings have separate words.
     """
 
     name: str
@@ -82,7 +82,7 @@ class Op4Header:
 
 
 def is_printed_header(line: str) -> bool:
-    """Whether a line is the header of a matrix in a formatted OUTPUT4 file."""
+    """True for a line that is the header of a matrix in a formatted OUTPUT4 file."""
     line = line.rstrip()
     return bool(_WIDE_ASCII_HEADER.fullmatch(line)) or (
         (match := _ASCII_HEADER.fullmatch(line)) is not None

@@ -10,8 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import Nodes, Recovery, cross_matrix
-from cmsreduce.read.labelled_matrix import KEY_STEP, table_of_keys
+from cmsreduce.model import KEY_STEP, DofTable, Nodes, Recovery, cross_matrix
 from cmsreduce.read.nastran.cards import Card, Cards, read_cards
 from cmsreduce.read.nastran.dof_sets import (
     Keys,
@@ -68,7 +67,7 @@ def read_followers(path: Path, nodes: Nodes) -> Recovery:
     Returns
     -------
     Recovery
-        Those of RBE1, RBE2, RBAR, RBAR1, RJOINT, RROD and the MPC set in force; chains of them are resolved. The mean
+        Equations of RBE1, RBE2, RBAR, RBAR1, RJOINT, RROD and the MPC set in force, with chains resolved. The mean
         motion of RBE3 is left out.
 
     Raises
@@ -112,7 +111,7 @@ _LEADS = {"RBE2": _all_six, "RBAR1": _all_six, "RJOINT": _all_six, "RBAR": _lead
 
 
 def _as_one_piece(card: Card, leads: Keys, follows: Keys, nodes: Nodes) -> Equation:
-    """The dependent dofs move as a rigid body, whose six motions the independent dofs determine."""
+    """The dependent dofs move as a rigid body; the independent dofs determine its six motions."""
     about = _place(card, nodes, int(leads[0] // KEY_STEP))[0]
     R = np.array([_rigid_row(card, nodes, key, about) for key in (*leads, *follows)])
     lead, follow = R[: leads.size], R[leads.size :]
@@ -197,7 +196,7 @@ def _resolved(path: Path, equations: Sequence[Equation]) -> Recovery:
         T = T + step
     if step.nnz:
         raise ReadError(f"{path}: its rigid elements and constraints make dofs follow themselves")
-    return Recovery(table_of_keys(follows), table_of_keys(leads), sp.csr_array(T))
+    return Recovery(DofTable.from_keys(follows), DofTable.from_keys(leads), sp.csr_array(T))
 
 
 def _dependent_of(card: Card, points: Points) -> Keys:

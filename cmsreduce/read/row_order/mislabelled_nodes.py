@@ -1,12 +1,10 @@
 """Nodes whose rows contradict the geometry; the matrix itself shows their true places and axes.
 
-All other nodes are moved rigidly and the suspects are left free. If the matrix is sound, the suspects follow rigidly,
-too, because that is the only state without force; their displacements show the true axes and place of each.
+All other nodes are moved rigidly and the suspects are left free. If the matrix is sound, the suspects follow rigidly
+too, because a rigid motion is the only state without force. Their displacements show the true axes and place of each.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,26 +23,17 @@ _EXPLAINED = 1e-5
 _NAMED = 5
 
 
-@dataclass(frozen=True, eq=False)
-class _TrueNode:
-    """Place of a node and axes of its displacements, as its rows of the matrix show them."""
-
-    id: int
-    arm: NDArray[np.float64]
-    axes: NDArray[np.float64]
-
-
 def mislabelled_nodes(body: FEModel, nodes: Nodes, found: RigidResidual, suspects: NDArray[np.int64]) -> str | None:
-    """Name the nodes whose rows are those of another node, along other axes or at another place.
+    """Describe the nodes whose rows belong to another node, to other axes or to another place.
 
     Parameters
     ----------
     body : FEModel
-        Body whose rigid motions leave forces; only one with all six of them is examined.
+        Body whose rigid motions leave forces; examined only if it has all six motions.
     nodes : Nodes
         Its geometry.
     found : RigidResidual
-        These forces.
+        The forces.
     suspects : (k,) int64
         Nodes with forces.
 
@@ -65,11 +54,18 @@ def mislabelled_nodes(body: FEModel, nodes: Nodes, found: RigidResidual, suspect
         at = int(nodes.index(int(node))[0])
         if true is None:
             return None
-        same_axes = np.abs(true.axes - nodes.frame[at]).max() < _TRUE
-        same_place = np.linalg.norm(true.arm - (nodes.xyz[at] - found.centre)) < _TRUE * found.length
+        arm, axes = true
+        same_axes = np.abs(axes - nodes.frame[at]).max() < _TRUE
+        same_place = np.linalg.norm(arm - (nodes.xyz[at] - found.centre)) < _TRUE * found.length
         if not (same_axes and same_place):
-            wrong.append(true)
-    return _described(wrong, nodes, found) if wrong else None
+            wrong.append(_difference(int(node), arm, axes, nodes, found))
+    if not wrong:
+        return None
+    more = f", and {len(wrong) - _NAMED} more nodes" if len(wrong) > _NAMED else ""
+    return (
+        f"{'; '.join(wrong[:_NAMED])}{more}. All other rows are in order. Correct the geometry, or give the order of "
+        "the rows as a list of node.component under `rows:`"
+    )
 
 
 def _follow(body: FEModel, found: RigidResidual, free: NDArray[np.bool_]) -> NDArray[np.float64] | None:
@@ -85,8 +81,10 @@ def _follow(body: FEModel, found: RigidResidual, free: NDArray[np.bool_]) -> NDA
     return moved if (left <= _EXPLAINED * np.abs(found.force).max()).all() else None
 
 
-def _true_node(dofs: DofTable, found: RigidResidual, moved: NDArray[np.float64], node: int) -> _TrueNode | None:
-    """Place and axes of a node from its displacements under the six rigid motions; None if there are no such axes."""
+def _true_node(
+    dofs: DofTable, found: RigidResidual, moved: NDArray[np.float64], node: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Arm from the centre and axes of a node, by its displacements under the rigid motions; None if there are none."""
     rows = dofs.rows(node, [1, 2, 3])
     if (rows < 0).any():
         return None
@@ -98,38 +96,30 @@ def _true_node(dofs: DofTable, found: RigidResidual, moved: NDArray[np.float64],
     arm = np.array([spin[1, 2] - spin[2, 1], spin[2, 0] - spin[0, 2], spin[0, 1] - spin[1, 0]]) / 2
     if np.abs(spin + spin.T).max() > _TRUE * found.length:
         return None
-    return _TrueNode(node, arm, axes)
+    return arm, axes
 
 
-def _described(wrong: list[_TrueNode], nodes: Nodes, found: RigidResidual) -> str:
-    """Description of the wrong nodes."""
-    listed = [_difference(true, nodes, found) for true in wrong[:_NAMED]]
-    more = f", and {len(wrong) - _NAMED} more nodes" if len(wrong) > _NAMED else ""
-    return (
-        f"{'; '.join(listed)}{more}. All other rows are in order. Correct the geometry, or give the order of the rows "
-        "as a list of node.component under `rows:`"
-    )
-
-
-def _difference(true: _TrueNode, nodes: Nodes, found: RigidResidual) -> str:
+def _difference(
+    id: int, arm: NDArray[np.float64], axes: NDArray[np.float64], nodes: Nodes, found: RigidResidual
+) -> str:
     """Difference between the matrices and the geometry at one node."""
-    at = int(nodes.index(true.id)[0])
-    away = np.linalg.norm(nodes.xyz - found.centre - true.arm, axis=1)
+    at = int(nodes.index(id)[0])
+    away = np.linalg.norm(nodes.xyz - found.centre - arm, axis=1)
     nearest = int(away.argmin())
     if away[at] >= _TRUE * found.length:
         if away[nearest] < _TRUE * found.length:
-            return f"the rows labelled node {true.id} are those of node {nodes.id[nearest]} (rows are shuffled)"
-        place = ", ".join(f"{x:.6g}" for x in true.arm + found.centre)
+            return f"the rows labelled node {id} are those of node {nodes.id[nearest]} (rows are shuffled)"
+        place = ", ".join(f"{x:.6g}" for x in arm + found.centre)
         given = ", ".join(f"{x:.6g}" for x in nodes.xyz[at])
-        return f"node {true.id} is at ({place}) in the matrices, at ({given}) in the geometry"
+        return f"node {id} is at ({place}) in the matrices, at ({given}) in the geometry"
     own = nodes.frame[at]
-    if np.linalg.det(true.axes @ own.T) < 0:
-        return f"the rows of node {true.id} are left-handed: components are exchanged, or one has the other sign"
-    if np.abs(true.axes - np.eye(3)).max() < _TRUE:
-        return f"the rows of node {true.id} are along the basic axes, not along its displacement frame (CD)"
-    angle = np.degrees(np.arccos(np.clip((np.trace(true.axes @ own.T) - 1) / 2, -1, 1)))
+    if np.linalg.det(axes @ own.T) < 0:
+        return f"the rows of node {id} are left-handed: components are exchanged, or one has the other sign"
+    if np.abs(axes - np.eye(3)).max() < _TRUE:
+        return f"the rows of node {id} are along the basic axes, not along its displacement frame (CD)"
+    angle = np.degrees(np.arccos(np.clip((np.trace(axes @ own.T) - 1) / 2, -1, 1)))
     where = "the basic axes" if np.abs(own - np.eye(3)).max() < _TRUE else "its displacement frame in the geometry"
     return (
-        f"the rows of node {true.id} are along axes turned by {angle:.4g} degrees from {where}: its displacement frame "
+        f"the rows of node {id} are along axes turned by {angle:.4g} degrees from {where}: its displacement frame "
         "(CD) is missing or wrong"
     )

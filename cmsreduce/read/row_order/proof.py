@@ -25,6 +25,8 @@ _FEW_NODES, _FEW_SHARE = 3, 0.1
 # Coordinates that are wrong by more than this part of the body's size are other coordinates, not rounded ones.
 _ROUNDED = 1e-3
 _LENGTHS = {"metres": 1.0, "millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048}
+# Relative to the largest force on a row: a smaller one is round-off.
+_NO_FORCE = 1e-6
 # Relative error of a factor between units that least squares find.
 _SAME_FACTOR = 1e-3
 
@@ -57,7 +59,7 @@ class RowOrderProof:
 
 
 def is_condensed(body: FEModel) -> bool:
-    """Whether a body's matrices come from condensation: it has generalised coordinates, or nodes without rows."""
+    """True if a body's matrices come from condensation: it has generalised coordinates, or nodes without rows."""
     if body.sets.get("q", np.zeros(0)).size:
         return True
     if body.nodes is None:
@@ -126,7 +128,7 @@ class _Failure:
     loaded: NDArray[np.int64]
 
     def explains(self, dofs: DofTable | None = None, nodes: Nodes | None = None) -> bool:
-        """Whether the forces vanish with other row labels or another geometry."""
+        """True if the forces vanish with other row labels or another geometry."""
         body = self.body
         other = rigid_residual(
             body.K, dofs or body.dofs, nodes or self.nodes, body.constrained, body.rounding, self.condensed
@@ -135,17 +137,17 @@ class _Failure:
 
     @property
     def local(self) -> bool:
-        """Whether only a few nodes are loaded."""
+        """True if forces act on a few nodes only."""
         total = np.unique(self.body.dofs.node).size
         return bool(self.loaded.size <= max(_FEW_NODES, _FEW_SHARE * total) and self.loaded.size < total)
 
     @property
     def only_turning(self) -> bool:
-        """Whether translations of the body cost no force."""
+        """True if translations of the body cost no force."""
         if not np.array_equal(self.found.motions, np.eye(6)):
             return False
         bad = self.found.excess > 1
-        limit = np.abs(self.found.force[bad]).max(axis=1) * 1e-6
+        limit = np.abs(self.found.force[bad]).max(axis=1) * _NO_FORCE
         return bool((np.abs(self.found.force[bad, :3]) <= limit[:, None]).all())
 
 
@@ -170,12 +172,9 @@ def _likely_cause(case: _Failure) -> str:
         _springs_between_apart_nodes,
         _held_to_ground,
         _coarse_coordinates,
+        _unexplained,
     )
-    for cause in causes:
-        message = cause(case)
-        if message is not None:
-            return message
-    return _unexplained(case)
+    return next(filter(None, (cause(case) for cause in causes)))
 
 
 def _displacements_in_basic(case: _Failure) -> str | None:
@@ -264,7 +263,7 @@ def _springs_between_apart_nodes(case: _Failure) -> str | None:
 
 
 def _held_to_ground(case: _Failure) -> str | None:
-    """A spring to ground, or a node that is constrained but not in the geometry file."""
+    """A spring to ground, or a constraint that is not in the geometry file."""
     if not case.local:
         return None
     rows = np.isin(case.body.dofs.node, case.loaded)

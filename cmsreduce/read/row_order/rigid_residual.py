@@ -12,7 +12,7 @@ from cmsreduce.model import DofTable, Nodes, rigid_body_shapes
 
 __all__ = ["RigidResidual", "rigid_residual"]
 
-# The error of each stored entry is at most its rounding, so that of a row is at most rounding * |K| |R|. The factor is
+# Each stored entry is wrong by at most its rounding, so each row is wrong by at most rounding * |K| |R|. The factor is
 # ten for the spread between a leading 1 and a leading 9 of printed digits, times two for the order of summation.
 _DIGITS = 20.0
 # All three coordinates of a point may be wrong, in the worst direction.
@@ -61,7 +61,7 @@ class RigidResidual:
 
     @property
     def vanishes(self) -> bool:
-        """Whether no row is in violation."""
+        """True if no row is in violation."""
         return bool(self.excess.max(initial=0.0) <= 1.0)
 
     @property
@@ -86,7 +86,7 @@ def rigid_residual(
     rounding : float
         Relative rounding of the entries.
     condensed : bool
-        Whether K comes from condensation, so that it carries the round-off of a larger matrix.
+        True if K comes from condensation, so that it carries the round-off of a larger matrix.
     """
     moving = dofs.component > 0
     centre = nodes.xyz[np.unique(nodes.index(dofs.node[moving]))].mean(axis=0)
@@ -103,26 +103,24 @@ def rigid_residual(
         + _COORDINATES * (size @ _displacement_error(dofs, nodes, motions, arms, length))
         + (_CONDENSATION if condensed else _ARITHMETIC) * scale
     )
+    if not motions.shape[1]:
+        zero = np.zeros(len(dofs))
+        return RigidResidual(motions, length, centre, shapes, force, zero, zero, zero)
     at = np.abs(force)
     excess = np.divide(at, allowed, out=np.where(at > 0, np.inf, 0.0), where=allowed > 0)
-    of = excess.argmax(axis=1) if excess.shape[1] else np.zeros(len(dofs), dtype=np.int64)
-    rows = np.arange(len(dofs))
+    rows, worst = np.arange(len(dofs)), excess.argmax(axis=1)
     # A row with an empty diagonal has no scale; the forces that should cancel in it give one.
     scale = np.where(scale > 0, scale, size @ np.abs(shapes))
     relative = np.divide(at, scale, out=np.zeros_like(at), where=scale > 0)
     tolerance = np.divide(allowed, scale, out=np.zeros_like(at), where=scale > 0)
-    if not excess.shape[1]:
-        zero = np.zeros(len(dofs))
-        return RigidResidual(motions, length, centre, shapes, force, zero, zero, zero)
     return RigidResidual(
-        motions, length, centre, shapes, force, excess[rows, of], relative[rows, of], tolerance[rows, of]
+        motions, length, centre, shapes, force, excess[rows, worst], relative[rows, worst], tolerance[rows, worst]
     )
 
 
 def _scaled(R: NDArray[np.float64], length: float) -> NDArray[np.float64]:
     """Rigid shapes with rotations per ``length``, so that all columns are displacements of order one."""
-    out: NDArray[np.float64] = R / np.array([1.0, 1.0, 1.0, length, length, length])
-    return out
+    return np.asarray(R / np.repeat([1.0, length], 3))
 
 
 def _admissible(

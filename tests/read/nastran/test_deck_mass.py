@@ -56,8 +56,8 @@ def stated(tmp_path: Path, *cards: str):
 def test_bars_and_points_weigh_what_their_cards_say(tmp_path: Path, cards, parts, weight: float) -> None:
     found = stated(tmp_path, *cards, f"PARAM,WTMASS,{weight}")
     masses = np.array([mass for mass, _ in parts])
-    assert found is not None and found.mass == pytest.approx(weight * masses.sum(), rel=1e-14)
-    np.testing.assert_allclose(found.centre, masses @ np.array([at for _, at in parts]) / masses.sum(), rtol=1e-14)
+    assert found is not None and found[0] == pytest.approx(weight * masses.sum(), rel=1e-14)
+    np.testing.assert_allclose(found[1], masses @ np.array([at for _, at in parts]) / masses.sum(), rtol=1e-14)
 
 
 @pytest.mark.parametrize(
