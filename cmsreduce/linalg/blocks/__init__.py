@@ -1,7 +1,7 @@
 """Blocks of vectors: products with tall and sparse matrices, and bases that may lie on disk.
 
 Code whose cost is memory traffic belongs here: products, orthonormal columns, layouts.
-Factorisations belong in `sparse`, searches for modes in `eigen`.
+Factorisations belong in `sparse`, searches for modes in `eigen`, the files of mapped arrays in `model`.
 """
 
 from cmsreduce.linalg.blocks.basis import (
