@@ -96,8 +96,10 @@ class Component(ModalComponent):
             raise SceneError(f"interface '{self.name}.{label}' has {len(nodes)} nodes; name one of them: {ids}")
         if body.nodes is None:
             raise DofMapError(f"body '{self.name}' has no geometry, so the axes of its nodes are not known")
-        if not nodes or body.nodes.index(np.array(nodes))[0] < 0:
+        if not nodes:
             raise SceneError(f"body '{self.name}': {not_among('interface', label, body.interfaces)}; or a node id")
+        if body.nodes.index(np.array(nodes))[0] < 0:
+            raise SceneError(f"body '{self.name}': its geometry has no node {nodes[0]}")
         at = np.array(nodes)
         parts = [basic_shapes(body, body.nodes, self.Phi, at, motion)[0] for motion in ("translation", "rotation")]
         return np.concatenate(parts)
@@ -133,9 +135,9 @@ class AssembledSystem:
             If there is none of this name; the message lists all names.
         """
         for each in self.model.scene.configurations:
-            if sorted(each.name.split()) == sorted(configuration.split()):
+            if sorted(each.name.split()) == sorted(str(configuration).split()):
                 return AssembledSystem(self.model, each)
-        raise SceneError(not_among("configuration", configuration, self.configurations))
+        raise SceneError(not_among("configuration", str(configuration), self.configurations))
 
     @property
     def inputs(self) -> tuple[str, ...]:

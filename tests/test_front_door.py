@@ -177,6 +177,8 @@ def test_configurations_are_found_by_their_angles(tmp_path):
     assert first.size == turned.size and not np.allclose(first, turned, rtol=1e-6)
     with pytest.raises(cms.CmsReduceError, match=r"no configuration 'spin=44'.*spin=0 cone=30, spin=45 cone=30"):
         run.system("spin=44")
+    with pytest.raises(cms.CmsReduceError, match="no configuration '0'"):
+        run.system(0)
     for asked in ("errors", "passed", "report", "summary"):
         with pytest.raises(cms.CmsReduceError, match="stopped"):
             getattr(run, asked)
@@ -196,7 +198,7 @@ def test_a_component_is_written_and_read(tmp_path, beams):
         (lambda c: cms.run(PIPELINE, until="balanse"), "no stage 'balanse', did you mean 'balance'"),
         (lambda c: cms.run(PIPELINE, set={"reduce.cutof": 2}), "reduce.cutof=2: key 'reduce.cutof' is unknown"),
         (lambda c: c.shapes("hing"), "no interface 'hing', did you mean 'hinge'"),
-        (lambda c: c.shapes(7), "no interface '7'"),
+        (lambda c: c.shapes(7), "body 'right': its geometry has no node 7"),
         (lambda c: cms.balance(c, "gregoy"), "did you mean 'gregory'"),
         (lambda c: cms.balance(c, keep={"frf_error": 0.1}), "measure the joined system"),
         (lambda c: cms.balance(c, keep=99), "99 modes of 'right' are asked for"),
@@ -213,7 +215,7 @@ def test_a_mistake_is_named(beams, mistake, said):
 
 
 def test_results_show_themselves_in_one_line(run, beams):
-    shown = [run, run.system(), run.components["right"], beams["right"]]
+    shown = [run, run.work, run.system(), run.components["right"], beams["right"]]
     assert all(len(repr(each)) < 200 and "\n" not in repr(each) for each in shown)
     told = repr(run)
     assert told.startswith("<FinishedRun hub_beams: PASS, frf_error 1.69e-05, 19 modes kept, 1 configurations, in ")

@@ -1,6 +1,6 @@
 """Rankings of modes by their effect between the inputs and outputs of a scene, and truncation.
 
-Influence coefficients, Hankel values, clusters, bounds and searches for the fewest modes belong here.
+Influence coefficients, Hankel values, weightings, bounds, physical states and searches for modes belong here.
 Gramians as plain matrix algebra belong in `linalg.gramian`; the keys of a ranking belong in `config`.
 """
 

@@ -1,6 +1,6 @@
 """Statics and kinematics of a body, for every stage.
 
-Rigid motions, ties, bars, floating frames, modal integrals, geometric stiffness and integrator steps belong here.
+Rigid and undetermined motions, ties, bars, frames, modal integrals, geometric stiffness, integrator steps belong here.
 Matrix algorithms without a mechanical meaning belong in `linalg`; checks with a verdict belong in `verify`.
 """
 

@@ -8,12 +8,13 @@ from cmsreduce.write.component import ComponentFile, basic_shapes, read_componen
 from cmsreduce.write.files import atomic_path, hdf5_file, put_texts
 from cmsreduce.write.summary import summary, write_summary, write_sweep_csv, write_sweep_table
 from cmsreduce.write.system import write_system
-from cmsreduce.write.targets import TARGETS, StateSpace, component_states, convert, write_matlab, write_vtu
+from cmsreduce.write.targets import TARGETS, StateSpace, Target, component_states, convert, write_matlab, write_vtu
 
 __all__ = [
     "ComponentFile",
     "StateSpace",
     "TARGETS",
+    "Target",
     "atomic_path",
     "basic_shapes",
     "component_states",

@@ -1,7 +1,7 @@
 """Frequency responses of joined bodies by coupling their receptances.
 
-Receptances, modal terms and residual flexibility over frequency belong here.
-The matrices of the joined system belong in `assemble`.
+Receptances, modal terms, what one mode more or less changes, and residual flexibility belong here.
+The matrices of the joined system belong in `assemble`; searches for modes belong in `balance`.
 """
 
 from cmsreduce.assemble.response.frequency_response import body_receptances, couple, frequency_response, rigid_response

@@ -175,7 +175,11 @@ def _named(sub: Substructure, at: Receptance) -> Receptance:
 
 
 def resonant(sub: Substructure, error: ResonanceError) -> MatrixError:
-    """Error for a body without damping that is driven at its resonance."""
+    """Error for a body without damping that is driven at its resonance, or at 0 Hz where it moves freely."""
+    if error.omega == 0:
+        return MatrixError(
+            f"body '{sub.name}' can move freely, so its response at 0 Hz is infinite; take frequencies above zero"
+        )
     return MatrixError(
         f"body '{sub.name}' has no damping and resonates at {error.omega / 2 / np.pi:.6g} Hz, where its "
         "response is infinite; give it `damping:`, or move the frequency grid"

@@ -1,7 +1,7 @@
 """Blocks of vectors: products with tall and sparse matrices, and bases in memory or on disk.
 
 Products, orthonormal columns and layouts belong here: code that is as fast as the memory.
-Factorisations belong in `sparse`, searches for modes in `eigen`.
+Factorisations belong in `sparse`, searches for modes in `eigen`, the files of mapped arrays in `model`.
 """
 
 from cmsreduce.linalg.blocks.basis import (

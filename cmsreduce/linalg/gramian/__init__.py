@@ -1,7 +1,7 @@
 """Gramians of modal models in closed form, and the singular values that follow from them.
 
 Plain matrix computations on Gramians belong here.
-Rankings that use them belong in `balance`.
+Rankings and truncated models that use them belong in `balance`.
 """
 
 from cmsreduce.linalg.gramian.gramians import Band, check_damped, controllability, observability, state_space

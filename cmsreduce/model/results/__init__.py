@@ -1,7 +1,7 @@
 """Findings of a run as plain data: checks, errors, choices, drawings, sweeps.
 
 Frozen dataclasses that the summary, the report and the terminal share belong here.
-Code that measures, prints or draws belongs elsewhere.
+Code that measures, prints or draws belongs elsewhere; so do findings that only their own room uses.
 """
 
 from cmsreduce.model.results.choices import (

