@@ -27,7 +27,7 @@ from tests.consumers.galileo import Galileo  # noqa: E402
 BAND = 2 * np.pi * 10.0
 RIGID = 7
 SECONDS, STEP, TORQUE = 20.0, 0.01, 15.0
-# Of generalised alpha: takes the noise of joint forces out within some steps, and 0.01 % of a mode at 1 Hz.
+# Spectral radius of generalised alpha: damps the noise of joint forces within some steps, a mode at 1 Hz by 0.01 %.
 RADIUS = 0.9
 BOOM_TIP = 1306
 QUANTITIES = ("stator rate x", "y", "z", "rotor rate x", "y", "z", "boom tip x", "y", "z")
@@ -61,8 +61,8 @@ def frozen(pair: Galileo) -> None:
 
 
 def slews(pair: Galileo) -> None:
-    """The bearing's motor turns stator against rotor and stops them again."""
-    # As good as rigid: their highest mode alone, at some 10 kHz.
+    """Slew of the stator against the rotor by the motor of the bearing, from rest to rest."""
+    # Nearly rigid bodies: their highest mode alone, at some 10 kHz.
     none = {name: part.truncated([part.omega.size - 1]) for name, part in pair.full.items()}
     runs = {
         "rigid": slew(pair, none),
@@ -88,7 +88,7 @@ def slews(pair: Galileo) -> None:
 def slew(
     pair: Galileo, components: Mapping[str, ModalComponent], step: float = STEP
 ) -> tuple[np.ndarray, float, float]:
-    """What was seen at multiples of ``STEP`` (times, 9), seconds it took, and largest angle of the bearing."""
+    """Sensors at multiples of ``STEP`` (times, 9), seconds of the run, and largest angle of the bearing."""
     scene, stator, rotor = pair.scene(components, 0.0)
 
     def torque(t: float) -> float:

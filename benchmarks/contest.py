@@ -1,4 +1,4 @@
-"""The peers, and how one is run on one body: a process of its own, with its own threads, time and memory."""
+"""The peers, and the run of one peer on one body in a process with limits on threads, time and memory."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _DEBIAN = {
     "PETSC_DIR": "/usr/lib/petscdir/petsc3.18/x86_64-linux-gnu-real",
     "SLEPC_DIR": "/usr/lib/slepcdir/slepc3.18/x86_64-linux-gnu-real",
 }
-# Left to the system of what is free, so that a peer that takes all is stopped by its own limit, not by the system.
+# Reserve for the system, so that a peer that takes all memory is stopped by its own limit, not by the system.
 _MEMORY_SHARE = 0.92
-# What peers say when it is not enough; PETSc's error 55 is that, and MUMPS says -13, which PETSc reports as 76.
+# Messages of peers that lack memory; PETSc has error 55, and MUMPS -13, which PETSc reports as 76.
 _SHORT_OF_MEMORY = (
     "MemoryError",
     "Cannot allocate",
@@ -43,11 +43,11 @@ class Peer:
     Parameters
     ----------
     title : str
-        As the tables call it.
+        Name in the tables.
     script : str
         File in benchmarks/peers.
     arguments : tuple of str
-        What the script is told.
+        Arguments of the script.
     python : str
         Interpreter it runs in.
     needs : str
@@ -70,7 +70,7 @@ class Peer:
     environment: dict[str, str] = field(default_factory=dict)
 
     def absent(self) -> bool:
-        """Whether the peer is not installed."""
+        """True if the peer is not installed."""
         if shutil.which(self.python) is None or (self.processes > 1 and shutil.which("mpiexec") is None):
             return True
         test = [self.python, "-c", self.needs]
@@ -115,7 +115,7 @@ PEERS = {
     "exudyn": _own("Exudyn", "exudyn"),
     # Dense matrices: 1 GiB at 3000 dofs.
     "sdynpy": _own("sdynpy (dense)", "sdynpy", 4000),
-    # Its threads are its own; OpenBLAS under them would only wait for them.
+    # The peer has threads of its own; threads of OpenBLAS would only wait for them.
     "calculix": Peer(
         "CalculiX",
         "calculix.py",
@@ -180,7 +180,7 @@ def compete(name: str, body: str, n: int, folder: Path, threads: int, limit_s: f
             after = f"{limit_s:.0f} s" if limit_s < 120 else f"{limit_s / 60:.3g} minutes"
             return record | {"status": f"none in {after}"}
         finally:
-            # Processes that it started end with it.
+            # Its child processes end too.
             if running.poll() is None:
                 os.killpg(running.pid, signal.SIGKILL)
                 running.wait()
@@ -202,19 +202,19 @@ def compete(name: str, body: str, n: int, folder: Path, threads: int, limit_s: f
 
 
 def save(record: dict[str, object]) -> None:
-    """Keep a record, in place of an earlier one of the same peer and body."""
+    """Store a record in place of an earlier one of the same peer and body."""
     RECORDS.mkdir(parents=True, exist_ok=True)
     path = RECORDS / f"{record['body']}.{record['peer']}.json"
     path.write_text(json.dumps(record, indent=1), encoding="utf-8")
 
 
 def records() -> dict[tuple[str, str], dict]:
-    """All that were kept, by body and peer."""
+    """All stored records, by body and peer."""
     read = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(RECORDS.glob("*.*.json"))]
     return {(record["body"], record["peer"]): record for record in read}
 
 
 def _memory_free() -> int:
-    """Bytes a peer may allocate (mapped files are not counted): what the machine has free, less a reserve."""
+    """Bytes that a peer may allocate (without mapped files): free memory of the machine, less a reserve."""
     lines = Path("/proc/meminfo").read_text(encoding="utf-8").splitlines()
     return int(_MEMORY_SHARE * 1024 * next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable")))

@@ -1,6 +1,7 @@
-"""The whole reduction by Craig-Bampton: how the error falls with the modes that are kept, and what they cost.
+"""Error and time of a Craig-Bampton reduction against the number of modes.
 
-The solid bracket of `mode_sets.py` between its hub and its payload; the figures are kept for benchmarks/performance.md.
+The solid bracket of `mode_sets.py` between its hub and its payload; the figures are for
+benchmarks/performance.md.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""What becomes of a run that is killed, starved, lied to or disturbed: the table of benchmarks/faults.md.
+"""Runs that are killed, disturbed, or short of disk space: the table of benchmarks/faults.md.
 
-Every fault is followed by another run, which must end well and write what an undisturbed run writes. Faults of disks
-need a file system of their own, which only root can mount; without it their rows say so.
+After every fault another run must end well and write the same results as an undisturbed run. Faults of disks need a
+file system of their own, which only root can mount; otherwise their rows say so.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "benchmarks" / "faults.md"
 PIPELINE = ROOT / "pipelines" / "hub_beams.yaml"
-# Settings that a run is given in turn, so that finished stages of another are in its folder.
+# Settings of the runs in turn, so that a run finds finished stages of another one in its folder.
 CUTOFFS = ("20", "10", "15")
 _BEGIN, _END = "<!-- table: begin -->", "<!-- table: end -->"
-# What a run measures of itself, which no other run repeats.
+# Keys that differ between equal runs: times and memory.
 _OWN = {"seconds", "peak_mib", "speed", "solver", "reduce_s", "full_frf_s", "reduced_frf_s", "certificate"}
 _SEED = 20
 
@@ -48,7 +48,7 @@ class Row:
 
 
 def settings(cutoff: str) -> list[str]:
-    """Words of a run without limits: what a low cutoff costs is not asked here."""
+    """Arguments of a run without limits, because a low cutoff would break them."""
     return ["--set", f"reduce.cutoff={cutoff}", "--set", "verify.limits={}"]
 
 
@@ -60,7 +60,7 @@ def run(folder: Path, cutoff: str = CUTOFFS[0], *before: str) -> subprocess.Comp
 
 
 def forked(folder: Path, cutoff: str) -> int:
-    """Process number of a run that starts at once, because everything is loaded."""
+    """Process id of a run that starts at once, because all modules are loaded."""
     child = os.fork()
     if child:
         return child
@@ -77,7 +77,7 @@ def forked(folder: Path, cutoff: str) -> int:
 
 
 def results(folder: Path) -> dict[str, Any]:
-    """What a run leaves, without what is its own: times, memory, when it was made."""
+    """Results of a run, without times, memory and date."""
     found: dict[str, Any] = {"summary": _untimed(json.loads((folder / "summary.json").read_text()))}
     for path in sorted(folder.glob("*.h5")):
         with h5py.File(path) as file:
@@ -100,7 +100,7 @@ def _untimed(value: Any) -> Any:
 
 
 def torn(folder: Path) -> list[str]:
-    """Files under their own names that are not whole."""
+    """Incomplete files under their final names."""
     bad = []
     for path in folder.rglob("*"):
         if path.is_file() and not path.name.endswith(".tmp"):
@@ -141,7 +141,7 @@ class Trials:
         for number in range(self.count):
             cutoff = self.random.choice(CUTOFFS)
             child = forked(folder, cutoff)
-            # Every tenth is let be, to see that what is left of the others does it no harm.
+            # Every tenth run is not killed: it must be right beside the remains of the others.
             if number % 10 != 9:
                 time.sleep(self.random.uniform(0, 1.1 * whole_run))
                 os.kill(child, signal.SIGKILL)
@@ -166,7 +166,7 @@ class Trials:
             folder = self.scratch / f"together-{number}"
             pair = [forked(folder, cutoff) for cutoff in CUTOFFS[:2]]
             codes = [os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) for child in pair]
-            # Whichever came last, the results are those of one run, not of both mixed.
+            # The results must be those of one run, not of both mixed.
             wrong += codes != [0, 0] or results(folder) not in [self.reference[c] for c in CUTOFFS[:2]]
         said = f"the second waits for the first, both exit with 0; {wrong} mixed results"
         return Row("two runs with different settings on one output folder at once", tried, said, not wrong)
@@ -192,7 +192,7 @@ class Trials:
         return Row("a finished stage cut short, or 16 bytes of it overwritten", tried, said, not wrong)
 
     def truncated(self) -> Row:
-        """Component files cut short, and what reads them."""
+        """Component files cut short, and the commands that read them."""
         folder = self.scratch / "truncated"
         run(folder)
         whole, bad, tried, wrong = folder / "right.h5", folder / "cut.h5", 0, []
@@ -269,7 +269,7 @@ class Trials:
 
 @contextmanager
 def mounted(folder: Path, options: str) -> Iterator[Path | None]:
-    """A file system in memory; None where it cannot be mounted."""
+    """Mount a file system in memory; None if the mount fails."""
     folder.mkdir()
     done = subprocess.run(
         ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)], capture_output=True, check=False

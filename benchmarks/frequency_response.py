@@ -1,7 +1,7 @@
 """Frequency response of a whole body: one sparse solve for every point, against a small bounded model.
 
-Prints a Markdown table. The time of the point-by-point way is that of a few points, scaled to the grid; the error is
-measured against solves at frequencies of no grid, one of them at a resonance.
+Prints a Markdown table. The point-by-point time is measured on a few points and scaled to the grid. The error is
+measured against solves at frequencies off the grid, one of them at a resonance.
 """
 
 from __future__ import annotations

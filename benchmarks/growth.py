@@ -1,4 +1,4 @@
-"""How a factor grows with its body, from the symbolic phase alone: what bodies need that nobody has factorised here.
+"""Growth of a factor with its body, from the symbolic phase alone, and estimates for bodies that were not factorised.
 
 ``python benchmarks/growth.py [--largest DOFS]`` prints, for a slender, a thin and a compact body of bricks, entries and
 operations of the factor in METIS's order, exponents of growth, and what 1e7 and 1e8 dofs need by them. Times and memory
@@ -25,11 +25,10 @@ Cells = tuple[int, int, int]
 
 SIZES = (3e4, 1e5, 3e5, 1e6, 3e6)
 ASKED = (1e7, 1e8)
-# benchmarks/performance.md, slender solid of 1e6 dofs on 2 cores: operations of a second in the factorisation; seconds
-# for an entry of the factor in 60 static solves and 50 modes together; bytes for a dof beside the factor (matrices,
-# basis).
+# benchmarks/performance.md, slender solid of 1e6 dofs on 2 cores: operations a second in the factorisation; seconds for
+# an entry of the factor in 60 static solves and 50 modes together; bytes for a dof without the factor.
 RATE, SOLVES, BESIDE = 43.1e9, 98.3 / 1.2e9, 6.4e3
-# What one node of a cluster is taken to have.
+# One node of a cluster, as assumed.
 NODE_BYTES, NODE_CORES, SHARE = 512 * 2.0**30, 64, 0.5
 
 
@@ -55,7 +54,7 @@ BODIES: dict[str, Callable[[float], Cells]] = {"slender": slender, "thin": thin,
 
 
 def nodes_graph(cells: Cells) -> sp.csc_array:
-    """Which nodes of a grid of bricks share a brick, nodes at x = 0 held."""
+    """Graph of the nodes that share a brick, nodes at x = 0 held."""
     shape = tuple(count + 1 for count in cells)
     number = np.arange(np.prod(shape)).reshape(shape)
     corners = [(a, b, c) for a in (0, 1) for b in (0, 1) for c in (0, 1)]
@@ -71,7 +70,7 @@ def nodes_graph(cells: Cells) -> sp.csc_array:
 
 
 def counted(cells: Cells) -> tuple[int, float, float]:
-    """Dofs, entries and operations of the factor of a body: a node's three dofs make nine entries of one of nodes."""
+    """Dofs, entries and operations of the factor of a body; an entry of the node graph is nine of the matrix."""
     graph = nodes_graph(cells)
     cost = factor_cost(graph, nested_dissection(graph))
     return 3 * graph.shape[0], 9.0 * cost.nnz, 27.0 * cost.flops

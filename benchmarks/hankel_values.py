@@ -1,7 +1,7 @@
-"""Exact Hankel values of large modal models on one core: where the time goes, and what the values are good to.
+"""Exact Hankel values of large modal models on one core: time of each step, and accuracy.
 
-Every model is measured against the same product of factors given to LAPACK in one run; only ratios of a run mean
-anything. Small models are held against `control.hsvd`, which solves two Lyapunov equations. Give the numbers of modes
+The singular values are compared with LAPACK's of the same product of factors; only ratios within one run mean
+anything. Small models are compared with `control.hsvd`, which solves two Lyapunov equations. Give the numbers of modes
 as arguments:
 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/hankel_values.py 200 1000 2000 3000

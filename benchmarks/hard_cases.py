@@ -31,11 +31,11 @@ directly by scipy.
 - **Limit**: what theory allows on this body. Craig-Bampton: 1.5 times the first-order shift of frequencies by the
   fixed-interface modes left out, plus 0.01. MacNeal-Rubin: 0.01. Benfield-Hruda, and augmented-body modes where the
   neighbour adds no stiffness: the error of modal truncation of the joined bodies, plus 0.001. Guyan, and augmented-body
-  modes beside a stiff neighbour: no limit, because theory promises nothing.
+  modes beside a stiff neighbour: no limit, because theory has none.
 - **Static**: share of the strain energy of static responses that the basis misses, worst load. Sets with constraint
   modes: loads that balance on the interface. MacNeal-Rubin: all loads, inertia relieved.
 - **K**: worst phi_i^T K phi_j / (w_i w_j) of two modes, in long double; **M** likewise. Bodies whose own numbers cancel
-  (stiffness contrast, a slender mast) get the tolerance that double precision leaves of a strain energy.
+  (stiffness contrast, a slender mast) have the tolerance of a strain energy in double precision.
 - **s**: seconds to reduce and orthogonalise, on one core.
 """
 HEADER = "| mode set | columns | frf_error | limit | static | K | M | s |\n|---|---|---|---|---|---|---|---|"

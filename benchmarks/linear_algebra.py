@@ -1,7 +1,7 @@
 """One Craig-Bampton problem, 60 constraint modes and 50 normal modes, by cmsreduce and its peers, body by body.
 
 ``python benchmarks/linear_algebra.py`` runs the short list, ``--full`` the long one; ``--bodies`` and ``--peers`` pick.
-Every run is kept in build/bench; ``--write`` makes benchmarks/performance.md of all that is kept there.
+Every run is stored in build/bench; ``--write`` makes benchmarks/performance.md from all stored runs.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from benchmarks.meshes import BODIES  # noqa: E402
 SHORT_BODIES = ("bar-3e3", "bar-1e4", "box-1e4", "block-1e4", "bar-3e4")
 SHORT_PEERS = ("cmsreduce", "scipy", "scipy-mmd", "scipy-metis")
 FULL_BODIES = ("bar-3e3", "bar-3e4", "bar-1e5", "bar-3e5", "box-1e5", "block-1e5", "tets-3e5")
-# Each peer is stopped after so long; the short list as a whole ends within two minutes, whatever runs into it.
+# Limits of each peer and of the short list as a whole.
 SHORT_LIMIT_S, SHORT_TOTAL_S, FULL_LIMIT_S = 30.0, 110.0, 480.0
 
 
 def main(arguments: list[str]) -> None:
-    """Run what is asked for, print tables, write the page."""
+    """Run the chosen bodies and peers, print tables, write the page."""
     given = _parser().parse_args(arguments)
     threads = given.threads
     bodies = given.bodies or (FULL_BODIES if given.full else SHORT_BODIES)

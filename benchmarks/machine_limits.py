@@ -1,4 +1,4 @@
-"""What this machine can do at best: rate of dense matrix products, bandwidth of memory.
+"""Best rates of this machine: dense matrix products, bandwidth of memory.
 
 ``python benchmarks/machine_limits.py`` prints them.
 """
@@ -70,13 +70,13 @@ def measure(threads: int) -> Limits:
 
 
 def save(limits: Limits) -> None:
-    """Keep them beside the records."""
+    """Store the rates beside the records."""
     PATH.parent.mkdir(parents=True, exist_ok=True)
     PATH.write_text(json.dumps(asdict(limits), indent=1), encoding="utf-8")
 
 
 def load() -> Limits | None:
-    """Limits that were kept."""
+    """Load the stored rates."""
     return Limits(**json.loads(PATH.read_text(encoding="utf-8"))) if PATH.exists() else None
 
 
@@ -109,7 +109,7 @@ def _numpy_dgemm() -> float:
 
 
 def _mkl() -> ctypes.CDLL | None:
-    """MKL where the wheel put it."""
+    """MKL of the installed wheel."""
     for path in sorted((Path(sys.prefix) / "lib").glob("libmkl_rt.so*")):
         try:
             return ctypes.CDLL(str(path))

@@ -25,7 +25,7 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.peers.problem import Geometry, Problem  # noqa: E402
 from cmsreduce.model import DofTable, FEModel, Nodes  # noqa: E402
 
-# Steel; CalculiX is given the same numbers.
+# Steel; CalculiX gets the same numbers.
 YOUNG, POISSON, DENSITY = 2.1e11, 0.3, 7850.0
 # A grid of them, along y and z.
 INTERFACE_GRID = (4, 5)
@@ -47,7 +47,7 @@ class Body:
     Parameters
     ----------
     title : str
-        What it is.
+        Name in the tables.
     kind : {"solid", "tetrahedra", "box"}
         Hexahedra; tetrahedra, six to a cell; hexahedra along the walls of a hollow box, one thick.
     cells : (3,) int
@@ -77,7 +77,7 @@ class Body:
 
 _BAR: Sides = (3.0, 0.17, 0.18)
 SLENDER = ("bar-3e3", "bar-1e4", "bar-3e4", "bar-1e5", "bar-3e5", "bar-1e6", "bar-3e6")
-# Cutoffs halfway between the 50th and the 51st mode; of the two largest bodies, extrapolated from the smaller ones.
+# Cutoffs midway between the 50th and the 51st mode; of the two largest bodies, extrapolated from the smaller ones.
 BODIES = {
     "bar-3e3": Body("slender solid", "solid", (50, 3, 4), _BAR, 6877.4),
     "bar-1e4": Body("slender solid", "solid", (96, 5, 5), _BAR, 6542.4),
@@ -115,7 +115,7 @@ class Grid:
 
     @classmethod
     def of(cls, lines: list[NDArray[np.float64]], kept: NDArray[np.bool_] | None = None) -> Grid:
-        """Grid between lines along x, y, z; ``kept`` (y, z) says which cells of a section there are."""
+        """Grid between lines along x, y, z; ``kept`` (y, z) marks the cells of a section that exist."""
         counts = [line.size for line in lines]
         number = np.arange(np.prod(counts), dtype=np.int32).reshape(counts)
         xyz = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -165,7 +165,7 @@ def assemble(
     cells : (c, 8) int32
         Nodes of each cell, numbered as the rows are to be.
     rows, columns : int
-        The first so many nodes have rows, the first so many columns.
+        Numbers of nodes, from the first on, that have rows and that have columns.
     """
     # Couplings that no cell has (the mass couples no x with y) get no entry.
     a, b = np.nonzero((cell != 0).any(axis=0))
@@ -242,7 +242,7 @@ def free_bar(cells: Cells, sides: Sides = (1.0, 0.25, 0.25)) -> FEModel:
     count = len(made.xyz)
     ids = np.arange(1, count + 1)
     dofs = DofTable(np.repeat(ids, 3), np.tile([1, 2, 3], count))
-    # Symmetric up to the order of summation, and a model is held to symmetry to the last digit.
+    # The sum is symmetric up to rounding; a body must be symmetric to the last digit.
     whole = (assemble(A, which, made.cells, count, count) for A in (K, M))
     return FEModel("bar", *(sp.csc_array((A + A.T) / 2) for A in whole), dofs, Nodes.in_basic(ids, made.xyz))
 
@@ -252,7 +252,7 @@ def _dofs(nodes: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _interior(A: sp.csr_array, n: int) -> sp.csc_array:
-    """Leading columns of a matrix that is symmetric there, columns for rows."""
+    """Leading columns of a symmetric matrix, from its rows."""
     A = sp.csr_array(A[:, :n])
     return sp.csc_array((A.data, A.indices, A.indptr), shape=(n, n))
 

@@ -1,7 +1,7 @@
-"""Which mode set for which body: error against size and time on three bodies, in the scenes they would act in.
+"""The mode sets on three bodies: error against size and time.
 
-Prints one Markdown table. Each body carries a rigid payload, and hangs on a rigid hub or on the ground; the response is
-that of the whole scene, full body against reduced one, over the band.
+Prints one Markdown table. Each body carries a rigid payload, and hangs on a rigid hub or on the ground. The error
+compares the response of the whole scene with the full and with the reduced body, over the band.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ from tests.frames import frame  # noqa: E402
 
 METHODS = ("craig-bampton", "macneal-rubin", "benfield-hruda", "augmented", "guyan")
 CUTOFFS = (2.0, 4.0)
-# The unreduced body: its own dofs where a solve per frequency is quick, else free modes this far above the band.
+# Reference model: the dofs of the body where a solve per frequency is quick, else free modes this far above the band.
 DIRECT, BEYOND = 2000, 8.0
 LOSS = 0.02
 AS_BUILT = Configuration("as built")
@@ -193,7 +193,7 @@ def reference(case: Case, rigid: np.ndarray) -> Substructure:
 
 
 def direct_difference(case: Case, stand_in: Substructure, rigid: np.ndarray) -> float:
-    """How far the stand-in is from a direct solve with all dofs, at two frequencies in the upper band."""
+    """Difference of the reference model from a direct solve with all dofs, at two frequencies in the upper band."""
     omega = 2 * np.pi * case.scene.band[1] * np.array([0.47, 0.93])
     full = physical_substructure(case.body, body_points(case.scene, case.body), rigid)
     H, H_stand = (response(case, sub, omega)[0] for sub in (full, stand_in))

@@ -3,7 +3,7 @@
 ``python benchmarks/multifrontal.py [BODY ...] [--threads N]`` takes some of ``meshes.BODIES``; by default those of
 10 000 and 30 000 dofs, half a minute in all. Each solver has the stiffness of the body with its ends held, analyses
 and factorises it, and solves for one, eight and 64 columns; the least of three of each counts. ``error`` is the largest
-residual of a row over the sum of its terms' sizes, of all columns.
+residual of a row over the sum of the sizes of its terms.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def multifrontal(K: sp.csc_array, threads: int) -> Solve:
 
 
 def single(K: sp.csc_array, threads: int) -> Solve:
-    """Factor in single precision, as it is without refinement."""
+    """Factor in single precision, without refinement."""
     scale = 2.0 ** -np.round(np.log2(K.diagonal()) / 2)
     return CholeskyFactor(K, scale=scale, threads=threads).solve
 
@@ -96,7 +96,7 @@ def rows(names: list[str], threads: int) -> Iterator[list[str]]:
 
 
 def least(work: Callable[[], Any]) -> tuple[float, Any]:
-    """Least seconds that a piece of work took, and its result."""
+    """Least seconds of a function, and its result."""
     seconds, found = np.inf, None
     for _ in range(ROUNDS):
         found = None

@@ -1,9 +1,9 @@
-"""Memory of a reduction against the columns of its basis, kept in memory and on disk.
+"""Memory of a reduction against the columns of its basis, in memory and on disk.
 
-``python benchmarks/out_of_core.py [COLUMNS ...]`` reduces a solid bar to so many constraint modes, joins them to
-orthonormal modes, stores both and reads them back; each line is a process of its own. ``anonymous`` is the largest
-memory of it that no file stands behind (RssAnon of Linux, looked at every 5 ms) beyond what it was when the body was
-read; pages of a mapped file are the system's to take back. 0.1 GiB of it is a block of right-hand sides.
+``python benchmarks/out_of_core.py [COLUMNS ...]`` reduces a solid bar to that many constraint modes, makes them
+orthonormal, stores both and reads them back; each line is a process of its own. ``anonymous`` is the growth of the
+largest memory without a file behind it (RssAnon of Linux, every 5 ms) since the body was read; the system can drop
+pages of a mapped file. 0.1 GiB of the growth is a block of right-hand sides.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ MIB = 2.0**20
 
 
 def anonymous() -> float:
-    """Bytes of this process that no file stands behind."""
+    """Bytes of this process without a file behind them."""
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith("RssAnon:"):
             return float(line.split()[1]) * 1024
@@ -63,7 +63,7 @@ class Peak:
 
     @property
     def beyond(self) -> float:
-        """Bytes beyond what there was before."""
+        """Growth in bytes."""
         return self.most - self.before
 
 

@@ -19,11 +19,11 @@ PAGE = ROOT / "benchmarks" / "performance.md"
 PICTURE = ROOT / "benchmarks" / "images" / "performance.svg"
 ERROR_SPEED = RECORDS / "error_speed.json"
 
-# What is demanded of all: |K x - lam M x| / |lam M x| of every mode.
+# Limit on |K x - lam M x| / |lam M x| of every mode.
 RESIDUAL = 1e-8
-# Frequencies that close are those of the same mode: CalculiX prints seven digits.
+# Relative difference of frequencies of one mode: CalculiX prints seven digits.
 SAME = 1e-6
-# Bodies smaller than this are left out of the growth: they show what starting costs.
+# Smaller bodies are left out of the growth, because the start dominates their time.
 _GROWTH_FROM = 10_000
 _FEWEST_POINTS = 3
 
@@ -60,17 +60,17 @@ of its own, with the same threads, and reads the same two matrices. Not timed: r
 the compilation of cmsreduce's loops, which a machine does once. `make bench-full` writes this page ([how to run
 it](README.md)).
 
-- **factorise**: with ordering. A reduction that counts its modes has cmsreduce's ordering from the count, within its
-  time. **solves**: one block of {3 * INTERFACE_NODES} right-hand sides. **modes**: the eigenproblem. A peer that does
-  all in one call has a total only. **Peak**: of the process, with matrices and interpreter.
+- **factorise**: with ordering; cmsreduce orders in its Sturm count where it makes one. **solves**: one block of
+  {3 * INTERFACE_NODES} right-hand sides. **modes**: the eigenproblem. A peer that does all in one call has a total
+  only. **Peak**: of the process, with matrices and interpreter.
 - **Residual**: the worst |K x - lam M x| / |lam M x| (2-norms) of a mode. The limit is {RESIDUAL:g}. The constraint
   modes have the same limit on |K Psi + K_ji| / |K_ji|. A peer above it is marked `!`.
 - **Frequencies differ by**: the largest relative difference from cmsreduce's. A mode without a partner within
   {SAME:g} is missed.
-- cmsreduce computes all modes below a cutoff between the {MODES}th and the next, and a Sturm count (inertia of K -
-  sigma M) proves that none is missing. No peer has that proof; its time is given apart and is not in the total.
+- cmsreduce computes all modes below a cutoff between the {MODES}th and the next, and a Sturm count proves that none is
+  missing. No peer has that proof; its time is not in the total.
 - **single-precision factor** is `solver: {{precision: single}}`. cmsreduce takes it where a factor in double
-  precision does not fit: half the memory; residuals correct modes and static shapes to the same accuracy.
+  precision does not fit.
 - **scipy** is splu and eigsh as its users write them, with SuperLU's default order (COLAMD), its best own order (MMD
   on A + A^T, symmetric mode) and METIS's order. **SLEPc** is Krylov-Schur of the Debian packages; with MUMPS in one
   process, where OpenBLAS takes the threads, and in two. **Exudyn** factorises once for the modes and once for the
@@ -79,14 +79,14 @@ it](README.md)).
   its linear tetrahedra integrate the mass at one point.
 """
 _SMALL = (
-    "Three quarters of cmsreduce's time for the modes are not solves: steps by blocks cost that in Python whatever the "
-    "size, and libraries are called for more columns than a search vector by vector takes."
+    "Three quarters of cmsreduce's time for the modes are not solves: block steps have a fixed cost in Python, and use "
+    "more columns than a search vector by vector."
 )
 FASTER: dict[tuple[str, str], str] = {
     ("bar-3e3", "slepc-cholmod"): _SMALL,
     **{("bar-3e3", peer): "As above." for peer in ("slepc-mumps", "scipy", "scipy-mmd", "scipy-metis")},
 }
-"""Why a peer is faster on a body, by (body, peer); printed under the table where it is."""
+"""Reasons for a faster peer, by (body, peer); printed under the table."""
 
 
 def page(found: Found, limits: Limits | None) -> Iterator[str]:
@@ -141,12 +141,12 @@ def _row(peer: str, record: dict, ours: dict | None, reference: np.ndarray | Non
 
 
 def _poor(record: dict) -> bool:
-    """Whether a residual is above what is demanded."""
+    """True if a residual is above the limit."""
     return max(record.get("residual", 0.0), record.get("static_residual", 0.0)) > RESIDUAL
 
 
 def _reference(here: dict[str, dict]) -> np.ndarray | None:
-    """Frequencies that the others are held against: ours, or the first peer's that are accurate."""
+    """Reference frequencies: cmsreduce's, or those of the first accurate peer."""
     for peer in PEERS:
         record = here.get(peer)
         if record and record["status"] == "ok" and "residual" in record and not _poor(record):
@@ -162,7 +162,7 @@ def _compared(hz: np.ndarray, reference: np.ndarray) -> tuple[str, str]:
     differ = float(abs(hz[:common] / reference[:common] - 1).max())
     nearest = abs(hz[None, :] / reference[:, None] - 1).min(axis=1)
     missed = int(np.count_nonzero(nearest > SAME))
-    # Elements of another kind move all frequencies: then nothing is missed, it is another body.
+    # Elements of another kind move all frequencies: then the body differs, and no mode is missed.
     other = missed > reference.size // 2 or not missed
     return ("" if other else f", {missed} missed"), f"{differ:.0e}"
 
@@ -177,7 +177,7 @@ class Growth:
 
 
 def growth(found: Found, peer: str) -> Growth | None:
-    """Least squares in logarithms over the slender solids a peer did."""
+    """Least squares in logarithms over the slender solids of a peer."""
     did = [found[body, peer] for body in SLENDER if found.get((body, peer), {}).get("status") == "ok"]
     did = [record for record in did if record["n"] >= _GROWTH_FROM]
     if len(did) < _FEWEST_POINTS:
@@ -204,7 +204,7 @@ def growth_table(found: Found) -> Iterator[str]:
 
 
 def limit_table(found: Found, limits: Limits | None) -> Iterator[str]:
-    """How far cmsreduce is from what the machine can do."""
+    """Rates of cmsreduce against the limits of the machine."""
     if limits is None:
         return
     rows = [
@@ -216,9 +216,9 @@ def limit_table(found: Found, limits: Limits | None) -> Iterator[str]:
     products = ", ".join(f"{rate / 1e9:.0f} ({name})" for name, rate in limits.dgemm.items())
     memory = ", ".join(f"{rate / 1e9:.1f} ({name})" for name, rate in limits.bandwidth.items())
     yield textwrap.fill(
-        f"Measured on {limits.threads} threads: dgemm {products} GFLOP/s; memory {memory} GB/s. The factorisation is "
-        "held against the best dgemm rate, its numeric phase alone if it is one of fronts; a block of solves "
-        "against the time in which the best bandwidth reads the factor twice; a search for modes against the solves "
+        f"Measured on {limits.threads} threads: dgemm {products} GFLOP/s; memory {memory} GB/s. Compared with them: "
+        "the factorisation (of the multifrontal solver the numeric phase) with the best dgemm rate; a block of solves "
+        "with the time in which the best bandwidth reads the factor twice; a search for modes with the solves "
         "within it.",
         120,
     )
@@ -232,7 +232,7 @@ def _limit_row(record: dict, limits: Limits) -> str:
     if record["status"] != "ok":
         return ""
     seconds, flops, nnz = record["seconds"], record.get("flops"), record.get("factor_nnz")
-    # The numeric phase alone, where it is known: ordering has no products to speak of.
+    # The numeric phase alone, where it is known, because ordering has few products.
     rate = None if flops is None else flops / seconds.get("numeric", seconds["factorise"])
     read_twice = None if nnz is None else 2 * 8 * nnz / limits.bytes
     inside = seconds.get("modes_solves")

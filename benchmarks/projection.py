@@ -1,4 +1,4 @@
-"""Two roads to a reduced model: component modes ranked and cut off, against system modes projected and reassembled.
+"""Component modes ranked and cut off, against system modes projected and reassembled.
 
 Prints the table of benchmarks/projection.md; ``--write`` puts it there.
 """
@@ -52,7 +52,7 @@ def rows(scene: str) -> Iterator[str]:
 
 
 def measured(scene: str, overrides: list[str], folder: Path) -> str:
-    """Modes, errors and time of one road, or why there is none."""
+    """Modes, errors and time of one method, or the reason for no result."""
     pipeline = load_pipeline(ROOT / "pipelines" / f"{scene}.yaml", overrides)
     run = Run(pipeline, folder, Silent())
     # The full system and the bodies' modes are common to all roads.

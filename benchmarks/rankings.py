@@ -1,4 +1,4 @@
-"""Rankings on the space station ISS-1R: error against order, real modes kept, beside balanced states.
+"""Rankings on the space station ISS-1R: error against order, with real modes and with balanced states.
 
 Prints the tables of benchmarks/rankings.md; ``--write`` puts them there. `control.balred` needs slycot
 (`pip install slycot`) and is left out without it. ISS-1R is iss.mat of the SLICOT collection of models, by default in
@@ -55,8 +55,8 @@ def space_station(path: Path = STATION) -> ModalChannels:
 def modal_errors(ch: ModalChannels, order: NDArray[np.int64], band: tuple[float, float]) -> Array:
     """Relative response error over a band of the first 0, 1, .. modes of an order (e + 1,).
 
-    The error of keeping some modes is the model of the others; the mean square of that over the band is its component
-    cost, in closed form.
+    The error is the response of the modes left out; its mean square over the band is their component cost, in closed
+    form.
     """
     whole = component_costs(ch, band).sum()
     left = [component_costs(ch.only(order[k:]), band).sum() for k in range(order.size)]

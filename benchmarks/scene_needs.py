@@ -1,4 +1,4 @@
-"""What a scene does not ask for is not paid for: Galileo with a channel more and a channel less, side by side.
+"""Cost of a channel: Galileo with a channel more and a channel less, side by side.
 
 A thruster and an accelerometer stand at the end of the rotor boom, beside the motor and the gyro of the pipeline file.
 Each line is one run into an empty folder: `cutoff: auto`, the fewest modes below an frf_error of 0.05, component files.

@@ -87,7 +87,7 @@ def code_lines(text: str, tree: ast.Module) -> int:
 
 
 def dataclasses(tree: ast.Module) -> Iterator[bool]:
-    """For each dataclass, whether it has a method."""
+    """For each dataclass, True if it has a method."""
     for node in ast.walk(tree):
         if isinstance(node, ast.ClassDef) and any("dataclass" in ast.unparse(each) for each in node.decorator_list):
             yield any(isinstance(each, ast.FunctionDef | ast.AsyncFunctionDef) for each in node.body)

@@ -58,7 +58,7 @@ def processor_time() -> float:
 
 
 def swept(folder: Path, jobs: int, cores: int | None = None) -> NDArray[np.float64]:
-    """Wall and processor time of the sweep in so many processes, on all cores or on some."""
+    """Wall and processor time of the sweep for a number of processes, on all cores or on some."""
     over = [word for key, values in OVER.items() for word in ("--over", f"{key}={','.join(values)}")]
     sets = [word for text in SET for word in ("--set", text)]
     return seconds_of("sweep", str(PIPELINE), *sets, *over, "--jobs", str(jobs), "--out", str(folder), cores=cores)
@@ -72,19 +72,19 @@ def alone(folder: Path, values: tuple[str, ...], number: int) -> NDArray[np.floa
 
 
 def statuses(folder: Path) -> str:
-    """How many points passed, broke a limit, failed."""
+    """Numbers of points that passed, broke a limit, failed."""
     with (folder / "sweep.csv").open(encoding="utf-8", newline="") as file:
         found = [row["status"] for row in csv.DictReader(file)]
     return ", ".join(f"{found.count(status)} {status}" for status in dict.fromkeys(found))
 
 
 def said(times: NDArray[np.float64]) -> str:
-    """Both times in words."""
+    """Both times as text."""
     return f"{times[0]:.1f} s (processor {times[1]:.1f} s)"
 
 
 def main() -> None:
-    """Time the three ways, and say how quiet the machine was."""
+    """Time the three ways, and print the load of the machine."""
     reader = argparse.ArgumentParser(description=__doc__)
     reader.add_argument("--separate", type=int, default=20, help="points timed as separate runs")
     reader.add_argument("--jobs", type=int, default=2)

@@ -20,7 +20,7 @@ from cmsreduce.linalg.sparse.factorisation import installed_backends
 from cmsreduce.multifrontal import CholeskyFactor
 
 TOLERANCE = 1e-8
-"""What the peers are asked for; cmsreduce's own default is finer."""
+"""Accuracy demanded of all peers; cmsreduce's own default is finer."""
 
 
 def main(folder: Path) -> None:
@@ -89,7 +89,7 @@ def loaded() -> None:
 
 
 def cost(factor: object) -> dict[str, object]:
-    """What the factorisation took, as far as the factor tells."""
+    """Time and size of the factorisation, as far as the factor reports them."""
     spent = getattr(factor, "cost", None)
     return {
         "backend": getattr(factor, "backend", None),

@@ -1,4 +1,4 @@
-"""What a peer reads and what it reports, alike for all; needs numpy and scipy only, whatever Python a peer runs in."""
+"""Input and output of every peer; needs numpy and scipy only, because a peer may run in another Python."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ def massless_tip() -> Case:
     return Case(
         "interface node without mass",
         "All six dofs of an interface node are massless: a spring joins it to the body.",
-        "As above, for translations and rotations together.",
+        "Static modes keep the flexibility of translations and rotations.",
         body,
         face,
         BAND,

@@ -46,7 +46,7 @@ def loads_twice() -> Case:
         "duplicated loads",
         "One strut given three times, once with its ends exchanged, and one whose ends are interface nodes, which "
         "constraint modes and residuals hold already.",
-        "As above: a load that adds nothing is left out.",
+        "A load that adds no strain energy is left out.",
         body,
         face,
         BAND,

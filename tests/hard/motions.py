@@ -110,7 +110,7 @@ def planar_frame() -> Case:
     return Case(
         "planar frame",
         "Three dofs a node, three rigid motions.",
-        "As above; no code assumes six rigid motions.",
+        "No code assumes six rigid motions.",
         body,
         face,
         (1.0, 40.0),

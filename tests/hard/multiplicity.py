@@ -42,7 +42,7 @@ def symmetric_frame() -> Case:
     return Case(
         "symmetric frame",
         "Fourfold symmetry on a redundant interface of 24 dofs: pairs and near coincidences, fixed and free.",
-        "As above. The four feet share no constraint that must be guessed.",
+        "Pairs are taken by frequency and kept complete.",
         body,
         face,
         (1.0, 60.0),

@@ -165,7 +165,7 @@ def ten_digits() -> Case:
     return _panel_case(
         "ten-digit punch",
         "Entries printed with ten digits, as in DMIG punch files.",
-        "As above. Tolerances depend on the number of digits in the file.",
+        "Tolerances depend on the number of digits in the file.",
         spoil,
     )
 
