@@ -91,7 +91,7 @@ def _run(
     if output.as_json:
         files = [path for path in sorted(run.folder.iterdir()) if path.is_file()]
         output.result({**summary(result), "folder": run.folder, "files": files, "seconds": output.seconds})
-    sys.exit(OK if result.passed else LIMIT_BROKEN)
+    sys.exit(LIMIT_BROKEN if result.verdict.word == "FAIL" else OK)
 
 
 main.command(name="run")(run_options(_run))
@@ -183,7 +183,9 @@ def report(run_dir: Path, png: bool, svg: bool, vtu: bool, tables: bool, output:
     files += export_shapes(run, result, run_dir) if vtu else []
     files += export_tables(result, run_dir) if tables else []
     output.made(files, where=run_dir, about=worst_error(result))
-    output.result({"run": run_dir, "passed": result.passed, "written": files, "seconds": output.seconds})
+    verdict = result.verdict
+    facts = {"run": run_dir, "verdict": verdict.word, "passed": verdict.passed}
+    output.result({**facts, "written": files, "seconds": output.seconds})
 
 
 @main.command()
@@ -216,7 +218,7 @@ def sweep(
     for console in output.consoles(SWEEP_WIDTH):
         print_sweep(result, files, console)
     output.result(sweep_data(result, files))
-    sys.exit(OK if result.passed else LIMIT_BROKEN)
+    sys.exit(LIMIT_BROKEN if result.word == "FAIL" else OK)
 
 
 @main.command()

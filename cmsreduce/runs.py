@@ -109,7 +109,7 @@ class FinishedRun:
             return f"<FinishedRun {name}: stopped early, {count} configurations, in {self.folder}>"
         kept = sum(part.kept_modes for part in self._result.components.values())
         worst = "".join(f", {key} {value:.3g}" for key, value in self._result.worst().items() if key == "frf_error")
-        verdict = "PASS" if self.passed else "FAIL"
+        verdict = self.result.verdict.word
         return f"<FinishedRun {name}: {verdict}{worst}, {kept} modes kept, {count} configurations, in {self.folder}>"
 
 

@@ -51,7 +51,8 @@ from cmsreduce.model.results.run import (
     Speed,
     SystemModes,
 )
-from cmsreduce.model.results.sweep import SweepResult, SweepRow, short_keys
+from cmsreduce.model.results.sweep import STATUS_OF, SweepResult, SweepRow, short_keys
+from cmsreduce.model.results.verdict import PROOFS, Proof, Verdict, judge
 
 __all__ = [
     "AxisCompleteness",
@@ -80,11 +81,14 @@ __all__ = [
     "MacMatrix",
     "ModelErrors",
     "PortDrawing",
+    "PROOFS",
     "ProjectionRecord",
+    "Proof",
     "ReductionChecks",
     "Response",
     "RoundingEffect",
     "RunResult",
+    "STATUS_OF",
     "SampledModes",
     "SceneDrawing",
     "SearchRecord",
@@ -97,6 +101,8 @@ __all__ = [
     "SystemChecks",
     "SystemModes",
     "SystemShapes",
+    "Verdict",
     "health_data",
+    "judge",
     "short_keys",
 ]

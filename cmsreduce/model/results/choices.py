@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cmsreduce.model.results.errors import Finding
 
 __all__ = [
     "BoundRecord",
@@ -271,7 +274,10 @@ class ProjectionRecord:
         return max(self.between.items(), key=lambda each: each[1], default=None)
 
     @property
-    def passed(self) -> bool:
-        """True if the limit is met at all midpoint configurations that were measured."""
+    def between_finding(self) -> Finding | None:
+        """Largest error at a midpoint configuration, with the limit of the run; None if not measured."""
         worst = self.worst_between
-        return self.limit is None or worst is None or worst[1] <= self.limit
+        if worst is None:
+            return None
+        limit = math.inf if self.limit is None else self.limit
+        return Finding("frf_error between the sampled configurations", worst[1], limit, worst[0])

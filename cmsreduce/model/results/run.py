@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from cmsreduce.model.results.drawing import SceneDrawing
 from cmsreduce.model.results.errors import ERRORS, Finding, ModelErrors
 from cmsreduce.model.results.health import HealthFinding
 from cmsreduce.model.results.reduction_checks import ControllerMargin, GainCurve, ReductionChecks
+from cmsreduce.model.results.verdict import Proof, Verdict, judge
 from cmsreduce.model.scene import Configuration
 
 __all__ = [
@@ -120,6 +121,8 @@ class ComponentResult:
         Effect of single precision on the body.
     health : tuple of HealthFinding
         Quantities measured on its matrices and its geometry before the reduction.
+    proofs : tuple of Proof
+        Facts that the verdict rests on: proven, trusted, unproven or refuted.
     """
 
     name: str
@@ -137,6 +140,7 @@ class ComponentResult:
     costly: CostlyModes | None = None
     rounding: RoundingEffect | None = None
     health: tuple[HealthFinding, ...] = ()
+    proofs: tuple[Proof, ...] = ()
 
     @property
     def highest_hz(self) -> float:
@@ -234,6 +238,8 @@ class RunResult:
         Static completeness, gains, zeros and steps, if verified.
     margins : tuple of ControllerMargin
         Margins of the scene's controller, configuration by configuration; empty without one.
+    proofs : tuple of Proof
+        Facts about the assembled system that the verdict rests on.
     """
 
     name: str
@@ -259,13 +265,13 @@ class RunResult:
     gains: tuple[GainCurve, ...] = ()
     checks: ReductionChecks | None = None
     margins: tuple[ControllerMargin, ...] = ()
+    proofs: tuple[Proof, ...] = ()
 
     def __repr__(self) -> str:
         """Name, verdict, sizes and worst errors."""
         errors = "".join(f", {name} {value:.3g}" for name, value in self.worst().items())
-        verdict = "PASS" if self.passed else "FAIL"
         sizes = f"components {len(self.components)}, configurations {len(self.configurations)}"
-        return f"<RunResult {self.name}: {verdict}, {sizes}{errors}>"
+        return f"<RunResult {self.name}: {self.verdict.word}, {sizes}{errors}>"
 
     def worst(self, model: str | None = None) -> dict[str, float]:
         """Largest errors over all configurations, as far as measured; empty if nothing was verified."""
@@ -299,11 +305,26 @@ class RunResult:
         return Finding(name, value, self.limits.get(name, _CONTROLLER_LIMITS.get(name, float("inf"))), where)
 
     @property
+    def verdict(self) -> Verdict:
+        """Verdict on the run: its limits, the checks of its bodies, and what was proven of them."""
+        found = self.findings
+        unmeasured = [
+            Finding(key, float("nan"), self.limits[key], "not measured")
+            for key in sorted(self.limits.keys() - found.keys())
+        ]
+        between = None if self.projection is None else self.projection.between_finding
+        checks = [replace(check, subject=name) for name, part in self.components.items() for check in part.checks]
+        proofs = [proof for part in self.components.values() for proof in part.proofs]
+        return judge(
+            [*found.values(), *unmeasured, *([between] if between else []), *checks],
+            [*proofs, *self.proofs],
+            limited=bool(self.limits),
+        )
+
+    @property
     def passed(self) -> bool:
-        """True if all limits of the run and all checks of its bodies are met."""
-        limits = all(finding.passed for finding in self.findings.values())
-        between = self.projection is None or self.projection.passed
-        return limits and between and all(check.passed for c in self.components.values() for check in c.checks)
+        """True if the verdict is ``PASS``: all limits are met; a run without limits does not pass."""
+        return self.verdict.passed
 
 
 def _badness(value: float) -> float:

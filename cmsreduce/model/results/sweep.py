@@ -6,10 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
-__all__ = ["SweepResult", "SweepRow", "SweepStatus", "short_keys"]
+from cmsreduce.model.results.verdict import Word
 
-SweepStatus = Literal["passed", "limit broken", "failed"]
-"""``failed``: the point was not run; its message gives the reason."""
+__all__ = ["STATUS_OF", "SweepResult", "SweepRow", "SweepStatus", "short_keys"]
+
+SweepStatus = Literal["passed", "limit broken", "not checked", "failed"]
+"""``not checked``: the point has no limits. ``failed``: it was not run; its message gives the reason."""
+
+STATUS_OF: Mapping[Word, SweepStatus] = {"PASS": "passed", "FAIL": "limit broken", "not checked": "not checked"}
+"""Status of a point by the verdict on its run."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +29,7 @@ class SweepRow:
         Run directory, relative to the sweep's.
     overrides : mapping of key to str
         Keys of the point with their values, as YAML.
-    status : {"passed", "limit broken", "failed"}
+    status : {"passed", "limit broken", "not checked", "failed"}
         Outcome.
     message : str
         Reason of a failure, or files that were damaged and made again; mostly empty.
@@ -96,9 +101,16 @@ class SweepResult:
         return f"<SweepResult {self.name} over {', '.join(self.axes)}: {counts or 'no point'}>"
 
     @property
+    def word(self) -> Word:
+        """``FAIL`` if a point failed or broke a limit, ``not checked`` if no point has limits."""
+        if self.count("failed") or self.count("limit broken"):
+            return "FAIL"
+        return "PASS" if self.count("passed") else "not checked"
+
+    @property
     def passed(self) -> bool:
-        """True if every point was run and met its limits."""
-        return all(row.status == "passed" for row in self.rows)
+        """True if every point was run, and the limits of all that have any are met."""
+        return self.word == "PASS"
 
     def count(self, status: SweepStatus) -> int:
         """Number of points with a status."""

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from cmsreduce import __version__
 from cmsreduce.errors import CmsReduceError, ConfigError
 from cmsreduce.linalg.sparse import InsufficientMemoryError
-from cmsreduce.model import RunResult, SweepResult, SweepRow
+from cmsreduce.model import STATUS_OF, RunResult, SweepResult, SweepRow
 from cmsreduce.pipeline.batch.dask_workers import chosen_workers
 from cmsreduce.pipeline.batch.sweep_points import SweepPoint, sweep_points
 from cmsreduce.pipeline.batch.workers import Workers, common_work
@@ -237,7 +237,7 @@ def _measured(point: SweepPoint, result: RunResult) -> SweepRow:
         point.number,
         _row_folder(point),
         dict(point.axes),
-        "passed" if result.passed else "limit broken",
+        STATUS_OF[result.verdict.word],
         kept_modes=sum(part.kept_modes for part in result.components.values()),
         basis_size=sum(part.modes.basis_size for part in result.components.values()),
         n_reduced=max((each.n_reduced for each in result.configurations), default=0),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +25,7 @@ from cmsreduce.model import (
     GeometricStiffness,
     Interface,
     ModalComponent,
+    Proof,
     RigidBody,
     Scene,
     Substructure,
@@ -70,6 +72,8 @@ class FlexibleBody:
         Facts that could not be proven.
     stiffening : GeometricStiffness, optional
         Geometric stiffness of the body, if the pipeline asks for it.
+    proofs : tuple of Proof
+        What was proven of the body, and what was not.
     """
 
     body: FEModel
@@ -78,6 +82,7 @@ class FlexibleBody:
     checks: tuple[Finding, ...]
     notes: tuple[str, ...]
     stiffening: GeometricStiffness | None = None
+    proofs: tuple[Proof, ...] = ()
 
     @property
     def undamped(self) -> FEModel:
@@ -161,7 +166,7 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         ports = ports.as_loads()
     stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
     checks = tuple(_checks(part, proof, tied, body))
-    return FlexibleBody(body, ports, rigid, checks, (*notes, *remarks), stiffening)
+    return FlexibleBody(body, ports, rigid, checks, (*notes, *remarks), stiffening, (_row_order(proof),))
 
 
 def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
@@ -314,6 +319,13 @@ def _checks(part: Component, proof: RowOrderProof, tied: FEModel, body: FEModel)
         limit = max(REALISABLE, _MASS_FACTOR * body.rounding)
         found.append(Finding("inertia: beyond what mass can have", excess, limit))
     return found if part.geometry is None else found + against_deck(part.geometry.file, tied)
+
+
+def _row_order(found: RowOrderProof) -> Proof:
+    if found.status != "proven":
+        return Proof("row order", "unproven", remark=found.remark)
+    digits = -math.log10(max(found.residual, found.tolerance))
+    return Proof("row order", "proven", digits, f"K times {found.motions} rigid motions vanishes")
 
 
 def _check_ports(determined: Determined, ports: Ports) -> None:

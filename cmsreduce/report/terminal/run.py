@@ -41,6 +41,7 @@ _INTEGRATORS = {
     "rk4": "Runge-Kutta 4",
     "ab2": "AB-2",
 }
+_COLOURS = {"PASS": "bold green", "FAIL": "bold red", "not checked": "bold yellow"}
 
 
 def print_summary(
@@ -66,8 +67,9 @@ def print_summary(
         Wall time of the command in seconds, for the last line.
     """
     console = console or standard_console()
-    passed, colour = ("PASS", "bold green") if run.passed else ("FAIL", "bold red")
-    print_line(console, f"{run.name}: {passed}", colour)
+    word = run.verdict.word
+    colour = _COLOURS[word]
+    print_line(console, f"{run.name}: {word}", colour)
     print_line(console, headline(run).replace("→", "->"))
     if run.components:
         console.print(_components(run))
@@ -95,7 +97,7 @@ def print_summary(
         print_line(console, str(path))
     if elapsed is not None:
         ending = f"{plural(len(made), 'file')} in {folder}; {worst_error(run)}; {seconds(elapsed)}"
-        print_line(console, f"{run.name}: {passed}; {ending}", colour)
+        print_line(console, f"{run.name}: {word}; {ending}", colour)
 
 
 def _components(run: RunResult) -> Table:

@@ -26,7 +26,7 @@ SWEEP_WIDTH = 160
 _SHOWN = FIGURES[:3]
 # Columns of a swept key's value before it is folded.
 _WIDEST = 32
-_VERDICTS = {"passed": "PASS", "limit broken": "FAIL", "failed": "failed"}
+_VERDICTS = {"passed": "PASS", "limit broken": "FAIL", "not checked": "not checked", "failed": "failed"}
 
 
 def print_sweep(sweep: SweepResult, files: Sequence[Path], console: Console | None = None) -> None:
@@ -89,6 +89,7 @@ def sweep_data(sweep: SweepResult, files: Sequence[Path]) -> dict[str, Any]:
     return {
         "name": sweep.name,
         "passed": sweep.passed,
+        "verdict": sweep.word,
         "axes": {key: list(values) for key, values in sweep.axes.items()},
         "points": [{**asdict(row), "pareto": row.point in best} for row in sweep.rows],
         "files": list(files),
@@ -106,7 +107,7 @@ def _ending(sweep: SweepResult, files: Sequence[Path]) -> str:
         reached = f"worst {figure.label} {figure.text(errors[worst])} at point {worst}"
         reached += f", least {figure.text(errors[best])} at point {best}" if best != worst else ""
     made = f"{plural(len(files), 'file')} in {files[0].parent}"
-    return f"{sweep.name}: {'PASS' if sweep.passed else 'FAIL'}; {made}; {reached}; {seconds(sweep.seconds)}"
+    return f"{sweep.name}: {sweep.word}; {made}; {reached}; {seconds(sweep.seconds)}"
 
 
 def _cells(row: SweepRow) -> list[str]:

@@ -41,12 +41,13 @@ def summary(run: RunResult) -> dict[str, Any]:
     Returns
     -------
     dict
-        The keys ``name``, ``version``, ``components``, ``configurations``, ``worst``, ``speed`` and ``passed``, and
-        ``comparisons``, ``limits``, ``reference``, ``band_hz``, ``system``, ``projection``, ``search``,
-        ``sensitivity``, ``completeness``, ``figures``, ``controller``, ``not_checked`` and ``notes``. A value that is
-        not finite is None.
+        The keys ``name``, ``version``, ``components``, ``configurations``, ``worst``, ``speed``, ``passed``
+        and ``verdict``, and ``comparisons``, ``limits``, ``reference``, ``band_hz``, ``system``, ``projection``,
+        ``search``, ``sensitivity``, ``completeness``, ``figures``, ``controller``, ``not_checked`` and ``notes``. A
+        value that is not finite is None.
     """
     labels = dict.fromkeys(label for result in run.configurations for label in result.errors)
+    verdict = run.verdict
     facts: dict[str, Any] = _finite(
         {
             "name": run.name,
@@ -55,7 +56,12 @@ def summary(run: RunResult) -> dict[str, Any]:
             "configurations": _configurations(run, run.model, sizes=True),
             "worst": _worst(run, run.model),
             "speed": _record(run.speed),
-            "passed": run.passed,
+            "passed": verdict.passed,
+            "verdict": {
+                "word": verdict.word,
+                "broken": [each.label for each in verdict.broken],
+                "proofs": [asdict(proof) for proof in verdict.proofs],
+            },
             "comparisons": {
                 label: {"worst": _worst(run, label), "configurations": _configurations(run, label, sizes=False)}
                 for label in labels

@@ -1,0 +1,106 @@
+"""Verdict of a run: one word, the limits that decide it, and what was proven of its bodies or taken on trust."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from cmsreduce.model.results.errors import Finding
+
+__all__ = ["PROOFS", "Proof", "State", "Verdict", "Word", "judge"]
+
+Word = Literal["PASS", "FAIL", "not checked"]
+"""``not checked`` is the verdict of a run that sets no limit."""
+
+State = Literal["proven", "trusted", "unproven", "refuted"]
+"""``trusted``: the user vouches for it; ``unproven``: the files do not say enough to prove it."""
+
+PROOFS: Mapping[str, str] = {
+    "row order": "the rows of the matrices are the dofs that the files name",
+    "stiffness": "K is symmetric, has no negative energy, and agrees with the deck where it states materials",
+    "mass": "M is symmetric, has no negative energy, has the rows of K, and the mass and inertia of one body",
+    "damping": "D takes energy from every motion and none from a rigid one",
+    "rigid motions": "K resists every motion but the rigid ones",
+    "mode count": "no mode below the cutoff is missing",
+    "stability": "every root of the assembled reduced system decays or stands still",
+}
+"""What is proven of each body, and of the assembled system, before its errors count."""
+
+
+@dataclass(frozen=True)
+class Proof:
+    """One thing that the verdict rests on.
+
+    Parameters
+    ----------
+    what : str
+        Key of `PROOFS`.
+    state : str
+        ``proven``, ``trusted``, ``unproven`` or ``refuted``.
+    digits : float, optional
+        Decimal digits to which it is proven: -log10 of the relative difference that would have been found.
+    remark : str
+        How it was proven, or the reason why it was not.
+    subject : str
+        Component; empty for the assembled system.
+    """
+
+    what: str
+    state: State
+    digits: float | None = None
+    remark: str = ""
+    subject: str = ""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Verdict of a run, the same for every command and file that states it.
+
+    Parameters
+    ----------
+    word : str
+        ``PASS`` if all limits are measured and met and nothing is refuted; ``not checked`` without any limit.
+    broken : tuple of Finding
+        Limits that are not met. A limit that was not measured has the value NaN and says why in its note.
+    proofs : tuple of Proof
+        Body by body, then of the assembled system.
+    """
+
+    word: Word
+    broken: tuple[Finding, ...] = ()
+    proofs: tuple[Proof, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """True for ``PASS`` alone."""
+        return self.word == "PASS"
+
+    @property
+    def trusted(self) -> tuple[Proof, ...]:
+        """Proofs replaced by the word of the user."""
+        return tuple(proof for proof in self.proofs if proof.state == "trusted")
+
+    @property
+    def unproven(self) -> tuple[Proof, ...]:
+        """Proofs that the files do not allow."""
+        return tuple(proof for proof in self.proofs if proof.state == "unproven")
+
+
+def judge(findings: Iterable[Finding], proofs: Iterable[Proof], *, limited: bool) -> Verdict:
+    """Judge a run.
+
+    Parameters
+    ----------
+    findings : iterable of Finding
+        Errors and checks with their limits; a limit that could not be measured is a finding of value NaN.
+    proofs : iterable of Proof
+        Of the bodies and of the system.
+    limited : bool
+        True if the run sets a limit on an error of its model.
+    """
+    proofs = tuple(proofs)
+    broken = tuple(finding for finding in findings if not finding.passed)
+    if broken or any(proof.state == "refuted" for proof in proofs):
+        return Verdict("FAIL", broken, proofs)
+    return Verdict("PASS" if limited else "not checked", broken, proofs)
