@@ -170,9 +170,9 @@ class BlockLanczos:
     def _restart(self) -> None:
         """Shrink the basis to its best Ritz vectors; the newest block couples them to the next ones."""
         ritz = self.ritz()
-        kept = min(max(3 * self._sought // 2, self._width), self._columns - 2 * self._width)
-        self._V.shrink(np.asfortranarray(ritz.S[:, :kept]))
-        self._T = np.diag(ritz.theta[:kept])
+        retained = min(max(3 * self._sought // 2, self._width), self._columns - 2 * self._width)
+        self._V.shrink(np.asfortranarray(ritz.S[:, :retained]))
+        self._T = np.diag(ritz.theta[:retained])
         self._last = self._last_mass = self._last[:, :0]
 
     def _first(self, start: Array | None) -> tuple[Array, Array, Array]:
@@ -209,17 +209,17 @@ def _orthonormal(W: Array, MW: Array, least: float) -> tuple[Array, Array, Array
     for _ in range(2):
         G = inner(W, MW)
         squared, U = la.eigh((G + G.T) / 2) if G.size else (np.empty(0), G)
-        kept = squared > max(least**2, _INDEPENDENT * squared.max(initial=0.0))
-        if kept.all() and kept.size:
+        independent = squared > max(least**2, _INDEPENDENT * squared.max(initial=0.0))
+        if independent.all() and independent.size:
             R = la.cholesky((G + G.T) / 2)
-            inverse = la.solve_triangular(R, np.eye(kept.size))
+            inverse = la.solve_triangular(R, np.eye(independent.size))
             W, MW, B = times(W, inverse), times(MW, inverse), R @ B
             if squared[0] > _ALIKE * squared[-1]:
                 break
         else:
-            kept = squared > least**2
-            root = np.sqrt(squared[kept])
-            W, MW = by_rows(times(W, U[:, kept] / root)), by_rows(times(MW, U[:, kept] / root))
-            B = (root[:, None] * U[:, kept].T) @ B
+            independent = squared > least**2
+            root = np.sqrt(squared[independent])
+            W, MW = by_rows(times(W, U[:, independent] / root)), by_rows(times(MW, U[:, independent] / root))
+            B = (root[:, None] * U[:, independent].T) @ B
         least = 0.0
     return W, MW, B

@@ -225,7 +225,9 @@ def complex_modes(
     """
     braked = _braked(pencil, rigid)
     if pencil.N <= ALL_ROOTS_LIMIT:
-        found = pencil.roots(_Basis(*_all_shapes(pencil, rigid, rounding), braked), omega)
+        lam, V, N = elastic_and_massless(dense(pencil.K), dense(pencil.M), rigid, rounding)
+        root_mass = np.append(1 / np.sqrt(lam), np.zeros(N.shape[1]))
+        found = pencil.roots(_Basis(np.hstack([V / np.sqrt(lam), N]), root_mass, braked), omega)
     elif undamped is None:
         raise MatrixError(f"a system of {pencil.N} coordinates needs its undamped modes as a start for the damped ones")
     else:
@@ -243,12 +245,6 @@ def _braked(pencil: DampedPencil, rigid: Real) -> Real:
     motions = rigid @ Y
     size = spla.norm(sp.csc_array(pencil.D), 1) * np.sum(motions**2, axis=0)
     return np.asarray(motions[:, drag > _BRAKED * size])
-
-
-def _all_shapes(pencil: DampedPencil, rigid: Real, rounding: float) -> tuple[Real, Real]:
-    """All elastic shapes of a small system, the massless ones last, and the square roots of their masses."""
-    lam, X, N = elastic_and_massless(dense(pencil.K), dense(pencil.M), rigid, rounding)
-    return np.hstack([X / np.sqrt(lam), N]), np.append(1 / np.sqrt(lam), np.zeros(N.shape[1]))
 
 
 def _settled(pencil: DampedPencil, start: _Basis, rigid: Real, omega: float) -> _Roots:

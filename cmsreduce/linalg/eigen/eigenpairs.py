@@ -128,17 +128,15 @@ def certified_modes(
     UndeterminedError
         If a motion has neither mass nor stiffness.
     MatrixError
-        If fewer modes converge than the Sturm count asks for, or a residual is too large.
+        If fewer modes converge than the Sturm count gives, or if a residual is too large.
     """
     n = K.shape[0]
     none = np.empty((n, 0)) if rigid is None else rigid
     if n <= _DENSE_LIMIT:
         found = _all_modes(K, M, none, rounding)
-    elif omega <= 0:
-        return CertifiedModes(np.empty(0), np.empty((n, 0)), np.empty(0))
     else:
         wanted = count_below(K, M, omega, none.shape[1]) if count is None else count
-        if not wanted:
+        if omega <= 0 or not wanted:
             return CertifiedModes(np.empty(0), np.empty((n, 0)), np.empty(0))
         if solve is None:
             solve = factorise(K, what="the stiffness") if not none.size else ElasticFlexibility(K, M, none)
@@ -151,12 +149,12 @@ def certified_modes(
             )
         found = CertifiedModes(np.sqrt(modes.lam), modes.X, modes.bound)
     w, X, bound = found
-    kept = int(np.count_nonzero(w <= omega * (1 + _AT_CUTOFF)))
-    if kept:
+    k = int(np.count_nonzero(w <= omega * (1 + _AT_CUTOFF)))
+    if k:
         group = repeated_groups(w)
-        kept = int(np.count_nonzero(group <= group[kept - 1]))
-    w, X, bound = w[:kept], X[:, :kept], bound[:kept]
-    if kept:
+        k = int(np.count_nonzero(group <= group[k - 1]))
+    w, X, bound = w[:k], X[:, :k], bound[:k]
+    if k:
         _check_residuals(K, M, w, X, max(_RESIDUAL, rounding))
     for mode in X.T:
         # One mode at a time and in place, which avoids a copy of all modes.

@@ -6,15 +6,13 @@ displacement states come first: x = [w_1 q_1 .. w_e q_e, q_1' .. q_e'].
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DampingError
 from cmsreduce.model import ModalChannels
 
-__all__ = ["Band", "band_shares", "check_damped", "controllability", "observability", "state_space"]
+__all__ = ["Band", "check_damped", "controllability", "observability", "state_space"]
 
 Array = NDArray[np.float64]
 Band = tuple[float, float]
@@ -94,11 +92,11 @@ def controllability(channels: ModalChannels, band: Band | None = None) -> Array:
     Source: closed solution of the Lyapunov equation for each pair; with a band, Gawronski and Juang (1990).
     """
     check_damped(channels, "a Gramian")
-    pair = _Pairs.of(channels)
-    beta = (channels.B @ channels.B.T) / pair.delta
-    upper = beta * pair.wi * pair.D
-    W = np.block([[beta * pair.wi * pair.wj * pair.s, upper], [upper.T, beta * pair.E]])
-    return W if band is None else _limited(W, band_shares(channels.omega, channels.zeta, band))
+    wi, wj, _, _, s, D, E, delta = _pair_terms(channels)
+    beta = (channels.B @ channels.B.T) / delta
+    upper = beta * wi * D
+    W = np.block([[beta * wi * wj * s, upper], [upper.T, beta * E]])
+    return W if band is None else _limited(W, _band_shares(channels.omega, channels.zeta, band))
 
 
 def observability(channels: ModalChannels, band: Band | None = None, *, summed: bool = False) -> Array:
@@ -121,15 +119,14 @@ def observability(channels: ModalChannels, band: Band | None = None, *, summed: 
         If a mode has no damping.
     """
     check_damped(channels, "a Gramian")
-    pair = _Pairs.of(channels)
-    wi, wj, di, dj, s, D = pair.wi, pair.wj, pair.di, pair.dj, pair.s, pair.D
+    wi, wj, di, dj, s, D, E, delta = _pair_terms(channels)
     C = channels.C1 / channels.omega
-    g11, g22 = (C.T @ C) / pair.delta, (channels.C2.T @ channels.C2) / pair.delta
+    g11, g22 = (C.T @ C) / delta, (channels.C2.T @ channels.C2) / delta
     upper = wj * (di * s - D) * g11 - wi * D * g22
     first = (di * dj * s + di * wi**2 + dj * wj**2) * g11 + wi * wj * s * g22
-    last = wi * wj * s * g11 + pair.E * g22
+    last = wi * wj * s * g11 + E * g22
     if summed:
-        g12 = (C.T @ channels.C2) / pair.delta
+        g12 = (C.T @ channels.C2) / delta
         cross = wj * (di * s - D) * g12
         first -= cross + cross.T
         upper += wi * s * (wi * g12 - wj * g12.T)
@@ -137,47 +134,24 @@ def observability(channels: ModalChannels, band: Band | None = None, *, summed: 
     V = np.block([[first, upper], [upper.T, last]])
     if band is None:
         return V
-    s11, s12, s21, s22 = band_shares(channels.omega, channels.zeta, band)
+    s11, s12, s21, s22 = _band_shares(channels.omega, channels.zeta, band)
     return _limited(V, (s11, s21, s12, s22))
 
 
-@dataclass(frozen=True, eq=False)
-class _Pairs:
-    """Terms that the entries of a pair of modes share; columns for i, rows for j."""
-
-    wi: Array
-    wj: Array
-    di: Array
-    dj: Array
-    s: Array
-    D: Array
-    E: Array
-    delta: Array
-
-    @classmethod
-    def of(cls, channels: ModalChannels) -> _Pairs:
-        w, d = channels.omega, 2 * channels.zeta * channels.omega
-        wi, wj, di, dj = w[:, None], w[None, :], d[:, None], d[None, :]
-        # The factored form keeps the digits of close frequencies.
-        D = (wi - wj) * (wi + wj)
-        s, E = di + dj, dj * wi**2 + di * wj**2
-        return cls(wi, wj, di, dj, s, D, E, D**2 + s * E)
+def _pair_terms(channels: ModalChannels) -> tuple[Array, ...]:
+    """Terms wi, wj, di, dj, s, D, E, Delta of `controllability` for all pairs of modes; columns for i, rows for j."""
+    w, d = channels.omega, 2 * channels.zeta * channels.omega
+    wi, wj, di, dj = w[:, None], w[None, :], d[:, None], d[None, :]
+    # The factored form keeps the digits of close frequencies.
+    D = (wi - wj) * (wi + wj)
+    s, E = di + dj, dj * wi**2 + di * wj**2
+    return wi, wj, di, dj, s, D, E, D**2 + s * E
 
 
-def band_shares(omega: Array, zeta: Array, band: Band) -> tuple[Array, Array, Array, Array]:
-    """Diagonals of the blocks of S = (1 / 2 pi) int (j v - A)^-1 dv over a band and its negative.
+def _band_shares(omega: Array, zeta: Array, band: Band) -> tuple[Array, Array, Array, Array]:
+    """Diagonals of the blocks s11, s12, s21, s22 of S = (1 / 2 pi) int (j v - A)^-1 dv over a band and its negative.
 
-    Parameters
-    ----------
-    omega, zeta : (..., e) float64
-        Frequencies in rad/s and damping ratios.
-    band : (float, float)
-        In rad/s.
-
-    Returns
-    -------
-    s11, s12, s21, s22 : (..., e) float64
-        S W + W S^T is the part of a Gramian W due to the band.
+    S W + W S^T is the part of a Gramian W due to the band.
     """
     low, high = (_integral(omega, zeta, end) for end in band)
     return tuple(b - a for a, b in zip(low, high, strict=True))  # type: ignore[return-value]

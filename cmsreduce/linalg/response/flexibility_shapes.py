@@ -313,9 +313,9 @@ def _orthonormal(gram: Real, least: float) -> tuple[Real, Real, Real]:
     if not gram.size:
         return gram, np.empty(0), gram
     s, E = la.eigh(gram)
-    kept = s > least * s.max()
-    root = np.sqrt(s[kept])
-    return E[:, kept] / root, root, E[:, kept]
+    large = s > least * s.max()
+    root = np.sqrt(s[large])
+    return E[:, large] / root, root, E[:, large]
 
 
 def _diagonal(A: Real) -> Real:

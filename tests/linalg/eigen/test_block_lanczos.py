@@ -27,7 +27,7 @@ def plate(n: int) -> tuple[sp.csc_array, np.ndarray]:
 
 
 def largest(lanczos: BlockLanczos, count: int, least: float, steps: int = 400):
-    """Run until so many Ritz values at or above a value have converged; they and their vectors."""
+    """Run until ``count`` Ritz values of magnitude ``least`` or more have converged; these values and vectors."""
     for _ in range(steps):
         lanczos.step()
         ritz = lanczos.ritz()
@@ -38,7 +38,7 @@ def largest(lanczos: BlockLanczos, count: int, least: float, steps: int = 400):
 
 
 def run(K, M, lam, count, *, sigma=0.0, **options):
-    """The modes nearest to a shift, so many and what repeats the last, and the operator's exact eigenvalues."""
+    """The ``count`` modes nearest to a shift with all copies of the last, and the exact eigenvalues of the operator."""
     theta = 1 / (lam - sigma)
     theta = theta[np.argsort(-abs(theta), kind="stable")]
     size = abs(theta)
@@ -63,7 +63,7 @@ BODIES = {
 @pytest.mark.parametrize("block", [7, 16])
 def test_closed_forms(name, shifted, block):
     K, M, lam, count = BODIES[name]
-    # Amid the lowest modes the operator has eigenvalues of either sign.
+    # With a shift between the lowest modes the operator has eigenvalues of either sign.
     at = next(k for k in range(count // 2, count) if lam[k] > lam[k - 1] * 1.01)
     sigma = (lam[at - 1] + lam[at]) / 2 if shifted else 0.0
     theta, X, exact = run(K, M, lam, count, sigma=sigma, block=block)
@@ -76,7 +76,7 @@ def test_closed_forms(name, shifted, block):
 @pytest.mark.parametrize("name", ["rod", "plate"])
 def test_a_basis_that_restarts_often_finds_the_same(name):
     K, M, lam, count = BODIES[name]
-    # The least that a basis may have: what outlives a restart, and three blocks.
+    # The smallest basis: the vectors that a restart keeps, and three blocks.
     small, X, exact = run(K, M, lam, count, block=4, columns=0)
     large, Y, _ = run(K, M, lam, count, block=4, columns=K.shape[0])
     np.testing.assert_allclose(small, exact, rtol=1e-11)
@@ -86,7 +86,7 @@ def test_a_basis_that_restarts_often_finds_the_same(name):
 
 
 def test_masses_of_zero():
-    """Every second node of a chain has no mass; A M has as many eigenvalues as there are masses, and then none."""
+    """Every second node of a chain has no mass; A M has as many nonzero eigenvalues as there are masses."""
     n = 60
     K, M = rod(2 * n)[0], sp.diags_array(np.tile([0.0, 1.0], n), format="csc")
     lam = 4 * n * np.sin((2 * np.arange(1, n + 1) - 1) * np.pi / (2 * (2 * n + 1))) ** 2
@@ -96,7 +96,7 @@ def test_masses_of_zero():
     np.testing.assert_allclose(lanczos.ritz().theta[:n], 1 / lam, rtol=1e-10)
 
 
-def test_rigid_modes_stay_out():
+def test_rigid_modes_are_deflated():
     n = 26
     K, lam = grid(n, 2, free=True)
     M, rigid = unit(n * n), np.full((n * n, 1), 1 / n)
@@ -108,7 +108,7 @@ def test_rigid_modes_stay_out():
 
 
 def test_known_modes_are_not_found_again():
-    """About a shift, with the ten modes above it deflated, the next ten come; a repeated one loses as many copies."""
+    """With the ten modes above a shift deflated, the next ten are found, also of a repeated mode."""
     K, lam = grid(26, 2)
     values, vectors = la.eigh(K.toarray())
     known = slice(12, 22)
@@ -145,7 +145,7 @@ def test_two_runs_are_identical():
 
 
 @pytest.mark.parametrize("shapes", [1, 3, 16])
-def test_a_start_in_modes_shows_them_at_once(shapes):
+def test_a_start_from_modes_finds_them_in_one_step(shapes):
     K, lam = grid(700, 1)
     _, X = la.eigh_tridiagonal(K.diagonal(), K.diagonal(-1), select="i", select_range=(0, 2 * shapes))
     start = X[:, ::2][:, :shapes]
@@ -165,7 +165,7 @@ def test_a_start_from_static_shapes_finds_all_modes():
 
 
 def test_a_residual_bounds_the_distance_to_an_eigenvalue():
-    """Restarts included: the basis may hold 36 columns."""
+    """The basis has at most 36 columns, so that restarts are included."""
     K, lam = plate(20)
     lanczos = BlockLanczos(factorise(K), lambda X: X.copy(), 400, block=4, columns=0, sought=16)
     for _ in range(40):

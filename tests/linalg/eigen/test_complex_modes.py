@@ -39,7 +39,7 @@ def found(K, M, D=None, loss=None, rigid=None, top=ALL) -> ComplexModes:
 
 
 def by_search(K, M, D, loss, rigid, top) -> ComplexModes:
-    """The same from sparse matrices, by the search that large systems are given."""
+    """Modes of sparse matrices by the search for large systems."""
     K, M, D, loss = (None if A is None else sp.csc_array(A) for A in (K, M, D, loss))
     undamped = modes_below(K, M, 1.14 * top, rigid=rigid)
     return complex_modes(DampedPencil(K, M, D, loss), top, rigid, undamped)
@@ -122,7 +122,7 @@ def test_a_bar_with_a_damper_at_its_end(c: float, n: int) -> None:
 
 
 def test_a_damper_brakes_rigid_motion() -> None:
-    """A free mass on a damper: s = 0, which is its position, and s = -c/m."""
+    """A free mass on a damper has s = 0, for its position, and s = -c/m."""
     modes = found([[0]], [[2]], np.array([[3.0]]), rigid=np.array([[1 / 2**0.5]]))
     assert modes.s.size == 0
     np.testing.assert_allclose(modes.real, [-1.5], rtol=1e-14)
@@ -181,19 +181,19 @@ def test_search_finds_what_all_roots_at_once_hold(case: str, free: bool, monkeyp
     rigid = np.full((n, 1), n**-0.5) if free else np.empty((n, 0))
     sought = by_search(K, M, D, loss, rigid, top)
     monkeypatch.setattr(module, "ALL_ROOTS_LIMIT", n)
-    whole = found(K, M, D, loss, rigid, top)
-    assert sought.s.size == whole.s.size >= 12
-    np.testing.assert_allclose(sought.omega, whole.omega, rtol=1e-7)
-    np.testing.assert_allclose(sought.zeta, whole.zeta, rtol=1e-6)
-    # The search is for the oscillating ones; real roots that come with them are good ones.
-    assert sought.real.size >= min(whole.real.size, 2)
+    all_at_once = found(K, M, D, loss, rigid, top)
+    assert sought.s.size == all_at_once.s.size >= 12
+    np.testing.assert_allclose(sought.omega, all_at_once.omega, rtol=1e-7)
+    np.testing.assert_allclose(sought.zeta, all_at_once.zeta, rtol=1e-6)
+    # The search is for oscillating roots; the real roots found with them are accurate too.
+    assert sought.real.size >= min(all_at_once.real.size, 2)
     for root in sought.real:
-        assert abs(whole.real / root - 1).min() < 1e-5
-    np.testing.assert_allclose(abs(np.sum(sought.X.conj() * whole.X, axis=0)), 1.0, atol=1e-6)
+        assert abs(all_at_once.real / root - 1).min() < 1e-5
+    np.testing.assert_allclose(abs(np.sum(sought.X.conj() * all_at_once.X, axis=0)), 1.0, atol=1e-6)
 
 
 def test_soft_modes_beside_stiff_springs_keep_the_digits_of_their_ratios() -> None:
-    """Pairs of masses on springs a million times as stiff move as one mass, and the whole has a closed form."""
+    """Pairs of masses on springs a million times as stiff move as one mass, so that the chain has a closed form."""
     n, stiff = 200, 2.0**23
     k = np.where(np.arange(n - 1) % 2 == 0, stiff, 1.0)
     K = chain(k)
@@ -209,7 +209,7 @@ def test_soft_modes_beside_stiff_springs_keep_the_digits_of_their_ratios() -> No
 
 
 def test_repeated_modes_are_found_twice() -> None:
-    """A square membrane of masses on strings: modes (i, j) and (j, i) are alike; D = beta K."""
+    """A square membrane of masses on strings has equal modes (i, j) and (j, i); D = beta K."""
     m, beta = 15, 0.02
     line = 2 * np.eye(m) - np.eye(m, k=1) - np.eye(m, k=-1)
     K = np.kron(np.eye(m), line) + np.kron(line, np.eye(m))

@@ -24,7 +24,7 @@ def rod(n: int) -> tuple[sp.csc_array, sp.csc_array]:
 
 
 def rod_omega(n: int) -> np.ndarray:
-    """Frequencies of the discrete rod, exactly."""
+    """Exact frequencies of the discrete rod."""
     c = np.cos((2 * np.arange(1, n + 1) - 1) * np.pi / (2 * n))
     return np.sort(np.sqrt(6 * n**2 * (1 - c) / (2 + c)))
 
@@ -83,13 +83,13 @@ def test_cantilever():
 
 
 @pytest.mark.parametrize("dimensions, n", [(2, 26), (3, 9)], ids=["membrane 26 x 26", "cube 9 x 9 x 9"])
-@pytest.mark.parametrize("nudge", [0.0, -1e-11, 1e-11], ids=["at", "a hair below", "a hair above"])
+@pytest.mark.parametrize("nudge", [0.0, -1e-11, 1e-11], ids=["at", "just below", "just above"])
 @pytest.mark.parametrize("at", [1, 5, 20])
 def test_a_cutoff_at_a_repeated_mode_keeps_all_of_it(dimensions, n, nudge, at):
     K, lam = grid(n, dimensions)
     M = sp.csc_array(sp.eye_array(K.shape[0]))
     expected = lam[lam <= lam[at] * (1 + 1e-8)]
-    # The first two modes of these are a pair and a triple; further up there are sixfold ones.
+    # The second mode is a pair in the membrane and a triple in the cube; higher modes are up to sixfold.
     w, Phi = modes_below(K, M, np.sqrt(lam[at]) * (1 + nudge))
     np.testing.assert_allclose(w**2, expected, rtol=1e-10)
     assert_modes(K, M, w, Phi)
@@ -138,7 +138,7 @@ def test_sturm_count_is_the_dense_count(seed):
         assert sturm_count(K, M, omega) == np.count_nonzero(w < omega)
 
 
-def test_a_count_at_an_eigenvalue_steps_over_it():
+def test_a_count_at_an_eigenvalue_includes_it():
     K, M = sp.diags_array([1.0, 4.0, 4.0, 9.0], format="csc"), sp.csc_array(sp.eye_array(4))
     assert [sturm_count(K, M, w) for w in (0.5, 1.0, 2.0, 3.0)] == [0, 1, 3, 4]
 
@@ -159,7 +159,7 @@ def test_elastic_flexibility_is_the_sum_over_elastic_modes():
     F = flexibility(np.eye(body.n))
     np.testing.assert_allclose(F, exact, atol=1e-9 * abs(exact).max())
     np.testing.assert_allclose(F, F.T, atol=1e-9 * abs(exact).max())
-    # Statically: a self-balanced load is what K returns.
+    # Statically, K times the displacement is the self-balanced load.
     load = body.K @ np.random.default_rng(0).standard_normal(body.n)
     np.testing.assert_allclose(body.K @ flexibility(load), load, atol=1e-9 * abs(load).max())
     np.testing.assert_allclose(flexibility(body.M @ rigid), 0, atol=1e-9 * abs(exact).max())
@@ -173,7 +173,7 @@ def test_a_mechanism_is_refused():
 
 
 def clustered(seed: int, n: int = 640) -> tuple[sp.csc_array, sp.csc_array, np.ndarray]:
-    """Random pencil whose modes are known: chains of equal blocks, in groups that differ by a random hair.
+    """Random pencil with known modes: groups of equal blocks with small random differences.
 
     Returns stiffness, mass and squared frequencies, ascending.
     """
@@ -221,7 +221,7 @@ def test_a_bound_is_never_exceeded(n, start):
     assert modes.bound.max() < 2e-8
 
 
-def test_a_count_beyond_what_there_is_is_refused():
+def test_a_count_that_is_too_high_is_refused():
     K, M = rod(700)
     w = rod_omega(700)
     with pytest.raises(MatrixError, match=r"21 modes lie below .* but 20 were found"):
@@ -236,7 +236,7 @@ def test_two_runs_give_the_same_digits():
         assert np.array_equal(a, b)
 
 
-def test_a_shift_at_an_eigenvalue_is_stepped_over():
+def test_a_shift_at_an_eigenvalue_is_raised():
     K, M = sp.diags_array([1.0, 4.0, 4.0, 9.0], format="csc"), sp.csc_array(sp.eye_array(4))
     sigma, factor = shifted_factor(K, M, 4.0)
     assert 4.0 < sigma < 4.0 * (1 + 1e-6)

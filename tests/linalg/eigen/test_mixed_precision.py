@@ -1,4 +1,4 @@
-"""Modes from factors in single precision against dense algebra in double precision, and static solves beside them."""
+"""Modes from factors in single precision against dense algebra in double, and static solves with known modes."""
 
 import numpy as np
 import pytest
@@ -14,23 +14,23 @@ from tests.solids import block
 pytestmark = pytest.mark.pardiso
 SINGLE = SolverSettings("pardiso", precision="single")
 BAR = block("bar", (3.0, 0.4, 0.3), (30, 3, 3), held=range(1, 17))
-# Square: modes in pairs.
+# A square section has its modes in pairs.
 POST = block("post", (2.0, 0.4, 0.4), (20, 4, 4), held=range(1, 26))
 
 
 @pytest.fixture
 def corrected(monkeypatch):
-    """Modes by corrections, or the test fails: without the way round by refined solves."""
+    """Make the test fail if corrections do not find the modes and refined solves are used."""
     monkeypatch.setattr(eigenpairs, "counted_modes", None)
 
 
 def spectrum(body):
-    """Eigenvalues, turned over: the low ones keep their digits."""
+    """Eigenvalues from the inverse problem, in which the low ones keep their digits."""
     return 1 / la.eigvalsh(body.M.toarray(), body.K.toarray())[::-1]
 
 
 def solved(A, b):
-    """Solution to all digits of a double: refined with residuals of more."""
+    """Solution to all digits of a double, refined with residuals in long double."""
     dense, factor = A.toarray(), la.cho_factor(A.toarray())
     x, more = np.zeros(b.shape, np.longdouble), dense.astype(np.longdouble)
     for _ in range(6):
@@ -49,7 +49,7 @@ def test_modes_are_those_of_double_precision(body, wanted):
         found = certified_modes(body.K, body.M, omega, count=wanted)
     assert found.omega.size == wanted
     error = abs(found.omega / np.sqrt(lam[:wanted]) - 1)
-    # The reference itself has rounding of the lowest eigenvalue in all others.
+    # In the reference the rounding of the lowest eigenvalue affects all others.
     rounding = 20 * np.finfo(float).eps * lam[wanted - 1] / lam[0]
     assert error.max() < 1e-10 and (error <= found.bound + rounding).all() and found.bound.max() < 1e-9
     inertia = body.M @ found.Phi
@@ -59,7 +59,7 @@ def test_modes_are_those_of_double_precision(body, wanted):
 
 
 def test_more_copies_of_a_mode_than_columns_of_a_block_are_found():
-    """Twenty bars side by side that do not touch: a Krylov space of sixteen columns sees sixteen of them."""
+    """Twenty separate equal bars: a block of eight columns finds eight copies of a mode."""
     one = block("bar", (3.0, 0.4, 0.3), (6, 1, 1), held=range(1, 5))
     lam = spectrum(one)
     copies = 20
@@ -71,7 +71,7 @@ def test_more_copies_of_a_mode_than_columns_of_a_block_are_found():
 
 
 @pytest.mark.parametrize("mistake", [-1, 1])
-def test_a_count_that_is_not_met_is_not_believed(mistake):
+def test_a_wrong_count_gives_no_modes(mistake):
     lam = spectrum(BAR)
     high = (lam[9] + lam[10]) / 2
     with solver_settings(SINGLE):
@@ -81,7 +81,7 @@ def test_a_count_that_is_not_met_is_not_believed(mistake):
     assert found is None or mistake < 0
 
 
-def test_where_corrections_fail_refined_solves_find_the_modes(monkeypatch):
+def test_if_corrections_fail_refined_solves_find_the_modes(monkeypatch):
     def singular(*_):
         raise la.LinAlgError
 
@@ -92,7 +92,7 @@ def test_where_corrections_fail_refined_solves_find_the_modes(monkeypatch):
     np.testing.assert_allclose(found.omega**2, lam[:7], rtol=1e-9)
 
 
-def test_static_solves_beside_modes_take_two_rough_ones(monkeypatch):
+def test_a_static_solve_with_known_modes_takes_two_rough_ones(monkeypatch):
     lam = spectrum(BAR)
     b = np.random.default_rng(1).standard_normal((BAR.n, 6))
     with solver_settings(SINGLE):
@@ -108,12 +108,12 @@ def test_static_solves_beside_modes_take_two_rough_ones(monkeypatch):
     with solver_settings(SolverSettings("pardiso")):
         double = factorise(BAR.K)(b)
     exact = solved(BAR.K, b)
-    off = [np.sqrt(np.einsum("ij,ij->j", x - exact, BAR.K @ (x - exact))).max() for x in (alone, found, double)]
-    whole = np.sqrt(np.einsum("ij,ij->j", exact, BAR.K @ exact)).min()
-    assert max(off) <= 1e-10 * whole
+    errors = [np.sqrt(np.einsum("ij,ij->j", x - exact, BAR.K @ (x - exact))).max() for x in (alone, found, double)]
+    size = np.sqrt(np.einsum("ij,ij->j", exact, BAR.K @ exact)).min()
+    assert max(errors) <= 1e-10 * size
 
 
-def test_a_factor_of_all_digits_stays_as_it_is():
+def test_a_factor_in_double_precision_is_returned_unchanged():
     with solver_settings(SolverSettings("pardiso")):
         factor = factorise(BAR.K)
     assert beside_modes(factor, BAR.M, np.ones(1), np.ones((BAR.n, 1))) is factor

@@ -94,7 +94,7 @@ def test_rigid_motions_and_mechanisms_are_counted(body, count, geometry):
     assert Phi.shape == (K.shape[0], count)
     np.testing.assert_allclose(Phi.T @ (M @ Phi), np.eye(count), atol=1e-11)
     assert abs(K @ Phi).max(initial=0.0) < 1e-11 * abs(K).max() * abs(Phi).max(initial=1.0)
-    # As many zero frequencies as any dense solver sees.
+    # A dense solver finds as many zero frequencies.
     lam = la.eigvalsh(K.toarray(), M.toarray())
     assert np.count_nonzero(lam < 1e-9 * np.median(lam)) == count
 
@@ -105,14 +105,14 @@ def test_a_body_beyond_dense_algebra(geometry):
     R = rigid_body_shapes(body.dofs, body.nodes) if geometry else None
     Phi = rigid_body_modes(body.K, body.M, R, body.rounding, "mast")
     assert Phi.shape == (666, 6)
-    # All of the mass takes part in translation.
+    # The modes represent all mass in translation.
     T = rigid_body_shapes(body.dofs, body.nodes)[:, :3]
     np.testing.assert_allclose(((Phi.T @ (body.M @ T)) ** 2).sum(axis=0), 2700 * 4e-4 * np.sqrt(10.25), rtol=1e-9)
 
 
 @pytest.mark.parametrize(("digits", "factors"), [(16, 1), (7, 0), (5, 1)])
-def test_coordinates_of_few_digits_prove_nothing_and_hide_no_motion(digits, factors):
-    """Rotations by printed coordinates strain the body by their rounding; what that shows needs no factor."""
+def test_coordinates_of_few_digits_prove_nothing_but_all_motions_are_found(digits, factors):
+    """Rotations from printed coordinates strain the body by their rounding; this is found without a factorisation."""
     body = line("mast", [0, 0, 0], [3, 1, 0.5], 110)
     printed = replace(body.nodes, xyz=np.array([[float(f"{x:.{digits - 1}e}") for x in row] for row in body.nodes.xyz]))
     R = rigid_body_shapes(body.dofs, printed)
@@ -126,7 +126,7 @@ def test_coordinates_of_few_digits_prove_nothing_and_hide_no_motion(digits, fact
 
 
 def test_soft_mounts_are_proven_to_hold():
-    """Springs of a millionth of the diagonal at one face: far softer than any other motion, and no rounding."""
+    """Springs of a millionth of the diagonal at one face are far softer than any other motion, but not rounding."""
     body = block("bar", [2.7, 0.2, 0.2], [27, 2, 2])
     K = sp.csc_array(body.K + sp.diags_array(np.where(np.arange(body.n) < 27, 1e-6, 0.0) * body.K.diagonal()))
     proven = only_motions(K, rigid_body_shapes(body.dofs, body.nodes), body.rounding)
@@ -160,12 +160,12 @@ def test_a_motion_without_mass_is_refused():
         rigid_body_modes(body.K, sp.csc_array(M), rigid_body_shapes(body.dofs, body.nodes), body.rounding, "rod")
 
 
-# Squared frequencies of two rows of n unit masses on springs, joined by a soft spring: 1e-4 Hz beside 1e3 Hz.
+# Squared frequencies (rad/s)^2 of two rows of n unit masses on springs joined by a soft spring: 1e-4 Hz and 1e3 Hz.
 SOFT, STIFF = (2 * np.pi * 1e-4) ** 2, (2 * np.pi * 1e3) ** 2
 
 
 def train(n: int, joined: bool, massless: int = 0):
-    """Two rows of n masses; the soft spring k_s gives them k_s (1/n + 1/n) against each other.
+    """Two rows of n masses joined by a soft spring k_s: lam = k_s (1/n + 1/n) in relative motion.
 
     ``massless`` further points hang on the last mass by springs, and have no mass.
     """
@@ -188,12 +188,12 @@ def test_soft_is_not_rigid_and_rigid_is_not_soft(n, geometry, massless):
     R = np.ones((K.shape[0], 1)) if geometry else None
     Phi = rigid_body_modes(sp.csc_array(K), M, R, 2.0**-53, "train")
     assert Phi.shape[1] == 1
-    # From the matrix alone the motion is known as well as the soft spring is, which is added to a stiff one.
+    # Without geometry the motion is as accurate as the soft spring, which is added to a stiff one.
     np.testing.assert_allclose(abs(Phi), 1 / np.sqrt(2 * n), rtol=1e-12 if geometry else 5e-3)
     K, M = train(n, joined=False, massless=massless)
     Phi = rigid_body_modes(sp.csc_array(K), M, R, 2.0**-53, "train")
     assert Phi.shape[1] == 2
-    # Either row moves as one piece, whatever the other does.
+    # Each row moves as one piece.
     np.testing.assert_allclose(Phi[:n] - Phi[0], 0, atol=1e-9)
     np.testing.assert_allclose(Phi[n:] - Phi[n], 0, atol=1e-9)
 
@@ -244,17 +244,17 @@ def planar_beam(elements: int, hinges: int = 0, held: tuple[int, ...] = (), lump
 )
 @pytest.mark.parametrize("lumped", [False, True], ids=["consistent", "lumped"])
 def test_a_beam_with_hinges(elements, hinges, held, count, lumped, geometry):
-    """Each hinge adds one motion to the two of a free beam: more than a dozen, and one of them or none."""
+    """Each hinge adds one motion to the two of a free beam."""
     K, M, R = planar_beam(elements, hinges, held, lumped)
     Phi = rigid_body_modes(K, M, R if geometry else None, 2.0**-53, "beam")
     assert Phi.shape == (K.shape[0], count)
     np.testing.assert_allclose(Phi.T @ (M @ Phi), np.eye(count), atol=1e-8)
     if not count:
         return
-    # Between hinges nothing bends: second differences of the deflections are those of straight pieces.
+    # The beam does not bend between hinges.
     d = np.sqrt(K.diagonal())
     assert abs((K @ Phi) / d[:, None]).max() < 1e-9 * abs(d[:, None] * Phi).max()
-    # A unit mass that translates, and turns about its middle, is made of these motions.
+    # The motions contain translation and rotation of the beam.
     if not held:
         share = Phi.T @ (M @ R)
         np.testing.assert_allclose(share.T @ share, R.T @ M @ R, rtol=1e-7)
@@ -265,7 +265,7 @@ def test_a_beam_with_hinges(elements, hinges, held, count, lumped, geometry):
     ("pinned", "count"), [((), 6), ((0, 1, 2), 3), ((2, 3, 4), 3), ((0, 1, 2, 3, 4), 1), (tuple(range(6)), 0)]
 )
 def test_space_frames_without_rotary_inertia(size, pinned, count):
-    """Rotations without mass are no motions of their own, where bending holds them."""
+    """Massless rotations that bending stiffness holds are not counted as motions."""
     angle = np.linspace(0, 1.5 * np.pi, size)
     body = frame("bow", np.c_[np.cos(angle), np.sin(angle), 0.1 * angle], [(k, k + 1) for k in range(1, size)])
     lumps = np.where(body.dofs.component <= 3, body.M.diagonal(), 0.0)
@@ -279,7 +279,7 @@ def test_space_frames_without_rotary_inertia(size, pinned, count):
 
 
 def test_a_weak_spring_shows_in_a_coarse_file():
-    """A rod that a hair of torsional stiffness holds: lost among its forces in single precision, not in its energy."""
+    """A weak torsional spring holds a rod: rounding in single precision hides it in the forces, not in the energy."""
     body = line("rod", [0, 0, 0], [3, 0, 0], 20)
     K = body.K.toarray()
     K[3, 3] += 1e-2 * K[3, 3]

@@ -22,7 +22,7 @@ def graded(soft: float, stiff: float, coupling: float) -> tuple[np.ndarray, list
 def test_soft_modes_beside_stiff_ones_keep_their_digits(coupling):
     parts = [graded(1e-4, 1e5, coupling), graded(3e-2, 4e4, coupling), graded(1.0, 2e3, -coupling)]
     K = la.block_diag(*[part for part, _ in parts])
-    # Unlike units of the coordinates change no frequency.
+    # Different units of the coordinates change no frequency.
     units = np.array([1.0, 1e-3, 1e4, 1.0, 10.0, 1e2])
     order = np.array([3, 0, 5, 2, 1, 4])
     K, M = (A[np.ix_(order, order)] for A in (K * np.outer(units, units), np.diag(units**2)))
@@ -51,7 +51,7 @@ def test_a_massless_dof_follows_statically():
     assert lam.size == 1
     assert lam[0] == pytest.approx(k1 * k2 / (k1 + k2) / m, rel=1e-14)
     assert X[0, 0] / X[1, 0] == pytest.approx(k2 / (k1 + k2), rel=1e-13)
-    # Both springs hold the dof while the mass stays.
+    # With the mass held, both springs hold the dof.
     np.testing.assert_allclose(N @ N.T, np.diag([1 / (k1 + k2), 0]), atol=1e-18)
 
 
@@ -61,7 +61,7 @@ def test_massless_shapes_keep_their_flexibility(contrast):
     k = np.array([50.0, 3.0, 3.0 * contrast])
     K = np.array([[k[0] + k[1], -k[1], 0], [-k[1], k[1] + k[2], -k[2]], [0, -k[2], k[2]]])
     lam, X, N = elastic_and_massless(K, np.diag([2.0, 0.0, 0.0]), NONE)
-    # A double holds a soft shape beside a stiff one to no more digits than these.
+    # In doubles a soft shape beside a stiff one has no more digits than these.
     digits = 1e-13 + 1e-15 * contrast
     np.testing.assert_allclose(N.T @ K @ N, np.eye(2), atol=digits)
     np.testing.assert_allclose(X.T @ K @ N, 0, atol=digits)
@@ -81,7 +81,7 @@ def test_a_light_mass_is_a_mass(light):
 
 
 def test_a_motion_with_neither_mass_nor_stiffness_is_refused():
-    """Two massless dofs on one spring, and nothing else."""
+    """Two massless dofs are joined by a spring and by nothing else."""
     K, M = np.array([[1.0, -1.0, 0], [-1.0, 1.0, 0], [0, 0, 4.0]]), np.diag([0.0, 0.0, 1.0])
     with pytest.raises(UndeterminedError, match="1 motions have neither mass nor stiffness") as refused:
         elastic_pairs(K, M, NONE)
@@ -119,6 +119,6 @@ def test_a_mechanism_beyond_the_rigid_modes_is_refused():
         elastic_pairs(np.diag([1.0, 0.0, 2.0]), np.eye(3), NONE)
 
 
-def test_nothing_has_no_modes():
+def test_an_empty_pencil_has_no_modes():
     lam, X = elastic_pairs(np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0)))
     assert (lam.size, X.shape) == (0, (0, 0))

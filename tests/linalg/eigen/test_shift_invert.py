@@ -11,11 +11,11 @@ from tests.linalg.eigen.test_eigenpairs import grid, rod, rod_omega
 
 
 def copies(number: int, weak: float) -> tuple[sp.csc_array, np.ndarray]:
-    """Equal strings side by side, tied to their neighbours by springs of a share of their own; squared frequencies."""
+    """Equal strings side by side, tied to their neighbours by springs of stiffness ``weak``; squared frequencies."""
     K, lam = grid(25, 1)
     ties, tied = grid(number, 1)
-    whole = sp.kron(sp.eye_array(number), K) + weak * sp.kron(ties, sp.eye_array(25))
-    return sp.csc_array(whole), np.sort(np.add.outer(lam, weak * tied).ravel())
+    K = sp.kron(sp.eye_array(number), K) + weak * sp.kron(ties, sp.eye_array(25))
+    return sp.csc_array(K), np.sort(np.add.outer(lam, weak * tied).ravel())
 
 
 def about(K, M, lam, sigma, low, high, enough, deflated=None):
@@ -53,7 +53,7 @@ def test_all_modes_below_the_shift_and_some_above(enough):
     np.testing.assert_allclose(modes.lam, lam[10 : 10 + modes.lam.size], rtol=1e-9)
 
 
-def test_nothing_is_said_about_a_shift_at_an_eigenvalue():
+def test_a_shift_at_an_eigenvalue_gives_no_modes():
     K, M = rod(700)
     lam = rod_omega(700) ** 2
     assert about(K, M, lam, lam[30] * (1 + 1e-8), lam[20], lam[40], 20) is None

@@ -1,4 +1,4 @@
-"""Hundreds of modes slice by slice against closed forms: none missing, none twice, whatever lies at a slice's edge."""
+"""Hundreds of modes slice by slice against closed forms: none missing and none twice at the edges of slices."""
 
 import numpy as np
 import pytest
@@ -9,16 +9,13 @@ from cmsreduce.linalg.eigen import certified_modes, spectrum_slicing
 from cmsreduce.linalg.eigen.spectrum_slicing import SLICED, counted_modes
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
 from cmsreduce.linalg.sparse import ElasticFlexibility, factorise
+from tests.linalg.eigen.test_block_lanczos import plate, unit
 from tests.linalg.eigen.test_eigenpairs import grid, rod, rod_omega
 from tests.linalg.eigen.test_shift_invert import copies
 
 
-def unit(n):
-    return sp.csc_array(sp.eye_array(n))
-
-
 def sliced(K, M, lam, wanted, share, rigid=None):
-    """The lowest modes, in slices of so many, and the factorisations that took."""
+    """Lowest modes in slices of ``share`` modes, and the number of factorisations."""
     none = np.empty((K.shape[0], 0)) if rigid is None else rigid
     settings = SolverSettings()
     with solver_settings(settings):
@@ -38,12 +35,6 @@ def assert_exact(K, M, modes, lam, rtol):
     assert (residual <= 2e-8 * modes.lam[-1] * np.linalg.norm(M @ modes.X, axis=0)).all()
 
 
-def plate(n):
-    """Square plate on four supports by differences."""
-    K, lam = grid(n, 2)
-    return sp.csc_array(K @ K), unit(n * n), lam**2
-
-
 def rods(n):
     return *rod(n), rod_omega(n) ** 2
 
@@ -61,9 +52,9 @@ def strings(number, weak):
 BODIES = {
     "rod": (rods(1200), 300, 75, 1e-9),
     "rod in slices of twenty": (rods(1000), 200, 20, 1e-9),
-    "plate": (plate(30), 202, 50, 1e-9),
+    "plate": ((plate(30)[0], unit(900), plate(30)[1]), 202, 50, 1e-9),
     "cube": (cube(9), 150, 35, 1e-11),
-    # Groups of forty, cut by every slice: a shift cannot part what is one frequency.
+    # Groups of forty equal frequencies, which no shift can separate.
     "40 strings": (strings(40, 0.0), 200, 50, 1e-11),
     "40 strings weakly tied": (strings(40, 1e-9), 200, 50, 1e-11),
     "40 strings in slices smaller than a group": (strings(40, 1e-7), 160, 15, 1e-11),
@@ -86,7 +77,7 @@ def test_all_modes_of_many_slices(name, backend):
 @pytest.mark.parametrize("gap", [1e-10, 1e-6])
 @pytest.mark.parametrize("where", [59, 62])
 def test_a_cluster_at_the_edge_of_a_slice(gap, where):
-    """Twenty frequencies close together, about where the first slice of sixty ends."""
+    """Twenty frequencies lie close together near the end of the first slice of sixty."""
     lam = np.arange(1.0, 701.0)
     lam[where : where + 20] = lam[where] * (1 + gap * np.linspace(0, 1, 20))
     K = sp.diags_array(lam, format="csc")
@@ -102,7 +93,7 @@ def test_any_density_of_modes(spread):
     assert_exact(K, unit(900), modes, lam[:240], 1e-12)
 
 
-def test_rigid_modes_stay_out_of_every_slice():
+def test_slices_contain_no_rigid_modes():
     n = 30
     K, lam = grid(n, 2, free=True)
     rigid = np.full((n * n, 1), 1 / n)
@@ -122,14 +113,14 @@ def test_massless_nodes():
     assert_exact(K, M, modes, lam[:200], 1e-10)
 
 
-def test_slices_begin_beyond_a_number_of_modes():
+def test_slices_are_used_above_a_number_of_modes():
     K, M, lam = rods(900)
     for wanted, factors in ((SLICED, 2), (SLICED + 50, 5)):
         settings = SolverSettings()
         with solver_settings(settings):
             modes = certified_modes(K, M, np.sqrt((lam[wanted - 1] + lam[wanted]) / 2))
         np.testing.assert_allclose(modes.omega, np.sqrt(lam[:wanted]), rtol=1e-9)
-        # One for the count, one for the stiffness, one for each further slice.
+        # One factorisation for the count, one for the stiffness and one for each further slice.
         assert len(settings.work) == factors
         assert (modes.Phi[abs(modes.Phi).argmax(axis=0), np.arange(wanted)] > 0).all()
 

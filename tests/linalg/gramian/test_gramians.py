@@ -46,7 +46,7 @@ def test_a_single_mode_by_hand(w):
 
 
 def test_close_frequencies_lose_no_digits():
-    """Two modes a 1e-9th apart in half-power widths: against the formula in exact rational numbers."""
+    """Two modes 1e-10 half-power widths apart, against the formula in exact rational numbers."""
     from fractions import Fraction
 
     w, zeta, b = (1.0, 1.0 + 2.0**-40), (0.005, 0.007), (1.0, 0.5)

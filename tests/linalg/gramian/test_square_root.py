@@ -13,13 +13,13 @@ def test_a_factor_has_the_rank_of_the_matrix(rank):
     L = np.random.default_rng(0).standard_normal((9, rank)) * np.logspace(0, -5, 9)[:, None]
     found = semidefinite_root(L @ L.T)
     assert found.shape == (9, rank)
-    # Each entry to the size of its own row and column.
+    # Rounding is relative to the size of the row and column of an entry.
     size = np.sqrt(np.outer((L**2).sum(axis=1), (L**2).sum(axis=1)))
     assert (abs(found @ found.T - L @ L.T) <= 1e-14 * size).all()
 
 
 def test_weak_states_keep_their_digits_beside_strong_ones():
-    """Two uncoupled pairs, 1e24 apart in the Gramian: 1e-12 of the largest is no rounding."""
+    """Two uncoupled pairs with a ratio of 1e24 in the Gramian: the weak pair is not rounding."""
     pair = np.array([[2.0, 1.0], [1.0, 2.0]])
     W = la.block_diag(pair, 1e-24 * pair)
     L = semidefinite_root(W)
@@ -37,7 +37,7 @@ def test_values_are_those_of_the_product_of_gramians(seed):
 
 
 def test_the_norm_of_a_large_model():
-    """440 states, more than the size up to which all singular values are taken."""
+    """440 states, above the size up to which all singular values are computed."""
     rng = np.random.default_rng(4)
     n = 440
     root = np.diag(rng.uniform(1, 2, n)) + 1e-3 * rng.standard_normal((n, n))
@@ -58,7 +58,7 @@ def test_both_transformed_gramians_are_the_hankel_values(ch):
 
 
 def worst(ch, states: int) -> tuple[float, float]:
-    """Largest response, and largest error of the balanced model of so many states, of a single channel."""
+    """Largest response of a single channel, and largest error of its balanced model of ``states`` states."""
     W, V = gramians(ch)
     found, (A, B, C) = balancing(semidefinite_root(W), semidefinite_root(V)), dense_states(ch)
     left, right = found.left[:, :states], found.right[:, :states]
@@ -87,7 +87,7 @@ def test_balanced_truncation_of_a_cluster(apart, c, size, error, bound):
     assert found[1] <= bound
 
 
-def test_nothing_heard_has_no_balanced_states():
+def test_unexcited_states_have_no_balanced_states():
     none = balancing(np.zeros((4, 0)), np.eye(4))
     assert none.sigma.size == 0 and none.right.shape == (4, 0)
     np.testing.assert_array_equal(hankel_singular_values(np.zeros((4, 0)), np.eye(4)), np.zeros(4))

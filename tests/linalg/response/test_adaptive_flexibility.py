@@ -46,7 +46,7 @@ def test_end_of_a_held_chain():
 
 
 def test_end_of_a_free_chain_far_below_its_first_mode():
-    """Elastic part: the whole of (sin N t - sin (N-1) t) / (2 k' sin N t (cos t - 1)), less -1/(N m w^2)."""
+    """Elastic part: (sin N t - sin (N-1) t) / (2 k' sin N t (cos t - 1)) without its rigid part -1/(N m w^2)."""
     n, eta = 700, 0.01
     K, M = chain(n, held=False)
     R = np.ones((n, 1))
@@ -55,15 +55,15 @@ def test_end_of_a_free_chain_far_below_its_first_mode():
     found = adaptive_flexibility(Z, balanced(unit(n, 0), M, R), w, rigid=R)(w)
     stiff = 1 + 1j * eta
     t = 2 * np.arcsin(w / (2 * np.sqrt(stiff)))
-    whole = (np.sin(n * t) - np.sin((n - 1) * t)) / (-4 * stiff * np.sin(n * t) * np.sin(t / 2) ** 2)
-    np.testing.assert_allclose(found.Y[:, 0, 0], whole + 1 / (n * w**2), rtol=1e-6)
-    # Statics of the free chain: sum over the cut of (share of the mass beyond)^2 / k.
+    complete = (np.sin(n * t) - np.sin((n - 1) * t)) / (-4 * stiff * np.sin(n * t) * np.sin(t / 2) ** 2)
+    np.testing.assert_allclose(found.Y[:, 0, 0], complete + 1 / (n * w**2), rtol=1e-6)
+    # Statics of the free chain: sum over all springs of (share of the mass beyond the spring)^2 / k.
     static = np.sum((np.arange(1, n) / n) ** 2)
     np.testing.assert_allclose(found.Y[0, 0, 0], static / (1 + 1j * eta), rtol=2e-3)
 
 
 def coupled_twins():
-    """Two equal cantilevers a soft spring apart: every mode a pair one part in 1e7 apart."""
+    """Two equal cantilevers joined by a soft spring: modes in pairs with relative distances of 1e-7."""
     one = line("mast", [0, 0, 0], [0, 0, 2], 60, held=(1,))
     n = one.n
     K = sp.block_diag([one.K, one.K], format="lil")
@@ -74,7 +74,7 @@ def coupled_twins():
 
 
 def square_beam():
-    """A free solid of square section: bending in pairs of equal frequency."""
+    """A free solid of square section: bending modes in pairs of equal frequency."""
     body = block("beam", [1.0, 0.1, 0.1], [16, 3, 3])
     R = np.zeros((body.n, 6))
     for c in range(3):
@@ -85,7 +85,7 @@ def square_beam():
 
 
 def lattice():
-    """Masses on a grid of springs, 21 x 30, tied softly to ground: a crowd of modes, many of them twice."""
+    """Masses on a 21 x 30 grid of springs, tied softly to ground: many modes, many of them repeated."""
     a, b = (sp.diags_array([-np.ones(n - 1), np.full(n, 2.0), -np.ones(n - 1)], offsets=[-1, 0, 1]) for n in (21, 30))
     K = sp.csc_array(sp.kron(a, sp.eye_array(30)) + sp.kron(sp.eye_array(21), b) + 0.01 * sp.eye_array(630))
     return K, sp.csc_array(sp.eye_array(630)), unit(630, 0, 331, 629), np.empty((630, 0)), 1.0
@@ -127,7 +127,7 @@ def dashpots(n, c, *pairs):
 
 
 def damping(law, K, M, top):
-    """D and loss: sizes are chosen for the top of the band."""
+    """D and loss, with sizes chosen for the upper end of the band."""
     n = K.shape[0]
     stiff = abs(K.diagonal()).max()
     half = sp.diags_array(np.where(np.arange(n) < n // 2, 1.0, 3.0))
@@ -146,7 +146,7 @@ def damping(law, K, M, top):
 
 
 LAWS = ("0.1 %", "none", "stiffness", "mass and stiffness", "dashpot", "strong dashpots", "uneven", "uneven loss")
-# Loss is none on rigid motion: on a free body it follows the stiffness of its parts, not that of its dofs.
+# Loss vanishes on rigid motion, so a free body cannot have loss scaled dof by dof.
 CASES = [(name, law) for name in BODIES for law in LAWS if (name, law) != ("square beam", "uneven loss")]
 
 
@@ -158,7 +158,7 @@ def test_a_model_errs_by_no_more_than_its_bound(name, law):
     Z = DynamicStiffness(K, M, D, loss)
     grid = np.linspace(top / 400, top, 400)
     model = adaptive_flexibility(Z, F, grid, rigid=R, braked=braked)
-    # At resonances in the band, and at points of no grid.
+    # Random frequencies, and resonances in the band.
     random = np.random.default_rng(3).uniform(top / 400, top, 6)
     peaks = resonances(K, M, R, top)
     some = np.concatenate([random, peaks[:: 1 + peaks.size // 6]])
@@ -169,16 +169,16 @@ def test_a_model_errs_by_no_more_than_its_bound(name, law):
     for k, w in enumerate(some):
         plain, exact = solved(Z, F, w)
         scale = np.sqrt(np.outer(found.size[k], found.size[k]))
-        # Of one order of the rows rounding may be small by chance.
+        # For one order of the rows rounding may be small by chance.
         error, *roundings = (float((abs(Y - exact) / scale).max()) for Y in (found.Y[k], *plain))
         rounding = max(roundings)
-        # At a resonance of hardly any damping rounding is what is left, of the model and of a solve alike; with strong
-        # dashpots beside dofs without mass it is 1e-7 of the model, of a solve 3e-11.
+        # At a lightly damped resonance rounding dominates the error of the model and of a solve. With strong dashpots
+        # and massless dofs it is 1e-7 for the model and 3e-11 for a solve.
         assert error < max(1.5 * found.error[k], RESPONSE_TOLERANCE / 5, 5 * rounding)
         np.testing.assert_array_less(abs(np.diagonal(exact)) * (1 - 1e-5), found.size[k])
 
 
-def test_a_model_that_is_not_the_body_is_not_confirmed(monkeypatch):
+def test_a_model_with_wrong_mass_is_not_confirmed(monkeypatch):
     K, M, F, R, top = BODIES["square beam"]
     honest = FlexibilityShapes.model
     monkeypatch.setattr(
@@ -201,7 +201,7 @@ def test_a_resonance_without_damping_has_no_response():
         model(np.array([1e-3, w]))
 
 
-def test_nothing_is_promised_above_the_modes():
+def test_the_bound_is_infinite_above_the_modes():
     K, M = chain(700)
     Z = DynamicStiffness(K, M, loss=sp.csc_array(0.01 * K))
     model = adaptive_flexibility(Z, unit(700, 699), np.linspace(1e-3, 0.1, 50), rigid=np.empty((700, 0)))
@@ -209,7 +209,7 @@ def test_nothing_is_promised_above_the_modes():
     assert model(np.array([0.13])).error == np.inf
 
 
-def test_stiffness_that_pushes_is_refused():
+def test_negative_stiffness_is_refused():
     K, M = chain(700)
     K = sp.csc_array(K - 3 * sp.diags_array(np.eye(700)[350]))
     with pytest.raises(MatrixError, match="not positive definite"):
@@ -219,7 +219,7 @@ def test_stiffness_that_pushes_is_refused():
 
 
 def solved(Z, F, w):
-    """The body by plain solves, and with what rounding leaves taken out by residuals in extended precision."""
+    """Flexibility by plain solves, and refined with residuals in extended precision."""
     wide = {
         letter: A.toarray().astype(np.longdouble)
         for letter in ("K", "M", "D", "loss")

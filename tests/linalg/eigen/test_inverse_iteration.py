@@ -1,4 +1,4 @@
-"""Residuals of modes: none for exact ones, and as large as what is added to them."""
+"""Residuals of modes: the formula for random shapes, and zero for exact modes."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from tests.linalg.eigen.test_eigenpairs import rod, rod_omega
 
 @pytest.mark.parametrize("n", [50, 9_001])
 @pytest.mark.parametrize("order", ["C", "F"])
-def test_the_equation_of_motion(n, order):
+def test_residuals_of_random_shapes(n, order):
     K, M = rod(n)
     lam = rod_omega(n)[:3] ** 2
     X = np.array(np.random.default_rng(0).standard_normal((n, 3)), order=order)
@@ -20,8 +20,8 @@ def test_the_equation_of_motion(n, order):
 
 
 @pytest.mark.parametrize("n", [50, 9_001])
-def test_nothing_is_left_of_a_mode(n):
-    """The discrete rod's modes are sines at its nodes."""
+def test_exact_modes_have_no_residual(n):
+    """The modes of the discrete rod are sines at its nodes."""
     K, M = rod(n)
     X = np.sin(np.outer(np.arange(1, n + 1), (2 * np.arange(1, 4) - 1) * np.pi / (2 * n)))
     residual = eigen_residuals(lambda x: K @ x, lambda x: M @ x, X, rod_omega(n)[:3] ** 2)
