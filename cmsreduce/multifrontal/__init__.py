@@ -1,7 +1,7 @@
-"""A sparse Cholesky solver: multifrontal, on all threads, for blocks of vectors, in double or single precision.
+"""A multifrontal sparse Cholesky solver: on all threads, for blocks of vectors, in double or single precision.
 
-Its graph algorithms, compiled loops and calls of BLAS belong here, and the nested dissection that orders the rows.
-Nothing of bodies, settings, files or other solvers does: it imports nothing of the rest of the package.
+Its graph algorithms, nested dissection, compiled loops and calls of BLAS belong here.
+Bodies, settings, files and other solvers do not: this package imports nothing of the rest of cmsreduce.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ def __getattr__(name: str) -> Any:
 
 @cache
 def lacks() -> str:
-    """Say what is missing for a `CholeskyFactor` with an order of its own; nothing where it can be made."""
+    """Name of the package that `CholeskyFactor` with nested dissection lacks here; empty if it lacks none."""
     if not dissection_installed():
         return "METIS (pip install pymetis)"
     try:
-        # Compiled code needs a folder to be kept in.
+        # This also fails without a folder for compiled code.
         import_module("cmsreduce.multifrontal.factor")
     except (ImportError, RuntimeError) as error:
         return f"numba ({error})"

@@ -1,10 +1,12 @@
-"""BLAS and LAPACK, as scipy brings them, called from compiled loops without Python in between.
+"""BLAS and LAPACK routines that scipy links, called from compiled loops without Python in between.
 
-A matrix lies by columns and is given as its address and its leading dimension.
+A matrix is stored by columns and given as its address and its leading dimension. ``table`` is that of `routines`, and
+``sizes`` is work space for eight integers.
 """
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -17,50 +19,28 @@ from numpy.typing import NDArray
 from cmsreduce.multifrontal.loops import loop
 
 __all__ = [
-    "GEMM",
-    "POTRF",
-    "SYRK",
-    "TRSM",
+    "PLAIN",
+    "TRANSPOSED",
     "factorise_block",
     "routines",
     "solve_block",
-    "solve_transposed_block",
-    "subtract_plain_product",
     "subtract_product",
     "update",
 ]
 
-# Places of the routines' addresses; the numbers that every call needs lie behind them: the letters that say what is
-# transposed, and -1, 0, 1 in the precision of the routines.
-GEMM, SYRK, TRSM, POTRF = range(4)
-_LETTERS, _RIGHT, _LOWER, _TRANSPOSED, _PLAIN = 4, 0, 1, 2, 3
-_MINUS, _ZERO, _ONE = 5, 6, 7
+# Places in the table: the addresses of the routines, of the letters for their options, and of -1, 0 and 1.
+_GEMM, _SYRK, _TRSM, _POTRF = range(4)
+_LETTERS, _MINUS, _ZERO, _ONE = 4, 5, 6, 7
+# Places of the letters: right side, lower triangle, transposed matrix, plain matrix.
+_RIGHT, _LOWER, TRANSPOSED, PLAIN = range(4)
+_OPTIONS = np.frombuffer(b"RLTN", dtype=np.uint8).copy()
+# The table holds addresses of these arrays: they stay alive with the module.
+_FACTORS = {name: np.array([-1.0, 0.0, 1.0], dtype=name) for name in ("float64", "float32")}
 
 
-class _Routines:
-    """Addresses, and what they point to kept alive."""
-
-    def __init__(self, real: np.dtype[Any]) -> None:
-        kind = "d" if real == np.float64 else "s"
-        self._letters = np.frombuffer(b"RLTN", dtype=np.uint8).copy()
-        self._factors = np.array([-1.0, 0.0, 1.0], dtype=real)
-        self.table = np.array(
-            [
-                *(get_cython_function_address("scipy.linalg.cython_blas", kind + name) for name in _BLAS),
-                get_cython_function_address("scipy.linalg.cython_lapack", kind + "potrf"),
-                self._letters.ctypes.data,
-                *(self._factors.ctypes.data + place * real.itemsize for place in range(3)),
-            ],
-            dtype=np.int64,
-        )
-
-
-_BLAS = ("gemm", "syrk", "trsm")
-_KEPT: dict[str, _Routines] = {}
-
-
+@cache
 def routines(real: np.dtype[Any]) -> NDArray[np.int64]:
-    """Addresses that the functions of this module take, for arrays of one precision.
+    """Table of addresses that the functions of this module take, for arrays of one precision.
 
     Parameters
     ----------
@@ -71,20 +51,30 @@ def routines(real: np.dtype[Any]) -> NDArray[np.int64]:
     -------
     (8,) int64
     """
-    if real.name not in _KEPT:
-        _KEPT[real.name] = _Routines(real)
-    return _KEPT[real.name].table
+    kind, factors = "d" if real == np.float64 else "s", _FACTORS[real.name]
+    return np.array(
+        [
+            *(
+                get_cython_function_address("scipy.linalg.cython_blas", kind + name)
+                for name in ("gemm", "syrk", "trsm")
+            ),
+            get_cython_function_address("scipy.linalg.cython_lapack", kind + "potrf"),
+            _OPTIONS.ctypes.data,
+            *(factors.ctypes.data + place * real.itemsize for place in range(3)),
+        ],
+        dtype=np.int64,
+    )
 
 
 @intrinsic
 def _call(context: Any, address: Any, arguments: Any) -> Any:
-    """Call what lies at an address with a tuple of pointers, given as integers."""
+    """Call the routine at an address with a tuple of pointers, given as integers."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        at, packed = values
+        routine, packed = values
         pointers = cgutils.unpack_tuple(builder, packed)
         kind = ir.FunctionType(ir.VoidType(), [ir.IntType(64)] * len(pointers))
-        builder.call(builder.inttoptr(at, kind.as_pointer()), pointers)
+        builder.call(builder.inttoptr(routine, kind.as_pointer()), pointers)
         return context.get_dummy_value()
 
     return types.void(types.int64, arguments), generate
@@ -98,42 +88,17 @@ def subtract_product(
     A: tuple[int, int],
     B: tuple[int, int],
     C: tuple[int, int],
+    option: int,
 ) -> None:
-    """C = C - A B^T; ``shape`` is the rows and columns of C and the columns of A, ``sizes`` room for eight integers."""
-    _subtract(table, sizes, shape, A, B, C, _TRANSPOSED)
-
-
-@loop
-def subtract_plain_product(
-    table: NDArray[np.int64],
-    sizes: NDArray[np.int32],
-    shape: tuple[int, int, int],
-    A: tuple[int, int],
-    B: tuple[int, int],
-    C: tuple[int, int],
-) -> None:
-    """C = C - A B."""
-    _subtract(table, sizes, shape, A, B, C, _PLAIN)
-
-
-@loop
-def _subtract(
-    table: NDArray[np.int64],
-    sizes: NDArray[np.int32],
-    shape: tuple[int, int, int],
-    A: tuple[int, int],
-    B: tuple[int, int],
-    C: tuple[int, int],
-    letter: int,
-) -> None:
+    """C = C - A B, or C - A B^T with option TRANSPOSED; ``shape``: rows and columns of C, columns of A."""
     for place, value in enumerate((shape[0], shape[1], shape[2], A[1], B[1], C[1])):
         sizes[place] = value
     at, letters = sizes.ctypes.data, table[_LETTERS]
     _call(
-        table[GEMM],
+        table[_GEMM],
         (
-            letters + _PLAIN,
-            letters + letter,
+            letters + PLAIN,
+            letters + option,
             at,
             at + 4,
             at + 8,
@@ -158,15 +123,15 @@ def update(
     C: tuple[int, int],
     fresh: bool,
 ) -> None:
-    """C = C - A A^T, or - A A^T where fresh, in the lower triangle."""
+    """C = C - A A^T in the lower triangle, or C = -A A^T if ``fresh``; ``shape`` is that of A."""
     for place, value in enumerate((shape[0], shape[1], A[1], C[1])):
         sizes[place] = value
     at = sizes.ctypes.data
     _call(
-        table[SYRK],
+        table[_SYRK],
         (
             table[_LETTERS] + _LOWER,
-            table[_LETTERS] + _PLAIN,
+            table[_LETTERS] + PLAIN,
             at,
             at + 4,
             table[_MINUS],
@@ -186,42 +151,19 @@ def solve_block(
     shape: tuple[int, int],
     L: tuple[int, int],
     B: tuple[int, int],
+    option: int,
 ) -> None:
-    """B = B L^-T for a lower triangle L; ``shape`` is that of B."""
-    _solve(table, sizes, shape, L, B, _TRANSPOSED)
-
-
-@loop
-def solve_transposed_block(
-    table: NDArray[np.int64],
-    sizes: NDArray[np.int32],
-    shape: tuple[int, int],
-    L: tuple[int, int],
-    B: tuple[int, int],
-) -> None:
-    """B = B L^-1."""
-    _solve(table, sizes, shape, L, B, _PLAIN)
-
-
-@loop
-def _solve(
-    table: NDArray[np.int64],
-    sizes: NDArray[np.int32],
-    shape: tuple[int, int],
-    L: tuple[int, int],
-    B: tuple[int, int],
-    letter: int,
-) -> None:
+    """B = B L^-1, or B L^-T with option TRANSPOSED, for a lower triangle L; ``shape`` is that of B."""
     for place, value in enumerate((shape[0], shape[1], L[1], B[1])):
         sizes[place] = value
     at, letters = sizes.ctypes.data, table[_LETTERS]
     _call(
-        table[TRSM],
+        table[_TRSM],
         (
             letters + _RIGHT,
             letters + _LOWER,
-            letters + letter,
-            letters + _PLAIN,
+            letters + option,
+            letters + PLAIN,
             at,
             at + 4,
             table[_ONE],
@@ -235,8 +177,8 @@ def _solve(
 
 @loop
 def factorise_block(table: NDArray[np.int64], sizes: NDArray[np.int32], w: int, A: tuple[int, int]) -> int:
-    """Cholesky factor in the lower triangle of A; 0, or the number of the pivot that is not positive."""
+    """Cholesky factor of w columns in the lower triangle of A; 0, or the number of the pivot that is not positive."""
     sizes[0], sizes[1], sizes[2] = w, A[1], 0
     at = sizes.ctypes.data
-    _call(table[POTRF], (table[_LETTERS] + _LOWER, at, A[0], at + 4, at + 8))
+    _call(table[_POTRF], (table[_LETTERS] + _LOWER, at, A[0], at + 4, at + 8))
     return int(sizes[2])

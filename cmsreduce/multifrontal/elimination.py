@@ -1,4 +1,4 @@
-"""Elimination tree of a sparse symmetric matrix, and how many entries each column of its Cholesky factor has."""
+"""Elimination tree of a sparse symmetric matrix, and the number of entries in each column of its Cholesky factor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Rows = NDArray[np.int32]
 
 @loop
 def elimination_tree(starts: Ints, indices: Rows, order: Ints, place: Ints) -> Ints:
-    """Parent of each column in the elimination tree, columns in the order of elimination; -1 for a root.
+    """Elimination tree: the parent of each column, in the order of elimination; -1 for a root.
 
     Source: J. Liu, "The role of elimination trees in sparse factorization", SIAM J. Matrix Anal. Appl. 11 (1990)
     134-172.
@@ -38,7 +38,7 @@ def elimination_tree(starts: Ints, indices: Rows, order: Ints, place: Ints) -> I
 
 @loop
 def postorder(tree: Ints) -> Ints:
-    """Vertices of a forest, each right after its subtree."""
+    """Vertices of a forest in postorder: each vertex comes right after its subtree."""
     n = tree.size
     head, following = np.full(n, -1, np.int64), np.full(n, -1, np.int64)
     post, stack = np.empty(n, np.int64), np.empty(n, np.int64)
@@ -68,7 +68,7 @@ def postorder(tree: Ints) -> Ints:
 
 @loop
 def column_counts(starts: Ints, indices: Rows, order: Ints, place: Ints, tree: Ints) -> Ints:
-    """Entries of each column of the factor, the diagonal one too; columns in postorder.
+    """Number of entries in each column of the factor, with the diagonal; columns in postorder.
 
     Source: J. Gilbert, E. Ng, B. Peyton, SIAM J. Matrix Anal. Appl. 15 (1994) 1075-1091.
     """
@@ -113,18 +113,18 @@ def column_counts(starts: Ints, indices: Rows, order: Ints, place: Ints, tree: I
 
 
 def couplings(A: sp.csc_array) -> tuple[Ints, Rows]:
-    """Rows that each row of a symmetric matrix is coupled with, itself left out, in compressed form.
+    """Rows that each row of a symmetric matrix is coupled with, without itself, in compressed form.
 
     Parameters
     ----------
     A : (n, n) csc array
-        An entry that is not zero in one triangle alone, as rounding leaves some, couples too.
+        An entry in one triangle alone couples too: rounding leaves such entries.
 
     Returns
     -------
     starts : (n + 1,) int64
     indices : int32
-        Some may occur twice.
+        A row may occur twice.
     """
     starts, indices = _couplings(A.indptr, A.indices, A.data, not _mirrored(A.indptr, A.indices, A.data))
     return starts, indices
@@ -132,22 +132,22 @@ def couplings(A: sp.csc_array) -> tuple[Ints, Rows]:
 
 @loop
 def _mirrored(starts: Rows, indices: Rows, data: NDArray[np.float64]) -> bool:
-    """Whether entries that are not zero have their mirror images, by sums over both triangles that would differ."""
+    """Whether each nonzero entry has its mirror image: compares a hash sum of both triangles."""
     lower, upper = np.uint64(0), np.uint64(0)
     for j in range(starts.size - 1):
         for p in range(starts[j], starts[j + 1]):
             i = indices[p]
             if data[p] != 0:
                 if i > j:
-                    lower += _mixed(i, j)
+                    lower += _hash(i, j)
                 elif i < j:
-                    upper += _mixed(j, i)
+                    upper += _hash(j, i)
     return bool(lower == upper)
 
 
 @loop
-def _mixed(i: int, j: int) -> np.uint64:
-    """Number of an ordered pair (the finalizer of splitmix64)."""
+def _hash(i: int, j: int) -> np.uint64:
+    """Hash of an ordered pair (the finalizer of splitmix64)."""
     x = (np.uint64(i) << np.uint64(32)) ^ np.uint64(j)
     x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)

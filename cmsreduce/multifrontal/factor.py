@@ -1,4 +1,4 @@
-"""Multifrontal Cholesky factors: dense blocks of a sparse matrix, eliminated subtree by subtree on all threads."""
+"""Multifrontal Cholesky factors of a sparse matrix: dense blocks, eliminated subtree by subtree on all threads."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Ints = NDArray[np.int64]
 
 
 class NotPositiveDefiniteError(ArithmeticError):
-    """A pivot is not positive: the factorisation stopped at ``row`` of the matrix."""
+    """A pivot is not positive: the factorisation stopped at ``row``."""
 
     def __init__(self, row: int) -> None:
         super().__init__(f"the pivot of row {row} is not positive")
@@ -33,16 +33,16 @@ class NotPositiveDefiniteError(ArithmeticError):
 
 
 class FactorSize(NamedTuple):
-    """Size of a factor, known before it is made.
+    """Size of a factor, known before the factorisation.
 
     Parameters
     ----------
     entries : int
-        Of the triangular factor, with the zeros that merged supernodes take in.
+        Entries of the triangular factor, with the zeros in merged supernodes.
     operations : float
         Floating-point operations of the factorisation.
     bytes : float
-        Memory that the factorisation takes at its peak, beside the matrix.
+        Peak memory of the factorisation, without the matrix.
     """
 
     entries: int
@@ -56,28 +56,28 @@ class CholeskyFactor:
     Parameters
     ----------
     A : (n, n) csc array
-        Symmetric, both triangles stored; float64.
+        Symmetric, with both triangles stored; float64.
     order : (n,) int, optional
-        Fill-reducing order: row that is eliminated first, second, ...; by nested dissection if absent.
+        Fill-reducing order: row that is eliminated first, second, ...; nested dissection if absent.
     threads : int
         Threads of the factorisation and of each solve.
     scale : (n,) float64, optional
-        S, for factors of S A S in float32 instead: half the memory and the time, seven digits.
+        S, for factors of S A S in float32: half the memory and half the time, seven digits.
     admit : callable, optional
-        Called with the `FactorSize` before memory is taken; raises where it is too much.
+        Called with the `FactorSize` before memory is allocated; raises an error if it is too large.
 
     Raises
     ------
     NotPositiveDefiniteError
         If a pivot is not positive.
     ImportError
-        If an order is to be found without METIS.
+        If the order is absent and METIS is not installed.
 
     Notes
     -----
-    The update that a supernode leaves for its parent is held as a dense matrix. Subtrees of the elimination tree are
-    worked on side by side, each by one thread; what is above them follows with the threads of BLAS. Source: J. Liu,
-    "The multifrontal method for sparse matrix solution", SIAM Review 34 (1992) 82-109.
+    The update of a supernode, which is added to its parent, is a dense matrix. Threads work on subtrees of the
+    elimination tree in parallel, one thread on each; the supernodes above all subtrees follow with the threads of BLAS.
+    Source: J. Liu, "The multifrontal method for sparse matrix solution", SIAM Review 34 (1992) 82-109.
 
     Examples
     --------
@@ -106,63 +106,65 @@ class CholeskyFactor:
         above = tree.above
         load = np.add.reduceat(tree.operations[: above.start], tree.subtrees[:-1]) if above.start else np.zeros(0)
         self._shares = shares(load.tolist(), threads)[0]
-        self._chosen = [
+        # Supernodes of each thread.
+        self._own = [
             np.concatenate([np.zeros(0, dtype=np.int64), *(np.array(tree.subtree(each)) for each in sorted(share))])
             for share in self._shares
         ]
-        room = _Room(tree, self._shares)
+        memory = _UpdateMemory(tree, self._shares)
         stored = int(entries[-1])
-        taken = self._real.itemsize * (stored + room.entries) + np.dtype(np.int32).itemsize * threads * self.n
+        taken = self._real.itemsize * (stored + memory.entries) + np.dtype(np.int32).itemsize * threads * self.n
         self.size = FactorSize(tree.nnz, float(tree.operations.sum()), float(taken))
         if admit is not None:
             admit(self.size)
         self._blocks = Blocks(tree.first, tree.rows, tree.begin, panels, entries, np.empty(stored, self._real))
         self._scale = np.ones(self.n) if scale is None else scale
-        self._factorise(A, room)
+        self._factorise(A, memory)
 
     @property
     def order(self) -> Ints:
         """Row that was eliminated first, second, ... (n,)."""
         return self._tree.order
 
-    def _factorise(self, A: sp.csc_array, room: _Room) -> None:
+    def _factorise(self, A: sp.csc_array, memory: _UpdateMemory) -> None:
         tree, n = self._tree, self.n
         place = np.empty(n, dtype=np.int64)
         place[tree.order] = np.arange(n)
-        given = Given(A.indptr, A.indices, A.data, self._scale, tree.order, place, *room.family, room.parity)
+        members, children, parity = memory.members, memory.children, memory.parity
+        given = Given(A.indptr, A.indices, A.data, self._scale, tree.order, place, members, children, parity)
         places, below = np.zeros(tree.parent.size, dtype=np.int64), np.diff(tree.begin)
-        left: dict[int, NDArray[Any]] = {}
+        updates: dict[int, NDArray[Any]] = {}
 
-        def eliminated(part: range, stack: NDArray[Any], tops: Ints, where: NDArray[np.int32]) -> None:
+        def eliminate_part(part: range, stack: NDArray[Any], tops: Ints, where: NDArray[np.int32]) -> None:
             failed = eliminate(part.start, part.stop, given, self._blocks, places, stack, tops, where, self._table)
             if failed:
                 raise NotPositiveDefiniteError(int(tree.order[failed - 1]))
 
-        def subtrees(t: int) -> None:
-            stack, where = np.empty(room.stacks[t], self._real), np.empty(n, dtype=np.int32)
+        def eliminate_subtrees(t: int) -> None:
+            stack, where = np.empty(memory.stacks[t], self._real), np.empty(n, dtype=np.int32)
             for number in self._shares[t]:
                 part = tree.subtree(number)
-                eliminated(part, stack, np.zeros(2, dtype=np.int64), where)
+                eliminate_part(part, stack, np.zeros(2, dtype=np.int64), where)
                 root = part.stop - 1
-                left[root] = stack[places[root] : places[root] + below[root] ** 2].copy()
+                updates[root] = stack[places[root] : places[root] + below[root] ** 2].copy()
 
         threads = len(self._shares)
         with blas_threads(1), ThreadPoolExecutor(threads) as pool:
-            list(pool.map(subtrees, range(threads)))
-        stack, tops = np.empty(room.last, self._real), np.zeros(2, dtype=np.int64)
+            list(pool.map(eliminate_subtrees, range(threads)))
+        stack, tops = np.empty(memory.last, self._real), np.zeros(2, dtype=np.int64)
         where = np.empty(n, dtype=np.int32)
         with blas_threads(threads):
             for k in tree.above:
-                for child in room.children(k):
-                    if child in left:
-                        update, side = left.pop(child), room.parity[child]
+                for child in children[members[k] : members[k + 1]].tolist():
+                    if child in updates:
+                        update, side = updates.pop(child), parity[child]
                         tops[side] += update.size
                         places[child] = tops[0] - update.size if side == 0 else stack.size - tops[1]
                         stack[places[child] : places[child] + update.size] = update
-                eliminated(range(k, k + 1), stack, tops, where)
+                eliminate_part(range(k, k + 1), stack, tops, where)
 
     def solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solve A x = b, whatever the matrix was scaled by; in single precision to seven digits.
+        """Solve A x = b, also if S A S was factorised; in single precision to seven digits.
 
         Parameters
         ----------
@@ -171,31 +173,31 @@ class CholeskyFactor:
         Returns
         -------
         (n, k) float64
-            Laid out as b is, by columns where b lies neither by columns nor by rows.
+            Stored as b is; by columns if b is stored neither by columns nor by rows.
         """
         if not (b.flags.c_contiguous or b.flags.f_contiguous):
             b = np.asfortranarray(b)
-        tree, (n, k), threads, table = self._tree, b.shape, len(self._chosen), self._table
+        tree, (n, k), threads, table = self._tree, b.shape, len(self._own), self._table
         W = np.empty((n, k), self._real)
-        # Or small columns would vanish in float32.
+        # Without this a column of small values would vanish in float32.
         size = np.ones(k) if self._real == np.float64 else largest(b, self._scale)
         cuts = np.linspace(0, n, threads + 1).astype(int)
         shared = int(tree.first[tree.above.start])
-        apart = [np.zeros((n - shared, k), self._real) for _ in self._chosen]
+        changes = [np.zeros((n - shared, k), self._real) for _ in self._own]
         above, x = np.array(tree.above, dtype=np.int64), np.empty((n, k), order="C" if b.flags.c_contiguous else "F")
         with blas_threads(1), ThreadPoolExecutor(threads) as pool:
 
-            def side_by_side(work: Callable[[int], None]) -> None:
+            def in_parallel(work: Callable[[int], None]) -> None:
                 list(pool.map(work, range(threads)))
 
-            side_by_side(lambda t: gather(cuts[t], cuts[t + 1], b, tree.order, self._scale, size, W))
-            side_by_side(lambda t: forward(self._chosen[t], self._blocks, W, shared, apart[t], table))
-            for part in apart:
-                W[shared:] += part
-            forward(above, self._blocks, W, n, apart[0], table)
+            in_parallel(lambda t: gather(cuts[t], cuts[t + 1], b, tree.order, self._scale, size, W))
+            in_parallel(lambda t: forward(self._own[t], self._blocks, W, shared, changes[t], table))
+            for change in changes:
+                W[shared:] += change
+            forward(above, self._blocks, W, n, changes[0], table)
             backward(above, self._blocks, W, table)
-            side_by_side(lambda t: backward(self._chosen[t], self._blocks, W, table))
-            side_by_side(lambda t: spread(cuts[t], cuts[t + 1], W, tree.order, self._scale, size, x))
+            in_parallel(lambda t: backward(self._own[t], self._blocks, W, table))
+            in_parallel(lambda t: spread(cuts[t], cuts[t + 1], W, tree.order, self._scale, size, x))
         return x
 
     @cached_property
@@ -206,29 +208,20 @@ class CholeskyFactor:
         return np.asarray((pivots / self._scale) ** 2)
 
 
-class _Room:
-    """Memory that a factorisation takes beside the factor: what supernodes leave for their parents."""
+class _UpdateMemory:
+    """Memory of a factorisation beside the factor: the updates of supernodes for their parents."""
 
     def __init__(self, tree: Supernodes, shares: list[list[int]]) -> None:
         parent = tree.parent
-        children = np.argsort(parent, kind="stable")[np.count_nonzero(parent < 0) :]
-        members = np.concatenate([[0], np.cumsum(np.bincount(parent[children], minlength=parent.size))])
-        self.family, self.parity = (members, children), depth_parity(parent)
+        self.children = np.argsort(parent, kind="stable")[np.count_nonzero(parent < 0) :]
+        self.members = np.concatenate([[0], np.cumsum(np.bincount(parent[self.children], minlength=parent.size))])
+        self.parity = depth_parity(parent)
 
         def stack(part: range) -> int:
-            return int(stack_size(part.start, part.stop, tree.begin, *self.family, self.parity))
+            return int(stack_size(part.start, part.stop, tree.begin, self.members, self.children, self.parity))
 
+        # Stack of each thread, of the supernodes above all subtrees, and the updates of the subtrees' roots.
         self.stacks = [max((stack(tree.subtree(each)) for each in share), default=0) for share in shares]
         self.last = stack(tree.above)
-        roots = tree.subtrees[1:] - 1
-        self._left = int((np.diff(tree.begin)[roots] ** 2).sum())
-
-    @property
-    def entries(self) -> int:
-        """Entries that are held at most."""
-        return self._left + max(sum(self.stacks), self.last)
-
-    def children(self, k: int) -> list[int]:
-        """Children of supernode k."""
-        members, children = self.family
-        return list(children[members[k] : members[k + 1]].tolist())
+        roots = int((np.diff(tree.begin)[tree.subtrees[1:] - 1] ** 2).sum())
+        self.entries = roots + max(sum(self.stacks), self.last)

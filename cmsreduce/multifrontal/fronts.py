@@ -1,4 +1,8 @@
-"""Dense blocks of a multifrontal Cholesky factorisation: where they lie, how they are assembled and eliminated."""
+"""Dense blocks of a multifrontal Cholesky factorisation: storage, assembly and elimination.
+
+The front of a supernode has its columns and the rows below them. The update is the part of the front that remains
+after the elimination; it is added to the front of the parent.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.multifrontal.blas import factorise_block, solve_block, subtract_product, update
+from cmsreduce.multifrontal.blas import TRANSPOSED, factorise_block, solve_block, subtract_product, update
 from cmsreduce.multifrontal.loops import loop
 
 __all__ = ["PANEL", "Blocks", "Given", "depth_parity", "eliminate", "place_panels", "stack_size"]
@@ -16,10 +20,10 @@ Ints = NDArray[np.int64]
 Rows = NDArray[np.int32]
 
 PANEL = 256
-"""Columns of a panel at most. A panel has no rows above its first column, so that little but the lower triangle is
-stored."""
+"""Largest number of columns in a panel. A panel has no rows above its first column: little more than the lower triangle
+is stored."""
 
-# Columns of a panel that are eliminated at a time; of 16, 32, 64 and 256, 64 take least: 6 % less than the whole panel.
+# Columns of a panel that are eliminated at a time. Of 16, 32, 64 and 256, 64 is the quickest: 6 % less time than 256.
 _STRIP = 64
 
 
@@ -29,15 +33,15 @@ class Blocks(NamedTuple):
     Parameters
     ----------
     first : (s + 1,) int64
-        Where each supernode's columns begin.
+        Start of the columns of each supernode.
     rows : (r,) int32
         Rows below each supernode's columns, ascending, one supernode after the other.
     begin : (s + 1,) int64
-        Where each supernode's rows begin.
+        Start of the rows of each supernode.
     panels : (s + 1,) int64
-        Where the panels of each supernode are numbered from.
+        Number of the first panel of each supernode.
     entries : (p + 1,) int64
-        Where the entries of each panel begin, which lie by columns.
+        Start of the entries of each panel, which are stored by columns.
     values : float64 or float32
         Entries of all panels.
     """
@@ -51,20 +55,20 @@ class Blocks(NamedTuple):
 
 
 class Given(NamedTuple):
-    """A matrix to be factorised, and the tree that says in which order.
+    """A matrix to factorise, its order, and its tree of supernodes.
 
     Parameters
     ----------
     starts, indices, data
         Compressed columns of the matrix, both triangles.
     scale : (n,) float64
-        Factors of its rows and columns.
+        Scale of its rows and columns.
     order, place : (n,) int64
-        Row that is eliminated first, second, ..., and when each is.
+        Row that is eliminated first, second, ..., and its inverse: the place of each row.
     members, children : (s + 1,), (c,) int64
-        Where the children of each supernode begin, and all children.
+        Start of the children of each supernode, and all children.
     parity : (s,) int64
-        Whether a supernode lies an even or an odd number of steps below its root.
+        0 for an even and 1 for an odd number of steps from a supernode up to its root.
     """
 
     starts: Rows
@@ -80,7 +84,7 @@ class Given(NamedTuple):
 
 @loop
 def place_panels(first: Ints, begin: Ints) -> tuple[Ints, Ints]:
-    """Where the panels of each supernode are numbered from (s + 1,), and where each panel's entries begin (p + 1,)."""
+    """Number of the first panel of each supernode (s + 1,), and start of the entries of each panel (p + 1,)."""
     s = first.size - 1
     panels = np.zeros(s + 1, np.int64)
     for k in range(s):
@@ -97,7 +101,7 @@ def place_panels(first: Ints, begin: Ints) -> tuple[Ints, Ints]:
 
 @loop
 def depth_parity(parent: Ints) -> Ints:
-    """0 or 1: whether each supernode lies an even or an odd number of steps below its root."""
+    """Parity of each supernode: 0 for an even and 1 for an odd number of steps up to its root."""
     parity = np.zeros(parent.size, np.int64)
     for k in range(parent.size - 1, -1, -1):
         if parent[k] >= 0:
@@ -107,9 +111,9 @@ def depth_parity(parent: Ints) -> Ints:
 
 @loop
 def stack_size(low: int, high: int, begin: Ints, members: Ints, children: Ints, parity: Ints) -> int:
-    """Entries of updates that are held at most while supernodes are eliminated, see `eliminate`.
+    """Largest number of entries in both stacks of updates while supernodes are eliminated, see `eliminate`.
 
-    Those of children before ``low`` are brought when they are needed.
+    Updates of children before ``low`` are added when they are needed.
     """
     tops, most = np.zeros(2, np.int64), 0
     for k in range(low, high):
@@ -137,23 +141,23 @@ def eliminate(
     where: Rows,
     table: Ints,
 ) -> int:
-    """Eliminate supernodes, children before parents; 0, or the number of the pivot that is not positive.
+    """Eliminate supernodes, children before parents; return 0, or the number of the pivot that is not positive.
 
-    What a supernode leaves for its parent lies in one of two stacks, which grow from both ends of ``updates``, what its
-    children left in the other: it needs not be moved to where theirs was. ``places`` (s,) tells where each one's is,
-    ``tops`` (2,) how much lies in each stack; ``where`` (n,) is room to work in.
+    Two stacks grow from both ends of ``updates``. The update of a supernode goes to one stack and the updates of its
+    children to the other, so that it never has to move to their place. ``places`` (s,) is the start of each update,
+    ``tops`` (2,) the size of each stack, and ``where`` (n,) work space.
     """
     sizes = np.empty(8, np.int32)
     for k in range(low, high):
         children = given.children[given.members[k] : given.members[k + 1]]
-        left, side = (blocks.begin[k + 1] - blocks.begin[k]) ** 2, given.parity[k]
-        places[k] = tops[0] if side == 0 else updates.size - tops[1] - left
+        size, side = (blocks.begin[k + 1] - blocks.begin[k]) ** 2, given.parity[k]
+        places[k] = tops[0] if side == 0 else updates.size - tops[1] - size
         _assemble(k, given, blocks, children, places, updates, where)
         failed = _eliminate_columns(k, blocks, table, sizes)
         if failed:
             return int(failed)
-        _pass_on(k, blocks, children, places, updates, where, table, sizes)
-        tops[side] += left
+        _make_update(k, blocks, children, places, updates, where, table, sizes)
+        tops[side] += size
         for child in children:
             tops[1 - side] -= (blocks.begin[child + 1] - blocks.begin[child]) ** 2
     return 0
@@ -163,7 +167,7 @@ def eliminate(
 def _assemble(
     k: int, given: Given, blocks: Blocks, children: Ints, places: Ints, updates: NDArray[Any], where: Rows
 ) -> None:
-    """Columns of supernode k: those of the matrix, and what its children left for them."""
+    """Assemble the columns of supernode k: those of the matrix, and the updates of its children."""
     start, c = blocks.first[k], blocks.first[k + 1] - blocks.first[k]
     below, panel = blocks.rows[blocks.begin[k] : blocks.begin[k + 1]], blocks.panels[k]
     front, values = c + below.size, blocks.values
@@ -181,8 +185,7 @@ def _assemble(
             if i >= start + j and given.data[p] != 0:
                 values[at + where[i]] += given.data[p] * given.scale[column] * given.scale[row]
     for child in children:
-        theirs = blocks.rows[blocks.begin[child] : blocks.begin[child + 1]]
-        to, ends = _runs(theirs, where)
+        to, ends = _runs(blocks.rows[blocks.begin[child] : blocks.begin[child + 1]], where)
         for q in range(to.size):
             if to[q] >= c:
                 break
@@ -191,14 +194,14 @@ def _assemble(
 
 @loop
 def _column(blocks: Blocks, panel: int, front: int, j: int) -> int:
-    """Where row 0 of column j of a front would lie, whose first panel has that number."""
+    """Start of column j of a front, as if it were stored from row 0 on; ``panel`` is the first panel of the front."""
     a = j // PANEL * PANEL
     return int(blocks.entries[panel + j // PANEL] + (j - a) * (front - a) - a)
 
 
 @loop
 def _eliminate_columns(k: int, blocks: Blocks, table: Ints, sizes: Rows) -> int:
-    """Cholesky factor of the columns of supernode k, panel by panel."""
+    """Cholesky factor of the columns of supernode k, panel by panel; 0, or the number of the pivot that failed."""
     c = blocks.first[k + 1] - blocks.first[k]
     front = c + blocks.begin[k + 1] - blocks.begin[k]
     step, base = blocks.values.itemsize, blocks.values.ctypes.data
@@ -214,33 +217,36 @@ def _eliminate_columns(k: int, blocks: Blocks, table: Ints, sizes: Rows) -> int:
             b = (later - low) * PANEL
             source, to = here + (b - a) * step, base + blocks.entries[later] * step
             shape = (front - b, min(PANEL, c - b), w)
-            subtract_product(table, sizes, shape, (source, height), (source, height), (to, front - b))
+            subtract_product(table, sizes, shape, (source, height), (source, height), (to, front - b), TRANSPOSED)
     return 0
 
 
 @loop
 def _eliminate_panel(w: int, height: int, here: int, step: int, table: Ints, sizes: Rows) -> int:
-    """Cholesky factor of a panel that lies by columns from ``here`` on: 0, or the number of the pivot that failed.
+    """Cholesky factor of a panel that starts at ``here``; 0, or the number of the pivot that failed.
 
-    A few columns at a time, after all that the columns before them change: products are fast, triangular solves not.
+    It works on a few columns at a time, after one product with all columns before them: products are fast, triangular
+    solves are not.
     """
     for a in range(0, w, _STRIP):
         columns, rows = min(_STRIP, w - a), height - a
         block = here + (a * height + a) * step
         if a:
             before = here + a * step
-            subtract_product(table, sizes, (rows, columns, a), (before, height), (before, height), (block, height))
+            subtract_product(
+                table, sizes, (rows, columns, a), (before, height), (before, height), (block, height), TRANSPOSED
+            )
         failed = factorise_block(table, sizes, columns, (block, height))
         if failed:
             return int(a + failed)
         if rows > columns:
             below = block + columns * step
-            solve_block(table, sizes, (rows - columns, columns), (block, height), (below, height))
+            solve_block(table, sizes, (rows - columns, columns), (block, height), (below, height), TRANSPOSED)
     return 0
 
 
 @loop
-def _pass_on(
+def _make_update(
     k: int,
     blocks: Blocks,
     children: Ints,
@@ -250,7 +256,7 @@ def _pass_on(
     table: Ints,
     sizes: Rows,
 ) -> None:
-    """What supernode k leaves for its parent: minus the product of its rows, and the rest of what its children left."""
+    """Make the update of supernode k: minus the product of its rows, plus the rest of its children's updates."""
     c, r = blocks.first[k + 1] - blocks.first[k], blocks.begin[k + 1] - blocks.begin[k]
     if not r:
         return
@@ -268,20 +274,20 @@ def _pass_on(
 
 
 @loop
-def _runs(theirs: Rows, where: Rows) -> tuple[Rows, Rows]:
-    """Where a child's rows are in the front, and for each the first one after it that does not follow on."""
-    at, ends = np.empty(theirs.size, np.int32), np.empty(theirs.size, np.int32)
-    for i in range(theirs.size):
-        at[i] = where[theirs[i]]
-    for i in range(theirs.size - 1, -1, -1):
-        joined = i + 1 < theirs.size and at[i + 1] == at[i] + 1
+def _runs(rows: Rows, where: Rows) -> tuple[Rows, Rows]:
+    """Places of a child's rows in the front, and for each row the end of its run of consecutive places."""
+    at, ends = np.empty(rows.size, np.int32), np.empty(rows.size, np.int32)
+    for i in range(rows.size):
+        at[i] = where[rows[i]]
+    for i in range(rows.size - 1, -1, -1):
+        joined = i + 1 < rows.size and at[i + 1] == at[i] + 1
         ends[i] = ends[i + 1] if joined else i + 1
     return at, ends
 
 
 @loop
 def _add(into: NDArray[Any], at: int, updates: NDArray[Any], source: int, q: int, to: Rows, ends: Rows) -> None:
-    """Add column q of an update, from its diagonal on, to a column that lies from ``at`` on."""
+    """Add column q of an update, from its diagonal on, to the column that starts at ``at``."""
     i = q
     while i < to.size:
         here, part = at + to[i], source + i

@@ -1,4 +1,4 @@
-"""Loops compiled by numba, whose code is kept on disk until the source of any of them changes."""
+"""Loops compiled by numba; the compiled code stays on disk until the source of any loop changes."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ __all__ = ["loop"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-# In every source that compiled code may come from.
-_MARK = b"numba"
+# Each source of compiled code contains one of these words.
+_MARKS = b"numba", b"import loop"
 
 
 def loop(function: Function) -> Function:
-    """Compile a function of arrays and numbers; other threads of Python run beside it.
+    """Compile a function of arrays and numbers; it releases Python's lock.
 
     Parameters
     ----------
@@ -30,17 +30,17 @@ def loop(function: Function) -> Function:
     Returns
     -------
     callable
-        Compiled at its first call, or found on disk where that was done before.
+        Compiled at its first call, or read from disk.
 
     Raises
     ------
     RuntimeError
-        If there is no folder that code can be kept in.
+        If no folder for the compiled code can be written.
 
     Notes
     -----
-    numba itself keeps code until the file of the outermost function changes. What that function calls is compiled
-    into it, and would be kept in its old form.
+    numba's own cache checks the file of the called function only. The functions inside it are compiled into it, and
+    would stay in their old form.
     """
     before = config.CACHE_DIR
     config.CACHE_DIR = str(_folder())
@@ -52,7 +52,7 @@ def loop(function: Function) -> Function:
 
 @cache
 def _folder() -> Path:
-    """Where code is kept: beside the package, or where the user's caches lie."""
+    """Folder for compiled code: NUMBA_CACHE_DIR, beside the package, or in the user's cache folder."""
     name = f"multifrontal-{_stamp(Path(__file__).parent):08x}"
     for base in _bases():
         folder = base / name
@@ -62,7 +62,7 @@ def _folder() -> Path:
         except OSError:
             continue
         return folder
-    raise RuntimeError("no folder to keep compiled code in: set NUMBA_CACHE_DIR to one that can be written")
+    raise RuntimeError("no folder for compiled code: set NUMBA_CACHE_DIR to a folder that can be written")
 
 
 def _bases() -> Iterator[Path]:
@@ -73,10 +73,10 @@ def _bases() -> Iterator[Path]:
 
 
 def _stamp(package: Path) -> int:
-    """Number of the sources of all compiled code in a folder."""
+    """Checksum of the sources of all compiled code in a folder."""
     stamp = 0
     for path in sorted(package.glob("*.py")):
         source = path.read_bytes()
-        if _MARK in source or b"import loop" in source:
+        if any(mark in source for mark in _MARKS):
             stamp = zlib.crc32(source, stamp)
     return stamp

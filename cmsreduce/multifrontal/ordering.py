@@ -1,4 +1,4 @@
-"""Fill-reducing order of a sparse symmetric matrix: nested dissection of its nodes, not of its rows."""
+"""Fill-reducing order of a sparse symmetric matrix: nested dissection of its nodes instead of its rows."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ __all__ = ["compressed_graph", "dissection_installed", "nested_dissection", "row
 
 # The order must be the same in every run.
 _SEED = 1
-# A row coupled with more groups than this many times the root of their number, and with more than a few, belongs to no
-# place of the graph: it would sit in every separator. Order it last, as minimum-degree codes do with theirs.
+# A row that is coupled with more groups than these limits (the first is a multiple of the root of their number) would
+# belong to every separator. It is ordered last, as minimum-degree codes do.
 _DENSE, _DENSE_AT_LEAST = 10.0, 16
 
 
 @cache
 def dissection_installed() -> bool:
-    """Whether METIS can be called here."""
+    """Whether METIS is installed."""
     return importlib.util.find_spec("pymetis") is not None
 
 
@@ -30,13 +30,13 @@ def nested_dissection(A: sp.csc_array) -> NDArray[np.int64]:
     Parameters
     ----------
     A : (n, n) csc array
-        Symmetric; entries that are stored count, zeros too.
+        Symmetric; stored zeros count as entries.
 
     Returns
     -------
     order : (n,) int64
-        ``A[order][:, order]`` has little fill; rows of one group stand side by side. Uncoupled groups come first, rows
-        coupled with everything last.
+        ``A[order][:, order]`` has little fill; the rows of a group are consecutive. Uncoupled groups come first, rows
+        that couple with very many groups last.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def row_groups(A: sp.csc_array) -> NDArray[np.int64]:
 
     Notes
     -----
-    Rows of equal random sums over their columns are compared entry by entry: a chance agreement merges nothing.
+    Rows with equal random sums over their columns are compared entry by entry: chance cannot merge two rows.
     """
     n = A.shape[0]
     if n == 0:
@@ -90,32 +90,32 @@ def row_groups(A: sp.csc_array) -> NDArray[np.int64]:
     columns, start = pattern.indices, pattern.indptr[:-1].astype(np.int64)
     length = np.diff(pattern.indptr)
     key = np.random.default_rng(_SEED).integers(0, 2**64, n, dtype=np.uint64)
-    # Sums of unsigned integers wrap round; every row has an entry, so that every sum is its own.
+    # Sums of unsigned integers wrap around. Each row has an entry, so that no sum takes that of the next row.
     total = np.add.reduceat(key[columns], start)
     _, first, number = np.unique(total, return_index=True, return_inverse=True)
     like = first[number]
     same_length = length == length[like]
-    # A row of another length is compared with itself here and set apart below.
+    # A row of another length is compared with itself here and separated below.
     shift = np.where(same_length, start[like] - start, 0)
     same = np.logical_and.reduceat(columns == columns[np.arange(columns.size) + np.repeat(shift, length)], start)
     like = np.where(same & same_length, like, np.arange(n))
-    # A group's number is its first row's place among the first rows: neighbours stay near.
+    # Groups are numbered by their first rows: neighbours stay near each other.
     return np.asarray(np.unique(like, return_inverse=True)[1], dtype=np.int64)
 
 
 def _with_diagonal(A: sp.csc_array) -> sp.csc_array:
-    """Pattern of the matrix with every diagonal entry, indices sorted."""
+    """Pattern of the matrix with all diagonal entries and sorted indices."""
     n = A.shape[0]
     pattern = sp.csc_array((np.ones(A.nnz, dtype=bool), A.indices, A.indptr), shape=(n, n))
     if not A.has_canonical_format:
-        # Sorting works in place, and the indices are the matrix's own.
+        # Sorting works in place and must not change the matrix.
         pattern = pattern.copy()
         pattern.sum_duplicates()
     return pattern if A.diagonal().all() else sp.csc_array(pattern + sp.eye_array(n, dtype=bool, format="csc"))
 
 
 def compressed_graph(A: sp.csc_array, group: NDArray[np.int64]) -> tuple[sp.csr_array, NDArray[np.int64]]:
-    """Graph of groups of rows, one vertex for each.
+    """Graph of groups of rows, one vertex for each group.
 
     Parameters
     ----------
@@ -127,14 +127,14 @@ def compressed_graph(A: sp.csc_array, group: NDArray[np.int64]) -> tuple[sp.csr_
     Returns
     -------
     graph : (g, g) csr array
-        Couplings without loops, groups in the order of their numbers.
+        Couplings without loops; groups in the order of their numbers.
     rows : (g,) int64
-        Rows in each group.
+        Number of rows in each group.
     """
     groups, first, weight = np.unique(group, return_index=True, return_counts=True)
     number = np.full(A.shape[0], -1, dtype=np.int64)
     number[first] = np.searchsorted(groups, group[first])
-    # A group couples with all rows of another or with none: one row of each tells.
+    # A group couples with all rows of another group or with none: one row of each is enough.
     part = sp.coo_array(sp.csc_array((np.ones(A.nnz, dtype=bool), A.indices, A.indptr), A.shape)[:, first])
     row, column = number[part.coords[0]], part.coords[1]
     keep = (row >= 0) & (row != column)

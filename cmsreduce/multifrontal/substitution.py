@@ -1,4 +1,4 @@
-"""Forward and back substitution with the dense blocks of a supernodal factor, for many right-hand sides at once."""
+"""Forward and back substitution with the dense blocks of a supernodal factor, for blocks of right-hand sides."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.multifrontal.blas import solve_block, solve_transposed_block, subtract_plain_product, subtract_product
+from cmsreduce.multifrontal.blas import PLAIN, TRANSPOSED, solve_block, subtract_product
 from cmsreduce.multifrontal.fronts import PANEL, Blocks
 from cmsreduce.multifrontal.loops import loop
 
@@ -15,13 +15,13 @@ __all__ = ["backward", "diagonal", "forward", "gather", "largest", "spread"]
 
 Ints = NDArray[np.int64]
 
-# Rows of a panel that are worked on at a time: their right-hand sides stay at hand.
+# Rows of a panel in one product: their right-hand sides stay in the cache.
 _AT_ONCE = 256
 
 
 @loop
 def largest(b: NDArray[Any], scale: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Largest size of an entry of each column of a block (n, k) whose rows are scaled; 1 for a column of zeros."""
+    """Largest absolute value in each column of a block (n, k) with scaled rows; 1 for a column of zeros."""
     found = np.zeros(b.shape[1])
     for i in range(b.shape[0]):
         for q in range(b.shape[1]):
@@ -39,7 +39,7 @@ def gather(
     size: NDArray[np.float64],
     W: NDArray[Any],
 ) -> None:
-    """Rows low, ... of a block in the order of elimination, scaled, each column divided by its size."""
+    """Write rows low to high of W: rows of b in the order of elimination, scaled, each column divided by its size."""
     k = b.shape[1]
     for i in range(low, high):
         row = order[i]
@@ -57,7 +57,7 @@ def spread(
     size: NDArray[np.float64],
     x: NDArray[Any],
 ) -> None:
-    """Rows low, ... in the order of elimination back where they were, scaled, each column multiplied by its size."""
+    """Reverse of `gather`: rows low to high of W into x, scaled, each column multiplied by its size."""
     for i in range(low, high):
         row = order[i]
         for q in range(x.shape[1]):
@@ -65,15 +65,15 @@ def spread(
 
 
 @loop
-def forward(chosen: Ints, blocks: Blocks, W: NDArray[Any], shared: int, apart: NDArray[Any], table: Ints) -> None:
+def forward(supernodes: Ints, blocks: Blocks, W: NDArray[Any], shared: int, changes: NDArray[Any], table: Ints) -> None:
     """Solve with L for a block W (n, k) in place, supernode by supernode.
 
-    Rows of W lie one after the other: to BLAS, which takes matrices by columns, W^T (k, n). What is taken from rows
-    from ``shared`` on is added up in ``apart``, for another thread may take from them too.
+    W is stored by rows: BLAS reads it by columns as W^T (k, n). Changes of rows from ``shared`` on are summed in
+    ``changes``, because other threads change these rows too.
     """
     k, step, base, here = W.shape[1], W.itemsize, blocks.values.ctypes.data, W.ctypes.data
     Y, sizes = np.empty((_AT_ONCE, k), W.dtype), np.empty(8, np.int32)
-    for s in chosen:
+    for s in supernodes:
         start, c = blocks.first[s], blocks.first[s + 1] - blocks.first[s]
         below = blocks.rows[blocks.begin[s] : blocks.begin[s + 1]]
         for panel in range(blocks.panels[s], blocks.panels[s + 1]):
@@ -81,12 +81,12 @@ def forward(chosen: Ints, blocks: Blocks, W: NDArray[Any], shared: int, apart: N
             w = min(PANEL, c - a)
             own, height = c - a - w, c - a + below.size
             triangle, X = base + blocks.entries[panel] * step, here + (start + a) * k * step
-            solve_block(table, sizes, (k, w), (triangle, height), (X, k))
+            solve_block(table, sizes, (k, w), (triangle, height), (X, k), TRANSPOSED)
             for low in range(w, height, _AT_ONCE):
                 rows = min(_AT_ONCE, height - low)
                 Y[:rows] = 0
                 part = triangle + low * step
-                subtract_product(table, sizes, (k, rows, w), (X, k), (part, height), (Y.ctypes.data, k))
+                subtract_product(table, sizes, (k, rows, w), (X, k), (part, height), (Y.ctypes.data, k), TRANSPOSED)
                 for i in range(rows):
                     j = low + i - w
                     row = start + a + w + j if j < own else below[j - own]
@@ -95,15 +95,15 @@ def forward(chosen: Ints, blocks: Blocks, W: NDArray[Any], shared: int, apart: N
                             W[row, q] += Y[i, q]
                     else:
                         for q in range(k):
-                            apart[row - shared, q] += Y[i, q]
+                            changes[row - shared, q] += Y[i, q]
 
 
 @loop
-def backward(chosen: Ints, blocks: Blocks, W: NDArray[Any], table: Ints) -> None:
-    """Solve with L^T for a block W (n, k) in place, the last of some supernodes first."""
+def backward(supernodes: Ints, blocks: Blocks, W: NDArray[Any], table: Ints) -> None:
+    """Solve with L^T for a block W (n, k) in place, supernode by supernode from the last one."""
     k, step, base, here = W.shape[1], W.itemsize, blocks.values.ctypes.data, W.ctypes.data
     Y, sizes = np.empty((_AT_ONCE, k), W.dtype), np.empty(8, np.int32)
-    for s in chosen[::-1]:
+    for s in supernodes[::-1]:
         start, c = blocks.first[s], blocks.first[s + 1] - blocks.first[s]
         below = blocks.rows[blocks.begin[s] : blocks.begin[s + 1]]
         for panel in range(blocks.panels[s + 1] - 1, blocks.panels[s] - 1, -1):
@@ -119,13 +119,13 @@ def backward(chosen: Ints, blocks: Blocks, W: NDArray[Any], table: Ints) -> None
                     for q in range(k):
                         Y[i, q] = W[row, q]
                 part = triangle + low * step
-                subtract_plain_product(table, sizes, (k, w, rows), (Y.ctypes.data, k), (part, height), (X, k))
-            solve_transposed_block(table, sizes, (k, w), (triangle, height), (X, k))
+                subtract_product(table, sizes, (k, w, rows), (Y.ctypes.data, k), (part, height), (X, k), PLAIN)
+            solve_block(table, sizes, (k, w), (triangle, height), (X, k), PLAIN)
 
 
 @loop
 def diagonal(blocks: Blocks) -> NDArray[np.float64]:
-    """Diagonal of L, in the order of elimination."""
+    """Diagonal of L in the order of elimination."""
     found = np.empty(blocks.first[-1])
     for s in range(blocks.first.size - 1):
         c = blocks.first[s + 1] - blocks.first[s]

@@ -1,4 +1,7 @@
-"""Which columns of a Cholesky factor are eliminated together, in dense blocks: its supernodes and their tree."""
+"""Supernodes of a Cholesky factor, their tree, and its subtrees for threads.
+
+A supernode is a set of columns that are eliminated together, as one dense block.
+"""
 
 from __future__ import annotations
 
@@ -16,33 +19,33 @@ __all__ = ["Supernodes", "shares", "supernodes"]
 
 Ints = NDArray[np.int64]
 
-# Times that a subtree is split at its root to find what threads share best, and what of their speed remains to those
-# that work on one dense block together. A subtree of a smaller share of all operations is not worth it.
+# Number of splits of a subtree at its root in search of the best shares for threads; speed of a thread if all threads
+# work on one dense block, relative to its speed on a subtree; smallest share of all operations of a subtree to split.
 _SPLITS, _TOGETHER, _FINE = 200, 0.7, 1e-3
-# Share of zeros that may join the factor when a supernode is merged with its parent, by the columns they then have:
-# small blocks cost more to handle than their zeros. Of solids of 1e5 and 3e5 rows half and twice these shares took 0 to
-# 15 % longer to factorise and to solve with, none at all a third.
+# Largest share of zeros in a supernode merged with its parent, by its number of columns: small blocks cost more than
+# their zeros. For solids of 1e5 and 3e5 rows half and twice these shares take 0 to 15 % longer to factorise and to
+# solve, and no merging takes a third longer.
 _UP_TO, _ZEROS = (16, 64, 160), (1.0, 0.3, 0.1, 0.04)
 
 
 class Supernodes(NamedTuple):
-    """Columns of a factor that share their rows, and are eliminated as one dense block.
+    """Columns of a factor that have the same rows and are eliminated as one dense block.
 
     Parameters
     ----------
     order : (n,) int64
         Row of the matrix that is eliminated first, second, ...
     first : (s + 1,) int64
-        Where each supernode's columns begin in that order.
+        Start of the columns of each supernode in this order.
     parent : (s,) int64
-        The supernode that a supernode's first row below lies in; -1 for a root. Children come before their parents.
+        Parent of each supernode: the one with its first row below; -1 for a root. Children come before their parents.
     rows : (r,) int32
         Rows below each supernode's columns, ascending, one supernode after the other.
     begin : (s + 1,) int64
-        Where each supernode's rows begin.
+        Start of the rows of each supernode.
     subtrees : (t + 1,) int64
-        Where the supernodes of each subtree begin that can be eliminated beside the others, and where those begin that
-        follow after all of them.
+        First supernode of each subtree that can be eliminated in parallel with the others, and first supernode above
+        all subtrees.
     """
 
     order: Ints
@@ -63,7 +66,7 @@ class Supernodes(NamedTuple):
 
     @property
     def nnz(self) -> int:
-        """Entries of the factor, with the zeros that merged supernodes take in."""
+        """Entries of the factor, with the zeros in merged supernodes."""
         columns = np.diff(self.first)
         return int((columns * np.diff(self.begin) + columns * (columns + 1) // 2).sum())
 
@@ -79,16 +82,16 @@ def supernodes(starts: Ints, indices: NDArray[np.int32], order: Ints, threads: i
     Parameters
     ----------
     starts, indices : int64, int32
-        Rows that each row is coupled with, see `couplings`.
+        Couplings of the rows, see `couplings`.
     order : (n,) int
         Row that is eliminated first, second, ...
     threads : int
-        Threads that subtrees are divided for.
+        Number of threads that share the subtrees.
 
     Returns
     -------
     Supernodes
-        The order is another one of the same fill, but for the zeros that merged supernodes take in.
+        Its order has the same fill as the given one, apart from the zeros in merged supernodes.
 
     Notes
     -----
@@ -113,42 +116,42 @@ def supernodes(starts: Ints, indices: NDArray[np.int32], order: Ints, threads: i
 
 
 def operations(columns: Ints, below: Ints) -> NDArray[np.float64]:
-    """Floating-point operations that eliminate columns with so many rows below them."""
+    """Floating-point operations of the elimination of some columns with a number of rows below them."""
     c, r = columns.astype(np.float64), below.astype(np.float64)
     return c * r**2 + c**2 * r + c**3 / 3
 
 
 def _divided(parent: Ints, cost: NDArray[np.float64], threads: int) -> tuple[Ints, Ints]:
-    """Supernodes subtree by subtree, those above all subtrees last, and where each subtree begins and the last ends."""
-    whole, size = cost.copy(), np.ones(parent.size, dtype=np.int64)
+    """Supernodes subtree by subtree, those above all subtrees last; and the start of each subtree, and their end."""
+    subtree_cost, size = cost.copy(), np.ones(parent.size, dtype=np.int64)
     children: dict[int, list[int]] = {}
     for k, above in enumerate(parent.tolist()):
         children.setdefault(above, []).append(k)
         if above >= 0:
-            whole[above] += whole[k]
+            subtree_cost[above] += subtree_cost[k]
             size[above] += size[k]
-    # One after the other, the heaviest subtree loses its root; threads share what is left the best way that was seen.
-    roots, apart = [(-whole[k], k) for k in children.get(-1, [])], list[int]()
+    # Split the heaviest subtree at its root again and again, and take the split with the shortest time.
+    roots, above_all = [(-subtree_cost[k], k) for k in children.get(-1, [])], list[int]()
     heapify(roots)
     best, least = (sorted(k for _, k in roots), 0), np.inf
     for _ in range(min(_SPLITS, parent.size)):
-        seconds = shares([-each for each, _ in roots], threads)[1] + cost[apart].sum() / (_TOGETHER * threads)
+        seconds = shares([-each for each, _ in roots], threads)[1] + cost[above_all].sum() / (_TOGETHER * threads)
         if seconds < least:
-            best, least = (sorted(k for _, k in roots), len(apart)), seconds
+            best, least = (sorted(k for _, k in roots), len(above_all)), seconds
         if not roots or -roots[0][0] < _FINE * cost.sum():
             break
         _, k = heappop(roots)
-        apart.append(k)
+        above_all.append(k)
         for child in children.get(k, []):
-            heappush(roots, (-whole[child], child))
-    last, above = best[0], sorted(apart[: best[1]])
+            heappush(roots, (-subtree_cost[child], child))
+    last, above = best[0], sorted(above_all[: best[1]])
     sequence = [np.arange(k - size[k] + 1, k + 1) for k in last]
     subtrees = np.concatenate([[0], np.cumsum(size[last])]).astype(np.int64)
     return np.concatenate([*sequence, np.array(above, dtype=np.int64)]).astype(np.int64), subtrees
 
 
 def shares(cost: Sequence[float], threads: int) -> tuple[list[list[int]], float]:
-    """Share out work among threads, the heaviest piece first to the one that has the least; the most that one has."""
+    """Pieces of work of each thread, and the largest cost of a thread; the heaviest piece goes first, to the idlest."""
     found: list[list[int]] = [[] for _ in range(threads)]
     load = [(0.0, t) for t in range(threads)]
     for piece in sorted(range(len(cost)), key=lambda piece: -cost[piece]):
@@ -165,7 +168,7 @@ def _inverse(order: Ints) -> Ints:
 
 
 def _renumbered(tree: Ints, post: Ints) -> Ints:
-    """Parents by new numbers: the vertex at place k was ``post[k]``."""
+    """Parents in new numbers: vertex ``post[k]`` becomes vertex k."""
     return np.append(_inverse(post), -1)[tree[post]]
 
 
@@ -179,7 +182,7 @@ def _rows(
     parent: Ints,
     begin: Ints,
 ) -> NDArray[np.int32]:
-    """Rows below each supernode, ascending."""
+    """Rows below the columns of each supernode, ascending."""
     s = parent.size
     rows, seen = np.empty(begin[s], np.int32), np.full(order.size, -1, np.int64)
     head, following = np.full(s, -1, np.int64), np.full(s, -1, np.int64)
@@ -211,7 +214,7 @@ def _rows(
 
 @loop
 def _merged(tree: Ints, count: Ints, up_to: Ints, zeros: NDArray[np.float64]) -> tuple[Ints, Ints, Ints]:
-    """First columns and parents of merged supernodes, and the order of columns that they stand together in."""
+    """First columns and parents of merged supernodes, and the order in which their columns are consecutive."""
     begin, parent = _chains(tree, count)
     s = parent.size
     head, following = np.full(s, -1, np.int64), np.full(s, -1, np.int64)
@@ -221,7 +224,7 @@ def _merged(tree: Ints, count: Ints, up_to: Ints, zeros: NDArray[np.float64]) ->
             head[parent[k]] = k
     columns, below = begin[1:] - begin[:-1], count[begin[1:] - 1] - 1
     held = columns * below + columns * (columns + 1) / 2.0
-    # Of what became one: the piece that comes first, and which follows each.
+    # Of merged pieces: the first one, and the successor of each.
     lead, link, gone = np.arange(s), np.full(s, -1, np.int64), np.zeros(s, np.bool_)
     for k in range(s):
         while True:
@@ -231,10 +234,10 @@ def _merged(tree: Ints, count: Ints, up_to: Ints, zeros: NDArray[np.float64]) ->
             gone[best] = True
             columns[k] += columns[best]
             held[k] += held[best]
-            # The child was the last of its own pieces, and what this one has taken in comes after.
+            # The child is the last of its own pieces; the pieces merged into k before come after it.
             link[best] = lead[k]
             lead[k] = lead[best]
-            # Its children are this one's now.
+            # The children of the merged child become children of k.
             grandchild = head[best]
             while grandchild != -1:
                 after = following[grandchild]
@@ -249,7 +252,7 @@ def _merged(tree: Ints, count: Ints, up_to: Ints, zeros: NDArray[np.float64]) ->
 
 @loop
 def _chains(tree: Ints, count: Ints) -> tuple[Ints, Ints]:
-    """Columns with the same rows, one after the other: where each supernode begins (s + 1,), and its parent (s,)."""
+    """Consecutive columns with the same rows: first column of each supernode (s + 1,), and its parent (s,)."""
     n = tree.size
     begin, owner = np.empty(n + 1, np.int64), np.empty(n, np.int64)
     s = 0
@@ -279,7 +282,7 @@ def _widest(
     up_to: Ints,
     zeros: NDArray[np.float64],
 ) -> int:
-    """The child of supernode k that may join it and brings the fewest zeros, the one of most rows; -1 if none may."""
+    """Child to merge with supernode k: among the allowed ones that with most rows, so fewest zeros; -1 if none is."""
     best, best_rows = -1, -1
     child = head[k]
     while child != -1:
@@ -294,7 +297,7 @@ def _widest(
 
 @loop
 def _numbered(begin: Ints, parent: Ints, lead: Ints, link: Ints, gone: NDArray[np.bool_]) -> tuple[Ints, Ints, Ints]:
-    """First columns and parents of the supernodes that are left, children first, and the order of columns."""
+    """First columns and parents of the remaining supernodes, children first, and the order of columns."""
     kept = np.flatnonzero(~gone)
     number = np.full(gone.size, -1, np.int64)
     number[kept] = np.arange(kept.size)

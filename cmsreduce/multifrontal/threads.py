@@ -1,4 +1,4 @@
-"""Threads of the BLAS that numpy and scipy call."""
+"""Thread count of the BLAS library that numpy and scipy call."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from functools import cache
 from threading import Lock
 from typing import Any
 
-from scipy.linalg import blas as _loaded  # noqa: F401 - the library whose threads are set must have been loaded
+from scipy.linalg import blas as _loaded  # noqa: F401 - loads the library whose threads are set
 from threadpoolctl import ThreadpoolController
 
 __all__ = ["blas_threads"]
 
 
 class _Scopes:
-    """Thread counts that blocks of code asked for and have not left yet, and the counts before the first of them."""
+    """Thread counts of the open `with` blocks, and the counts before the first of them."""
 
     def __init__(self) -> None:
         self.lock = Lock()
-        self.asked: list[list[int]] = []
+        self.wanted: list[list[int]] = []
         self.before: list[int] = []
 
 
@@ -28,10 +28,10 @@ _SCOPES = _Scopes()
 
 @contextmanager
 def blas_threads(count: int) -> Iterator[None]:
-    """Have dense algebra take so many threads within a `with` block, in the whole process.
+    """Set the thread count of dense algebra within a `with` block, in the whole process.
 
-    The last block to be entered decides; when all are left, the library has as many threads as before. MKL is left
-    alone where numpy and scipy call another BLAS: the caller of MKL sets its threads call by call.
+    The block that was entered last decides; after the last block ends, the library has as many threads as before. MKL
+    is not changed if numpy and scipy call another BLAS: the caller of MKL sets its threads at each call.
 
     Parameters
     ----------
@@ -40,17 +40,17 @@ def blas_threads(count: int) -> Iterator[None]:
     """
     libraries, mine = _libraries(), [count]
     with _SCOPES.lock:
-        if not _SCOPES.asked:
+        if not _SCOPES.wanted:
             _SCOPES.before = [library.get_num_threads() for library in libraries]
-        _SCOPES.asked.append(mine)
+        _SCOPES.wanted.append(mine)
         _set(libraries, [count] * len(libraries))
     try:
         yield
     finally:
         with _SCOPES.lock:
-            # By identity: others may have asked for the same number.
-            _SCOPES.asked = [each for each in _SCOPES.asked if each is not mine]
-            _set(libraries, _SCOPES.asked[-1] * len(libraries) if _SCOPES.asked else _SCOPES.before)
+            # By identity: another block may want the same number.
+            _SCOPES.wanted = [each for each in _SCOPES.wanted if each is not mine]
+            _set(libraries, _SCOPES.wanted[-1] * len(libraries) if _SCOPES.wanted else _SCOPES.before)
 
 
 def _set(libraries: list[Any], counts: list[int]) -> None:

@@ -1,4 +1,4 @@
-"""Matrices of the solver's tests, and what is measured on them."""
+"""Matrices for the tests of the solver, and measures of its factors and solutions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["backward_error", "coupled", "factor_entries", "lattice", "shuffled",
 
 
 def coupled(graph: sp.sparray, dofs: int = 3) -> sp.csc_array:
-    """Positive definite matrix of nodes with some dofs each: all dofs of coupled nodes couple, and nothing cancels."""
+    """Positive definite matrix of nodes with several dofs: all dofs of coupled nodes couple, and no entry cancels."""
     graph = sp.coo_array(graph)
     # Products of kron store zeros.
     graph.eliminate_zeros()
@@ -21,7 +21,7 @@ def coupled(graph: sp.sparray, dofs: int = 3) -> sp.csc_array:
 
 
 def lattice(*nodes: int, dofs: int = 3) -> sp.csc_array:
-    """A box of nodes, each coupled with those of the cells around it, as bricks couple theirs."""
+    """Box of nodes; each node couples with those of the cells around it, as in a mesh of bricks."""
     graph = sp.csc_array([[1.0]])
     for count in nodes:
         line = sp.diags_array([np.ones(count - 1), np.ones(count), np.ones(count - 1)], offsets=[-1, 0, 1])
@@ -30,7 +30,7 @@ def lattice(*nodes: int, dofs: int = 3) -> sp.csc_array:
 
 
 def sparse_definite(nodes: int, density: float, seed: int) -> sp.csc_array:
-    """Nodes of three rows, coupled by chance."""
+    """Nodes of three rows with random couplings."""
     graph = sp.random_array((nodes, nodes), density=density, rng=np.random.default_rng(seed))
     return coupled(graph + graph.T + sp.eye_array(nodes))
 
@@ -49,5 +49,5 @@ def factor_entries(A: sp.csc_array, order: np.ndarray) -> int:
 
 
 def backward_error(A: sp.csc_array, x: np.ndarray, b: np.ndarray) -> float:
-    """Largest residual of a row, of what its terms sum to."""
+    """Largest residual of a row over the sum of its absolute terms."""
     return float((abs(A @ x - b) / (abs(A) @ abs(x) + abs(b))).max())

@@ -1,4 +1,4 @@
-"""Multifrontal factors: of blocks of several panels, by any number of threads, in either precision."""
+"""Multifrontal factors with blocks of several panels, on any number of threads, in both precisions."""
 
 import subprocess
 import sys
@@ -14,7 +14,7 @@ from cmsreduce.multifrontal.fronts import PANEL
 from tests.multifrontal.matrices import backward_error, factor_entries, lattice, shuffled
 
 EPS = np.finfo(float).eps
-# Its last separator alone has more columns than a panel.
+# The last separator alone has more columns than a panel.
 CUBE = lattice(16, 16, 16)
 
 
@@ -41,12 +41,12 @@ def test_small_and_uncoupled_matrices(A, threads):
     np.testing.assert_allclose(CholeskyFactor(A, threads=threads).solve(A @ x), x, rtol=1e-10)
 
 
-@pytest.mark.parametrize("lies", ["by columns", "by rows", "neither"])
-def test_solutions_lie_as_the_right_hand_sides_do(lies):
-    b = {"by columns": np.asfortranarray(random(5)), "by rows": random(5), "neither": random(10)[:, ::2]}[lies]
+@pytest.mark.parametrize("layout", ["by columns", "by rows", "neither"])
+def test_solutions_have_the_layout_of_the_right_hand_sides(layout):
+    b = {"by columns": np.asfortranarray(random(5)), "by rows": random(5), "neither": random(10)[:, ::2]}[layout]
     before, factor = b.copy(), CholeskyFactor(CUBE)
     x = factor.solve(b)
-    assert x.flags.c_contiguous if lies == "by rows" else x.flags.f_contiguous
+    assert x.flags.c_contiguous if layout == "by rows" else x.flags.f_contiguous
     np.testing.assert_array_equal(b, before)
     assert backward_error(CUBE, x, b) < 50 * EPS
 
@@ -62,7 +62,7 @@ def test_solutions_do_not_depend_on_threads_beyond_rounding():
     np.testing.assert_array_equal(found[2], found[1])
 
 
-def test_it_solves_as_superlu_does():
+def test_solutions_equal_those_of_superlu():
     A = shuffled(lattice(9, 8, 7))
     b = np.random.default_rng(1).standard_normal((A.shape[0], 4))
     expected = spla.splu(A).solve(b)
@@ -71,7 +71,7 @@ def test_it_solves_as_superlu_does():
     )
 
 
-def test_pivots_are_those_of_dense_algebra_in_the_same_order():
+def test_pivots_equal_those_of_dense_algebra_in_the_same_order():
     A = sp.csc_array(CUBE[:400][:, :400])
     factor = CholeskyFactor(A)
     assert sorted(factor.order) == list(range(400))
@@ -79,17 +79,17 @@ def test_pivots_are_those_of_dense_algebra_in_the_same_order():
     np.testing.assert_allclose(factor.pivots[factor.order], L.diagonal() ** 2, rtol=1e-10)
 
 
-def test_its_size_is_what_the_pattern_says_and_is_said_first():
+def test_the_size_follows_from_the_pattern_and_is_passed_before_the_factorisation():
     order, seen = nested_dissection(CUBE), []
     factor = CholeskyFactor(CUBE, order, admit=seen.append)
     least = factor_entries(CUBE, order)
     assert seen == [factor.size] and least <= factor.size.entries < 1.15 * least
     assert factor.size.bytes > 8 * factor.size.entries
-    # The sum of the squares of the columns' lengths is least where all are alike.
+    # The sum of squares of the columns' lengths is smallest if all lengths are equal.
     assert factor.size.operations > factor.size.entries**2 / CUBE.shape[0]
 
 
-def test_what_is_too_large_is_refused_before_memory_is_taken(monkeypatch):
+def test_a_factor_that_is_too_large_is_refused_before_allocation(monkeypatch):
     def refuse(size: FactorSize) -> None:
         raise MemoryError(f"{size.bytes:.0f} bytes")
 
@@ -98,8 +98,8 @@ def test_what_is_too_large_is_refused_before_memory_is_taken(monkeypatch):
         CholeskyFactor(CUBE, admit=refuse)
 
 
-def test_a_triangle_that_rounding_left_alone_is_factorised():
-    """An entry that cancels in one triangle and not in the other, as assembly leaves them."""
+def test_an_entry_in_one_triangle_alone_is_accepted():
+    """Assembly leaves entries that cancel in one triangle and not in the other."""
     A = CUBE.tolil()
     A[5, CUBE.shape[0] - 1] = 1e-18
     A = sp.csc_array(A)
@@ -109,17 +109,17 @@ def test_a_triangle_that_rounding_left_alone_is_factorised():
 
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("row", [0, 1700, CUBE.shape[0] - 1])
-def test_what_is_not_definite_is_said_with_its_row(threads, row):
+def test_an_indefinite_matrix_is_refused_with_its_row(threads, row):
     A = CUBE.copy()
     A[row, row] *= -1
     with pytest.raises(NotPositiveDefiniteError) as caught:
         CholeskyFactor(A, threads=threads)
-    # The pivot that fails is that of the row, or of one that is eliminated after it.
+    # The pivot that fails belongs to the row or to one that is eliminated later.
     place = np.argsort(CholeskyFactor(CUBE, threads=threads).order)
     assert place[caught.value.row] >= place[row]
 
 
-def test_in_single_precision_it_has_seven_digits_and_takes_half_the_memory():
+def test_single_precision_gives_seven_digits_and_takes_half_the_memory():
     scale = 2.0 ** -np.round(np.log2(CUBE.diagonal()) / 2)
     x = random(5) * [1e-60, 1.0, 1e60, 0.0, 3.0]
     single, double = CholeskyFactor(CUBE, scale=scale, threads=2), CholeskyFactor(CUBE, threads=2)
@@ -129,7 +129,7 @@ def test_in_single_precision_it_has_seven_digits_and_takes_half_the_memory():
     assert 0.45 * double.size.bytes < single.size.bytes < 0.6 * double.size.bytes
 
 
-def test_what_is_missing_is_said(monkeypatch):
+def test_a_missing_package_is_named(monkeypatch):
     package.lacks.cache_clear()
     assert package.lacks() == ""
     monkeypatch.setattr(package, "dissection_installed", lambda: False)
@@ -138,7 +138,7 @@ def test_what_is_missing_is_said(monkeypatch):
     package.lacks.cache_clear()
 
 
-def test_it_takes_nothing_of_the_rest_and_numba_only_for_a_factor():
+def test_the_package_imports_nothing_of_the_rest_and_numba_only_for_a_factor():
     look = (
         "import sys, cmsreduce.multifrontal as package; early = 'numba' in sys.modules; package.CholeskyFactor; "
         "print(early, [name for name in sys.modules if name.startswith('cmsreduce.')"

@@ -1,4 +1,4 @@
-"""Compiled code is kept where it may be, and not beyond a change of any source that it came from."""
+"""Compiled code is cached in a folder that can be written, until one of its sources changes."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ def doubled(values: np.ndarray) -> float:
     return total
 
 
-def test_code_is_kept_in_the_folder_that_is_asked_for(folder, monkeypatch, tmp_path):
+def test_code_is_cached_in_the_folder_that_is_set(folder, monkeypatch, tmp_path):
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
     compiled = loop(doubled)
     assert compiled(np.arange(4.0)) == 12.0
@@ -32,7 +32,7 @@ def test_code_is_kept_in_the_folder_that_is_asked_for(folder, monkeypatch, tmp_p
     assert str(tmp_path) == config.CACHE_DIR
 
 
-def test_without_one_that_can_be_written_the_next_is_taken(folder, monkeypatch, tmp_path):
+def test_the_next_folder_is_taken_if_one_cannot_be_written(folder, monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
     monkeypatch.setattr(loops, "_bases", lambda: iter([tmp_path / "file", tmp_path / "other"]))
     assert folder().parent == tmp_path / "other"
@@ -42,7 +42,7 @@ def test_without_one_that_can_be_written_the_next_is_taken(folder, monkeypatch, 
         loop(doubled)
 
 
-def test_a_change_of_any_compiled_source_is_seen(tmp_path):
+def test_a_change_of_any_compiled_source_changes_the_checksum(tmp_path):
     caller, called, other = (tmp_path / f"{name}.py" for name in ("caller", "called", "other"))
     caller.write_text("from cmsreduce.multifrontal.loops import loop\n")
     called.write_text("from numba.extending import intrinsic\nWIDTH = 4\n")
@@ -54,7 +54,7 @@ def test_a_change_of_any_compiled_source_is_seen(tmp_path):
     assert loops._stamp(tmp_path) != before
 
 
-def test_the_package_stamps_all_that_is_compiled():
+def test_the_checksum_covers_all_compiled_sources():
     package = Path(loops.__file__).parent
     marked = {path.name for path in package.glob("*.py") if b"@loop" in path.read_bytes()}
     assert {"blas.py", "fronts.py", "substitution.py", "supernodes.py"} <= marked

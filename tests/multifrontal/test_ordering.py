@@ -1,4 +1,4 @@
-"""Fill-reducing order against orders and groups that are known."""
+"""Fill-reducing orders, compared with known orders and groups."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from tests.multifrontal.matrices import coupled, factor_entries, lattice, shuffl
 
 
 def like_rows(A: sp.csc_array) -> set[frozenset[int]]:
-    """Groups of rows whose stored entries and diagonals stand in the same columns."""
+    """Groups of rows whose stored entries and diagonals are in the same columns."""
     groups: dict[bytes, set[int]] = {}
     stored = sp.csc_array((np.ones(A.nnz), A.indices, A.indptr), A.shape).toarray() + np.eye(A.shape[0]) != 0
     for row, pattern in enumerate(stored):
@@ -37,7 +37,7 @@ PATTERNS = {
 
 
 @pytest.mark.parametrize("A", PATTERNS.values(), ids=PATTERNS)
-def test_groups_are_the_rows_of_like_entries(A):
+def test_groups_are_the_rows_with_the_same_columns(A):
     assert as_sets(row_groups(A)) == like_rows(A)
 
 
@@ -51,7 +51,7 @@ def test_rows_that_agree_by_chance_are_not_merged(monkeypatch):
         def integers(self, low, high, size, dtype):
             return np.ones(size, dtype)
 
-    # Every key the same: all rows with as many entries look alike.
+    # With equal keys all rows of as many entries have the same sum.
     monkeypatch.setattr(ordering.np.random, "default_rng", lambda seed: Constant())
     A = PATTERNS["shuffled nodes"]
     true = like_rows(A)
@@ -60,7 +60,7 @@ def test_rows_that_agree_by_chance_are_not_merged(monkeypatch):
 
 
 @pytest.mark.parametrize("A", PATTERNS.values(), ids=PATTERNS)
-def test_every_row_has_one_place_beside_its_like(A):
+def test_every_row_has_one_place_beside_its_group(A):
     order = nested_dissection(A)
     np.testing.assert_array_equal(np.sort(order), np.arange(A.shape[0]))
     place = np.argsort(order)
@@ -73,7 +73,7 @@ def test_the_order_is_the_same_every_time():
     np.testing.assert_array_equal(nested_dissection(A), nested_dissection(A.copy()))
 
 
-def test_entries_need_not_be_sorted_and_stay_as_they_are():
+def test_entries_need_not_be_sorted_and_do_not_change():
     order = np.random.default_rng(3).permutation(81)
     A = lattice(3, 3, 3)[order][:, order]
     assert not A.has_sorted_indices
@@ -92,11 +92,11 @@ def test_a_solid_fills_less_than_by_minimum_degree():
     assert factor_entries(A, nested_dissection(A)) < 0.95 * lu.nnz / 2
 
 
-def test_parts_are_ordered_apart():
+def test_uncoupled_parts_are_ordered_separately():
     parts = [lattice(7, 7, 7), lattice(5, 5, 5), sp.eye_array(5)]
     whole = shuffled(sp.csc_array(sp.block_diag(parts)))
     alone = sum(factor_entries(part, nested_dissection(part)) for part in map(sp.csc_array, parts))
-    # The cuts of METIS differ with the rest of the graph, by a tenth here; parts that touched would fill far more.
+    # The cuts of METIS depend on the whole graph, by a tenth here; mixed parts would cause far more fill.
     assert factor_entries(whole, nested_dissection(whole)) < 1.2 * alone
 
 

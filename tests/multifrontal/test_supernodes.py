@@ -1,4 +1,4 @@
-"""Supernodes of a factor against the factor's own pattern, found by eliminating its graph."""
+"""Supernodes of a factor, compared with its pattern from elimination of the graph."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ MATRICES = {
 
 
 def eliminated(A: sp.csc_array, order: np.ndarray) -> np.ndarray:
-    """Where the Cholesky factor of A in an order has entries (n, n): columns are eliminated one by one."""
+    """Pattern of the Cholesky factor of A in an order (n, n): columns are eliminated one by one."""
     L = A[order][:, order].toarray() != 0
     for j in range(L.shape[0]):
         rows = np.flatnonzero(L[j + 1 :, j]) + j + 1
@@ -71,7 +71,7 @@ def test_supernodes_hold_the_factor(name, threads):
         rows = found.rows[found.begin[k] : found.begin[k + 1]]
         assert (np.diff(rows) > 0).all() and (rows > columns[-1]).all()
         held[np.ix_(np.r_[columns, rows], columns)] = True
-        # What is left of it goes to the supernode of its first row.
+        # Its update goes to the supernode of its first row.
         owner = int(np.searchsorted(found.first, rows[0], side="right")) - 1 if rows.size else -1
         assert found.parent[k] == owner
         if owner >= 0:
@@ -87,7 +87,7 @@ def test_supernodes_hold_the_factor(name, threads):
     within = np.concatenate([np.arange(c, 0, -1) for c in np.diff(found.first)])
     exact = ((counts + within) ** 2).sum()
     assert 0.5 * exact - n <= found.operations.sum() <= exact
-    # Subtrees share no rows but those above them all.
+    # Subtrees share only rows above all subtrees.
     top = found.first[found.above.start]
     for number in range(found.subtrees.size - 1):
         part = found.subtree(number)
@@ -95,8 +95,8 @@ def test_supernodes_hold_the_factor(name, threads):
         assert ((rows < found.first[part.stop]) | (rows >= top)).all()
 
 
-def test_large_blocks_are_padded_little():
-    """A plate: half of its factor lies in blocks so small that a third of them may be zeros."""
+def test_large_blocks_have_little_padding():
+    """Half of the factor of a plate lies in small blocks, which may have a third of zeros."""
     line = sp.diags_array([np.ones(99), np.ones(100), np.ones(99)], offsets=[-1, 0, 1])
     A = sp.csc_array(sp.kron(sp.kron(line, line), np.ones((3, 3))))
     order = nested_dissection(A)
@@ -110,7 +110,7 @@ def test_large_blocks_are_padded_little():
     assert found.parent.size < A.shape[0] / 10
 
 
-def test_zeros_couple_nothing_and_an_entry_in_one_triangle_does():
+def test_stored_zeros_do_not_couple_and_an_entry_in_one_triangle_does():
     entries = [(0, 0, 1.0), (1, 0, 0.0), (2, 0, 1.0), (1, 1, 1.0), (2, 1, 1e-17), (3, 3, 1.0), (0, 1, 0.0), (2, 2, 1.0)]
     row, column, value = (np.array(part) for part in zip(*entries, strict=True))
     A = sp.csc_array((value, (row, column)))

@@ -1,4 +1,4 @@
-"""Threads of dense algebra are limited within a block and given back after it."""
+"""The thread count of dense algebra is set within a block and reset after it."""
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
@@ -13,7 +13,7 @@ def threads() -> list[int]:
 
 @pytest.fixture(autouse=True)
 def two():
-    """Two threads, whatever the environment says."""
+    """Set two threads, independent of the environment."""
     with threadpool_limits(2, "blas"):
         yield
 
@@ -28,7 +28,7 @@ def test_one_thread_and_then_as_before():
     assert set(threads()) == {2}
 
 
-def test_blocks_of_two_threads_that_overlap_leave_nothing_behind():
+def test_overlapping_blocks_of_two_threads_reset_the_count():
     first, second = blas_threads(1), blas_threads(1)
     first.__enter__()
     second.__enter__()

@@ -15,9 +15,19 @@ from cmsreduce.linalg.blocks.basis import (
     row_blocks,
     side_by_side,
 )
-from cmsreduce.linalg.blocks.layout import by_columns, by_rows, dense, put
 from cmsreduce.linalg.blocks.products import Product, column_blocks, congruence, symmetric_product
-from cmsreduce.linalg.blocks.tall_products import column_products, inner, inner_of_all, less, less_all, times
+from cmsreduce.linalg.blocks.tall_blocks import (
+    by_columns,
+    by_rows,
+    column_products,
+    dense,
+    inner,
+    inner_of_all,
+    less,
+    less_all,
+    put,
+    times,
+)
 
 __all__ = [
     "Product",

@@ -12,9 +12,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.blocks.layout import by_rows
 from cmsreduce.linalg.blocks.products import column_blocks, symmetric_product
-from cmsreduce.linalg.blocks.tall_products import combination, inner_of_all, less_all
+from cmsreduce.linalg.blocks.tall_blocks import by_rows, combination, inner_of_all, less_all
 from cmsreduce.linalg.machine import current_settings
 from cmsreduce.model import mapped_array, mapped_in, shapes_beside
 

@@ -33,7 +33,7 @@ _ALLOCATE = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_size_t)
 class _Entries:
     """State of MKL's allocations while a factor is made.
 
-    No record is needed for the moment when MKL frees the memory: the system's `free` unmaps whatever pages lie there.
+    No record is needed for the moment when MKL frees the memory: the system's `free` unmaps all pages at this address.
     """
 
     def __init__(self) -> None:
@@ -66,6 +66,33 @@ def watch_if_large(n: int) -> None:
         _replace_allocator()
 
 
+def can_be_mapped() -> bool:
+    """Whether MKL uses the allocator of this module."""
+    return _ENTRIES.called
+
+
+def free_on_disk(folder: Path) -> float:
+    """Free bytes on the disk of a folder, which need not exist yet."""
+    existing = next(each for each in (folder, *folder.absolute().parents) if each.exists())
+    return float(shutil.disk_usage(existing).free)
+
+
+@contextmanager
+def mapped_entries(folder: Path | None) -> Iterator[None]:
+    """Put the entries of factors that MKL makes within a `with` block into files.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        Folder of the files; None leaves the entries in memory.
+    """
+    _ENTRIES.folder = folder
+    try:
+        yield
+    finally:
+        _ENTRIES.folder = None
+
+
 def _replace_allocator() -> None:
     library = mkl_library()
     if sys.platform != "linux" or _ENTRIES.replaced or library is None or library._name is None:
@@ -88,14 +115,18 @@ def _replace_allocator() -> None:
         address: int | None = allocate(size)
         if address is None or size < _LARGE or _ENTRIES.folder is None:
             return address
-        passed: list[int] = []
-        while address is not None and not _alone(address) and len(passed) < _TRIES:
+        rejected: list[int] = []
+        while address is not None and not _has_own_mapping(address) and len(rejected) < _TRIES:
             # This piece comes from memory freed before; there are few of them.
-            passed.append(address)
+            rejected.append(address)
             address = allocate(size)
-        for each in passed:
+        for each in rejected:
             system.free(each)
-        own = address is not None and _alone(address) and _mapped(system, *_pages(address, size), _ENTRIES.folder)
+        own = (
+            address is not None
+            and _has_own_mapping(address)
+            and _put_on_disk(system, *_pages(address, size), _ENTRIES.folder)
+        )
         return address if own else None
 
     _ENTRIES.replaced = [_ALLOCATE(allocated), core]
@@ -106,13 +137,13 @@ def _replace_allocator() -> None:
 
 def _system() -> ctypes.CDLL:
     """The C library's functions for memory."""
-    system, at, size, number = ctypes.CDLL(None), ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int
-    system.mmap.restype, system.mmap.argtypes = at, (at, size, number, number, number, ctypes.c_long)
-    system.free.restype, system.free.argtypes = None, (at,)
+    system, address, size, number = ctypes.CDLL(None), ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int
+    system.mmap.restype, system.mmap.argtypes = address, (address, size, number, number, number, ctypes.c_long)
+    system.free.restype, system.free.argtypes = None, (address,)
     return system
 
 
-def _mapped(system: ctypes.CDLL, start: int, length: int, folder: Path) -> bool:
+def _put_on_disk(system: ctypes.CDLL, start: int, length: int, folder: Path) -> bool:
     """Replace the pages of new memory by those of a file without a name; false if this fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -120,13 +151,13 @@ def _mapped(system: ctypes.CDLL, start: int, length: int, folder: Path) -> bool:
             # Reserve the whole file now: a page without room on disk would later end the process.
             os.posix_fallocate(file.fileno(), 0, length)
             rights = mmap.PROT_READ | mmap.PROT_WRITE
-            at = system.mmap(start, length, rights, mmap.MAP_SHARED | _FIXED, file.fileno(), 0)
+            address = system.mmap(start, length, rights, mmap.MAP_SHARED | _FIXED, file.fileno(), 0)
     except OSError:
         return False
-    return bool(at != _FAILED)
+    return bool(address != _FAILED)
 
 
-def _alone(address: int) -> bool:
+def _has_own_mapping(address: int) -> bool:
     """Whether memory has a mapping of its own, which `free` unmaps; the C library marks it in front of the memory."""
     head = 2 * ctypes.sizeof(ctypes.c_size_t)
     marks = ctypes.c_size_t.from_address(address - head // 2).value
@@ -137,30 +168,3 @@ def _pages(address: int, size: int) -> tuple[int, int]:
     """Address of the first whole page in some memory, and the bytes of all whole pages."""
     start = -(-address // mmap.PAGESIZE) * mmap.PAGESIZE
     return start, (address + size - start) // mmap.PAGESIZE * mmap.PAGESIZE
-
-
-def can_be_mapped() -> bool:
-    """Whether MKL uses the allocator of this module."""
-    return _ENTRIES.called
-
-
-def free_on_disk(folder: Path) -> float:
-    """Free bytes on the disk of a folder, which need not exist yet."""
-    there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
-    return float(shutil.disk_usage(there).free)
-
-
-@contextmanager
-def mapped_entries(folder: Path | None) -> Iterator[None]:
-    """Put the entries of factors that MKL makes within a `with` block into files.
-
-    Parameters
-    ----------
-    folder : Path, optional
-        Folder of the files; None leaves the entries in memory.
-    """
-    _ENTRIES.folder = folder
-    try:
-        yield
-    finally:
-        _ENTRIES.folder = None

@@ -276,7 +276,7 @@ def _end(process: subprocess.Popen[str], folder: Path, owner: int) -> None:
     for end in (process.stdin, process.stdout):
         if end is not None:
             end.close()
-    # Closed input ends the ranks at once, whatever they do.
+    # Closed input ends the ranks at once.
     process.wait()
     shutil.rmtree(folder, ignore_errors=True)
 

@@ -1,8 +1,8 @@
 """Work of each rank of the MUMPS backend: it holds rows of the matrices; all ranks factorise and solve together.
 
-``mpiexec -n RANKS PYTHON mumps_ranks.py FOLDER`` starts it in any interpreter with petsc4py and numpy; this file
-imports nothing else. Orders are lines of the file ``orders`` in the folder; matrices and right-hand sides are files
-beside it. The first rank answers each order with a line of JSON. When its standard input ends, all ranks end.
+Started by ``mpiexec -n RANKS PYTHON mumps_ranks.py FOLDER``, with any interpreter that has petsc4py and numpy: this
+file imports nothing else. Orders are lines of the file ``orders`` in the folder; matrices and right-hand sides are
+files beside it. The first rank answers each order with a line of JSON. When its standard input ends, all ranks end.
 """
 
 from __future__ import annotations

@@ -90,21 +90,22 @@ class Pardiso(Factor):
             raise MatrixError("the MKL runtime is not installed: pip install mkl, or set solver.backend to superlu")
         self._scale, self._real = scale, np.dtype(np.float64 if scale is None else np.float32)
         # The upper triangle by rows is the lower one by columns. PARDISO needs all diagonal entries, zeros too.
-        self._values, self._indices, self._indptr = lower_triangle(A, scale, self._real)
-        self._integer = np.dtype(np.int64 if A.shape[0] > _LONG and scale is not None else np.int32)
-        self._indices, self._indptr = (part.astype(self._integer, copy=False) for part in (self._indices, self._indptr))
+        values, indices, indptr = lower_triangle(A, scale, self._real)
+        integer = np.dtype(np.int64 if A.shape[0] > _LONG and scale is not None else np.int32)
+        indices, indptr = (part.astype(integer, copy=False) for part in (indices, indptr))
+        self._matrix: tuple[NDArray[Any], NDArray[Any], NDArray[Any]] = values, indptr, indices
         orders = current_settings().orders
-        known = orders.find(self._indptr, self._indices)
-        self._order = np.zeros(A.shape[0], self._integer) if known is None else known.astype(self._integer)
+        known = orders.find(indptr, indices)
+        self._order = np.zeros(A.shape[0], integer) if known is None else known.astype(integer)
         self._type = _DEFINITE if definite else _INDEFINITE
         self._handle = np.zeros(64, dtype=np.int64)
-        self._iparm = _parameters(A.shape[0], scale is not None, known is not None).astype(self._integer)
+        self._iparm = _parameters(A.shape[0], scale is not None, known is not None).astype(integer)
         size = A.shape[0]
         self._release = weakref.finalize(self, _release, self._handle, self._iparm.copy(), self._type, size)
         watch_if_large(size)
         self._call(_ANALYSE, size)
         if known is None:
-            orders.store(self._indptr, self._indices, self._order)
+            orders.store(indptr, indices, self._order)
         peak, factors, entries = float(self._iparm[15]), float(self._iparm[16]), int(self._iparm[17])
         nnz = entries if entries > 0 else int(factors * _KIB / self._real.itemsize)
         # With two levels PARDISO does not count operations; this estimate is close for solids and frames.
@@ -116,7 +117,7 @@ class Pardiso(Factor):
             self._call(_FACTORISE, size)
         if not self._iparm[_MOVED]:
             # Solves read the matrix only to refine solutions after a moved pivot.
-            self._values, self._indices, self._indptr = (part[:1].copy() for part in self._matrix)
+            self._matrix = values[:1].copy(), indptr[:1].copy(), indices[:1].copy()
 
     def _goes_to_disk(self, admit: Admit, folder: Path | None, room: float) -> bool:
         """Whether the factor, with ``room`` bytes in PARDISO, does not fit in memory but fits on disk."""
@@ -130,10 +131,6 @@ class Pardiso(Factor):
             admit(replace(self.cost, bytes=max(room - entries, 0.0)))
             return True
         return False
-
-    @property
-    def _matrix(self) -> tuple[NDArray[Any], NDArray[np.int32], NDArray[np.int32]]:
-        return self._values, self._indices, self._indptr
 
     def _solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         """Solution (n, k) for A, not for S A S; in single precision to seven digits."""
@@ -178,8 +175,8 @@ class Pardiso(Factor):
         return 0 if self._type == _DEFINITE else int(self._iparm[22])
 
     def _call(self, phase: int, n: int, b: NDArray[Any] | None = None, x: NDArray[Any] | None = None) -> None:
-        matrix, threads = (self._values, self._indptr, self._indices), current_settings().thread_count
-        code = pardiso(self._handle, phase, self._type, n, matrix, self._order, self._iparm, b, x, threads)
+        threads = current_settings().thread_count
+        code = pardiso(self._handle, phase, self._type, n, self._matrix, self._order, self._iparm, b, x, threads)
         if code == _BAD_PIVOT:
             raise SingularFactorError
         if code == _NO_MEMORY:

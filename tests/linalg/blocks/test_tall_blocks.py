@@ -1,10 +1,20 @@
-"""Products of tall blocks in every layout, compared with numpy's."""
+"""Products of tall blocks in every layout, compared with numpy's; copies in another layout hold the same numbers."""
 
 import numpy as np
 import pytest
 
-from cmsreduce.linalg.blocks import column_products, inner, inner_of_all, less, less_all, times
-from cmsreduce.linalg.blocks.tall_products import combination
+from cmsreduce.linalg.blocks import (
+    by_columns,
+    by_rows,
+    column_products,
+    inner,
+    inner_of_all,
+    less,
+    less_all,
+    put,
+    times,
+)
+from cmsreduce.linalg.blocks.tall_blocks import combination
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
 
 
@@ -111,3 +121,33 @@ def test_a_tall_product_is_the_same_each_time(threads):
 def test_products_column_by_column(left, right, n, k):
     X, Y = laid(n, k, left, 1), laid(n, k, right, 2)
     np.testing.assert_allclose(column_products(X, Y), (X * Y).sum(axis=0), rtol=0, atol=1e-13 * n)
+
+
+@pytest.mark.parametrize("rows", [1, 255, 256, 257, 1000, 10_001])
+@pytest.mark.parametrize("real", [np.float64, np.float32])
+def test_numbers_and_layout(rows, real):
+    X = np.random.default_rng(1).standard_normal((rows, 7))
+    for given in (X, np.asfortranarray(X), X[:, 1:5], np.asfortranarray(X)[:, 1:5], X[::2], X[:, ::-1]):
+        turned = by_columns(given, real)
+        assert turned.flags.f_contiguous and turned.dtype == real
+        assert np.array_equal(turned, given.astype(real))
+        turned = by_rows(given)
+        assert turned.flags.c_contiguous and np.array_equal(turned, given)
+
+
+def test_what_lies_by_columns_is_not_copied():
+    X = np.asfortranarray(np.random.default_rng(2).standard_normal((300, 3)))
+    assert by_columns(X) is X or np.shares_memory(by_columns(X), X)
+    Y = np.ascontiguousarray(X)
+    assert by_rows(Y) is Y
+
+
+@pytest.mark.parametrize("rows", [3, 10_001])
+def test_a_block_is_copied_into_its_place(rows):
+    X = np.random.default_rng(3).standard_normal((rows, 4))
+    place = np.full((rows, 9), np.nan, order="F")
+    put(X, place[:, 2:6], np.arange(4.0))
+    np.testing.assert_array_equal(place[:, 2:6], X * np.arange(4.0))
+    put(X, place[:, 2:6])
+    np.testing.assert_array_equal(place[:, 2:6], X)
+    assert np.isnan(place[:, [0, 1, 6, 7, 8]]).all()
