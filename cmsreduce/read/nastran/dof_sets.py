@@ -154,7 +154,8 @@ class Points:
                     raise ReadError(
                         f"{card.where}: '{digits}' names no components of grid {grids[0]}; use digits 1 to 6"
                     )
-                found.append((grids[:, None] * KEY_STEP + [int(c) for c in sorted(set(digits))]).ravel())
+                components = np.array([int(c) for c in sorted(set(digits))])
+                found.append((grids[:, None] * KEY_STEP + components).ravel())
         return np.concatenate(found)
 
 

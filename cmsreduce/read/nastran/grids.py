@@ -48,14 +48,14 @@ def read_grids(cards: Cards) -> dict[int, Grid]:
             raise ReadError(f"{card.where}: {id} is no grid id; ids are positive")
         x = (card.real(2), card.real(3), card.real(4))
         cp, cd = card.integer(1, default_cp), card.integer(5, default_cd)
-        ps = (card.text(6) or default_ps).strip("0")
+        ps = "".join(sorted(set((card.text(6) or default_ps).strip("0"))))
         if cd < 0:
             raise ReadError(f"{card.where}: grid {id} is a fluid point (CD = {cd}); acoustic models are not read")
         if any(c not in "123456" for c in ps):
             raise ReadError(f"{card.where}: '{ps}' in field 8 of grid {id} names no components; use digits 1 to 6")
         grid = Grid(cp, x, f"{card.where} {id}", cd, ps)
         before = out.setdefault(id, grid)
-        if (before.cp, before.x, before.cd, set(before.ps)) != (cp, x, cd, set(ps)):
+        if grid != before:
             raise ReadError(f"{card.where}: grid {id} differs from {before.where}; remove one of them")
     return out
 
@@ -123,7 +123,7 @@ def read_points(cards: Cards) -> tuple[Nodes, Points, NDArray[np.int64]]:
         frame[at] = system.displacement_axes(xyz[at])
         turn[at] = system.axes_rounding(xyz[at], rounding[at])
     nodes = Nodes(ids, xyz, frame, float(rounding.max(initial=0.0)), float(turn.max(initial=0.0)))
-    held = [id * KEY_STEP + int(c) for id, grid in by_id.items() for c in sorted(set(grid.ps))]
+    held = [id * KEY_STEP + int(c) for id, grid in by_id.items() for c in grid.ps]
     return nodes, Points(np.sort(ids), scalar_points(cards, by_id)), np.array(held, dtype=np.int64)
 
 
