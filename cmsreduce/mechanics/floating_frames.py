@@ -39,7 +39,7 @@ _SIX = 6
 # coordinates have eight digits.
 _DETERMINED = 1e-7
 # Relative to the strongest row of a condition: a weaker row is round-off. The inertia of a wire about itself is 1e-8 of
-# that across it if its thickness is a ten thousandth of its length.
+# its inertia across if its thickness is a ten thousandth of its length.
 _WEAKEST = 1e-12
 # Shortest chord with a direction, relative to the body.
 _CHORD = 1e-6

@@ -97,7 +97,7 @@ class Determined:
             return ""
         text = f"{self.body.name}: neither stiffness nor mass determines {len(self.held)} motions; held: "
         text += _listed(self.held)
-        return text + "".join(f"; interface '{name}' goes without {_listed(labels)}" for name, labels in self.lost)
+        return text + "".join(f"; interface '{name}' loses {_listed(labels)}" for name, labels in self.lost)
 
     def check_untouched(self, rows: sp.csr_array, what: str) -> None:
         """Refuse actuators, sensors and loads along an undetermined motion.

@@ -237,7 +237,7 @@ class FEModel:
             at = int(diagonal.argmin())
             raise MatrixError(
                 f"{where} is not positive semidefinite: its diagonal is {diagonal[at]:.6g} at row {at + 1} "
-                f"({labels[at]}). Check its sign and its source: a structure gives back no more energy than it is given"
+                f"({labels[at]}). Check its sign and its source: a structure returns no more energy than it takes up"
             )
         return sp.csc_array((A + A.T) * 0.5)
 

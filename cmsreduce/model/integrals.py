@@ -24,7 +24,7 @@ Lumping = Literal["consistent", "row-sum", "diagonal"]
 LUMPINGS: tuple[Lumping, ...] = get_args(Lumping)
 
 FrameKind = Literal["clamped", "mean-axis", "chord"]
-"""In the frame the deforming modes leave at rest an interface, the momentum, or a line between two interfaces."""
+"""Relative to the frame, deforming modes do not move an interface, a line between two, or have no momentum."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from cmsreduce.errors import MatrixError
 __all__ = ["ModeBlock", "ModeCertificate", "ModeKind", "ModeSet"]
 
 ModeKind = Literal["rigid", "constraint", "fixed", "free", "residual", "loaded", "system"]
-"""Kind of a shape: from which problem it comes."""
+"""Kind of a shape, by the problem that it solves."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -84,8 +84,8 @@ class JointElement:
                 raise SceneError(f"a joint's {what} of {getattr(self, what):g} is negative")
         if self.inertia and self.dof < _FIRST_ROTATION:
             raise SceneError(
-                "a joint's inertia is about one of its axes; what slides along an axis has mass in every direction: "
-                "give it to a body"
+                "a joint's inertia is about one of its axes; a part that slides has mass in every direction: "
+                "add its mass to a body"
             )
 
 

@@ -63,7 +63,7 @@ def read_differential_stiffness(source: MatrixSource, body: FEModel, label: str)
     if skew > _SYMMETRY_FACTOR * found.rounding * largest:
         raise MatrixError(
             f"{what} is not symmetric: it differs from its transpose by {skew / largest:.2e} of its largest entry; "
-            "leave out what follows the load (unsymmetric load stiffness), and mark a single triangle as symmetric"
+            "leave out the unsymmetric stiffness of follower loads, and mark a single triangle as symmetric"
         )
     A = sp.csc_array((A + A.T) * 0.5)
     _refuse_other_couplings(A, body, what)

@@ -1,4 +1,4 @@
-"""Bars in the rows of their body: ties and supports are followed, and what is not of the body is refused."""
+"""Bars in the rows of their body, with ties and supports; bars of another body are refused."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("bars, error, said", WRONG.values(), ids=WRONG.keys())
-def test_bars_that_are_not_of_the_body_are_refused(bars: Bars, error: type[Exception], said: str) -> None:
+@pytest.mark.parametrize("bars, error, message", WRONG.values(), ids=WRONG.keys())
+def test_bars_that_are_not_of_the_body_are_refused(bars: Bars, error: type[Exception], message: str) -> None:
     body = line("arm", [0, 0, 0], [1, 0, 0], 4)
-    with pytest.raises(error, match=said):
+    with pytest.raises(error, match=message):
         bars_stiffness(body, bars, held=clamped(body))
 
 
 def test_bars_whose_stretch_is_constrained_are_refused() -> None:
-    """A plane model that only bends passes no pull on, and would be told to diverge."""
+    """A plane model that only bends transmits no axial force, so it would seem to diverge."""
     body = line("arm", [0, 0, 0], [1, 0, 0], 4)
     bends = np.isin(body.dofs.component, (2, 6))
     plane = replace(

@@ -1,4 +1,4 @@
-"""Floating frames: what they take off the modes, by closed forms; what they leave, by the body itself."""
+"""Floating frames: the rigid motion taken off the modes, by closed forms; the remaining motion, by the body itself."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ SKEW = np.array([rotation([1, 2, 3], 0.3 * k) for k in range(5)])
 
 
 def bent(**options) -> FEModel:
-    """A frame out of any plane, each node along axes of its own."""
+    """A frame that lies in no plane, with its own axes at each node."""
     xyz = [[0.3, 0, 0.1], [1, 0, 0], [1, 1, 0], [1.2, 1, 1], [2, 1.5, 0.6]]
     faces = {"root": 1, "tip": 5}
     return frame("bent", xyz, [(1, 2), (2, 3), (3, 4), (4, 5)], faces, masses={3: 1.5}, axes=SKEW, **options)
 
 
 def solid() -> FEModel:
-    """Bricks: nodes do not turn, interfaces are faces of nine nodes."""
+    """Bricks: nodes without rotations, interfaces of nine nodes."""
     faces = {name: (tuple(nodes), (1, 2, 3)) for name, nodes in zip(("root", "tip"), ENDS, strict=True)}
     return block("solid", (1.0, 0.2, 0.3), CELLS, {name: nodes for name, (nodes, _) in faces.items()}, origin=(1, 2, 3))
 
 
 def bare() -> FEModel:
-    """The frame with neither mass nor inertia on its tip's own rotations: modes without mass come along."""
+    """The frame without inertia of its tip's rotations, so that some modes have no mass."""
     body = bent()
     M = body.M.toarray()
     rows = body.dofs.rows_of(5, (4, 5, 6))
@@ -78,13 +78,13 @@ def components() -> dict[str, ModalComponent]:
 
 
 def seen(component: ModalComponent, condition: FrameCondition, **options):
-    """The frame, and the deforming modes in it."""
+    """The frame, and the deforming modes relative to it."""
     found = floating_frame(component.body, component.Phi, component.rigid_count, condition, **options)
     return found, (component.Phi @ found.change)[:, component.rigid_count :]
 
 
 def frequencies(K: np.ndarray, M: np.ndarray) -> np.ndarray:
-    """Squared frequencies that are finite, by the reciprocal problem, so that massless motions are harmless."""
+    """Finite squared frequencies, by the reciprocal problem, so that massless motions are harmless."""
     shift = np.diag(K)[np.diag(K) > 0].min()
     mu = la.eigvalsh(M, K + shift * M + shift * 1e-3 * np.diag(np.diag(M) == 0).astype(float))
     return 1 / mu[mu > 1e-12 * mu.max()][::-1] - shift
@@ -92,7 +92,7 @@ def frequencies(K: np.ndarray, M: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize(("name", "condition"), CASES, ids=str)
 def test_the_free_body_keeps_its_frequencies(components, name, condition) -> None:
-    """Rigid and deforming modes together, by the mass of the modes in the frame and the stiffness as it was."""
+    """Rigid and deforming modes together, by the mass of the modes in the frame and the unchanged stiffness."""
     component = components[name]
     found, _ = seen(component, condition)
     T, K = found.change, np.diag(component.stiffness)
@@ -180,9 +180,9 @@ def test_the_first_mode_of_a_free_beam_by_the_books() -> None:
 
 
 def test_modal_mass_of_a_rod_seen_from_its_end() -> None:
-    """Stretching, cos(pi x / L): less its value at the end it has three times its mass, and couples by the root of 2.
+    """Stretching, cos(pi x / L), less its value at the end: three times the mass, and coupling by the root of 2.
 
-    With n elements, whose linear shapes integrate the square of the cosine a little short, 2 is 6 / (2 + cos(pi / n)).
+    The linear shapes of n elements integrate the square of the cosine a little short: 2 becomes 6 / (2 + cos(pi / n)).
     """
     n = 32
     body = line("rod", [0, 0, 0], [2, 0, 0], n, interfaces={"root": 1, "tip": n + 1})

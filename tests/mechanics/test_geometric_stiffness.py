@@ -124,7 +124,7 @@ EULER = {
 
 @pytest.mark.parametrize("first, last, share", EULER.values(), ids=EULER.keys())
 def test_a_column_buckles_under_its_euler_load(first: tuple, last: tuple, share: float) -> None:
-    """P = share pi^2 E I / L^2, in both planes, whichever way the column stands."""
+    """P = share pi^2 E I / L^2, in both planes, for any direction of the column."""
     turn = rotation([1, 2, 3], 0.7)
     tip = 2.0 * turn[:, 0]
     axes = np.tile(turn.T, (17, 1, 1))
@@ -208,7 +208,7 @@ def test_stress_resists_no_translation_and_spins_add_up() -> None:
         shift[body.dofs.component == axis + 1, axis] = 1
     for K in modes.K:
         assert abs(K @ shift).max() <= 1e-12 * abs(K).max()
-    # A spin about a skew axis across the beam pulls on it as one about z does.
+    # A spin about a skew axis across the beam pulls on it as a spin about z.
     skew = modes.spinning(np.array([0.0, 3.0, 4.0]))
     np.testing.assert_allclose(skew, 25 * modes.of("centrifugal zz"), atol=1e-9 * abs(skew).max())
     assert replace(modes, loads=modes.loads[:7], K=modes.K[:7]).spinning(np.array([0.0, 0.0, 1.0])) is None

@@ -32,8 +32,8 @@ from tests.mechanics.test_geometric_stiffness import chain
 PLACES = np.array([[0, 0, 0], [1, 0.2, 0], [1.5, 0.8, 0.4], [2, 1, 1.1], [1.2, 1.4, 0.3], [0.4, 1.0, 0.5]], dtype=float)
 PAIRS = ((1, 2), (2, 3), (3, 4), (3, 5), (5, 6), (6, 1))
 ROUND_OFF = 1e-9
-"""Of the largest entry, what two statements of one structure may differ by: K has a condition number of 2e5 on elastic
-motion, and the forces of members are differences of solutions with it (20 roundings; 1e-10 is usual)."""
+"""Difference of two statements of one structure, relative to the largest entry: K has a condition number of 2e5 on
+elastic motion, and the forces of members are differences of solutions with it (20 roundings; 1e-10 is usual)."""
 
 MATERIAL = f"MAT1,3,{BAR.E:.10E},{BAR.G:.10E},,{BAR.rho}\nPBAR,7,3,{BAR.A:.8E},{BAR.Iz:.8E},{BAR.Iy:.8E},{BAR.J:.8E}\n"
 
@@ -75,7 +75,7 @@ def structure() -> FEModel:
 
 
 def geometric(folder: Path, body: FEModel, cards: str, node: int = 1) -> GeometricStiffness:
-    """By the deck's bars, held at a node."""
+    """Geometric stiffness by the bars of the deck, held at a node."""
     path = folder / "rig.bdf"
     path.write_text("BEGIN BULK\n" + cards + MATERIAL + "ENDDATA\n")
     nodes = read_bulk(path).nodes
@@ -87,14 +87,14 @@ def geometric(folder: Path, body: FEModel, cards: str, node: int = 1) -> Geometr
 
 
 def assert_same(one: GeometricStiffness, other: GeometricStiffness, T: np.ndarray, loads: slice = slice(None)) -> None:
-    """K_l of the other, in the motions T, is that of the one."""
+    """K_l of both is the same, in the motions T."""
     for load, a, b in zip(one.loads[loads], one.matrices[loads], other.matrices[loads], strict=True):
         expected = T.T @ (b @ T)
         assert abs(a - expected).max() <= ROUND_OFF * abs(expected).max(), load.label
 
 
 def moved(body: FEModel, node: int, arm: np.ndarray) -> tuple[FEModel, np.ndarray]:
-    """The body with a node shifted by an arm, its bars where they were; and the old motion of the new one."""
+    """The body with a node shifted by an arm and its bars unmoved; the old motion in terms of the new one."""
     assert body.nodes is not None
     at = int(body.nodes.index(node)[0])
     F = np.kron(np.eye(2), body.nodes.frame[at])
@@ -282,7 +282,7 @@ SAMPLES = {"galileo/rotor": ("AA", 1001, 387), "galileo/stator": ("AA", 2001, 51
 
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_samples_that_are_condensed_or_hinged_have_one(sample: str) -> None:
-    """Every body of the samples but the plane beams; stress alone resists no translation, whatever follows what."""
+    """Every body of the samples but the plane beams; stress alone resists no translation, for all dependent dofs."""
     letters, node, condensed_count = SAMPLES[sample]
     folder, name = (Path(__file__).parents[2] / "sample_models" / sample).parent, sample.split("/")[1]
     stiffness, mass = (MatrixSource(folder / f"{name}.op4", f"{kind}{letters}", None) for kind in "KM")

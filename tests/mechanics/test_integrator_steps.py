@@ -1,4 +1,4 @@
-"""Step limits against the leading terms of the phase errors, and against integrators that are run."""
+"""Step limits against the leading terms of the phase errors, and against runs of the integrators."""
 
 import numpy as np
 import pytest
@@ -86,7 +86,7 @@ def test_an_integrator_that_is_run_misses_the_frequency_by_that_much(name, accur
 
 
 @pytest.mark.parametrize("name", [name for name in INTEGRATORS if name != "central_difference"])
-def test_an_integrator_that_is_run_fades_or_grows_as_said(name):
+def test_the_amplitude_of_an_integrated_oscillation_follows_the_numerical_damping(name):
     """Root mean squares of two windows, each many periods long."""
     h = step_limit(name, 0.01)
     x = trajectory(name, h, 8000)

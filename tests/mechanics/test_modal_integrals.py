@@ -24,7 +24,7 @@ THREAD = Section(Iy=1e-16, Iz=1e-16)
 
 
 def lumps(axes=None, offsets=True):
-    """Rigid lumps, each with an offset and an inertia at its node: matrix, and what they are made of."""
+    """Rigid lumps, each with an offset and an inertia at its node: mass matrix, and their properties."""
     rng = np.random.default_rng(4)
     N = 5
     axes = np.tile(np.eye(3), (N, 1, 1)) if axes is None else axes
@@ -175,7 +175,7 @@ def test_another_frame_moves_and_turns_them():
 
 
 def test_a_held_direction_has_no_mass():
-    """Point masses, one of them without its z: what moves along z is the others alone."""
+    """Point masses, one of them held in z: only the others move along z."""
     body = FEModel(
         "points",
         sp.csc_array((5, 5)),
@@ -255,7 +255,7 @@ def test_integrals_of_another_program(shared_data):
 @pytest.mark.parametrize("lumping", ["consistent", "row-sum", "diagonal"])
 @pytest.mark.parametrize("axes", [None, TURN], ids=["basic", "turned"])
 def test_a_tied_body_has_the_integrals_of_the_body(kind, lumping, axes):
-    """Any motion that a tie allows, over the bricks as they were before: in other units, too."""
+    """Any motion that a tie allows, over the bricks before the tie; also in other units."""
     cells = (4, 2, 2)
     body = block("block", SIDES, cells, origin=(1, 2, 3), axes=axes)
     ids = np.array(face(cells, 4))
@@ -276,7 +276,7 @@ def test_a_tied_body_has_the_integrals_of_the_body(kind, lumping, axes):
 
 
 def test_a_disk_on_a_cantilever_turns_with_its_tip():
-    """The tip of a massless beam moves by 1 and turns; a mass m with an inertia J stands on it."""
+    """The tip of a massless beam moves by 1 and turns; it carries a mass m with an inertia J."""
     L, n, m, J, turn = 2.0, 4, 3.0, 0.7, 0.4
     body = line("beam", [0, 0, 0], [L, 0, 0], n, section=replace(THREAD, rho=1e-9))
     M = body.M.tolil()

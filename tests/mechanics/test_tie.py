@@ -121,11 +121,11 @@ def test_an_average_spreads_a_load_statically_equivalent(cantilever, position, w
     )
     assert tied.n == cantilever.n
     F = spread(cantilever, at, weights)
-    # What the nodes get has the resultant of what the point got.
+    # The forces on the nodes have the same resultant as the forces on the point.
     R = rigid_body_shapes(cantilever.dofs, cantilever.nodes, at)
     np.testing.assert_allclose(R.T @ F, np.eye(6), atol=1e-12)
     u = spla.splu(cantilever.K).solve(F)
-    # By reciprocity the point moves as the loads' work says.
+    # By reciprocity the work of the loads gives the motion of the point.
     expected = F.T @ u
     scale = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
     np.testing.assert_allclose(tip_flexibility(tied) / scale, expected / scale, atol=1e-9)
@@ -199,7 +199,7 @@ def test_two_ties_one_after_the_other_and_in_other_units():
 
 
 def test_one_node_with_rotations_carries_an_arm():
-    """A rigid arm from the tip of a beam: deflection and slope at its far end are those of the tip, carried over."""
+    """A rigid arm from the tip of a beam: deflection and slope at its far end follow from the tip."""
     beam = line("beam", [0, 0, 0], [1, 0, 0], 4, interfaces={"end": 5}, held=[1])
     arm = np.array([0.0, 0.3, 0.0])
     tied = tie_nodes(beam, "end", Tie("rigid", np.array([1.0, 0.3, 0.0])))

@@ -84,7 +84,7 @@ def test_an_aircraft_whose_massless_stiffness_is_singular(twist, count, digits):
 
 
 def straight(**options) -> FEModel:
-    """A boom along x whose cross-section has no inertia about it, as lumped masses leave it."""
+    """A boom along x without inertia about itself, as with lumped masses."""
     body = line("boom", [0, 0, 0], [2, 0, 0], 5, **options)
     spin = body.dofs.component == 4
     M = body.M.toarray()
@@ -98,7 +98,7 @@ def test_a_boom_that_spins_without_inertia_carries_no_torque():
     assert len(found.held) == 1 and found.held[0].endswith(".4")
     assert found.lost == (("a", ("1.4",)), ("b", ("6.4",)))
     assert found.body.interfaces["a"].components == found.body.interfaces["b"].components == ((1, 2, 3, 5, 6),)
-    assert "interface 'b' goes without 6.4" in found.note
+    assert "interface 'b' loses 6.4" in found.note
     assert rigid_of(found.body).shape[1] == 5
     # All that remains at the interfaces: they hold the five rigid motions and no more of the ground than that.
     i = found.body.interface_rows("a")
@@ -137,7 +137,7 @@ def test_nothing_is_held_in_a_sound_body():
 
 
 def test_a_rotation_about_a_skew_axis_is_one_motion():
-    """A ball on a spoke: nothing resists its turning about the spoke, whatever the axes of its node."""
+    """A ball on a spoke: nothing resists its rotation about the spoke, for any axes of its node."""
     axes = np.array([np.eye(3), rotation([1, 2, 3], 0.8)])
     body = frame("spoke", [[0, 0, 0], [0.6, 0.8, 0]], [(1, 2)], axes=axes, section=Section(J=0.0))
     along = np.array([0.6, 0.8, 0])

@@ -1,4 +1,4 @@
-"""Bodies refuse what no structure is."""
+"""Bodies refuse matrices and inertias that no structure has."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Scenes refuse names that lead nowhere; components keep what they are told to."""
+"""Scenes refuse unknown names; components keep the chosen modes."""
 
 import numpy as np
 import pytest

@@ -114,6 +114,6 @@ def test_rounding_of_coordinates_is_a_length():
 
 
 def test_a_scene_counts_seconds():
-    """Bands and cutoffs are in Hz, whatever the bodies count in."""
+    """Bands and cutoffs are in Hz, for any unit of time of the bodies."""
     with pytest.raises(UnitsError, match=r"'mm-kg-ms' do not count time in seconds"):
         Scene(("a",), (0.0, 1.0), units=Units.parse("mm-kg-ms"))

@@ -195,7 +195,7 @@ def test_a_boom_without_inertia_about_itself_does_not_stand_on_the_ground(boom: 
     run = boom()
     (note,) = (note for note in run.bodies["boom"].notes if "held" in note)
     assert "neither stiffness nor mass determines 1 motions; held: " in note
-    assert note.endswith("interface 'root' goes without 1.4")
+    assert note.endswith("interface 'root' loses 1.4")
     (configuration,) = run.scene.configurations
     omega = np.array([2.0, 50.0])
     for model in (run.comparison.reference, run.model.assembled):

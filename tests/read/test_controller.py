@@ -1,4 +1,4 @@
-"""Controllers from text and from MATLAB files, and those that are none."""
+"""Controllers from text and from MATLAB files, and files that hold no controller."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A user's geometric stiffness: put in the rows of the stiffness, and refused where it does not fit it."""
+"""A user's geometric stiffness: put in the rows of the stiffness matrix, or refused if it does not fit that matrix."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_it_is_read_from_every_format_of_matrices(tmp_path: Path, body: FEModel,
 
 
 def shuffled(A: np.ndarray, body: FEModel) -> np.ndarray:
-    """Two nodes change places: forces still balance."""
+    """The matrix with two nodes exchanged: forces still balance."""
     order = np.arange(body.n)
     order[0:6], order[18:24] = np.arange(18, 24), np.arange(0, 6)
     return A[np.ix_(order, order)]

@@ -33,19 +33,8 @@ def _coordinate_matrices(path: Path, format: str) -> list[StoredMatrix]:
 
     Indices count from one. A file that holds entries on one side of the diagonal only is taken as a triangle of a
     symmetric matrix; a file that holds both sides is taken as it is. Without labels the size is the largest index.
-
-    Parameters
-    ----------
-    path : Path
-        Text file.
-    format : str
-        ``calculix`` or ``abaqus``.
-
-    Returns
-    -------
-    list of StoredMatrix
-        One; loading it raises ReadError if a line does not parse, an index is out of range, a place appears twice,
-        or the file ends inside a number.
+    Loading raises ReadError if a line does not parse, an index is out of range, a place appears twice, or the file ends
+    inside a number.
     """
 
     def load() -> LabelledMatrix:

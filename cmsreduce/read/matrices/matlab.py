@@ -26,17 +26,7 @@ _HDF5_STARTS = (0, 512)  # MATLAB writes its own 512 bytes before the HDF5 part
 
 
 def _matlab_matrices(path: Path) -> list[StoredMatrix]:
-    """Matrices of a MATLAB file.
-
-    Parameters
-    ----------
-    path : Path
-        Level 4, level 5 or version 7.3 file.
-
-    Returns
-    -------
-    list of StoredMatrix
-        Full and sparse matrices of numbers; structs, cells and text are marked as not usable.
+    """Full and sparse matrices of a MATLAB file; structs, cells and text are marked as not usable.
 
     Raises
     ------

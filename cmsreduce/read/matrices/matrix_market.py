@@ -142,22 +142,13 @@ def _line_by_line(path: Path, text: str, line: EntryLine) -> NDArray[np.float64]
 
 
 def _market_matrices(path: Path) -> list[StoredMatrix]:
-    """The one matrix of a Matrix Market file.
-
-    Parameters
-    ----------
-    path : Path
-        Coordinate or array file; general, symmetric or skew-symmetric.
-
-    Returns
-    -------
-    list of StoredMatrix
-        One; loading it raises ReadError if entries are missing, out of range, or do not parse.
+    """The one matrix of a Matrix Market file: coordinate or array; general, symmetric or skew-symmetric.
 
     Raises
     ------
     ReadError
-        If the header is damaged, a size is absurd, or the file is a pattern without values.
+        If the header is damaged, a size is absurd, or the file is a pattern without values. Loading raises it if
+        entries are missing, out of range, or do not parse.
     """
     from scipy.io import mminfo
 

@@ -128,45 +128,6 @@ class CardFile:
     files: tuple[Path, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Line:
-    """A physical line cut into fields; ``overfull`` if it has data behind its last field."""
-
-    first: str
-    fields: list[str]
-    follow: str
-    wide: bool
-    overfull: bool
-
-
-@dataclass
-class _OpenCard:
-    """A card with continuation lines to follow; ``kept`` is false for cards that are skipped."""
-
-    name: str
-    path: Path
-    line: int
-    kept: bool
-    fields: list[str] = field(default_factory=list)
-    follow: str = ""
-
-
-@dataclass
-class _State:
-    """Place of the reader in the input (executive control, case control or bulk data) and the cards found so far."""
-
-    part: str
-    root: Path
-    names: frozenset[str]
-    section: int = 0
-    case: list[str] = field(default_factory=list)
-    has_case: bool = False
-    sections: dict[int, dict[str, list[Card]]] = field(default_factory=dict)
-    files: list[Path] = field(default_factory=list)
-    done: bool = False
-    card: _OpenCard | None = None
-
-
 def read_cards(path: Path, names: Collection[str]) -> CardFile:
     """Read the named cards of a NASTRAN input file and of the files it includes.
 
@@ -193,130 +154,152 @@ def read_cards(path: Path, names: Collection[str]) -> CardFile:
     begins = [_BEGIN.match(line) for line in text]
     # A punched superelement has BEGIN SUPER but no case control before it.
     controlled = any(_CEND.match(line) for line in text) or any(b is not None and b[2] is None for b in begins)
-    state = _State("executive" if controlled else "bulk", path.parent, frozenset(names))
-    _read_file(path, text, state, ())
-    _close(state)
+    reader = _Reader("executive" if controlled else "bulk", path.parent, frozenset(names))
+    reader.read_file(path, text)
+    reader.close_card()
     return CardFile(
         path,
-        tuple(state.case) if state.has_case else None,
-        {number: {name: tuple(cards) for name, cards in part.items()} for number, part in state.sections.items()},
-        tuple(state.files),
+        tuple(reader.case) if reader.has_case else None,
+        {number: {name: tuple(cards) for name, cards in part.items()} for number, part in reader.sections.items()},
+        tuple(reader.files),
     )
 
 
-def _read_file(path: Path, text: list[str], state: _State, chain: tuple[Path, ...]) -> None:
-    """Read the lines of one file."""
-    if path.resolve() in [p.resolve() for p in chain]:
-        raise ReadError(f"{path} includes itself: {' -> '.join(str(p) for p in (*chain, path))}")
-    state.files.append(path)
-    lines = iter(enumerate(text, start=1))
-    for number, raw in lines:
-        include = _INCLUDE.match(raw)
-        if include:
-            _follow(_include_name(include[1], lines, f"{path}, line {number}"), path, number, state, (*chain, path))
+@dataclass
+class _OpenCard:
+    """A card with continuation lines to follow; ``kept`` is false for cards that are skipped."""
+
+    name: str
+    path: Path
+    line: int
+    kept: bool
+    fields: list[str] = field(default_factory=list)
+    follow: str = ""
+
+    def append(self, text: str, where: str) -> None:
+        """Add the fields of a line, from the column where its kind of line starts."""
+        if "," in text:
+            first, *parts = (part.strip().upper() for part in text.split(","))
+            wide = "*" in first
+            count = _WIDE_FIELDS_PER_LINE if wide else FIELDS_PER_LINE
+            fields, rest = parts[:count], parts[count:]
+            follow = rest[0] if rest else ""
+            if any(rest[1:]) or real_number(follow) is not None:
+                raise ReadError(
+                    f"{where}: more than {count} data fields on one line of {self.name}; "
+                    "break the line there and start the next one with a plus sign and a comma"
+                )
         else:
-            line = raw.split("$", 1)[0].expandtabs(8).rstrip()
-            if line:
-                _read_line(line, path, number, state)
-        if state.done:
-            return
-
-
-def _read_line(line: str, path: Path, number: int, state: _State) -> None:
-    """Read one line that is neither comment nor INCLUDE."""
-    begin = _BEGIN.match(line)
-    if begin:
-        _close(state)
-        state.part = "bulk"
-        state.section = _ELSEWHERE if begin[3] else int(begin[2] or 0)
-    elif state.part == "executive":
-        state.has_case = True
-        if _CEND.match(line):
-            state.part = "case"
-    elif state.part == "case":
-        state.case.append(line.strip().upper())
-    elif _ENDDATA.match(line):
-        _close(state)
-        state.done = True
-    else:
-        _read_bulk_line(line, path, number, state)
-
-
-def _read_bulk_line(line: str, path: Path, number: int, state: _State) -> None:
-    """Read one line of bulk data: a new card, or more of the card before it."""
-    first = (line.split(",", 1)[0] if "," in line else line[:8]).strip().upper()
-    card = state.card
-    if first[:1] in ("", "+", "*"):
-        if card is None:
-            raise ReadError(f"{path}, line {number}: a continuation line with no card before it")
-        if card.kept:
-            _continue(card, _cut(line), path, number)
-    elif first[0] == "=":
-        if card is not None and card.kept:
+            first = text[:8].strip().upper()
+            wide = "*" in first
+            count, columns = (_WIDE_FIELDS_PER_LINE, 16) if wide else (FIELDS_PER_LINE, 8)
+            fields = [text[8 + i * columns : 8 + (i + 1) * columns].strip().upper() for i in range(count)]
+            follow = text[72:80].strip().upper()
+        named, here = self.follow.lstrip("+*"), first.lstrip("+*")
+        if named and here and named != here:
             raise ReadError(
-                f"{path}, line {number}: '{first}' repeats fields of the {card.name} above it; this shorthand is not "
-                "read, write the cards out (NASTRAN does with ECHO = PUNCH)"
+                f"{where}: continuation '{first}' follows {self.name} of line {self.line}, which "
+                f"names '{self.follow}'; put every continuation directly after its card"
             )
-    else:
-        _close(state)
-        name = first.rstrip("*").strip()
-        kept = name in state.names and state.section != _ELSEWHERE
-        state.card = _OpenCard(name, path, number, kept)
-        if kept:
-            _append(state.card, _cut(line), path, number)
+        if not wide and len(self.fields) % FIELDS_PER_LINE:
+            self.fields.extend([""] * (FIELDS_PER_LINE - len(self.fields) % FIELDS_PER_LINE))
+        self.fields.extend(fields + [""] * (count - len(fields)))
+        self.follow = follow
 
 
-def _cut(text: str) -> _Line:
-    """Cut a line into its first field, its data fields and its last field."""
-    if "," in text:
-        first, *parts = (part.strip().upper() for part in text.split(","))
-        wide = "*" in first
-        count = _WIDE_FIELDS_PER_LINE if wide else FIELDS_PER_LINE
-        fields, rest = parts[:count], parts[count:]
-        follow = rest[0] if rest else ""
-        overfull = any(rest[1:]) or real_number(follow) is not None
-    else:
-        first = text[:8].strip().upper()
-        wide = "*" in first
-        count, columns = (_WIDE_FIELDS_PER_LINE, 16) if wide else (FIELDS_PER_LINE, 8)
-        fields = [text[8 + i * columns : 8 + (i + 1) * columns].strip().upper() for i in range(count)]
-        follow, overfull = text[72:80].strip().upper(), False
-    return _Line(first, fields + [""] * (count - len(fields)), follow, wide, overfull)
+class _Reader:
+    """Reads lines of executive control, case control or bulk data, and collects the named cards."""
 
+    def __init__(self, part: str, root: Path, names: frozenset[str]) -> None:
+        self._part, self._root, self._names = part, root, names
+        self._section, self._done = 0, False
+        self._card: _OpenCard | None = None
+        self.case: list[str] = []
+        self.has_case = False
+        self.sections: dict[int, dict[str, list[Card]]] = {}
+        self.files: list[Path] = []
 
-def _continue(card: _OpenCard, line: _Line, path: Path, number: int) -> None:
-    """Add a continuation line, if the card names it."""
-    named, here = card.follow.lstrip("+*"), line.first.lstrip("+*")
-    if named and here and named != here:
-        raise ReadError(
-            f"{path}, line {number}: continuation '{line.first}' follows {card.name} of line {card.line}, which "
-            f"names '{card.follow}'; put every continuation directly after its card"
-        )
-    _append(card, line, path, number)
+    def read_file(self, path: Path, text: list[str], chain: tuple[Path, ...] = ()) -> None:
+        """Read the lines of a file that the files of a chain include."""
+        if path.resolve() in [p.resolve() for p in chain]:
+            raise ReadError(f"{path} includes itself: {' -> '.join(str(p) for p in (*chain, path))}")
+        self.files.append(path)
+        lines = iter(enumerate(text, start=1))
+        for number, raw in lines:
+            include = _INCLUDE.match(raw)
+            if include:
+                where = f"{path}, line {number}"
+                self._include(_include_name(include[1], lines, where), where, (*chain, path))
+            else:
+                line = raw.split("$", 1)[0].expandtabs(8).rstrip()
+                if line:
+                    self._read_line(line, path, number)
+            if self._done:
+                return
 
+    def close_card(self) -> None:
+        """Store the card, which is complete now."""
+        card, self._card = self._card, None
+        if card is None or not card.kept:
+            return
+        while card.fields and not card.fields[-1]:
+            card.fields.pop()
+        done = Card(card.name, tuple(card.fields), card.path, card.line)
+        self.sections.setdefault(self._section, {}).setdefault(card.name, []).append(done)
 
-def _append(card: _OpenCard, line: _Line, path: Path, number: int) -> None:
-    """Add one line's fields, from the column where that kind of line starts."""
-    if line.overfull:
-        raise ReadError(
-            f"{path}, line {number}: more than {len(line.fields)} data fields on one line of {card.name}; "
-            "break the line there and start the next one with a plus sign and a comma"
-        )
-    if not line.wide and len(card.fields) % FIELDS_PER_LINE:
-        card.fields.extend([""] * (FIELDS_PER_LINE - len(card.fields) % FIELDS_PER_LINE))
-    card.fields.extend(line.fields)
-    card.follow = line.follow
+    def _include(self, name: str, where: str, chain: tuple[Path, ...]) -> None:
+        """Read an included file in place of the INCLUDE."""
+        given = Path(name.replace("\\", "/"))
+        tried = list(dict.fromkeys([chain[-1].parent / given, self._root / given]))
+        for candidate in tried:
+            if candidate.is_file():
+                self.read_file(candidate, read_text(candidate, f"{where}: INCLUDE {candidate}").splitlines(), chain)
+                return
+        # Executive control includes DMAP, which is often left on the machine of the run; nothing here depends on it.
+        if self._part != "executive":
+            looked = " or ".join(str(p) for p in tried)
+            raise ReadError(f"{where}: INCLUDE file '{name}' is missing: there is no {looked}")
 
+    def _read_line(self, line: str, path: Path, number: int) -> None:
+        """Read one line that is neither comment nor INCLUDE."""
+        begin = _BEGIN.match(line)
+        if begin:
+            self.close_card()
+            self._part = "bulk"
+            self._section = _ELSEWHERE if begin[3] else int(begin[2] or 0)
+        elif self._part == "executive":
+            self.has_case = True
+            if _CEND.match(line):
+                self._part = "case"
+        elif self._part == "case":
+            self.case.append(line.strip().upper())
+        elif _ENDDATA.match(line):
+            self.close_card()
+            self._done = True
+        else:
+            self._read_bulk_line(line, path, number)
 
-def _close(state: _State) -> None:
-    """Store the card, which is complete now."""
-    card, state.card = state.card, None
-    if card is None or not card.kept:
-        return
-    while card.fields and not card.fields[-1]:
-        card.fields.pop()
-    done = Card(card.name, tuple(card.fields), card.path, card.line)
-    state.sections.setdefault(state.section, {}).setdefault(card.name, []).append(done)
+    def _read_bulk_line(self, line: str, path: Path, number: int) -> None:
+        """Read one line of bulk data: a new card, or more of the card before it."""
+        first = (line.split(",", 1)[0] if "," in line else line[:8]).strip().upper()
+        card = self._card
+        if first[:1] in ("", "+", "*"):
+            if card is None:
+                raise ReadError(f"{path}, line {number}: a continuation line with no card before it")
+        elif first[0] == "=":
+            if card is not None and card.kept:
+                raise ReadError(
+                    f"{path}, line {number}: '{first}' repeats fields of the {card.name} above it; this shorthand is "
+                    "not read, write the cards out (NASTRAN does with ECHO = PUNCH)"
+                )
+            return
+        else:
+            self.close_card()
+            name = first.rstrip("*").strip()
+            card = _OpenCard(name, path, number, kept=name in self._names and self._section != _ELSEWHERE)
+            self._card = card
+        if card.kept:
+            card.append(line, f"{path}, line {number}")
 
 
 def _include_name(rest: str, lines: Iterator[tuple[int, str]], where: str) -> str:
@@ -331,18 +314,3 @@ def _include_name(rest: str, lines: Iterator[tuple[int, str]], where: str) -> st
             raise ReadError(f"{where}: INCLUDE has no closing quote")
         name = name.rstrip() + following[1].strip()
     return name.split(quote, 1)[0].strip()
-
-
-def _follow(name: str, path: Path, number: int, state: _State, chain: tuple[Path, ...]) -> None:
-    """Read an included file in place of the INCLUDE."""
-    given = Path(name.replace("\\", "/"))
-    tried = list(dict.fromkeys([path.parent / given, state.root / given]))
-    for candidate in tried:
-        if candidate.is_file():
-            text = read_text(candidate, f"{path}, line {number}: INCLUDE {candidate}").splitlines()
-            _read_file(candidate, text, state, chain)
-            return
-    # Executive control includes DMAP, which is often left on the machine of the run; nothing here depends on it.
-    if state.part != "executive":
-        looked = " or ".join(str(p) for p in tried)
-        raise ReadError(f"{path}, line {number}: INCLUDE file '{name}' is missing: there is no {looked}")

@@ -53,21 +53,12 @@ def _dmig_matrices(path: Path) -> list[StoredMatrix]:
     Fields may be 8 or 16 characters wide or separated by commas. Rows and columns come sorted by node and component;
     a square or symmetric matrix has every dof that any of its rows or columns names.
 
-    Parameters
-    ----------
-    path : Path
-        Punch file or deck; included files are followed.
-
-    Returns
-    -------
-    list of StoredMatrix
-        In the order of the file. Loading one raises ReadError if an entry does not parse, appears twice with different
-        values, or if a symmetric matrix has two different values across the diagonal.
-
     Raises
     ------
     ReadError
-        If there are no DMIG entries, entries without a header, or the file is cut.
+        If there are no DMIG entries, entries without a header, or the file is cut. Loading raises it if an entry does
+        not parse, appears twice with different values, or if a symmetric matrix has two different values across the
+        diagonal.
     """
     found: dict[str, _Dmig] = {}
     for part in read_cards(path, {"DMIG"}).sections.values():
@@ -165,17 +156,13 @@ def _bad_entry(card: Card, texts: list[str], needed: str) -> ReadError:
     """Error for the first text that is not an integer or not a number, with its line."""
     integers = needed.startswith("a node")
     bad = next(text for text in texts if (not text.lstrip("+-").isdigit() if integers else real_number(text) is None))
+    lines = card.path.read_text(encoding="utf-8", errors="replace").upper().splitlines()
+    # The first line of the card if the text is blank.
+    line = next((at for at in range(card.line, len(lines)) if bad and bad in lines[at]), card.line - 1) + 1
     return ReadError(
-        f"{card.path}, line {_line_of(card, bad)}: DMIG of matrix '{card.text(0)}' needs {needed}, it has "
+        f"{card.path}, line {line}: DMIG of matrix '{card.text(0)}' needs {needed}, it has "
         f"'{bad or 'a blank'}'; the line is damaged or cut: punch or copy the file again"
     )
-
-
-def _line_of(card: Card, text: str) -> int:
-    """Line of a text in the card; the first line of the card if the text is not found."""
-    lines = card.path.read_text(encoding="utf-8", errors="replace").upper().splitlines()
-    found = (at for at in range(card.line, len(lines)) if text and text in lines[at])
-    return next(found, card.line - 1) + 1
 
 
 def _values(dmig: _Dmig) -> tuple[NDArray[np.float64], list[str]]:

@@ -150,32 +150,19 @@ class Points:
                 )
             found.append(scalars * KEY_STEP + SCALAR)
             if grids.size:
-                found.append((grids[:, None] * KEY_STEP + _components(digits, card, int(grids[0]))).ravel())
+                if not digits.strip("0") or any(c not in "123456" for c in digits):
+                    raise ReadError(
+                        f"{card.where}: '{digits}' names no components of grid {grids[0]}; use digits 1 to 6"
+                    )
+                components = np.array([int(c) for c in sorted(set(digits))])
+                found.append((grids[:, None] * KEY_STEP + components).ravel())
         return np.concatenate(found)
 
 
-def _components(digits: str, card: Card, grid: int) -> NDArray[np.int64]:
-    """Component numbers of a grid from a card's field."""
-    if not digits.strip("0") or any(c not in "123456" for c in digits):
-        raise ReadError(f"{card.where}: '{digits}' names no components of grid {grid}; use digits 1 to 6")
-    return np.array([int(c) for c in sorted(set(digits))], dtype=np.int64)
-
-
 def dof_keys(card: Card, points: Points, start: int, pairs: int, stride: int = 2) -> Keys:
-    """Keys of the dofs on a card of (id, components) pairs.
+    """Keys of the dofs on a card, such as ASET or SPC, of (id, components) pairs.
 
-    Parameters
-    ----------
-    card : Card
-        Such as ASET or SPC.
-    points : Points
-        Points of the deck.
-    start : int
-        Field of the first id.
-    pairs : int
-        Number of pairs at most.
-    stride : int
-        Fields from one id to the next.
+    Field ``start`` has the first id, and ``stride`` fields later comes the next; there are ``pairs`` of them at most.
     """
     found = [np.zeros(0, dtype=np.int64)]
     for index in range(start, start + pairs * stride, stride):
@@ -252,23 +239,9 @@ def constrained_dofs(cards: Cards, case: Sequence[str] | None, points: Points) -
 
 
 def _selected_set(lines: Sequence[str], keyword: str) -> tuple[int | None, str | None]:
-    """Number of the set that SPC or MPC selects, and a remark if subcases differ.
+    """Number of the set that SPC or MPC selects, None without one, and a remark if subcases differ.
 
     A selection above the subcases is valid for all of them; a subcase may replace it. The first subcase counts.
-
-    Parameters
-    ----------
-    lines : sequence of str
-        Case control, upper case.
-    keyword : str
-        ``SPC`` or ``MPC``.
-
-    Returns
-    -------
-    number : int or None
-        None if nothing is selected, so that no such card is in force.
-    remark : str or None
-        Given if later subcases select another set.
 
     Examples
     --------

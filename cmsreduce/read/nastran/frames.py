@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -98,10 +98,11 @@ class CoordinateSystem:
         """Rectangular coordinates along the axes."""
         if self.kind == "rectangular":
             return p
+        r, angle = p[..., 0], np.radians(p[..., 1])
         if self.kind == "cylindrical":
-            return np.stack([p[..., 0] * _cos(p[..., 1]), p[..., 0] * _sin(p[..., 1]), p[..., 2]], axis=-1)
-        flat = p[..., 0] * _sin(p[..., 1])
-        return np.stack([flat * _cos(p[..., 2]), flat * _sin(p[..., 2]), p[..., 0] * _cos(p[..., 1])], axis=-1)
+            return np.stack([r * np.cos(angle), r * np.sin(angle), p[..., 2]], axis=-1)
+        flat, turn = r * np.sin(angle), np.radians(p[..., 2])
+        return np.stack([flat * np.cos(turn), flat * np.sin(turn), r * np.cos(angle)], axis=-1)
 
     def position_rounding(self, points: NDArray[np.float64], rounding: NDArray[np.float64]) -> NDArray[np.float64]:
         """Largest errors of points given in this system, in the unit of length.
@@ -178,21 +179,13 @@ class CoordinateSystem:
         return turn
 
 
-def _cos(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(np.cos(np.radians(degrees)))
-
-
-def _sin(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(np.sin(np.radians(degrees)))
-
-
 BASIC = CoordinateSystem(0, "rectangular", np.zeros(3), np.eye(3))
 """The basic coordinate system."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class FrameDefinition:
-    """A coordinate system as a card defines it.
+    """A coordinate system as a card defines it; equal cards in different places are equal.
 
     Parameters
     ----------
@@ -204,24 +197,18 @@ class FrameDefinition:
         Card of the definition, for messages.
     reference : int
         System that ``points`` are given in.
-    points : (3, 3) float64, optional
-        Origin, a point on the z axis, a point in the xz plane.
+    points : tuple of 9 float
+        Origin, a point on the z axis, a point in the xz plane; empty for a system through grids.
     grids : tuple of int
-        Grids at those three points, where ``points`` is None.
+        Grids at these three points, in place of ``points``.
     """
 
     id: int
     kind: str
-    where: str
+    where: str = field(compare=False)
     reference: int = 0
-    points: NDArray[np.float64] | None = None
+    points: tuple[float, ...] = ()
     grids: tuple[int, ...] = ()
-
-    def same_as(self, other: FrameDefinition) -> bool:
-        """True if both are equal, so that one may be dropped."""
-        return (self.kind, self.reference, self.grids) == (other.kind, other.reference, other.grids) and np.array_equal(
-            self.points if self.points is not None else (), other.points if other.points is not None else ()
-        )
 
 
 def frame_definitions(cards: Cards) -> dict[int, FrameDefinition]:
@@ -235,7 +222,7 @@ def frame_definitions(cards: Cards) -> dict[int, FrameDefinition]:
     found: list[FrameDefinition] = []
     for name, kind in _BY_POINTS.items():
         for card in cards.get(name, ()):
-            points = np.array([card.real(k) for k in range(2, 11)]).reshape(3, 3)
+            points = tuple(card.real(k) for k in range(2, 11))
             found.append(FrameDefinition(card.integer(0), kind, card.where, card.integer(1, 0), points))
     for name, kind in _BY_GRIDS.items():
         for card in cards.get(name, ()):
@@ -246,18 +233,18 @@ def frame_definitions(cards: Cards) -> dict[int, FrameDefinition]:
     out: dict[int, FrameDefinition] = {}
     for frame in found:
         before = out.setdefault(frame.id, frame)
-        if not frame.same_as(before):
+        if frame != before:
             raise ReadError(f"{frame.where}: coordinate system {frame.id} differs from {before.where}")
     return out
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A GRID card: coordinates ``x`` in system ``cp``, displacements in system ``cd``, components ``ps`` held."""
+    """A GRID card: coordinates ``x`` in system ``cp``, displacements in system ``cd``, sorted constraints ``ps``."""
 
     cp: int
     x: tuple[float, float, float]
-    where: str
+    where: str = field(compare=False)
     cd: int = 0
     ps: str = ""
 
@@ -313,10 +300,10 @@ class FrameChain:
 
     def _place(self, definition: FrameDefinition, waiting: tuple[int, ...]) -> CoordinateSystem:
         """Transform one definition into basic."""
-        if definition.points is not None:
+        if definition.points:
             parent = self._system(definition.reference, definition.where, waiting)
-            points = parent.to_basic(definition.points)
-            rounding = parent.position_rounding(definition.points, printed_rounding(definition.points))
+            given = np.reshape(definition.points, (3, 3))
+            points, rounding = parent.to_basic(given), parent.position_rounding(given, printed_rounding(given))
             turn = parent.angle_rounding
         else:
             placed = [self._grid(grid, definition.where, waiting) for grid in definition.grids]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import KEY_STEP, Nodes
-from cmsreduce.read.nastran.cards import Card, Cards
+from cmsreduce.read.nastran.cards import Cards
 from cmsreduce.read.nastran.dof_sets import Points, id_ranges
 from cmsreduce.read.nastran.frames import FRAME_CARDS, FrameChain, Grid, frame_definitions
 from cmsreduce.read.printed_numbers import printed_rounding
@@ -36,32 +36,28 @@ def read_grids(cards: Cards) -> dict[int, Grid]:
     ReadError
         If a grid is defined twice with different data, or two GRDSET cards differ.
     """
-    defaults = _grdset(cards.get("GRDSET", ()))
+    grdset = cards.get("GRDSET", ())
+    filled = {(card.integer(1, 0), card.integer(5, 0), card.text(6)) for card in grdset} or {(0, 0, "")}
+    if len(filled) > 1:
+        raise ReadError(f"{grdset[1].where}: differs from the GRDSET before it; a deck may have only one")
+    default_cp, default_cd, default_ps = filled.pop()
     out: dict[int, Grid] = {}
     for card in cards.get("GRID", ()):
         id = card.integer(0)
         if id <= 0:
             raise ReadError(f"{card.where}: {id} is no grid id; ids are positive")
         x = (card.real(2), card.real(3), card.real(4))
-        cp, cd = (card.integer(field, default) for field, default in ((1, defaults[0]), (5, defaults[1])))
-        ps = (card.text(6) or defaults[2]).strip("0")
+        cp, cd = card.integer(1, default_cp), card.integer(5, default_cd)
+        ps = "".join(sorted(set((card.text(6) or default_ps).strip("0"))))
         if cd < 0:
             raise ReadError(f"{card.where}: grid {id} is a fluid point (CD = {cd}); acoustic models are not read")
         if any(c not in "123456" for c in ps):
             raise ReadError(f"{card.where}: '{ps}' in field 8 of grid {id} names no components; use digits 1 to 6")
         grid = Grid(cp, x, f"{card.where} {id}", cd, ps)
         before = out.setdefault(id, grid)
-        if (before.cp, before.x, before.cd, set(before.ps)) != (cp, x, cd, set(ps)):
+        if grid != before:
             raise ReadError(f"{card.where}: grid {id} differs from {before.where}; remove one of them")
     return out
-
-
-def _grdset(cards: Sequence[Card]) -> tuple[int, int, str]:
-    """CP, CD and PS for grids that leave them blank."""
-    found = [(card.integer(1, 0), card.integer(5, 0), card.text(6)) for card in cards]
-    if len(set(found)) > 1:
-        raise ReadError(f"{cards[1].where}: differs from the GRDSET before it; a deck may have only one")
-    return found[0] if found else (0, 0, "")
 
 
 def scalar_points(cards: Cards, grids: Mapping[int, Grid]) -> NDArray[np.int64]:
@@ -127,7 +123,7 @@ def read_points(cards: Cards) -> tuple[Nodes, Points, NDArray[np.int64]]:
         frame[at] = system.displacement_axes(xyz[at])
         turn[at] = system.axes_rounding(xyz[at], rounding[at])
     nodes = Nodes(ids, xyz, frame, float(rounding.max(initial=0.0)), float(turn.max(initial=0.0)))
-    held = [id * KEY_STEP + int(c) for id, grid in by_id.items() for c in sorted(set(grid.ps))]
+    held = [id * KEY_STEP + int(c) for id, grid in by_id.items() for c in grid.ps]
     return nodes, Points(np.sort(ids), scalar_points(cards, by_id)), np.array(held, dtype=np.int64)
 
 

@@ -38,17 +38,7 @@ class _Block:
 
 
 def _op2_matrices(path: Path) -> list[StoredMatrix]:
-    """Matrices of an OP2 file.
-
-    Parameters
-    ----------
-    path : Path
-        File of 32 or 64-bit words, either byte order; tables in it are skipped.
-
-    Returns
-    -------
-    list of StoredMatrix
-        In the order of the file.
+    """Matrices of an OP2 file of 32 or 64-bit words in either byte order; its tables are skipped.
 
     Raises
     ------

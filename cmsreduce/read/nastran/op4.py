@@ -37,23 +37,22 @@ def first_record(head: bytes) -> set[int]:
 
 
 def _op4_matrices(path: Path) -> list[StoredMatrix]:
-    """Matrices of an OP4 file.
-
-    Parameters
-    ----------
-    path : Path
-        File of 32 or 64-bit integers, single or double precision, dense, sparse, or sparse with big matrices.
-
-    Returns
-    -------
-    list of StoredMatrix
-        In the order of the file; loading one raises ReadError if a number does not parse.
+    """Matrices of an OP4 file of 32 or 64-bit integers and any precision, dense or sparse, also with big matrices.
 
     Raises
     ------
     ReadError
-        If the file is truncated or damaged; the whole file is checked first.
+        If the file is truncated or damaged; the whole file is checked first. Loading raises it if a number does not
+        parse.
     """
+    start = read_head(path, 4)
+    if len(start) < 4:
+        raise ReadError(f"{path}: the OP4 file is truncated: it has no more than {len(start)} bytes")
+    if b"\0" not in start:
+        headers = list(PrintedRecords(path).headers())
+    else:
+        with BinaryRecords.of(path) as records:
+            headers = list(records.headers())
     return [
         StoredMatrix(
             header.name or f"m{k}",
@@ -62,18 +61,8 @@ def _op4_matrices(path: Path) -> list[StoredMatrix]:
             (header.rows, header.cols, None),
             partial(_load, path, header, header.name or f"m{k}"),
         )
-        for k, header in enumerate(_headers(path))
+        for k, header in enumerate(headers)
     ]
-
-
-def _headers(path: Path) -> list[Op4Header]:
-    start = read_head(path, 4)
-    if len(start) < 4:
-        raise ReadError(f"{path}: the OP4 file is truncated: it has no more than {len(start)} bytes")
-    if b"\0" not in start:
-        return list(PrintedRecords(path).headers())
-    with BinaryRecords.of(path) as records:
-        return list(records.headers())
 
 
 def _load(path: Path, header: Op4Header, name: str) -> LabelledMatrix:

@@ -69,7 +69,7 @@ def test_npy(tmp_path: Path, order: str, dtype: str) -> None:
 
 
 class Trap:
-    """Would run code if it were ever unpickled."""
+    """An object that runs code if it is unpickled."""
 
     def __reduce__(self) -> tuple[object, ...]:
         return (Path("trapped").touch, ())

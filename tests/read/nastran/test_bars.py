@@ -1,4 +1,4 @@
-"""Bars of decks: forces along them from sections and materials, in any of the deck's ways to write them."""
+"""Bars of decks: forces along them from sections and materials, in all forms of the cards."""
 
 from __future__ import annotations
 

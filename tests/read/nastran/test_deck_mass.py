@@ -1,4 +1,4 @@
-"""The mass that a deck states, by hand; a deck whose elements are not all counted states none."""
+"""The mass that a deck states, by hand; none if some of its elements are not counted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""DMIG entries: every width of field, both forms, and what a punch file can have wrong."""
+"""DMIG entries: every width of field, both forms, and the faults of punch files."""
 
 from io import StringIO
 from pathlib import Path

@@ -83,9 +83,9 @@ UP = np.array([[0.0, 0, 0], [0, 0, 1], [1, 0, 0]])
 
 def test_a_chain_in_any_order_and_a_system_through_grids_in_another_system() -> None:
     # 30 is at r = 2, theta = 90 in the cylindrical 20, which is defined in 10, moved by (10, 0, 0).
-    far = FrameDefinition(30, "rectangular", "CORD2R 30", 20, np.array([[2.0, 90, 0], [2, 90, 1], [3, 90, 0]]))
-    middle = FrameDefinition(20, "cylindrical", "CORD2C 20", 10, UP)
-    near = FrameDefinition(10, "rectangular", "CORD2R 10", 0, UP + np.array([10.0, 0, 0]))
+    far = FrameDefinition(30, "rectangular", "CORD2R 30", 20, (2.0, 90, 0, 2, 90, 1, 3, 90, 0))
+    middle = FrameDefinition(20, "cylindrical", "CORD2C 20", 10, (*UP.ravel(),))
+    near = FrameDefinition(10, "rectangular", "CORD2R 10", 0, (10, 0, 0, 10, 0, 1, 11, 0, 0))
     by_grids = FrameDefinition(40, "spherical", "CORD1S 40", grids=(1, 2, 3))
     grids = {
         1: Grid(20, (2.0, 90.0, 0.0), "GRID 1"),
@@ -104,9 +104,9 @@ def test_a_chain_in_any_order_and_a_system_through_grids_in_another_system() -> 
 
 
 def test_cycles_and_missing_systems_are_named() -> None:
-    a = FrameDefinition(1, "rectangular", "CORD2R 1", 2, UP)
-    b = FrameDefinition(2, "rectangular", "CORD2R 2", 3, UP)
-    c = FrameDefinition(3, "rectangular", "CORD2R 3", 1, UP)
+    a = FrameDefinition(1, "rectangular", "CORD2R 1", 2, (*UP.ravel(),))
+    b = FrameDefinition(2, "rectangular", "CORD2R 2", 3, (*UP.ravel(),))
+    c = FrameDefinition(3, "rectangular", "CORD2R 3", 1, (*UP.ravel(),))
     with pytest.raises(ReadError, match=r"coordinate system 1 is defined by itself: 1 -> 2 -> 3 -> 1"):
         chain(a, b, c).system(1, "GRID 5")
     with pytest.raises(ReadError, match=r"GRID 5 refers to coordinate system 7, .* defines 1\)"):
@@ -128,9 +128,7 @@ def test_printed_rounding(value: float, rounding: float) -> None:
 
 
 def test_rounding_of_a_system_reaches_its_points() -> None:
-    frame = FrameDefinition(
-        1, "cylindrical", "CORD2C 1", 0, np.array([[0.0, 0, 0], [0, 0, 1], [0.707107, 0.707107, 0]])
-    )
+    frame = FrameDefinition(1, "cylindrical", "CORD2C 1", 0, (0.0, 0, 0, 0, 0, 1, 0.707107, 0.707107, 0))
     system = chain(frame).system(1, "here")
     # Half a unit of the sixth digit over an arm of one, and as much again.
     assert 5e-7 < system.angle_rounding < 2e-6

@@ -1,4 +1,4 @@
-"""Rigid elements of decks: whatever the card, its followers move as one piece with what leads them."""
+"""Rigid elements of decks: for every card, the dependent dofs move as one piece with the independent dofs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The proof of the row order, and every cause it can name."""
+"""Proof of the row order, and every cause that its message can name."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def swapped(dofs: DofTable, a: int, b: int) -> DofTable:
 
 
 def exchanged(dofs: DofTable, a: int, b: int) -> np.ndarray:
-    """Order of rows in which two nodes have changed places."""
+    """Order of rows with two nodes exchanged."""
     order = np.arange(len(dofs))
     order[dofs.node == a], order[dofs.node == b] = order[dofs.node == b], order[dofs.node == a]
     return order
