@@ -133,7 +133,7 @@ def write_pictures(run: RunResult, folder: Path, suffix: str = ".png") -> list[P
         if name in run.effective_mass:
             effective_mass_picture(name, run.effective_mass[name], to(f"effective_mass_{name}"))
     if run.gains:
-        gain_picture(run, run.gains[at if names else 0], to("gains"))
+        gain_picture(run, names[at] if names else next(iter(run.gains)), to("gains"))
     return made
 
 
