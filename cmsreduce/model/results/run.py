@@ -177,7 +177,7 @@ class SystemModes:
 
 @dataclass(frozen=True)
 class Speed:
-    """Wall times in seconds: all reductions, full responses, reduced responses over the same grids."""
+    """Wall times in seconds: all reductions, then reference and reduced responses over the same grids."""
 
     reduce_s: float
     full_frf_s: float

@@ -116,7 +116,7 @@ def _zeros(found: tuple[ChannelZeros, ...], outputs: int, inputs: int, store: Ar
 def _drawn_pair(
     pair: ChannelZeros | None,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.int64], NDArray[np.float64]]:
-    """Zeros of both systems; for each of the full one 1 if it is judged, and the distance from its partner.
+    """Zeros of both models; for each reference zero, 1 if it is judged, and the distance from its partner.
 
     A zero that is not judged has no partner; its distance is that from the nearest zero.
     """

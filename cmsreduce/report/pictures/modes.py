@@ -68,7 +68,7 @@ def effective_mass_picture(name: str, curve: EffectiveMassCurve, path: Path) -> 
 
 
 def mac_picture(table: MacMatrix, where: str, path: Path) -> None:
-    """Draw the modal assurance criterion between all modes of the full and of the reduced system."""
+    """Draw the modal assurance criterion between all modes of the reference and of the reduced system."""
     with drawn(path, (7.0, 5.6)) as figure:
         axes = figure.subplots()
         image = axes.imshow(

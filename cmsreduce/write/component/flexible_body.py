@@ -15,16 +15,14 @@ from cmsreduce.write.component.integrals import stored_stiffening
 
 __all__ = ["FlexibleBody", "FrameStiffening", "flexible_body", "frame_stiffening", "require_mass"]
 
-# Of the largest modal mass. Integrals over the same mass differ from it by round-off of sums over all nodes, integrals
-# over another mass by per cents (theory section 8).
+# Relative to the largest modal mass. Integrals over the same mass differ from it by round-off of sums over all nodes,
+# integrals over another mass by per cents (theory section 8).
 _SAME_MASS = 1e-9
-
-# Of a unit length and of a direction: two equal frames differ by round-off of their axes.
+# Relative to a unit length and a direction: two equal frames differ by round-off of their axes.
 _SAME_FRAME = 1e-12
-_PAIRS = tuple(("xyz".index(axes[0]), "xyz".index(axes[1])) for axes in SQUARES)
-
 # Rigid motions of a floating frame.
 _SIX = 6
+_PAIRS = tuple(("xyz".index(axes[0]), "xyz".index(axes[1])) for axes in SQUARES)
 
 Array = NDArray[np.float64]
 

@@ -41,7 +41,7 @@ def write_mbdyn(
     integrals : ModalIntegrals
         Integrals over its modes, about the origin of the modal node.
     dialect : {"invariants", "lumped"}
-        Which record groups describe the mass.
+        Record groups that describe the mass.
 
     Raises
     ------

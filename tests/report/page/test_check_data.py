@@ -1,4 +1,4 @@
-"""What the plots of the checks are drawn from, unpacked again; what is said of a body's health."""
+"""Data of the plots of checks, unpacked again, and rows on a body's health."""
 
 from __future__ import annotations
 
