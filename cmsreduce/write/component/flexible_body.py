@@ -74,6 +74,12 @@ class FlexibleBody:
         return int(self.omega.size)
 
     @property
+    def phi_cross_phi(self) -> Array:
+        """Integral of phi_a x phi_b over the mass: entry [axis, a, b] (3, k, k)."""
+        P = self.integrals.phi_phi
+        return np.stack([P[1, 2] - P[2, 1], P[2, 0] - P[0, 2], P[0, 1] - P[1, 0]])
+
+    @property
     def static_count(self) -> int:
         """Number of modes without mass, and so without a frequency."""
         return int(np.isnan(self.omega).sum())
