@@ -107,11 +107,11 @@ def _modes(run: RunResult) -> Iterable[tuple[Cell, ...]]:
 
 
 def _gains(run: RunResult) -> Iterable[tuple[Cell, ...]]:
-    for curve in run.gains:
+    for configuration, (kept, _) in run.gains.items():
         for o, output in enumerate(run.outputs):
             for i, name in enumerate(run.inputs):
-                for hz, value in zip(curve.kept.hz, curve.kept.running[:, o, i], strict=True):
-                    yield curve.configuration, name, output, float(hz), float(value)
+                for hz, value in zip(kept.hz, kept.running[:, o, i], strict=True):
+                    yield configuration, name, output, float(hz), float(value)
 
 
 def _responses(run: RunResult, response: Response, models: list[str]) -> list[tuple[Cell, ...]]:

@@ -1,4 +1,4 @@
-"""Completeness of a system's modes at its hinges: the share of the inertia at each axis that they represent."""
+"""Completeness of modes at hinges: the share of the inertia at each articulation axis that they represent."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def hinges_locked(scene: Scene) -> Scene:
         the assembly refuses.
     """
 
-    def elsewhere(channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
+    def not_in_joints(channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
         return tuple(c for c in channels if not any(isinstance(term, JointTerm) for term in c.terms))
 
     return replace(
@@ -68,8 +68,8 @@ def hinges_locked(scene: Scene) -> Scene:
         joints=tuple(joint.locked() for joint in scene.joints),
         # A locked joint has no angle of its own; the configuration passed to the assembly turns it nevertheless.
         configurations=(replace(scene.configurations[0], angles={}),),
-        actuators=elsewhere(scene.actuators),
-        sensors=elsewhere(scene.sensors),
+        actuators=not_in_joints(scene.actuators),
+        sensors=not_in_joints(scene.sensors),
     )
 
 

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 _NOTHING = 1e-10
 # Gains between channels that no mode joins are rounding of the products of their largest modal inputs and outputs.
 _APART = 1e-10
-# A pair whose step response is below this share of the strongest of its output is rounding.
+# A step response below this share of the strongest one of its output is rounding.
 _SILENT = 1e-10
 
 
@@ -141,9 +141,9 @@ def step_errors(full: Array, reduced: Array) -> tuple[Array, Array]:
     Returns
     -------
     peak : (outputs, inputs) float64
-        Largest difference over the largest full response; NaN for a silent pair.
+        Largest difference over the largest reference response; NaN for a silent pair.
     rms : (outputs, inputs) float64
-        Root mean square of the difference over that of the full response; NaN for a silent pair.
+        Root mean square of the difference over the root mean square of the reference response; NaN for a silent pair.
     """
     miss = reduced - full
     high, mean = abs(full).max(axis=0, initial=0.0), np.sqrt(np.mean(full**2, axis=0))

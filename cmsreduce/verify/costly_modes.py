@@ -36,7 +36,7 @@ def costly_modes(component: ModalComponent, points: Array, band_hz: float) -> Co
     component : ModalComponent
         m modes.
     points : (p, m) float64
-        Motions in the modes of the points where the body is joined, driven and measured.
+        Motions of the points where the body is joined, driven and measured, in each mode.
     band_hz : float
         Upper end of the band in Hz.
 
@@ -123,7 +123,7 @@ def single_precision(M: Array, K: Array, shapes: Array, rigid_count: int, static
 
 
 def _elastic(M: Array, K: Array, shift: float, r: int, count: int) -> Array:
-    """Elastic natural frequencies (rad per unit of time, ascending), by the pencil inverted and shifted as below."""
+    """Elastic natural frequencies (rad per unit of time, ascending); inverted and shifted as in `_held`."""
     found = la.eigh(M, K + shift * M, eigvals_only=True)[::-1]
     return np.sqrt(1 / found[r : r + count] - shift)
 

@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of a body: from its mass matrix, against real bodies, and against another model."""
+"""Mass, centre of mass and inertia of a body: measured on its mass matrix, and compared with another model."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def rigid_mass_properties(rigid: Array) -> MassProperties:
 
 
 def mass_disorder(body: FEModel) -> float:
-    """Distance of a mass matrix from that of a body, which has the same mass in every direction at one place.
+    """Distance of a mass matrix from one of a rigid body, which has the same mass in every direction at one place.
 
     Rows of a mass matrix in another order than those of the stiffness give different masses along x, y and z, or a
     coupling of translations with rotations that no centre of mass has.
@@ -155,7 +155,7 @@ def inertia_excess(rigid_mass: Array) -> float | None:
     float or None
         Conditions: no principal moment is negative or larger than the sum of the other two. The largest violation is
         relative to the largest moment; 0 for every real body. None for a body that cannot move freely in all
-        directions, whose inertia is not that of its mass.
+        directions.
     """
     found = rigid_mass_properties(rigid_mass)
     if found.mass.min() < (1 - _SAME_MASS) * found.mass.max() or found.mass.max() <= 0:

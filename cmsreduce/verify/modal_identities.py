@@ -122,7 +122,7 @@ def coupled_momentum(body: FEModel, held: NDArray[np.int64]) -> Array:
 
 
 def carried_momentum(momentum: Array, place: Placement) -> Array:
-    """Momentum (6, k) of a body in the frame of the scene, from that in its basic frame."""
+    """Momentum (6, k) of a body in the frame of the scene, from its momentum in its basic frame."""
     P, H = (place.rotation @ part for part in (momentum[:3], momentum[3:]))
     return np.vstack([P, H + cross_matrix(place.translation) @ P])
 
@@ -139,7 +139,7 @@ def momentum_residual(momentum: Mapping[str, Array]) -> Array:
     -------
     (k,) float64
         The larger of the linear and the angular part of the sum, relative to the sum of the bodies' magnitudes; zero
-        but for rounding, with hinges free or locked, as long as nothing is held to the ground.
+        but for rounding if nothing is held to the ground, with hinges free or locked.
 
     Notes
     -----

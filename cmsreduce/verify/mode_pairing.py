@@ -1,4 +1,4 @@
-"""Pairs of modes of two models: one to one by shape and frequency, or for each mode the one most alike."""
+"""Pairs of modes of two models: one to one by shape and frequency, or each with the mode of the largest MAC."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class ModePairing:
 
 @dataclass(frozen=True, eq=False)
 class FrequencyPairs:
-    """Modes of the reduced system in the band, each with the full mode of the largest MAC.
+    """Modes of the reduced system in the band, each with the mode of the reference model that has the largest MAC.
 
     Parameters
     ----------
@@ -200,8 +200,8 @@ def _mac(old: Array, new: Array, group: Indices) -> Array:
 def pair_frequencies(full: Array, reduced: Array, cross: Array, band_hz: float) -> FrequencyPairs:
     """Pair frequencies by cross-orthogonality.
 
-    Modes of the full system that the reduced one leaves out on purpose have no pair and do not count here: their effect
-    in the scene is part of the response errors.
+    Modes of the reference model that the reduced one leaves out on purpose have no pair and do not count here: their
+    effect in the scene is part of the response errors.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def pair_frequencies(full: Array, reduced: Array, cross: Array, band_hz: float) 
 def pair_complex_modes(
     full: NDArray[np.complex128], reduced: NDArray[np.complex128], cross: NDArray[np.complex128], band_hz: float
 ) -> DampedPairs:
-    """Pair each oscillating mode of the reduced system in the band with a full one of like shape.
+    """Pair each oscillating mode of the reduced system in the band with a reference mode of like shape.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ __all__ = [
 Response = NDArray[np.complex128]
 Array = NDArray[np.float64]
 
-# A band that starts at zero is compared over this many decades: below, only rigid motion remains.
+# A band that starts at zero is compared over this number of decades: below, only rigid motion remains.
 _DECADES = 3.0
 # Distances from a resonance, in half-power half-widths zeta w, from well inside the peak to well outside.
 _OFFSETS = np.concatenate([[0.0], np.geomspace(0.05, 5000.0, 48)])
@@ -106,7 +106,7 @@ def channel_scales(
     inputs, outputs : sequence of Channel
         Channels of the columns and rows.
     elastic, total : (f, outputs, inputs) complex128
-        Response of the full model without and with its rigid-body part.
+        Response of the reference model without and with its rigid-body part.
 
     Returns
     -------
@@ -134,14 +134,14 @@ def frf_error(omega: Array, H: Response, H_r: Response, row: Array, column: Arra
     omega : (f,) float64
         Circular frequencies.
     H, H_r : (f, outputs, inputs) complex128
-        Elastic responses of the full and the reduced model.
+        Elastic responses of the reference and of the reduced model.
     row, column : float64
         From `channel_scales`.
 
     Returns
     -------
     float
-        sqrt(int ||H - H_r||_F^2 dw / int ||H||_F^2 dw); infinite if only the full model is silent.
+        sqrt(int ||H - H_r||_F^2 dw / int ||H||_F^2 dw); infinite if only the reference model is silent.
     """
     weight = row[:, None] * column[None, :]
     miss = np.trapezoid(np.sum(abs((H - H_r) * weight) ** 2, axis=(1, 2)), omega)
@@ -152,7 +152,7 @@ def frf_error(omega: Array, H: Response, H_r: Response, row: Array, column: Arra
 
 
 def db_error(H: Response, H_r: Response, row: Array, column: Array) -> float:
-    """Difference in decibels of the reduced response from the full one, worst channel.
+    """Difference in decibels of the reduced response from the reference, worst channel.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def db_error(H: Response, H_r: Response, row: Array, column: Array) -> float:
 
 
 def loud_channels(H: Response, row: Array, column: Array) -> NDArray[np.bool_]:
-    """Channels (outputs, inputs) that are not silent beside the strongest of their unit; arguments of `db_error`."""
+    """Mask (outputs, inputs) of channels that are not silent beside the strongest of their unit; see `db_error`."""
     size = np.sqrt(np.mean(abs(H) ** 2, axis=0)) * row[:, None] * column[None, :]
     return np.asarray(size > SILENT * size.max(initial=0.0))
 
@@ -251,7 +251,7 @@ def peak_shifts(omega: Array, H: Response, full: Array, reduced: Array) -> Array
     omega : (f,) float64
         Grid, refined at the resonances; any unit.
     H : (f, outputs, inputs) complex128
-        Elastic response of the full model.
+        Elastic response of the reference model.
     full, reduced : (k,) float64
         Natural frequencies paired by their shapes, in the unit of the grid.
 
@@ -259,7 +259,7 @@ def peak_shifts(omega: Array, H: Response, full: Array, reduced: Array) -> Array
     -------
     (outputs, inputs) float64
         |reduced - full| / full, the largest of the modes with a peak in the channel; NaN where there is none. A mode of
-        the full system without a partner does not count: it is in the response error and FRAC.
+        the reference model without a partner does not count here; response error and FRAC contain it.
 
     Examples
     --------

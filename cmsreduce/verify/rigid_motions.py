@@ -1,4 +1,4 @@
-"""Rigid motions of a body three ways: from its geometry, from its stiffness, and as its lowest modes."""
+"""Rigid motions of a body from three sources: its geometry, its stiffness, and its lowest modes."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class RigidMotions:
     elastic_hz: float
 
     def apart(self, M: sp.csc_array) -> tuple[float, float]:
-        """Distances of the motions from stiffness, and of those from modes, to those of the geometry.
+        """Distances of the motions from stiffness and from modes to the motions from geometry.
 
         Parameters
         ----------

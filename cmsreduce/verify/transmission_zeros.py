@@ -30,7 +30,7 @@ _ALIKE = 1e-6
 
 
 def zeros_below(omega: Array, residue: Array, omega_max: float, *, static: float = 0.0) -> Complex:
-    """All undamped zeros of sum residue / (s^2 + w^2) + static up to a frequency.
+    """Find all undamped zeros of sum residue / (s^2 + w^2) + static up to a frequency.
 
     Parameters
     ----------
@@ -46,8 +46,8 @@ def zeros_below(omega: Array, residue: Array, omega_max: float, *, static: float
     Returns
     -------
     (z,) complex128
-        In rad/s up to a little above ``omega_max``, those of positive imaginary part and those on the real axis, by
-        magnitude, the one on the right first of a pair of mirror images. Of a collocated pair they lie on the imaginary
+        In rad/s up to a little above ``omega_max``, by magnitude: zeros of positive imaginary part and zeros on the
+        real axis. The right one of two mirror images comes first. Zeros of a collocated pair lie on the imaginary
         axis, between the poles.
 
     Notes
@@ -110,7 +110,7 @@ def visible_modes(omega: Array, residue: Array) -> tuple[Array, Array]:
 def judged_zeros(
     full: Complex, band: tuple[float, float], poles: Array | None = None, hidden: float = 0.0
 ) -> NDArray[np.int64]:
-    """Positions of the zeros of a full system in a band that damping does not hide; arguments as for `zero_shifts`."""
+    """Positions of the reference zeros in a band that damping does not hide; arguments as for `zero_shifts`."""
     size = abs(full)
     inside = np.flatnonzero((size >= band[0]) & (size <= band[1]) & (size > 0))
     if poles is not None and poles.size and inside.size:
@@ -122,7 +122,7 @@ def judged_zeros(
 def zero_shifts(
     full: Complex, reduced: Complex, band: tuple[float, float], poles: Array | None = None, hidden: float = 0.0
 ) -> Array:
-    """Relative distances between the zeros of a full system in a band and those of a reduced one.
+    """Relative distances between the zeros of the reference model in a band and those of a reduced one.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def zero_shifts(
     band : (float, float)
         Frequencies of interest in rad/s.
     poles : (k,) float64, optional
-        Frequencies of the full system in rad/s.
+        Frequencies of the reference model in rad/s.
     hidden : float
         Zeros nearer to a pole than this, relative, are left out: damping as large hides the pair, and a reduced model
         may have neither.

@@ -16,7 +16,6 @@ from cmsreduce.model import (
     ExtraneousMode,
     FEModel,
     Finding,
-    GainCurve,
     GainSum,
     JointDrawing,
     MacMatrix,
@@ -63,7 +62,7 @@ def large_run(
     k = np.arange(1, modes + 1)
     C, B = np.sin(np.pi * np.outer(place, k)), np.sin(np.pi * np.outer(push, k))
     names = tuple(f"angle={5 * c}" for c in range(configurations))
-    results, systems, gains, checks, margins = [], {}, [], [], []
+    results, systems, gains, checks, margins = [], {}, {}, [], []
     for c, name in enumerate(names):
         natural = hz * (1 + 0.01 * np.sin(0.3 * c + 0.1 * k))
         full, own = (_response(grid, natural[:n], C[:, :n], B[:, :n]) for n in (modes, _KEPT))
@@ -102,7 +101,7 @@ def large_run(
         steps = step_of(natural, C, B, _KEPT, ZETA)
         checks.append(system_checks(name, channel_zeros(natural, _KEPT, outputs, inputs), steps))
         margins.append(controller_margin(name, grid, hz[3]))
-        gains.append(GainCurve(name, GainSum(found, gain[:_KEPT], none), GainSum(natural, gain, none)))
+        gains[name] = GainSum(found, gain[:_KEPT], none), GainSum(natural, gain, none)
     along = np.linspace(0, 1, nodes)
     xyz = np.column_stack([along, 0.1 * np.sin(9 * along), np.zeros(nodes)])
     shapes = np.zeros((nodes, 3, modes))
@@ -153,7 +152,7 @@ def large_run(
         sensitivity=SensitivityRecord({"string": (1, 2)}, (SensitivityCase("damping x 5", {"string": (1, 3)}),)),
         drawing=drawing,
         effective_mass={"string": EffectiveMassCurve("left", hz, share, hz[:_KEPT], share[:_KEPT])},
-        gains=tuple(gains),
+        gains=gains,
         checks=ReductionChecks(
             {"string": {"interface 'left'": 0.0, "actuator 'push 0'": 3e-5}},
             tuple(checks),

@@ -12,7 +12,7 @@ SHIFT = 2e-4
 """The reduced system has its zeros too high by this share."""
 
 WORST_RATIO = 0.5
-"""Of the controller, at its worst frequency."""
+"""Largest quotient of the controller, at its worst frequency."""
 
 HEALTH = (
     HealthFinding(("mass_properties", "geometry", "centre"), "centre of mass", [0.5, 0.0, 0.0], "0.5 0 0"),

@@ -158,7 +158,7 @@ TRACES = (
 
 
 def test_marks_of_the_reduction_checks(page: Opened) -> None:
-    """What was put in stands where it should: zeros between the poles, the step's end, the worst frequency."""
+    """Drawn data equal the made data: zeros between the poles, the step's end, the worst frequency."""
     run = large_run(modes=130, inputs=1, outputs=2, configurations=3, points=1500, nodes=60)
     assert run.checks is not None
     said = "(id) => document.getElementById(id).textContent"

@@ -1,4 +1,4 @@
-"""What is said of an unreduced body, against hand calculation and against pyYeti's cbcheck."""
+"""Findings about an unreduced body, against hand calculation and against pyYeti's cbcheck."""
 
 from __future__ import annotations
 

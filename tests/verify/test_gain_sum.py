@@ -98,7 +98,7 @@ def test_a_zero_that_is_gone_is_infinitely_far():
 
 
 def test_modes_that_a_pair_does_not_see_are_left_out():
-    """Of two modes of one frequency that cancel, of a silent one, and of a pair that adds up."""
+    """Two modes of one frequency that cancel, a silent mode, and a pair that adds up."""
     omega = np.array([0.0, 2.0, 2.0, 5.0, 7.0, 7.0])
     w, r = visible_modes(omega, np.array([1.0, 0.4, -0.4, 1e-12, 0.2, 0.3]))
     np.testing.assert_allclose(w, [0.0, 7.0])
@@ -112,7 +112,7 @@ def test_a_pole_and_a_zero_that_damping_hides_are_no_loss():
 
 
 def state_space_zeros(omega: np.ndarray, b: np.ndarray, c: np.ndarray, static: float) -> np.ndarray:
-    """Where [A - s I, B; C, D] is singular, the states q and q' of all modes without damping."""
+    """Values of s at which [A - s I, B; C, D] is singular, for the states q and q' of all modes without damping."""
     k = omega.size
     A = np.block([[np.zeros((k, k)), np.eye(k)], [-np.diag(omega**2), np.zeros((k, k))]])
     pencil = np.block([[A, np.r_[np.zeros(k), b][:, None]], [np.r_[c, np.zeros(k)], static]])

@@ -102,7 +102,7 @@ def test_decibels_of_the_worst_channel_that_is_heard():
     H = np.ones((50, 2, 2), complex) * np.array([[1.0, 1e-3], [1e-8, 1e-6]])
     H_r = H * np.array([[1.0, 2.0], [100.0, 1.0]])
     assert db_error(H, H_r, np.ones(2), np.ones(2)) == pytest.approx(20 * np.log10(2))
-    # With the weak channel raised by its unit's scale it is heard too.
+    # With the weak channel raised by its unit's scale it counts, too.
     assert db_error(H, H_r, np.array([1.0, 1e4]), np.ones(2)) == pytest.approx(40.0)
 
 

@@ -13,7 +13,7 @@ from cmsreduce.model.results.errors import Finding
 
 __all__ = [
     "BoundRecord",
-    "CutoffRecord",
+    "CutoffChoice",
     "ExtraneousMode",
     "ProjectionRecord",
     "SampledModes",
@@ -22,7 +22,8 @@ __all__ = [
     "SensitivityRecord",
 ]
 
-
+# If this share of the first error is left at the highest cutoff, raising the cutoff was in vain.
+_IN_VAIN = 0.5
 # Smallest MAC at which an extraneous mode is a mode of the reference model.
 _ALIKE = 0.9
 
@@ -56,25 +57,45 @@ class SearchRecord:
 
 
 @dataclass(frozen=True)
-class CutoffRecord:
+class CutoffChoice:
     """Cutoff found for a body whose cutoff is ``auto``.
 
     Parameters
     ----------
+    body : str
+        Name of the body.
     cutoff_bands : float
         Cutoff as a multiple of the upper end of the band.
-    estimate : float
+    error : float
         Estimated frf_error of leaving out the body's modes above the cutoff.
-    allowed : float
-        Largest estimate allowed.
+    limit : float
+        Largest error allowed.
     tried : tuple of (float, float)
-        Cutoffs tried before, with their estimates.
+        Cutoffs tried before, with their errors.
     """
 
+    body: str
     cutoff_bands: float
-    estimate: float
-    allowed: float
+    error: float
+    limit: float
     tried: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def note(self) -> str:
+        """Cutoff in words, with its reason."""
+        cost = f"its modes above cost an estimated frf_error of {self.error:.1e}, {self.limit:.1e} is allowed"
+        if self.error > self.limit:
+            remedy = "static shapes are what it lacks: try method macneal-rubin, or residuals, or allow a larger error"
+            vain = bool(self.tried) and self.error > _IN_VAIN * self.tried[0][1]
+            rest = remedy if vain else "state a higher cutoff, or allow a larger error"
+            return f"{self.body}: cutoff auto stopped at {self.cutoff_bands:.3g} x the band; {cost}; {rest}"
+        if not self.tried:
+            return f"{self.body}: cutoff auto stays at {self.cutoff_bands:.3g} x the band; {cost}"
+        start, error = self.tried[0]
+        return (
+            f"{self.body}: cutoff auto raised from {start:.3g} to {self.cutoff_bands:.3g} x the band, where {cost} "
+            f"({error:.1e} before)"
+        )
 
 
 @dataclass(frozen=True)

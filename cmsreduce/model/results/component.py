@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 MISSING_INERTIA = 0.05
 """Share of a hinge's inertia that may be lost with the modes left out: the load on its motor changes by this share."""
 
-# Usual limit of a run for a relative change of a frequency.
+# Usual limit of a run on a relative change of a frequency.
 _FREQUENCY = 1e-3
 # Frequency of a rigid motion relative to the lowest elastic one: such a false spring moves the latter by 5e-5.
 _RIGID = 1e-2

@@ -31,7 +31,7 @@ class HealthFinding:
     key : tuple of str
         Place below ``health`` in summary.json; a section that is a list collects the values of its findings.
     name : str
-        In words.
+        Quantity in words.
     value : object
         Plain value, as it stands in summary.json.
     words : str
@@ -52,7 +52,7 @@ class HealthFinding:
 
     @property
     def passed(self) -> bool:
-        """Whether the limit is met, if there is one."""
+        """True if the limit is met or there is none."""
         return self.limit is None or bool(self.judged <= self.limit)
 
 

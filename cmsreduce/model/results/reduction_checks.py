@@ -12,7 +12,6 @@ __all__ = [
     "CHECKS",
     "ChannelZeros",
     "ControllerMargin",
-    "GainCurve",
     "GainSum",
     "HighGain",
     "ReductionChecks",
@@ -102,25 +101,6 @@ class GainSum:
         found = np.argwhere((part >= share) & (self.hz > band_hz)[:, None, None])
         for k, y, u in sorted(found.tolist(), key=lambda at: -part[tuple(at)]):
             yield HighGain(k, y, u, float(self.hz[k]), float(self.gain[k, y, u]), float(part[k, y, u]))
-
-
-@dataclass(frozen=True, eq=False)
-class GainCurve:
-    """Modal gains of a system in one configuration, before and after the choice of modes.
-
-    Parameters
-    ----------
-    configuration : str
-        Name of the configuration.
-    kept : GainSum
-        Of the reduced model.
-    all_modes : GainSum
-        Of the model with every mode of the mode sets.
-    """
-
-    configuration: str
-    kept: GainSum
-    all_modes: GainSum
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.model.body import Source
 from cmsreduce.model.reduced import ModalComponent
-from cmsreduce.model.results.choices import BoundRecord, CutoffRecord, ProjectionRecord, SearchRecord, SensitivityRecord
+from cmsreduce.model.results.choices import BoundRecord, CutoffChoice, ProjectionRecord, SearchRecord, SensitivityRecord
 from cmsreduce.model.results.component import (
     AxisCompleteness,
     CostlyModes,
@@ -22,7 +22,7 @@ from cmsreduce.model.results.component import (
 from cmsreduce.model.results.drawing import SceneDrawing
 from cmsreduce.model.results.errors import ERRORS, Finding, ModelErrors
 from cmsreduce.model.results.health import HealthFinding
-from cmsreduce.model.results.reduction_checks import ControllerMargin, GainCurve, ReductionChecks
+from cmsreduce.model.results.reduction_checks import ControllerMargin, GainSum, ReductionChecks
 from cmsreduce.model.results.verdict import Proof, Verdict, judge
 from cmsreduce.model.scene import Configuration
 
@@ -111,7 +111,7 @@ class ComponentResult:
         Sparse factorisations done by its stages.
     bound : BoundRecord, optional
         Bound on the error of the body alone, if it was truncated by one.
-    cutoff : CutoffRecord, optional
+    cutoff : CutoffChoice, optional
         Cutoff found for a body whose cutoff is ``auto``.
     scaling : str
         Scaling of its inputs and outputs for the ranking, in words; empty without a ranking.
@@ -135,7 +135,7 @@ class ComponentResult:
     sources: tuple[Source, ...]
     factorised: tuple[Factorisation, ...] = ()
     bound: BoundRecord | None = None
-    cutoff: CutoffRecord | None = None
+    cutoff: CutoffChoice | None = None
     scaling: str = ""
     costly: CostlyModes | None = None
     rounding: RoundingEffect | None = None
@@ -181,7 +181,7 @@ class SystemModes:
 
 @dataclass(frozen=True)
 class Speed:
-    """Wall times in seconds: all reductions, full responses, reduced responses over the same grids."""
+    """Wall times in seconds: all reductions, then reference and reduced responses over the same grids."""
 
     reduce_s: float
     full_frf_s: float
@@ -232,8 +232,8 @@ class RunResult:
         Drawing of the scene and of its modes.
     effective_mass : mapping of body to EffectiveMassCurve
         Effective mass of bodies with a geometry whose interfaces hold them.
-    gains : tuple of GainCurve
-        Modal gains, configuration by configuration.
+    gains : mapping of configuration to (GainSum, GainSum)
+        Modal gains of the run's own model, and of the model with every mode of the mode sets.
     checks : ReductionChecks, optional
         Static completeness, gains, zeros and steps, if verified.
     margins : tuple of ControllerMargin
@@ -262,7 +262,7 @@ class RunResult:
     sensitivity: SensitivityRecord | None = None
     drawing: SceneDrawing | None = None
     effective_mass: Mapping[str, EffectiveMassCurve] = field(default_factory=dict)
-    gains: tuple[GainCurve, ...] = ()
+    gains: Mapping[str, tuple[GainSum, GainSum]] = field(default_factory=dict)
     checks: ReductionChecks | None = None
     margins: tuple[ControllerMargin, ...] = ()
     proofs: tuple[Proof, ...] = ()

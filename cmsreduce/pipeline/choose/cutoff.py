@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 
 from cmsreduce import __version__
 from cmsreduce.assemble import rigid_substructure
 from cmsreduce.config import Pipeline, ReduceKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import ModalComponent, RigidBody, Scene, Substructure
+from cmsreduce.model import CutoffChoice, ModalComponent, RigidBody, Scene, Substructure
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import FlexibleBody, reference
 from cmsreduce.pipeline.store import stage_key
@@ -19,7 +18,6 @@ from cmsreduce.reduce import Examined
 __all__ = [
     "MOST",
     "START",
-    "CutoffChoice",
     "CutoffSearch",
     "asked_error",
     "check_measurable",
@@ -38,52 +36,8 @@ _SHARE = 0.5
 # a little more; within these factors, because modes come in groups.
 _BEYOND = 1.02
 _LEAST_STEP, _LARGEST_STEP = 1.25, 1.5
-# If this share of the first error is left at the highest cutoff, raising it was in vain, and the note says so.
-_IN_VAIN = 0.5
 # Points of the grid before it is refined at resonances, where all error is.
 _POINTS = 100
-
-
-@dataclass(frozen=True)
-class CutoffChoice:
-    """The cutoff found for a body, and why.
-
-    Parameters
-    ----------
-    body : str
-        Its name.
-    cutoff_bands : float
-        Multiple of the upper end of the band.
-    error : float
-        Estimated frf_error that the body's modes above the cutoff cost.
-    limit : float
-        Largest error that they may cost.
-    tried : tuple of (float, float)
-        Cutoffs tried before, with their errors.
-    """
-
-    body: str
-    cutoff_bands: float
-    error: float
-    limit: float
-    tried: tuple[tuple[float, float], ...] = ()
-
-    @property
-    def note(self) -> str:
-        """The choice and its reason, in words."""
-        cost = f"its modes above cost an estimated frf_error of {self.error:.1e}, {self.limit:.1e} is allowed"
-        if self.error > self.limit:
-            remedy = "static shapes are what it lacks: try method macneal-rubin, or residuals, or allow a larger error"
-            vain = bool(self.tried) and self.error > _IN_VAIN * self.tried[0][1]
-            rest = remedy if vain else "state a higher cutoff, or allow a larger error"
-            return f"{self.body}: cutoff auto stopped at {self.cutoff_bands:.3g} x the band; {cost}; {rest}"
-        if not self.tried:
-            return f"{self.body}: cutoff auto stays at {self.cutoff_bands:.3g} x the band; {cost}"
-        start, error = self.tried[0]
-        return (
-            f"{self.body}: cutoff auto raised from {start:.3g} to {self.cutoff_bands:.3g} x the band, where {cost} "
-            f"({error:.1e} before)"
-        )
 
 
 def asked_error(pipeline: Pipeline) -> float:

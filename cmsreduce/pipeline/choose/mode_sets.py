@@ -13,9 +13,9 @@ from scipy.sparse.csgraph import connected_components
 from cmsreduce import __version__
 from cmsreduce.config import ModeSetKeys, Pipeline, ReduceKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import Channel, JointTerm, PointTerm, RigidBody, Scene
+from cmsreduce.model import Channel, CutoffChoice, JointTerm, PointTerm, RigidBody, Scene
 from cmsreduce.pipeline.bodies import FlexibleBody, body_reduction, probing_loads
-from cmsreduce.pipeline.choose.cutoff import START, CutoffChoice
+from cmsreduce.pipeline.choose.cutoff import START
 from cmsreduce.pipeline.store import once, stage_key
 from cmsreduce.reduce import METHODS, BenfieldHruda, CraigBampton, Examined, kept_rigid
 

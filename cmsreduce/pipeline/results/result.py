@@ -11,7 +11,6 @@ from cmsreduce import __version__
 from cmsreduce.model import (
     ComponentResult,
     Configuration,
-    CutoffRecord,
     Finding,
     ModalComponent,
     RunResult,
@@ -84,7 +83,7 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
             sources=flexible.body.sources,
             bound=run.choice.bounds.get(name),
             scaling=run.balancing.scaling(name),
-            cutoff=CutoffRecord(c.cutoff_bands, c.error, c.limit, c.tried) if (c := cutoffs.get(name)) else None,
+            cutoff=cutoffs.get(name),
             factorised=tuple(each for stage, done in factorised.items() if stage != _REFERENCE for each in done),
             costly=body_costly_modes(run, name),
             rounding=body_rounding(run.final[name]),
@@ -118,7 +117,7 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
         completeness=run.completeness if verified is not None else (),
         drawing=scene_drawing(run) if views else None,
         effective_mass=effective_mass_curves(run) if views else {},
-        gains=gain_curves(run) if views else (),
+        gains=gain_curves(run) if views else {},
         checks=verified.checks if verified is not None else None,
         margins=run.margins if verified is not None else (),
     )

@@ -15,7 +15,7 @@ from cmsreduce.model import (
     Configuration,
     EffectiveMassCurve,
     FEModel,
-    GainCurve,
+    GainSum,
     JointDrawing,
     JointTerm,
     ModalComponent,
@@ -209,18 +209,18 @@ def _held_modes(component: ModalComponent, rows: NDArray[np.int64]) -> tuple[Arr
     return omega / (2 * np.pi), np.asarray(free @ V * omega)
 
 
-def gain_curves(run: Run) -> tuple[GainCurve, ...]:
-    """Running sums of modal gains in every configuration; empty without channels, and for a large system."""
+def gain_curves(run: Run) -> dict[str, tuple[GainSum, GainSum]]:
+    """Modal gains of the modes kept and of all modes, by configuration; empty without channels or if too large."""
     if not run.has_response:
-        return ()
+        return {}
     all_modes = run.untruncated.assembled
-    found = []
+    found = {}
     for configuration in run.scene.configurations:
         kept, every = (channel_gains(model, configuration) for model in (run.model.assembled, all_modes))
         if kept is None or every is None:
-            return ()
-        found.append(GainCurve(configuration.name, kept, every))
-    return tuple(found)
+            return {}
+        found[configuration.name] = kept, every
+    return found
 
 
 def _running(body: FEModel, component: ModalComponent) -> tuple[Array, Array] | None:

@@ -19,6 +19,7 @@ from cmsreduce.model import (
     ConfigurationResult,
     Controller,
     ControllerMargin,
+    CutoffChoice,
     FEModel,
     ModalComponent,
     ReducedComponent,
@@ -29,7 +30,7 @@ from cmsreduce.model import (
 )
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import FlexibleBody, Reference, read_flexible, read_rigid, reference, spin_notes
-from cmsreduce.pipeline.choose import Balancing, Choice, CutoffChoice, CutoffSearch, ModeSets, asked_error, cutoff_key
+from cmsreduce.pipeline.choose import Balancing, Choice, CutoffSearch, ModeSets, asked_error, cutoff_key
 from cmsreduce.pipeline.project import Projected, ProjectStage
 from cmsreduce.pipeline.run.keys import projected_error, read_key, reference_key, reference_model_key, system_key
 from cmsreduce.pipeline.store import CommonWork, Progress, Stages, once, stage

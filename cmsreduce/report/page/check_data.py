@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.model import ChannelZeros, ControllerMargin, GainCurve, RunResult, StepErrors
+from cmsreduce.model import ChannelZeros, ControllerMargin, GainSum, RunResult, StepErrors
 from cmsreduce.report.page.curves import all_rounded, rounded
 from cmsreduce.report.page.packing import ArrayStore, thinned_points
 
@@ -61,19 +61,20 @@ def check_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
     }
 
 
-def high_gains(curve: GainCurve, band_hz: float, store: ArrayStore) -> dict[str, Any]:
+def high_gains(gains: GainSum, band_hz: float, store: ArrayStore) -> dict[str, Any]:
     """Modes above the band that are a large part of the gains of a pair, among those of the running sum.
 
     Parameters
     ----------
-    curve : GainCurve
+    gains : GainSum
+        Gains of all modes of the mode sets.
     band_hz : float
         Upper end of the band.
     store : ArrayStore
         Takes position of the mode, channel, and share of the gains.
     """
-    found = list(curve.all_modes.high_gain_modes(band_hz))
-    inputs = curve.all_modes.static.shape[1]
+    found = list(gains.high_gain_modes(band_hz))
+    inputs = gains.static.shape[1]
     return {
         "mode": store.exact([each.mode for each in found], "u4"),
         "channel": store.exact([each.output * inputs + each.input for each in found], "u4"),
@@ -115,7 +116,7 @@ def _zeros(found: tuple[ChannelZeros, ...], outputs: int, inputs: int, store: Ar
 def _drawn_pair(
     pair: ChannelZeros | None,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.int64], NDArray[np.float64]]:
-    """Zeros of both systems; for each of the full one 1 if it is judged, and the distance from its partner.
+    """Zeros of both models; for each reference zero, 1 if it is judged, and the distance from its partner.
 
     A zero that is not judged has no partner; its distance is that from the nearest zero.
     """

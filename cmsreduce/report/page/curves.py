@@ -46,8 +46,8 @@ def response_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
     -------
     dict
         ``models`` gives the order of all lists by model, the run's own first. Curves are thinned; frequencies in Hz,
-        magnitudes in dB re 1. ``apart`` is the magnitude of a reduced model less that of the full one (or 0 without a
-        response), ``missed`` the magnitude of the difference in dB re the full response.
+        magnitudes in dB re 1. ``apart`` is the magnitude of a reduced model less the magnitude of the reference (or 0
+        without a response), ``missed`` the magnitude of the difference in dB re the reference response.
     """
     models = (run.model, *compared(run))
     figures = measured(run)
@@ -108,7 +108,7 @@ def _axes(run: RunResult) -> list[dict[str, Any]]:
 
 
 def _speed(run: RunResult, models: Iterable[str]) -> dict[str, Any] | None:
-    """Coordinates of each model, and seconds of its responses in all configurations; the full one first."""
+    """Coordinates of each model, and seconds of its responses in all configurations; the reference model first."""
     if not run.configurations:
         return None
     first = run.configurations[0]
@@ -208,7 +208,7 @@ def _channel(
 
 
 def _missed(full: NDArray[np.complex128], reduced: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Relative error of a reduced response, in magnitude and phase; NaN where the full response is zero."""
+    """Relative error of a reduced response, in magnitude and phase; NaN where the reference response is zero."""
     known = full != 0
     error = abs(reduced - full) / np.where(known, abs(full), 1.0)
     # Zero has no place on a logarithmic axis.

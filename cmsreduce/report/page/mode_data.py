@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import ComponentResult, EffectiveMassCurve, GainCurve, ProjectionRecord, RunResult
+from cmsreduce.model import ComponentResult, EffectiveMassCurve, GainSum, ProjectionRecord, RunResult
 from cmsreduce.report.page.check_data import high_gains
 from cmsreduce.report.page.curves import all_rounded, rounded
 from cmsreduce.report.page.packing import ArrayStore
@@ -32,7 +32,7 @@ def mode_data(run: RunResult, store: ArrayStore) -> dict[str, Any]:
     return {
         "components": [_modes(run, part) for part in run.components.values()],
         "effective_mass": [_effective(run.effective_mass.get(name)) for name in run.components],
-        "gains": [{**_gain(curve, store), "high": high_gains(curve, run.band[1], store)} for curve in run.gains],
+        "gains": [_gain(name, *gains, run.band[1], store) for name, gains in run.gains.items()],
         "completeness": [[row.axis, row.configuration, rounded(100 * row.missing)] for row in run.completeness],
         "projection": None if run.projection is None else _projection(run.projection),
         "timings": _timings(run),
@@ -68,15 +68,14 @@ def _effective(curve: EffectiveMassCurve | None) -> dict[str, Any] | None:
     }
 
 
-def _gain(curve: GainCurve, store: ArrayStore) -> dict[str, Any]:
+def _gain(configuration: str, kept: GainSum, every: GainSum, band_hz: float, store: ArrayStore) -> dict[str, Any]:
     """Running sums in order of modes, output by output and input by input, in shares of each pair's largest."""
-    kept, every = curve.kept, curve.all_modes
     size = np.maximum(abs(every.running).max(axis=0, initial=0.0), abs(kept.running).max(axis=0, initial=0.0))
     size = np.maximum(size, np.maximum(abs(kept.total), abs(every.total)))
     silent = size <= _LEAST_GAIN
     scale = np.where(silent, 1.0, size)
     return {
-        "configuration": curve.configuration,
+        "configuration": configuration,
         "hz": all_rounded(kept.hz),
         "whole_hz": all_rounded(every.hz),
         "scale": store.exact(np.where(silent, 0.0, size), "f4"),
@@ -84,6 +83,7 @@ def _gain(curve: GainCurve, store: ArrayStore) -> dict[str, Any]:
         "whole": store.rounded(_shares(every.running, scale)),
         "total": store.exact(kept.total, "f4"),
         "whole_total": store.exact(every.total, "f4"),
+        "high": high_gains(every, band_hz, store),
     }
 
 

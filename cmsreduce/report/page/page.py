@@ -36,35 +36,7 @@ __all__ = [
 
 # Compression that takes half the time of the strongest, for a library 4 % larger.
 _QUICK = 4
-
-
-def packed_plotly() -> str:
-    """The compressed plotting library; the page unpacks it when it opens."""
-    return start_packing().result()
-
-
-@cache
-def start_packing() -> Future[str]:
-    """Compress the plotting library in a thread: it takes longer than the rest of a page."""
-
-    def work() -> str:
-        return compressed(files("plotly").joinpath("package_data", "plotly.min.js").read_bytes(), _QUICK)
-
-    return ThreadPoolExecutor(1).submit(work)
-
-
-def embedded(data: Any) -> str:
-    """JSON for a script element: no name in it can end the element."""
-    text = json.dumps(data, allow_nan=False, separators=(",", ":"))
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-
-
-def part(name: str) -> str:
-    """Text of a script, a style or a template of the package."""
-    return files("cmsreduce.report.page").joinpath(name).read_text(encoding="utf-8")
-
-
-# In the order they depend on each other.
+# Scripts in the order in which they depend on each other.
 _SCRIPTS = ("arrays", "style", "responses", "modes", "checks", "viewer", "scene")
 _SECTIONS = (
     ("scene", "Scene"),
@@ -177,3 +149,29 @@ def _sections(run: RunResult, data: dict[str, Any]) -> list[tuple[str, str]]:
         "health": bool(run.components),
     }
     return [(section, name) for section, name in _SECTIONS if there.get(section, True)]
+
+
+def packed_plotly() -> str:
+    """The compressed plotting library; the page unpacks it when it opens."""
+    return start_packing().result()
+
+
+@cache
+def start_packing() -> Future[str]:
+    """Compress the plotting library in a thread: it takes longer than the rest of a page."""
+
+    def work() -> str:
+        return compressed(files("plotly").joinpath("package_data", "plotly.min.js").read_bytes(), _QUICK)
+
+    return ThreadPoolExecutor(1).submit(work)
+
+
+def embedded(data: Any) -> str:
+    """JSON for a script element: no name in it can end the element."""
+    text = json.dumps(data, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def part(name: str) -> str:
+    """Text of a script, a style or a template of the package."""
+    return files("cmsreduce.report.page").joinpath(name).read_text(encoding="utf-8")

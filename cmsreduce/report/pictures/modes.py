@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from cmsreduce.model import ComponentResult, EffectiveMassCurve, GainCurve, MacMatrix, RunResult
+from cmsreduce.model import ComponentResult, EffectiveMassCurve, MacMatrix, RunResult
 from cmsreduce.report.palette import FULL, INK, LIMIT, model_style
 from cmsreduce.report.pictures.figure import drawn, literal, plain_axes
 
@@ -67,7 +68,7 @@ def effective_mass_picture(name: str, curve: EffectiveMassCurve, path: Path) -> 
 
 
 def mac_picture(table: MacMatrix, where: str, path: Path) -> None:
-    """Draw the modal assurance criterion between all modes of the full and of the reduced system."""
+    """Draw the modal assurance criterion between all modes of the reference and of the reduced system."""
     with drawn(path, (7.0, 5.6)) as figure:
         axes = figure.subplots()
         image = axes.imshow(
@@ -82,20 +83,21 @@ def mac_picture(table: MacMatrix, where: str, path: Path) -> None:
         figure.colorbar(image, ax=axes, label="MAC")
 
 
-def gain_picture(run: RunResult, curve: GainCurve, path: Path) -> None:
+def gain_picture(run: RunResult, configuration: str, path: Path) -> None:
     """Draw the running sums of modal gains, the first pairs of channels each in a panel."""
     pairs = [(o, i) for o in range(len(run.outputs)) for i in range(len(run.inputs))][:_MOST_PAIRS]
     across = min(3, len(pairs))
     down = math.ceil(len(pairs) / across)
-    own = model_style(0)
+    own, (kept, every) = model_style(0), run.gains[configuration]
     with drawn(path, (3.4 * across + 0.6, 2.5 * down + 0.6)) as figure:
         panels = figure.subplots(down, across, squeeze=False, sharex=True)
         for axes in panels.ravel()[len(pairs) :]:
             axes.set_visible(False)
         for axes, (o, i) in zip(panels.ravel(), pairs, strict=False):
-            every, kept = (gains.running[:, o, i] for gains in (curve.all_modes, curve.kept))
-            axes.step(curve.all_modes.hz, every, where="post", color=FULL.colour, linewidth=2, label="all modes")
-            axes.step(curve.kept.hz, kept, where="post", color=own.colour, linestyle="--", label="modes kept")
+            all_modes: Any = {"color": FULL.colour, "linewidth": 2, "label": "all modes"}
+            axes.step(every.hz, every.running[:, o, i], where="post", **all_modes)
+            modes_kept: Any = {"color": own.colour, "linestyle": "--", "label": "modes kept"}
+            axes.step(kept.hz, kept.running[:, o, i], where="post", **modes_kept)
             axes.axvline(run.band[1], color=LIMIT, linewidth=0.8, linestyle=":")
             axes.set_xscale("log")
             axes.set_title(literal(f"{run.inputs[i]} → {run.outputs[o]}"), loc="left", fontsize=9)
@@ -104,4 +106,4 @@ def gain_picture(run: RunResult, curve: GainCurve, path: Path) -> None:
         for axes in panels[-1]:
             axes.set_xlabel("Hz")
         panels[0, 0].legend(frameon=False)
-        figure.suptitle(literal(f"Running sum of modal gains, {curve.configuration}"), x=0.01, ha="left", fontsize=10)
+        figure.suptitle(literal(f"Running sum of modal gains, {configuration}"), x=0.01, ha="left", fontsize=10)

@@ -27,7 +27,7 @@ _FLOOR_DB = 1e-4
 
 
 def response_picture(run: RunResult, path: Path, configuration: int = 0, channel: tuple[int, int] = (0, 0)) -> None:
-    """Draw the responses of the full and the reduced models, and their errors below.
+    """Draw the responses of the reference and of the reduced models, and their errors below.
 
     Parameters
     ----------
@@ -36,9 +36,9 @@ def response_picture(run: RunResult, path: Path, configuration: int = 0, channel
     path : Path
         File to write; its suffix says the format, such as ``.png`` (1200 x 780 pixels) or ``.svg``.
     configuration : int
-        Which configuration.
+        Number of the configuration, from 0.
     channel : (int, int)
-        Output and input.
+        Numbers of output and input, from 0.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def write_pictures(run: RunResult, folder: Path, suffix: str = ".png") -> list[P
         if name in run.effective_mass:
             effective_mass_picture(name, run.effective_mass[name], to(f"effective_mass_{name}"))
     if run.gains:
-        gain_picture(run, run.gains[at if names else 0], to("gains"))
+        gain_picture(run, names[at] if names else next(iter(run.gains)), to("gains"))
     return made
 
 

@@ -33,7 +33,7 @@ class Lines:
     Parameters
     ----------
     stream : text stream
-        Where lines go.
+        Receives the lines.
     clock : callable
         Seconds.
     """
@@ -189,7 +189,7 @@ class Output:
 
     @property
     def shows(self) -> bool:
-        """Whether words go to standard output."""
+        """True if words go to standard output."""
         return not (self.quiet or self.as_json)
 
     @contextmanager
@@ -210,7 +210,7 @@ class Output:
         width : int
             Columns where there is no terminal.
         whole : bool
-            Whether rows keep that width on a terminal, too, which wraps them itself.
+            True if rows keep this width on a terminal, too; the terminal wraps them.
         """
         from rich.console import Console
 
@@ -225,7 +225,7 @@ class Output:
         Parameters
         ----------
         lines : iterable of (str, bool)
-            Each with whether a quiet command prints it, too.
+            Each line, with True if a quiet command prints it, too.
         drawn : callable
             Prints the table.
         """
@@ -237,7 +237,7 @@ class Output:
             self.line(text, important=important, logged_only=terminal)
 
     def made(self, files: Sequence[Path], *, where: Path | None = None, about: str = "") -> None:
-        """Name the files that were written; the last line has their count, their folder, the result and the time."""
+        """Print the names of written files, and a last line with their count, their folder, the result and the time."""
         for path in files:
             self.line(f"wrote {path}")
         count = plural(len(files), "file")
@@ -255,7 +255,7 @@ class Output:
             self.log.write(f"{text}\n")
 
     def result(self, data: Any) -> None:
-        """Print the result as JSON, if that is asked for; numbers that are not finite are null."""
+        """Print the result as JSON if the command has this option; numbers that are not finite are null."""
         if self.as_json:
             print(json.dumps(_finite(data), indent=2, allow_nan=False))
 

@@ -175,7 +175,7 @@ def system_lines(run: RunResult) -> Iterator[str]:
 
 
 def _completeness(axis: str, found: Sequence[AxisCompleteness]) -> str:
-    """An axis at the configuration in which the modes kept miss most of the inertia."""
+    """Line on an axis, in the configuration in which the modes kept miss most of the inertia."""
     worst = max(found, key=lambda each: each.kept)
     locked = ""
     if not np.isnan(worst.locked):

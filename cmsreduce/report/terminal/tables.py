@@ -34,12 +34,17 @@ __all__ = [
     "words",
 ]
 
+Figure = float | int | str | bool | None
+
 DIFFERENCE_WIDTH = 120
 """Columns of the table of differences where there is no terminal."""
 
 RANKINGS_WIDTH = 150
 """Columns of the widest table of rankings; a narrower terminal wraps it and loses nothing."""
 
+# Width of a name before figures in columns.
+_NAME_WIDTH = 44
+# Colours of verdicts.
 _VERDICTS = {"pass": "green", "PASS": "green", "FAIL": "bold red", "info": "dim"}
 
 
@@ -90,10 +95,6 @@ def table(
     return made
 
 
-# Columns of a name before figures in columns.
-_NAME_WIDTH = 44
-
-
 @dataclass(frozen=True)
 class InspectedLine:
     """One line on an inspected file.
@@ -109,7 +110,7 @@ class InspectedLine:
     depth : int
         Level below the first line.
     in_columns : bool
-        Whether the text is a row of figures, below or above others of its kind.
+        True for a row of figures in a block of such rows.
     """
 
     text: str
@@ -146,9 +147,6 @@ def _inspected(rows: Sequence[InspectedLine]) -> Table:
     title, *rest = rows
     cells = [(verdict(row.verdict), "  " * (row.depth - 1) + row.name, row.text) for row in rest]
     return table((words(), words(), words()), cells, title=title.text.rstrip(":"), heads=False)
-
-
-Figure = float | int | str | bool | None
 
 
 def print_difference(

@@ -15,16 +15,14 @@ from cmsreduce.write.component.integrals import stored_stiffening
 
 __all__ = ["FlexibleBody", "FrameStiffening", "flexible_body", "frame_stiffening", "require_mass"]
 
-# Of the largest modal mass. Integrals over the same mass differ from it by round-off of sums over all nodes, integrals
-# over another mass by per cents (theory section 8).
+# Relative to the largest modal mass. Integrals over the same mass differ from it by round-off of sums over all nodes,
+# integrals over another mass by per cents (theory section 8).
 _SAME_MASS = 1e-9
-
-# Of a unit length and of a direction: two equal frames differ by round-off of their axes.
+# Relative to a unit length and a direction: two equal frames differ by round-off of their axes.
 _SAME_FRAME = 1e-12
-_PAIRS = tuple(("xyz".index(axes[0]), "xyz".index(axes[1])) for axes in SQUARES)
-
 # Rigid motions of a floating frame.
 _SIX = 6
+_PAIRS = tuple(("xyz".index(axes[0]), "xyz".index(axes[1])) for axes in SQUARES)
 
 Array = NDArray[np.float64]
 
@@ -74,6 +72,12 @@ class FlexibleBody:
     def k(self) -> int:
         """Number of modes."""
         return int(self.omega.size)
+
+    @property
+    def phi_cross_phi(self) -> Array:
+        """Integral of phi_a x phi_b over the mass: entry [axis, a, b] (3, k, k)."""
+        P = self.integrals.phi_phi
+        return np.stack([P[1, 2] - P[2, 1], P[2, 0] - P[0, 2], P[0, 1] - P[1, 0]])
 
     @property
     def static_count(self) -> int:

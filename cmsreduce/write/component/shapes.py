@@ -41,7 +41,7 @@ def basic_shapes(
     chosen : (k,) int64
         Node ids, all of them in ``nodes``.
     motion : {"translation", "rotation"}
-        Which three components.
+        The three components.
 
     Returns
     -------

@@ -141,8 +141,8 @@ def _component(part: ComponentResult, run: RunResult) -> dict[str, Any]:
         if (found := part.cutoff) is None
         else {
             "multiple": found.cutoff_bands,
-            "estimate": found.estimate,
-            "allowed": found.allowed,
+            "estimate": found.error,
+            "allowed": found.limit,
             "tried": found.tried,
         },
         "scaling": part.scaling,

@@ -60,8 +60,8 @@ def exudyn_arrays(body: FlexibleBody) -> dict[str, NDArray[np.generic]]:
     trace = np.trace(phi_phi, axis1=2, axis2=3)
     double = trace[..., None, None] * np.eye(3) - np.swapaxes(phi_phi, -1, -2)
     single = np.trace(r_phi, axis1=1, axis2=2)[:, None, None] * np.eye(3) - np.swapaxes(r_phi, -1, -2)
-    # S(a)^T b = -(a x b), one row of three for each mode a.
-    turning = -_axial(phi_phi)
+    # S(a)^T b = -(a x b): axis, mode a, mode b.
+    turning = -body.phi_cross_phi
     rigid = 3 + _EULER_PARAMETERS
     return {
         "modeBasis": body.translation.reshape(3 * body.node.size, k),
@@ -77,7 +77,7 @@ def exudyn_arrays(body: FlexibleBody) -> dict[str, NDArray[np.generic]]:
         "totalMass": np.array(integrals.mass),
         "chiU": integrals.centre_of_mass,
         "chiUtilde": cross_matrix(integrals.centre_of_mass),
-        "mPsiTildePsi": np.moveaxis(turning, 1, 2).reshape(3 * k, k),
+        "mPsiTildePsi": np.moveaxis(turning, 0, 1).reshape(3 * k, k),
         "mPsiTildePsiTilde": np.moveaxis(double, 2, 1).reshape(3 * k, 3 * k),
         "mPhitTPsi": integrals.phi,
         "mPhitTPsiTilde": np.hstack([*cross_matrix(phi), np.zeros((3, 0))]),
@@ -86,12 +86,3 @@ def exudyn_arrays(body: FlexibleBody) -> dict[str, NDArray[np.generic]]:
         "fileVersion": np.array(_FILE_VERSION),
         "type": np.array("ObjectFFRFreducedOrderInterface"),
     }
-
-
-def _axial(products: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Integral phi_a x phi_b (k, k, 3) of int phi_a phi_b^T (k, k, 3, 3)."""
-    P = products
-    return np.stack(
-        [P[..., 1, 2] - P[..., 2, 1], P[..., 2, 0] - P[..., 0, 2], P[..., 0, 1] - P[..., 1, 0]],
-        axis=-1,
-    )

@@ -41,7 +41,7 @@ def write_mbdyn(
     integrals : ModalIntegrals
         Integrals over its modes, about the origin of the modal node.
     dialect : {"invariants", "lumped"}
-        Which record groups describe the mass.
+        Record groups that describe the mass.
 
     Raises
     ------
@@ -98,8 +98,6 @@ def _invariants(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
     # S(a) S(b) = b a^T - (a . b) 1, with S(a) b = a x b.
     eight = np.einsum("iij,ab->ajb", integrals.r_phi, np.eye(3)) - np.transpose(integrals.r_phi, (1, 2, 0))
     nine = np.transpose(integrals.phi_phi, (1, 2, 3, 0)) - np.einsum("iijk,ab->ajkb", integrals.phi_phi, np.eye(3))
-    P = integrals.phi_phi
-    five = np.stack([P[1, 2] - P[2, 1], P[2, 0] - P[0, 2], P[0, 1] - P[1, 0]])
     return {
         9: ("MODAL MASS MATRIX", body.mass),
         10: ("MODAL STIFFNESS MATRIX", body.stiffness),
@@ -108,7 +106,7 @@ def _invariants(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
         14: ("INVARIANT 3", integrals.phi),
         15: ("INVARIANT 4", integrals.r_cross_phi),
         16: ("INVARIANT 8", eight.reshape(3, 3 * k)),
-        17: ("INVARIANT 5", five.reshape(3, k * k)),
+        17: ("INVARIANT 5", body.phi_cross_phi.reshape(3, k * k)),
         18: ("INVARIANT 9", nine.reshape(3, 3 * k * k)),
     }
 

@@ -111,7 +111,8 @@ def _node(body: FlexibleBody, index: int, stiffening: FrameStiffening | None) ->
 def _body(body: FlexibleBody, stiffening: FrameStiffening | None, dialect: SidDialect) -> Sequence[_Taylor]:
     integrals = body.integrals
     inertia, growth, second = _centrifugal(integrals)
-    turning = _turning(integrals)
+    # Entry [k, l, axis] of phi_l x phi_k.
+    turning = np.moveaxis(body.phi_cross_phi, (0, 1, 2), (2, 1, 0))
     pull, drag, spin = _stressed(stiffening, body.k)
     return (
         _Taylor("mdCM", integrals.first_moment[:, None], integrals.phi[:, :, None]),
@@ -157,13 +158,6 @@ def _products(moments: Array) -> Array:
     """Columns of Oe (k, 6) from half the derivatives of -J (k, 6): mixed products count twice, in the order of Oe."""
     doubled = moments * np.array([1, 1, 1, 2, 2, 2])
     return np.asarray(doubled[:, [_SECOND_MOMENTS.index(pair) for pair in _SQUARES]])
-
-
-def _turning(integrals: ModalIntegrals) -> Array:
-    """Integral phi_l x phi_k dm: entry [k, l, axis]."""
-    P = integrals.phi_phi
-    across = np.stack([P[1, 2] - P[2, 1], P[2, 0] - P[0, 2], P[0, 1] - P[1, 0]])
-    return np.asarray(np.moveaxis(across, (0, 1, 2), (2, 1, 0)))
 
 
 def _gyroscopic(integrals: ModalIntegrals) -> Array:

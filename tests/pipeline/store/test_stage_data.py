@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.model import ChannelZeros, ModeCertificate, ReductionChecks, SystemChecks
-from cmsreduce.pipeline.choose import Choice, CutoffChoice
+from cmsreduce.model import ChannelZeros, CutoffChoice, ModeCertificate, ReductionChecks, SystemChecks
+from cmsreduce.pipeline.choose import Choice
 from cmsreduce.pipeline.store import decode, encode
 
 

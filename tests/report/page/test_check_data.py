@@ -1,4 +1,4 @@
-"""What the plots of the checks are drawn from, unpacked again; what is said of a body's health."""
+"""Data of the plots of checks, unpacked again, and rows on a body's health."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import pytest
 from cmsreduce.model import (
     ChannelZeros,
     Finding,
-    GainCurve,
     GainSum,
     ReductionChecks,
     SystemChecks,
@@ -49,7 +48,7 @@ def test_high_gains_are_those_of_the_curve() -> None:
     gain = np.array([4.0, -1.0, 2.0, 0.5])[:, None, None]
     gains = GainSum(np.array([1.0, 5.0, 20.0, 30.0]), gain, np.full((1, 1), 0.5))
     store = ArrayStore()
-    found = high_gains(GainCurve("", gains, gains), 10.0, store)
+    found = high_gains(gains, 10.0, store)
     assert unpacked(store.packed(), found["mode"]).tolist() == [2]
     assert unpacked(store.packed(), found["share"]) == pytest.approx([0.25])
 

@@ -246,7 +246,7 @@ def test_same_input_gives_same_bytes_at_another_time(tmp_path, component):
         return path.read_bytes()
 
     first = stripped(written(tmp_path / "a.h5", component))
-    # HDF5 stamps what it makes to the second, unless it is told not to.
+    # HDF5 stores the time of creation to the second unless this is switched off.
     time.sleep(1.1)
     assert first == stripped(written(tmp_path / "b.h5", component))
 

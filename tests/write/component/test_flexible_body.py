@@ -1,4 +1,4 @@
-"""What every floating-frame target is given: one mass, known motions, real damping."""
+"""Data of every floating-frame target: one mass, known motions, real damping."""
 
 from __future__ import annotations
 

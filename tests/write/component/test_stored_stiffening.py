@@ -1,4 +1,4 @@
-"""Geometric stiffness in the frame of a code: the same force whichever frame it is told in."""
+"""Geometric stiffness in the frame of a code: one force, stated in several frames."""
 
 from __future__ import annotations
 

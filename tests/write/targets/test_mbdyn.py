@@ -34,7 +34,7 @@ def read(path: Path) -> dict[int, np.ndarray]:
 
 
 def of_lumps(f: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
-    """What MBDyn computes of lumped masses: modal mass, rigid body, and invariants 3, 4, 8, 5 and 9."""
+    """Quantities that MBDyn computes from lumped masses: modal mass, rigid body, and invariants 3, 4, 8, 5 and 9."""
     m, J, shapes = f[11][:, 0], f[11][:, 3:], f[8]
     x = np.column_stack([f[5], f[6], f[7]])
     k = len(shapes)

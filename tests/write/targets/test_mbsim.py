@@ -14,7 +14,7 @@ PAIRS = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
 
 
 def read(path: Path) -> dict[str, np.ndarray]:
-    """What MBSim reads, with the indices it gives it: r_phi [i, j, mode], phi_phi by pairs of components."""
+    """Data that MBSim reads, with its indices: r_phi [i, j, mode], phi_phi by pairs of components."""
     with h5py.File(path) as file:
         f = {name: item[()] for name, item in file.items()}
     k = f["stiffness matrix"].shape[0]
