@@ -5,7 +5,7 @@ Shapes from system modes belong in `pipeline.project`.
 """
 
 from cmsreduce.pipeline.choose.balancing import Balancing
-from cmsreduce.pipeline.choose.cutoff import CutoffChoice, CutoffSearch, asked_error, cutoff_key
+from cmsreduce.pipeline.choose.cutoff import CutoffSearch, asked_error, cutoff_key, cutoff_note
 from cmsreduce.pipeline.choose.mode_sets import ModeSets
 from cmsreduce.pipeline.choose.ranked import ranked, ranking_channels
 from cmsreduce.pipeline.choose.selection import Choice, select, truncate
@@ -13,11 +13,11 @@ from cmsreduce.pipeline.choose.selection import Choice, select, truncate
 __all__ = [
     "Balancing",
     "Choice",
-    "CutoffChoice",
     "CutoffSearch",
     "ModeSets",
     "asked_error",
     "cutoff_key",
+    "cutoff_note",
     "ranked",
     "ranking_channels",
     "select",

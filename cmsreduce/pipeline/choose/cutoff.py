@@ -1,15 +1,14 @@
-"""`cutoff: auto`: the number of normal modes of each body that the accuracy asked for needs."""
+"""`cutoff: auto`: the cutoff of each body that meets a response error."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 
 from cmsreduce import __version__
 from cmsreduce.assemble import rigid_substructure
 from cmsreduce.config import Pipeline, ReduceKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import ModalComponent, RigidBody, Scene, Substructure
+from cmsreduce.model import CutoffRecord, ModalComponent, RigidBody, Scene, Substructure
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import FlexibleBody, reference
 from cmsreduce.pipeline.store import stage_key
@@ -19,75 +18,49 @@ from cmsreduce.reduce import Examined
 __all__ = [
     "MOST",
     "START",
-    "CutoffChoice",
     "CutoffSearch",
     "asked_error",
     "check_measurable",
     "choose_cutoffs",
     "cutoff_key",
+    "cutoff_note",
     "neglected_errors",
 ]
 
 START, MOST = 1.5, 8.0
 """Multiples of the band's upper end at which the search for a cutoff starts and ends."""
 DEFAULT_ERROR = 0.01
-"""The frf_error asked for where neither balance nor verify states one."""
-# Share of that error that the cutoffs of all bodies together may take; the choice of modes needs the rest.
+"""frf_error to meet if neither balance nor verify states one."""
+# Share of this error that the cutoffs of all bodies together may cost; the choice of modes needs the rest.
 _SHARE = 0.5
 # A cutoff is raised by the fourth root of the error's excess, because the inertia of modes left out acts with w^4, and
 # a little more; within these factors, because modes come in groups.
 _BEYOND = 1.02
 _LEAST_STEP, _LARGEST_STEP = 1.25, 1.5
-# If this share of the first error is left at the highest cutoff, raising it was in vain, and the note says so.
+# If more than this share of the first error is left at the highest cutoff, normal modes are not what the body lacks.
 _IN_VAIN = 0.5
 # Points of the grid before it is refined at resonances, where all error is.
 _POINTS = 100
 
 
-@dataclass(frozen=True)
-class CutoffChoice:
-    """The cutoff found for a body, and why.
-
-    Parameters
-    ----------
-    body : str
-        Its name.
-    cutoff_bands : float
-        Multiple of the upper end of the band.
-    error : float
-        Estimated frf_error that the body's modes above the cutoff cost.
-    limit : float
-        Largest error that they may cost.
-    tried : tuple of (float, float)
-        Cutoffs tried before, with their errors.
-    """
-
-    body: str
-    cutoff_bands: float
-    error: float
-    limit: float
-    tried: tuple[tuple[float, float], ...] = ()
-
-    @property
-    def note(self) -> str:
-        """The choice and its reason, in words."""
-        cost = f"its modes above cost an estimated frf_error of {self.error:.1e}, {self.limit:.1e} is allowed"
-        if self.error > self.limit:
-            remedy = "static shapes are what it lacks: try method macneal-rubin, or residuals, or allow a larger error"
-            vain = bool(self.tried) and self.error > _IN_VAIN * self.tried[0][1]
-            rest = remedy if vain else "state a higher cutoff, or allow a larger error"
-            return f"{self.body}: cutoff auto stopped at {self.cutoff_bands:.3g} x the band; {cost}; {rest}"
-        if not self.tried:
-            return f"{self.body}: cutoff auto stays at {self.cutoff_bands:.3g} x the band; {cost}"
-        start, error = self.tried[0]
-        return (
-            f"{self.body}: cutoff auto raised from {start:.3g} to {self.cutoff_bands:.3g} x the band, where {cost} "
-            f"({error:.1e} before)"
-        )
+def cutoff_note(body: str, found: CutoffRecord) -> str:
+    """The cutoff found for a body and its reason, in words."""
+    multiple, tried = f"{found.cutoff_bands:.3g}", found.tried
+    cost = f"its modes above cost an estimated frf_error of {found.estimate:.1e}, {found.allowed:.1e} is allowed"
+    if found.estimate > found.allowed:
+        vain = bool(tried) and found.estimate > _IN_VAIN * tried[0][1]
+        remedy = "state a higher cutoff, or allow a larger error"
+        if vain:
+            remedy = "it lacks static shapes: try method macneal-rubin, or residuals, or allow a larger error"
+        return f"{body}: cutoff auto stopped at {multiple} x the band; {cost}; {remedy}"
+    if not tried:
+        return f"{body}: cutoff auto stays at {multiple} x the band; {cost}"
+    start, error = tried[0]
+    return f"{body}: cutoff auto raised from {start:.3g} to {multiple} x the band, where {cost} ({error:.1e} before)"
 
 
 def asked_error(pipeline: Pipeline) -> float:
-    """The frf_error that a run is to meet: of balance, else of verify's limits, else the usual one."""
+    """The frf_error that a run must meet: stated by balance, else by verify's limits, else the usual one."""
     balance, verify = pipeline.balance, pipeline.verify
     stated = [balance.keep.frf_error if balance else None, verify.limits.frf_error if verify else None]
     return next((error for error in stated if error is not None), DEFAULT_ERROR)
@@ -121,7 +94,7 @@ def cutoff_key(
     Parameters
     ----------
     pipeline : Pipeline
-        Scene, rigid bodies, and the error asked for.
+        Scene, rigid bodies, and the error to meet.
     bodies : mapping of name to FlexibleBody
         As read.
     stated : mapping of name to ReduceKeys
@@ -141,7 +114,7 @@ def cutoff_key(
 
 def choose_cutoffs(
     names: Iterable[str], asked: float, errors_at: Callable[[Mapping[str, float]], Mapping[str, float]]
-) -> dict[str, CutoffChoice]:
+) -> dict[str, CutoffRecord]:
     """Raise the cutoff of each body until its missing modes cost little error.
 
     Parameters
@@ -155,8 +128,8 @@ def choose_cutoffs(
 
     Returns
     -------
-    dict of str to CutoffChoice
-        Each body may cost an equal part of half the error asked for; the search ends at `MOST`.
+    dict of str to CutoffRecord
+        Each body may cost an equal part of half this error; the search ends at `MOST`.
     """
     cutoffs = dict.fromkeys(names, START)
     limit = _SHARE * asked / max(len(cutoffs), 1)
@@ -170,11 +143,11 @@ def choose_cutoffs(
             tried[name].append((cutoffs[name], errors[name]))
             step = min(max(_BEYOND * (errors[name] / limit) ** 0.25, _LEAST_STEP), _LARGEST_STEP)
             cutoffs[name] = min(cutoffs[name] * step, MOST)
-    return {name: CutoffChoice(name, cutoffs[name], errors[name], limit, tuple(tried[name])) for name in cutoffs}
+    return {name: CutoffRecord(cutoffs[name], errors[name], limit, tuple(tried[name])) for name in cutoffs}
 
 
 class CutoffSearch:
-    """Search for the cutoffs of some bodies; it keeps the last reduction of each.
+    """Search for the cutoffs of some bodies, with the last reduction of each.
 
     Parameters
     ----------
@@ -205,7 +178,7 @@ class CutoffSearch:
 
     def choose(
         self, names: Iterable[str], asked: float, others: Mapping[str, ModalComponent]
-    ) -> dict[str, CutoffChoice]:
+    ) -> dict[str, CutoffRecord]:
         """Choose the cutoffs of bodies for an frf_error of the system, beside bodies whose cutoff is stated.
 
         Raises
@@ -217,16 +190,16 @@ class CutoffSearch:
         return choose_cutoffs(names, asked, lambda cutoffs: self._errors_at(cutoffs, others))
 
     def _errors_at(self, cutoffs: Mapping[str, float], others: Mapping[str, ModalComponent]) -> dict[str, float]:
-        top_hz = self._scene.band[1]
+        band_hz = self._scene.band[1]
         for name, cutoff_bands in cutoffs.items():
-            if self.found(name, cutoff_bands * top_hz) is None:
-                self._last[name] = (cutoff_bands * top_hz, self._examine(name, cutoff_bands * top_hz))
+            if self.found(name, cutoff_bands * band_hz) is None:
+                self._last[name] = (cutoff_bands * band_hz, self._examine(name, cutoff_bands * band_hz))
         enriched = {name: orthogonalise(last.enriched) for name, (_, last) in self._last.items() if last.enriched}
         components = {name: orthogonalise(self._last[name][1].component) for name in cutoffs} | dict(others)
         rest = {name: rigid_substructure(body) for name, body in self._rigid_bodies.items()}
         for name, flexible in self._bodies.items():
             if name not in components:
-                own = reference(flexible.body, flexible.ports, flexible.rigid, START * top_hz)
+                own = reference(flexible.body, flexible.ports, flexible.rigid, START * band_hz)
                 rest[name] = flexible.substructure(self._scene, own.modes)
         return neglected_errors(components, enriched, self._bodies, rest, self._scene)
 
@@ -245,7 +218,7 @@ def neglected_errors(
     components : mapping of name to ModalComponent
         Reduced bodies.
     enriched : mapping of name to ModalComponent
-        Some of them with the shapes that their basis misses first.
+        Some of them, with the shapes that matter most of those that their basis misses.
     bodies : mapping of name to FlexibleBody
         As read.
     others : mapping of name to Substructure

@@ -12,7 +12,6 @@ from cmsreduce.model import (
     Check,
     ComponentResult,
     Configuration,
-    CutoffRecord,
     ModalComponent,
     RunResult,
     Speed,
@@ -37,7 +36,7 @@ __all__ = ["component_checks", "run_result"]
 # Mass of a massless shape, in roundings of the file.
 _MASSLESS = 10.0
 _LEFT_OUT = "left out"
-# The stage that makes the model a body is compared with; its work is no part of the body's reduction.
+# The stage that represents the unreduced body; its work is no part of the reduction.
 _REFERENCE = "reference"
 
 
@@ -63,7 +62,7 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
     run : Run
         Stages of the pipeline that are not finished are run.
     views : bool
-        Whether to add the drawing, the effective masses and the gains, which only pictures and the page show.
+        Add the drawing, the effective masses and the gains, which only pictures and the page show.
     """
     verified = run.verified if run.pipeline.verify is not None else None
     seconds = run.stages.seconds
@@ -84,7 +83,7 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
             sources=flexible.body.sources,
             bound=run.choice.bounds.get(name),
             scaling=run.balancing.scaling(name),
-            cutoff=CutoffRecord(c.cutoff_bands, c.error, c.limit, c.tried) if (c := cutoffs.get(name)) else None,
+            cutoff=cutoffs.get(name),
             factorised=tuple(each for stage, done in factorised.items() if stage != _REFERENCE for each in done),
             costly=body_costly_modes(run, name),
             rounding=body_rounding(run.final[name]),
@@ -136,12 +135,9 @@ def _modes_shown(run: Run, name: str) -> tuple[ModalComponent, NDArray[np.int64]
     if (sensitivity := run.sensitivity) is not None:
         for number, cases in sensitivity.edge(name).items():
             turned = "kept" if why[number - 1] == _LEFT_OUT else "left out"
-            why[number - 1] += f"; on the edge: {turned} {', '.join(map(_with, cases))}"
+            named = ", ".join(case if case.startswith("without") else f"with {case}" for case in cases)
+            why[number - 1] += f"; on the edge: {turned} {named}"
     return replace(ranked, why=tuple(why)), np.asarray(kept, dtype=np.int64)
-
-
-def _with(change: str) -> str:
-    return change if change.startswith("without") else f"with {change}"
 
 
 def _system_modes(run: Run, configuration: Configuration, treated: AssembledModel | None) -> SystemModes:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cmsreduce.model import ChannelZeros, ModeCertificate, ReductionChecks, SystemChecks
-from cmsreduce.pipeline.choose import Choice, CutoffChoice
+from cmsreduce.model import ChannelZeros, CutoffRecord, ModeCertificate, ReductionChecks, SystemChecks
+from cmsreduce.pipeline.choose import Choice
 from cmsreduce.pipeline.store import decode, encode
 
 
@@ -33,7 +33,7 @@ def stored(value: Any, given: Any = None) -> Any:
 def test_dataclasses_mappings_and_arrays_come_back() -> None:
     choice = stored(Choice({"panel": np.array([7, 9]), "arm": np.empty(0, np.int64)}))
     assert list(choice.selection) == ["panel", "arm"] and choice.selection["arm"].dtype == np.int64
-    cutoffs = {"arm": CutoffChoice("arm", 2.5, 1e-3, 5e-3, ((1.5, 0.1), (2.0, 0.01)))}
+    cutoffs = {"arm": CutoffRecord(2.5, 1e-3, 5e-3, ((1.5, 0.1), (2.0, 0.01)))}
     assert stored(cutoffs) == cutoffs
     certificate = stored(ModeCertificate(60.0, None, np.array([1.0, 2.0]), np.array([1e-9, np.nan])))
     assert certificate.counted is None and np.isnan(certificate.bound[1])
