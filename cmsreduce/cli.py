@@ -31,7 +31,7 @@ _STAGE_VERBS = {
     "balance": "Rank the modes and choose those that are kept.",
     "project": "Project modes of the system on the bodies, and assemble these again.",
     "assemble": "Assemble the reduced system in every configuration; write system.h5.",
-    "verify": "Compare the reduced system with the full one in every configuration.",
+    "verify": "Compare the reduced system with the reference model in every configuration.",
     "write": "Write the component files of finished stages.",
 }
 

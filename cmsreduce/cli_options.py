@@ -26,10 +26,7 @@ BAD_INPUT, INTERRUPTED = 2, 130
 
 
 class _Context(click.Context):
-    """Context of all commands: an error that the user can mend ends them with one clear message.
-
-    Not a wrapper around each command, which would be one more function between its caller and its work.
-    """
+    """Context of all commands: an error that the user can correct ends them with one clear message."""
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
@@ -53,7 +50,7 @@ class _Context(click.Context):
 
 
 class _Command(click.Command):
-    """Command that is given an `Output` for the options of `output_options`, if it has them."""
+    """Command that gets an `Output` for the options of `output_options`, if it has them."""
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
@@ -69,7 +66,7 @@ class _Command(click.Command):
 
 
 class Commands(click.Group):
-    """Commands in the order they are written down."""
+    """Commands in the order of their definition."""
 
     context_class = _Context
     command_class = _Command
@@ -101,7 +98,7 @@ output_options = _options(
     click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else there."),
     click.option("--log-file", type=_PATH, help="Write everything that is printed here, too."),
 )
-"""Where a command prints what it found: the command takes an `Output` named ``output``."""
+"""Options of the output; the command takes an `Output` named ``output``."""
 
 pipeline_options = _options(
     output_options,

@@ -29,7 +29,7 @@ class FinishedRun:
     Parameters
     ----------
     work : Run
-        The run with its stages; a stage that it has not reached is run when something of it is asked for.
+        The run with its stages; a stage that is not finished is run when one of its results is needed.
     result : RunResult, optional
         Findings of a whole run; None if the run stopped earlier.
     """
@@ -52,7 +52,7 @@ class FinishedRun:
 
     @property
     def passed(self) -> bool:
-        """Whether every limit and every check is met."""
+        """True if every limit and every check is met."""
         return self.result.passed
 
     @property
@@ -138,7 +138,7 @@ def run(
     jobs : int
         Processes.
     progress : bool
-        Print what is being done.
+        Print the progress.
 
     Raises
     ------

@@ -204,10 +204,10 @@ def read_body(
     geometry : path, optional
         Deck or mesh with the nodes.
     interfaces : mapping of name to node id or node ids, optional
-        Where joints attach; each takes all dofs of its nodes. An `InterfaceSpec` states dofs or axes.
+        Nodes at which joints attach; each takes all dofs of its nodes. An `InterfaceSpec` states dofs or axes.
     rows : path, str or sequence of str, optional
-        What each row is: a dof set of the deck such as ``a``, a file, or texts ``NODE.COMPONENT`` with components
-        1 to 6. By default what the files say.
+        Dof of each row: a dof set of the deck such as ``a``, a file, or texts ``NODE.COMPONENT`` with components
+        1 to 6. By default the files state the rows.
     damping : float or Damping, optional
         Damping ratio of every elastic mode, or another law.
     damping_matrix : as ``stiffness``, optional
@@ -215,7 +215,7 @@ def read_body(
     units : str or Units
         Unit system of the data, such as ``mm-t-s``; `in_units` converts a body.
     grounded : bool
-        Whether the matrices hold the body to the ground.
+        True if the matrices hold the body to the ground.
 
     Raises
     ------
@@ -245,16 +245,16 @@ def read_body(
         )
 
 
-def _source(matrix: MatrixLike, spare: Path) -> MatrixSource:
-    """Where a matrix is; one in memory is written to a file, which is read and labelled as any other."""
+def _source(matrix: MatrixLike, temporary: Path) -> MatrixSource:
+    """File of a matrix; a matrix in memory is written to a temporary file, which is read as any other."""
     if isinstance(matrix, MatrixSource):
         return matrix
     if isinstance(matrix, (str, Path)):
         return MatrixSource(Path(matrix))
     if isinstance(matrix, tuple):
         return MatrixSource(Path(matrix[0]), matrix[1])
-    sp.save_npz(spare, sp.csc_array(matrix), compressed=False)
-    return MatrixSource(spare)
+    sp.save_npz(temporary, sp.csc_array(matrix), compressed=False)
+    return MatrixSource(temporary)
 
 
 def orthogonalise(reduced: ReducedComponent) -> Component:
@@ -286,7 +286,7 @@ def balance(
     component : ModalComponent
         The body in its modes.
     rank : str or Ranking
-        Ranking: gregory, hankel, component-cost, modal-gain or frequency, or one of your own.
+        Ranking: gregory, hankel, component-cost, modal-gain or frequency, or your own.
     keep : int, "all" or mapping
         Number of elastic modes, or a rule of the pipeline file for one body: {"fraction": 1e-4}, {"bound": 0.05}.
     actuators, sensors : mapping, optional
@@ -306,7 +306,7 @@ def balance(
     """
     rule = {"modes": keep} if isinstance(keep, int) else keep
     name = rank if isinstance(rank, str) else rank.name
-    # A ranking of one's own takes the place of the coefficients of one that needs no damping.
+    # The keys need the name of a ranking; modal-gain needs no damping, and the user's own ranking replaces it.
     wanted = {"rank": rank if isinstance(rank, str) else "modal-gain", "keep": rule, **keys}
     scene = {"actuators": actuators or {}, "sensors": sensors or {}}
     pipeline = _pipeline("balance", {component.name: component}, scene, {"balance": wanted})

@@ -87,7 +87,7 @@ def joint_rows(
     ground : iterable of Point
         Interfaces of the two that are held to the ground.
     scene : Scene
-        Where the bodies stand.
+        Placements of the bodies.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def neighbour_loading(here: Substructure, others: Iterable[Substructure], scene:
     here : Substructure
         The i-set of the body: its coordinates are the interface dofs.
     others : iterable of Substructure
-        Neighbours, condensed to where they are joined.
+        Neighbours, condensed to the dofs at which they are joined.
     scene : Scene
         Its joints.
 

@@ -17,7 +17,7 @@ CORRELATED = 0.1
 
 # Modes with less than this share of the largest amplitude are not excited or not measured: their rows are rounding,
 # correlated by chance.
-_SILENT = 1e-9
+_NO_AMPLITUDE = 1e-9
 # Modes more alike than this stay together.
 _ONE_SHAPE = 0.99
 
@@ -39,7 +39,7 @@ def correlation(G: Array, group: Groups) -> Array:
     -------
     (g, g) float64
         |G_ij| / sqrt(|G_ii| |G_jj|) in Frobenius norms of the blocks, between 0 and 1 but for rounding, the same for
-        any shapes of a repeated mode; zero where a mode is silent but for rounding.
+        any shapes of a repeated mode; zero where a mode has only rounding.
     """
     e, g = group.size, int(group.max(initial=-1)) + 1
     power = G[:e, :e] ** 2 + G[:e, e:] ** 2 + G[e:, :e] ** 2 + G[e:, e:] ** 2
@@ -47,9 +47,9 @@ def correlation(G: Array, group: Groups) -> Array:
     member[np.arange(e), group] = 1.0
     size = np.sqrt(member.T @ power @ member)
     own = np.sqrt(size.diagonal())
-    loud = own > _SILENT * own.max(initial=0.0)
+    excited = own > _NO_AMPLITUDE * own.max(initial=0.0)
     scale = np.outer(own, own)
-    return np.asarray(np.divide(size, scale, out=np.zeros((g, g)), where=np.outer(loud, loud)))
+    return np.asarray(np.divide(size, scale, out=np.zeros((g, g)), where=np.outer(excited, excited)))
 
 
 def correlated_groups(
@@ -57,8 +57,8 @@ def correlated_groups(
 ) -> Groups:
     """Number the clusters: modes correlated in either Gramian, or through others that are.
 
-    Modes whose frequencies are many half-power widths apart are uncorrelated. Close ones are correlated only if their
-    input rows or their output columns are alike, so that local modes of distant parts form no cluster.
+    Modes whose frequencies are many half-power widths apart are uncorrelated. Close modes are correlated only if their
+    input rows or their output columns are alike: local modes of distant parts form no cluster.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Search for the fewest modes that meet an error: ranked lists first, then modes to leave out or to exchange.
 
-The error of leaving several modes out is not the sum of their own: two modes may replace one another. Trying every set
-takes far too long, so the search considers sets one step away from the best one so far, predicts their errors from the
-effect of every single mode on the response, and tries those that are predicted to pass. Only sets whose true error
-meets the limit are ever kept. The search has no random part.
+The error without several modes is not the sum of the errors without each: two modes may replace one another. A trial of
+every set takes far too long. The search therefore considers sets one step away from the best one so far, predicts their
+errors from the effect of each mode on the response, and tries those that are predicted to pass. It keeps only sets
+whose true error meets the limit. The search has no random part.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ Indices = NDArray[np.int64]
 Order = list[int]
 # Up to this many groups every prefix of a ranked list is tried; beyond, the first one that passes is bracketed.
 _EXHAUSTIVE = 400
-# A set predicted to exceed the limit by less than this factor is tried: such is the accuracy of single effects on a
-# coarser grid.
+# A set is tried if its predicted error exceeds the limit by less than this factor, the accuracy of effects on a coarser
+# grid.
 _SLACK = 1.2
 # Exchanges tried at a time, and groups of either side that take part: the best by their own effect.
 _TRIALS = 24
@@ -108,7 +108,7 @@ class Found:
 def keep_error(
     components: Mapping[str, ModalComponent], rankings: Mapping[str, Mapping[str, Array]], judge: Judge, limit: float
 ) -> Found:
-    """Keep the fewest modes that the search finds with which the assembled system meets an error.
+    """Search for the fewest modes with which the assembled system meets an error.
 
     Modes of a repeated frequency are kept or left out together.
 

@@ -21,7 +21,7 @@ class Weighting(ABC):
     """A filter at every input; frequencies in rad/s.
 
     A lightly damped mode responds near its own frequency, so that the filter's gain there, |W(j w_i)|, weighs the mode.
-    Where the filter is a band, rankings by Gramians limit the Gramians to the band instead. Component cost then
+    If the filter is a band, rankings by Gramians limit the Gramians to the band instead. Component cost then
     includes the response of a mode above the band as a spring; Hankel values, which measure memory, hardly include it.
     """
 

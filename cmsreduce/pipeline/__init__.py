@@ -1,4 +1,4 @@
-"""Stages in their order: the only hall that knows it.
+"""Stages in their order, which no other hall defines.
 
 Runs, their finished stages on disk, sweeps and the inspection of files belong here.
 Mathematics belongs in the stages; words for people belong in `report`.

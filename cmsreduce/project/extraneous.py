@@ -78,7 +78,7 @@ def extraneous_modes(
     Parameters
     ----------
     configuration : str
-        Where they were found.
+        Name of the configuration.
     omega : (k,) float64
         Elastic frequencies of the reassembled system in rad/s.
     held : (k,) float64

@@ -82,7 +82,7 @@ class Reduction(ABC):
         body : FEModel
             The unreduced body.
         interface : (i,) int64
-            Rows of the i-set: where joints and actuators act.
+            Rows of the i-set, on which joints and actuators act.
         rigid : (n, r) float64
             Rigid-body modes, orthonormal in M.
         loads : (n, l) float64
@@ -111,7 +111,7 @@ class Reduction(ABC):
         rigid : (n, r) float64, optional
             Rigid-body modes, orthonormal in M; found from the geometry and the null space of K if absent.
         enriched : bool
-            Whether to add the shapes that matter most of those that the mode set misses.
+            Add the shapes that matter most of those that the mode set misses.
 
         Returns
         -------
@@ -150,7 +150,7 @@ class Reduction(ABC):
         tested : (n, s) float64, optional
             Unit loads used to measure the share of the static flexibility that the basis misses.
         enrich : bool
-            Whether to reduce the body also to the enriched mode set, which takes a solve for each static shape of the
+            Also reduce the body to the enriched mode set, which takes a solve for each static shape of the
             basis.
 
         Raises

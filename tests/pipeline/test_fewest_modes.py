@@ -41,7 +41,7 @@ def test_no_truncated_ranking_is_smaller(
     run = Run(load_pipeline(PIPELINES / f"{sample}.yaml", keys), tmp_path, Silent())
     search = run.choice.search
     assert search is not None and search.frf_error <= asked and search.modes <= most
-    judge = system_errors(run.ranked, run.joined, lambda: run.comparison).judge
+    judge, _ = system_errors(run.ranked, run.joined, lambda: run.comparison)
     for ranking in ("gregory", "hankel", "component-cost"):
         lists = [prefixes(component, ranking) for component in run.ranked.values()]
         fewer = (cut for cut in product(*lists) if sum(columns.size for columns in cut) < search.modes)

@@ -68,7 +68,7 @@ def couple(
     Returns
     -------
     list of (f_k, outputs, inputs) complex128
-        Of each configuration.
+        One for each configuration.
 
     Notes
     -----

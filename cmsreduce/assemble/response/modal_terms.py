@@ -49,7 +49,7 @@ class ModalTerms:
     Parameters
     ----------
     tables, columns : tuple
-        Of each change.
+        One for each change.
     which : (k,) int64
         Number of each change among all changes.
     start : (k + 1,) int64
@@ -277,26 +277,12 @@ def _set_effects(
     P: Complex,
     Q: Complex,
 ) -> None:
-    """Set the effect of each change on the response at a block of frequencies.
+    """Set the effects dH (f, outputs, inputs, n) of changes on the response at a block of frequencies.
 
-    Parameters
-    ----------
-    dH : (f, outputs, inputs, n) complex128
-        Effects at all frequencies, written at ``part``.
-    known : (n,) bool
-        Set to False for a change that makes the joined flexibility singular.
-    part : slice
-        The block.
-    change : (k,) int64
-        Number of the change of each column, ascending in runs.
-    Z : (f, k) complex128
-        Stiffness of each column alone.
-    block : callable
-        Returns the stiffness (f, s, s) of the columns of a change with several.
-    alpha, Sv : (f or 1, c, k), (f, c, k) complex128
-        Joint motions of the columns, and the joined stiffness times them.
-    P, Q : (f, outputs, k), (f, inputs, k) complex128
-        Response of the outputs to the columns, and of the columns to the inputs, with the bodies joined.
+    A change that makes the joined flexibility singular is not ``known``. ``change`` is the number of the change of each
+    column, ascending; Z (f, k) is the stiffness of each column alone, ``block`` gives that of several columns
+    (f, s, s); alpha and Sv (f, c, k) are the joint motions of the columns, and the joined stiffness times them; P
+    (f, outputs, k) and Q (f, inputs, k) are responses of the outputs to the columns, and of the columns to the inputs.
     """
     first, sizes = np.unique(change, return_index=True, return_counts=True)[1:]
     alone = first[sizes == 1]

@@ -1,4 +1,4 @@
-"""Keys of the balance stage: how modes are ranked, and how many stay."""
+"""Keys of the balance stage: rankings of modes, and rules for the modes to keep."""
 
 from __future__ import annotations
 
@@ -212,7 +212,7 @@ Modes = Annotated[
 
 
 class KeepKeys(Keys):
-    """How many of the ranked modes stay: one of the keys, or ``all``."""
+    """Number of ranked modes to keep: one of the keys, or ``all``."""
 
     alternatives: ClassVar[tuple[str, ...]] = ("modes", "total", "fraction", "hankel_fraction", "frf_error", "bound")
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"const": "all"},)
@@ -286,7 +286,7 @@ class KeepKeys(Keys):
 
 
 class RankingKeys(Keys):
-    """A ranking and what is kept of it."""
+    """A ranking of modes and the rule for those to keep."""
 
     rank: Rank = Field(
         default="gregory",

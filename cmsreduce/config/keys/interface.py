@@ -166,7 +166,7 @@ class FrameKeys(Keys):
 
 
 class InterfaceKeys(Keys):
-    """Where a joint can attach; a lone number is a node."""
+    """Place of a body at which a joint can attach; a lone number is a node."""
 
     alternatives: ClassVar[tuple[str, ...]] = ("node", "nodes", "set", "position")
     short_key: ClassVar[str] = "node"

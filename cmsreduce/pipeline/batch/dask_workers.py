@@ -78,7 +78,7 @@ def batch_cluster(keys: ClusterKeys) -> Any:
     Parameters
     ----------
     keys : ClusterKeys
-        Of kind slurm or pbs.
+        Keys of kind slurm or pbs.
 
     Raises
     ------

@@ -29,14 +29,6 @@ class _Task(NamedTuple):
     memory: float | None
 
 
-class _Part(NamedTuple):
-    """Some configurations, measured, and the wall times of their responses."""
-
-    results: tuple[ConfigurationResult, ...]
-    full_s: float
-    reduced_s: float
-
-
 class ParallelRun(Run):
     """A run in which other processes reduce the bodies and measure the configurations.
 
@@ -88,10 +80,10 @@ class ParallelRun(Run):
         if len(shares) < 2:
             return super().measured(models)
         found: dict[int, ConfigurationResult] = {}
-        for (numbers,), part in self._outcomes(_measure, shares):
-            found |= dict(zip(numbers, part.results, strict=True))
-            self.comparison.reference_seconds += part.full_s
-            self.comparison.reduced_seconds += part.reduced_s
+        for (numbers,), (results, reference_s, reduced_s) in self._outcomes(_measure, shares):
+            found |= dict(zip(numbers, results, strict=True))
+            self.comparison.reference_seconds += reference_s
+            self.comparison.reduced_seconds += reduced_s
         for number, configuration in enumerate(self.scene.configurations):
             if number not in found:
                 (found[number],) = self.comparison.at([configuration], models)
@@ -180,7 +172,8 @@ def _finish_body(task: _Task, name: str) -> bool | None:
     return True
 
 
-def _measure(task: _Task, numbers: Sequence[int]) -> _Part | None:
+def _measure(task: _Task, numbers: Sequence[int]) -> tuple[tuple[ConfigurationResult, ...], float, float] | None:
+    """Results of some configurations, and the wall times of the two models' responses."""
     try:
         run = _opened(task)
         models, comparison = run.models(), run.comparison
@@ -189,4 +182,4 @@ def _measure(task: _Task, numbers: Sequence[int]) -> _Part | None:
         results = comparison.at([run.scene.configurations[number] for number in numbers], models)
     except CmsReduceError:
         return None
-    return _Part(results, comparison.reference_seconds, comparison.reduced_seconds)
+    return results, comparison.reference_seconds, comparison.reduced_seconds

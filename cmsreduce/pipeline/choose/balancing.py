@@ -69,7 +69,7 @@ class Balancing:
     @property
     @once
     def ranked(self) -> dict[str, ModalComponent]:
-        """Every mode that may be kept of every body, with coefficients; unranked where no balance is asked for."""
+        """Every candidate mode of every body, with coefficients; without them where the pipeline has no balance."""
         return self._ranked({name: self.pipeline.balance_of(name) for name in self.names})
 
     def choose(self) -> Choice:
@@ -108,11 +108,11 @@ class Balancing:
         reasons = {name: _reason(name, keys) for name in found}
         return truncate(found, self._select(found, keys, {}).selection, reasons)
 
-    def again(self, components: Components) -> dict[str, ModalComponent]:
-        """Bodies whose shapes have changed, with the coefficients of the shapes that they have now."""
+    def ranked_again(self, components: Components) -> dict[str, ModalComponent]:
+        """Rank bodies again whose shapes have changed."""
         keys = {name: self.pipeline.balance_of(name) for name in components}
         found = {
-            name: component if (own := keys[name]) is None else self._by_itself(component, own, components)
+            name: component if (own := keys[name]) is None else self._rank_alone(component, own, components)
             for name, component in components.items()
         }
         return self._in_the_system(found, keys)
@@ -129,7 +129,7 @@ class Balancing:
         )
         off = off_every_path(change.scene)
         kept = changed.choose().selection
-        # A body that no response depends on any more is kept rigid, unless a number of modes is asked for.
+        # A body that no response depends on any more stays rigid, unless the pipeline states a number of modes.
         rigid = {
             name
             for name in kept
@@ -142,11 +142,12 @@ class Balancing:
     ) -> dict[str, ModalComponent]:
         modal = {name: self._modal(name, other) for name in keys}
         found = {
-            name: modal[name] if own is None else self._by_itself(modal[name], own, modal) for name, own in keys.items()
+            name: modal[name] if own is None else self._rank_alone(modal[name], own, modal)
+            for name, own in keys.items()
         }
         return self._in_the_system(found, keys)
 
-    def _by_itself(self, component: ModalComponent, keys: RankingKeys, every: Components) -> ModalComponent:
+    def _rank_alone(self, component: ModalComponent, keys: RankingKeys, every: Components) -> ModalComponent:
         flexible = self.bodies[component.name]
         return ranked(component, flexible.ports, keys, self.scene, self._sized(component.name, keys, every))
 
@@ -157,7 +158,7 @@ class Balancing:
         return sized_rows(keys.scaling, self._model(every).assembled, self.bodies[name])
 
     def _in_the_system(self, found: Components, keys: Mapping[str, RankingKeys | None]) -> dict[str, ModalComponent]:
-        """Add coefficients of the assembled system, where they are asked for or a search follows them."""
+        """Add coefficients of the assembled system where the ranking or a search needs them."""
         asked = {name: found[name] for name, own in keys.items() if own is not None and own.rank == SYSTEM_COST}
         if asked:
             scaling = next(own.scaling for own in keys.values() if own is not None and own.rank == SYSTEM_COST)
@@ -182,14 +183,14 @@ class Balancing:
             for name, component in found.items():
                 rows = self._sized(name, keys, self.ranked)
                 channels[name] = ranking_channels(component, self.bodies[name].ports, keys, self.scene, rows)
-        # Bodies with a rule of their own keep what that rule chose.
+        # Bodies with a rule of their own keep the modes that it chose.
         settled = {name: self.ranked[name].truncated(columns) for name, columns in fixed.items()}
         system = partial(system_errors, {**self.ranked, **settled, **found}, self._model, self._comparison)
         return select(found, keys, channels, system if self.scene.actuators and self.scene.sensors else None)
 
 
 def _reason(body: str, keys: RankingKeys | None) -> str:
-    """Why a mode is kept, in words for the component file."""
+    """Reason why a mode is kept, in words for the component file."""
     rule = "all" if keys is None else keys.keep.rule
     if keys is None or rule == "all" or (rule == "modes" and keys.keep.modes_of(body) is None):
         return "all modes kept"

@@ -1,4 +1,4 @@
-"""`cutoff: auto`: the number of normal modes of each body that the accuracy asked for needs."""
+"""`cutoff: auto`: the cutoff of each body that meets a response error."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ __all__ = [
 START, MOST = 1.5, 8.0
 """Multiples of the band's upper end at which the search for a cutoff starts and ends."""
 DEFAULT_ERROR = 0.01
-"""The frf_error asked for where neither balance nor verify states one."""
-# Share of that error that the cutoffs of all bodies together may take; the choice of modes needs the rest.
+"""frf_error to meet if neither balance nor verify states one."""
+# Share of this error that the cutoffs of all bodies together may cost; the choice of modes needs the rest.
 _SHARE = 0.5
 # A cutoff is raised by the fourth root of the error's excess, because the inertia of modes left out acts with w^4, and
 # a little more; within these factors, because modes come in groups.
@@ -41,7 +41,7 @@ _POINTS = 100
 
 
 def asked_error(pipeline: Pipeline) -> float:
-    """The frf_error that a run is to meet: of balance, else of verify's limits, else the usual one."""
+    """The frf_error that a run must meet: stated by balance, else by verify's limits, else the usual one."""
     balance, verify = pipeline.balance, pipeline.verify
     stated = [balance.keep.frf_error if balance else None, verify.limits.frf_error if verify else None]
     return next((error for error in stated if error is not None), DEFAULT_ERROR)
@@ -75,7 +75,7 @@ def cutoff_key(
     Parameters
     ----------
     pipeline : Pipeline
-        Scene, rigid bodies, and the error asked for.
+        Scene, rigid bodies, and the error to meet.
     bodies : mapping of name to FlexibleBody
         As read.
     stated : mapping of name to ReduceKeys
@@ -110,7 +110,7 @@ def choose_cutoffs(
     Returns
     -------
     dict of str to CutoffChoice
-        Each body may cost an equal part of half the error asked for; the search ends at `MOST`.
+        Each body may cost an equal part of half this error; the search ends at `MOST`.
     """
     cutoffs = dict.fromkeys(names, START)
     limit = _SHARE * asked / max(len(cutoffs), 1)
@@ -128,7 +128,7 @@ def choose_cutoffs(
 
 
 class CutoffSearch:
-    """Search for the cutoffs of some bodies; it keeps the last reduction of each.
+    """Search for the cutoffs of some bodies, with the last reduction of each.
 
     Parameters
     ----------
@@ -171,16 +171,16 @@ class CutoffSearch:
         return choose_cutoffs(names, asked, lambda cutoffs: self._errors_at(cutoffs, others))
 
     def _errors_at(self, cutoffs: Mapping[str, float], others: Mapping[str, ModalComponent]) -> dict[str, float]:
-        top_hz = self._scene.band[1]
+        band_hz = self._scene.band[1]
         for name, cutoff_bands in cutoffs.items():
-            if self.found(name, cutoff_bands * top_hz) is None:
-                self._last[name] = (cutoff_bands * top_hz, self._examine(name, cutoff_bands * top_hz))
+            if self.found(name, cutoff_bands * band_hz) is None:
+                self._last[name] = (cutoff_bands * band_hz, self._examine(name, cutoff_bands * band_hz))
         enriched = {name: orthogonalise(last.enriched) for name, (_, last) in self._last.items() if last.enriched}
         components = {name: orthogonalise(self._last[name][1].component) for name in cutoffs} | dict(others)
         rest = {name: rigid_substructure(body) for name, body in self._rigid_bodies.items()}
         for name, flexible in self._bodies.items():
             if name not in components:
-                own = reference(flexible.body, flexible.ports, flexible.rigid, START * top_hz)
+                own = reference(flexible.body, flexible.ports, flexible.rigid, START * band_hz)
                 rest[name] = flexible.substructure(self._scene, own.modes)
         return neglected_errors(components, enriched, self._bodies, rest, self._scene)
 
@@ -199,7 +199,7 @@ def neglected_errors(
     components : mapping of name to ModalComponent
         Reduced bodies.
     enriched : mapping of name to ModalComponent
-        Some of them with the shapes that their basis misses first.
+        Some of them, with the shapes that matter most of those that their basis misses.
     bodies : mapping of name to FlexibleBody
         As read.
     others : mapping of name to Substructure

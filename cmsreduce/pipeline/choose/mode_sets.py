@@ -58,8 +58,7 @@ class ModeSets:
     def unneeded(self) -> dict[str, str]:
         """Bodies that stay rigid because no response depends on their elasticity, with the reason.
 
-        A body is reduced nevertheless if a number of its modes is asked for, or if its own supports hold it, so that
-        it has no rigid motion.
+        A body is reduced nevertheless if the pipeline states a number of its modes, or if its own supports hold it.
         """
         off = off_every_path(self.scene)
         return {
@@ -75,7 +74,7 @@ class ModeSets:
 
     @property
     def searched(self) -> list[str]:
-        """Bodies whose cutoff is to be found; Guyan has no normal modes."""
+        """Bodies whose cutoff must be found; Guyan has no normal modes."""
         stated = {name: self.stated(name) for name in self.names if name not in self.unneeded}
         return [name for name, keys in stated.items() if keys.cutoff_bands == "auto" and keys.method != "guyan"]
 
@@ -95,7 +94,7 @@ class ModeSets:
         return own.model_copy(update={key: getattr(other, key) for key in other.model_fields_set})
 
     def keys(self, name: str, other: ModeSetKeys | None = None) -> ReduceKeys:
-        """Keys of a body with the cutoff that was found in place of ``auto``."""
+        """Keys of a body; a cutoff of ``auto`` is replaced by the one that was found."""
         keys = self.stated(name, other)
         if keys.cutoff_bands != "auto":
             return keys
@@ -105,7 +104,7 @@ class ModeSets:
         return keys.model_copy(update={"cutoff_bands": cutoff_bands})
 
     def cutoff_hz(self, name: str, other: ModeSetKeys | None = None) -> float:
-        """Highest frequency of the normal modes of a body; the usual one of a body that is not reduced."""
+        """Highest frequency of the normal modes of a body; the default one for a body that is not reduced."""
         keys = ReduceKeys() if self.pipeline.reduce_of(name) is None else self.keys(name, other)
         return float(keys.cutoff_bands) * self.scene.band[1]
 
@@ -172,7 +171,7 @@ class ModeSets:
         return {load: share for load, share in shares.items() if share > _NOTED}
 
     def notes(self, name: str, missed: Mapping[str, float], other: ModeSetKeys | None = None) -> Iterator[str]:
-        """Limits of the mode set of a body that a reader may not expect."""
+        """Notes on the limits of the mode set of a body."""
         if name in self.unneeded:
             yield f"{name}: {self.unneeded[name]}; it is kept rigid, which costs no response anything (error 0)"
             return
@@ -200,7 +199,7 @@ class ModeSets:
         }
 
     def _loading_key(self, other: ModeSetKeys | None) -> list[Any]:
-        """Everything around a body that loads it, or shares its interfaces."""
+        """Everything that loads a body or shares its interfaces."""
         of_scene = {"joints", "base", "floating", "ground", "units"}
         placed = {
             part: described.model_dump(mode="json", include={"place", "rigid"})
@@ -214,8 +213,8 @@ class ModeSets:
 def off_every_path(scene: Scene) -> dict[str, str]:
     """Bodies that no chain of joints connects to an actuator and to a sensor.
 
-    Motion passes through joints in both directions, so that bodies fall into islands; an interface that the ground
-    holds passes nothing on. An island's response needs an actuator and a sensor in it.
+    Joints transmit motion in both directions, so that bodies form islands; an interface that the ground holds transmits
+    nothing. An island has a response only if it has an actuator and a sensor.
 
     Parameters
     ----------
@@ -225,8 +224,7 @@ def off_every_path(scene: Scene) -> dict[str, str]:
     Returns
     -------
     dict of body to str
-        Why each of them has no part in any response, in words; empty for a scene without actuators or sensors, whose
-        bodies are wanted for their own sake.
+        Reason for each of them, in words; empty for a scene without actuators or sensors, which has no response.
     """
     if not (scene.actuators and scene.sensors):
         return {}
@@ -244,10 +242,12 @@ def off_every_path(scene: Scene) -> dict[str, str]:
         at = [body for channel in channels for term in channel.terms for body in _bodies(term, ends)]
         return {int(island[number[body]]) for body in at}
 
-    moved, felt = reached(scene.actuators), reached(scene.sensors)
+    driven, measured = reached(scene.actuators), reached(scene.sensors)
     why = {}
     for body, k in number.items():
-        lacks = [what for what, found in (("an actuator", moved), ("a sensor", felt)) if int(island[k]) not in found]
+        lacks = [
+            what for what, found in (("an actuator", driven), ("a sensor", measured)) if int(island[k]) not in found
+        ]
         if lacks:
             why[body] = f"no chain of joints leads from it to {' or '.join(lacks)}"
     return why

@@ -1,4 +1,4 @@
-"""Rank the modes of one body as the pipeline asks, with channels of a size that the user gave."""
+"""Rank the modes of one body by the keys of the pipeline, with the sizes that the user gives channels."""
 
 from __future__ import annotations
 
@@ -131,7 +131,9 @@ def ranked(
         If the ranking needs damping and a mode has none.
     """
     channels, weighting = ranking_channels(component, ports, keys, scene, rows), _weighting(keys, scene)
-    rankings, ranking = _rankings(keys)
+    # A ranking of the assembled system needs one of the body beside it: the usual one.
+    rankings: dict[str, Ranking] = {**RANKINGS, Hankel.name: Hankel(keys.clusters.correlation)}
+    ranking = rankings.get(keys.rank, rankings["gregory"])
     found = ranking.rank(component, channels, weighting)
     if channels.count > _MOST_COMPARED:
         few = {name: r for name, r in rankings.items() if name not in (Hankel.name, "component-cost")}
@@ -182,12 +184,6 @@ def scaling_words(body: FEModel, keys: RankingKeys, scene: Scene) -> str:
     return "; ".join([words, *sizes])
 
 
-def _rankings(keys: RankingKeys) -> tuple[dict[str, Ranking], Ranking]:
-    """Every ranking of a body by itself, and the one asked for; the usual one if that ranks the assembled system."""
-    rankings: dict[str, Ranking] = {**RANKINGS, Hankel.name: Hankel(keys.clusters.correlation)}
-    return rankings, rankings.get(keys.rank, rankings["gregory"])
-
-
 def _clusters_only(cluster: NDArray[np.int64]) -> NDArray[np.int64]:
     """Number the clusters from 1 by their lowest mode; a mode by itself is 0."""
     many = np.bincount(cluster, minlength=1)[cluster] > 1
@@ -196,7 +192,7 @@ def _clusters_only(cluster: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _arm(body: FEModel, keys: RankingKeys, scene: Scene) -> float | None:
-    """Length at which rotations of a body count as arcs, in the scene's unit; None where they count as radians."""
+    """Arm at which rotations of a body count as arcs, in the scene's unit; None where they count as radians."""
     stated = keys.scaling.length
     if stated == "none":
         return None

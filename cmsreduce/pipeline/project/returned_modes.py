@@ -30,9 +30,9 @@ def sampled_modes(
     Parameters
     ----------
     model : ReducedModel
-        Of the bodies after projection.
+        Model of the bodies after projection.
     source : ModesOfSystem
-        Of the system before.
+        Modes of the system before projection.
     chosen : mapping of configuration to SystemModes
         The modes.
     """
@@ -66,7 +66,9 @@ def extraneous_in_band(
     found: list[ExtraneousMode] = []
     for name, modes in chosen.items():
         again = all_modes(model, modes.configuration)
-        held = returned(cross_orthogonality(modes.by_body, again.by_body, masses), _gram(modes))
+        # Real modes are orthonormal.
+        gram = None if modes.s is None else np.asarray(modes.Phi.T @ (modes.system.M @ modes.Phi))
+        held = returned(cross_orthogonality(modes.by_body, again.by_body, masses), gram)
         inside = np.flatnonzero(again.omega <= 2 * np.pi * scene.band[1])
         if not inside.size:
             continue
@@ -101,11 +103,6 @@ def _masses(model: ReducedModel, source: ReducedModel) -> dict[str, Matrix]:
     """Mass of each body between its coordinates in the source and in the reassembled system."""
     bodies = {name: component.body for name, component in model.shapes.items() if component is not None}
     return mass_products(bodies, source.shapes, model.shapes, source.assembled.substructures)
-
-
-def _gram(modes: SystemModes) -> Real | None:
-    """Mass products of the chosen shapes; None for real modes, which are orthonormal."""
-    return None if modes.s is None else np.asarray(modes.Phi.T @ (modes.system.M @ modes.Phi))
 
 
 def _energy(model: ReducedModel, modes: SystemModes) -> dict[str, Real]:

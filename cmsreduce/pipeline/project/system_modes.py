@@ -21,7 +21,7 @@ from cmsreduce.pipeline.system import ReducedModel
 __all__ = ["CANDIDATE_BANDS", "ModesOfSystem", "SystemModeChoice", "SystemModes", "all_modes", "feedback_gain"]
 
 CANDIDATE_BANDS = 4.0
-"""Candidates are the system modes up to this multiple of the band's top, unless a cutoff is given."""
+"""Candidates are the system modes up to this multiple of the upper end of the band, unless a cutoff is given."""
 
 # The part of a mode, real or imaginary, that is zero, of unit length in the mass.
 _NO_PART = 1e-9
@@ -80,7 +80,7 @@ class ModesOfSystem:
     Parameters
     ----------
     model : ReducedModel
-        Of reduced or unreduced bodies.
+        Model of reduced or unreduced bodies.
     omega : float
         Highest frequency in rad/s.
     gain : (inputs, outputs) float64, optional
@@ -230,7 +230,10 @@ class SystemModeChoice:
             return {name: found.only(wanted) for name, found in modes.items()}
         sigma = {name: _coefficients(found, self._keys.rank) for name, found in modes.items()}
         if keys.count is not None:
-            return {name: found.only(_first(sigma[name], keys.count)) for name, found in modes.items()}
+            return {
+                name: found.only(np.sort(np.argsort(-sigma[name], kind="stable")[: keys.count]))
+                for name, found in modes.items()
+            }
         assert error is not None
         return self._fewest(modes, sigma, error)
 
@@ -278,8 +281,3 @@ def _coefficients(modes: SystemModes, rank: str) -> Real:
 
 def _largest(G: Real) -> Real:
     return np.asarray(G.max(axis=0, initial=0.0))
-
-
-def _first(sigma: Real, count: int) -> NDArray[np.int64]:
-    """The highest-ranked modes, in order of frequency."""
-    return np.sort(np.argsort(-sigma, kind="stable")[:count])

@@ -21,6 +21,8 @@ from cmsreduce.write import ComponentFile, read_component
 __all__ = ["StoredResult", "compare", "open_result"]
 
 Array = NDArray[np.float64]
+Modes = tuple[Array, ComponentFile | None]
+"""Kept elastic modes of one component: frequencies in Hz, and its file, if there is one."""
 
 _COMPONENT_KEYS = {"checks", "frequencies_hz", "kept_modes"}
 # Modes named in a note; more do not fit a line.
@@ -110,14 +112,6 @@ def _figures(facts: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Modes:
-    """Kept elastic modes of one component: frequencies in Hz, and what its file adds to them, if there is one."""
-
-    hz: Array
-    file: ComponentFile | None
-
-
 def compare(old: StoredResult, new: StoredResult, tolerances: Tolerances) -> list[Finding]:
     """Compare a result with its baseline.
 
@@ -158,12 +152,12 @@ def compare(old: StoredResult, new: StoredResult, tolerances: Tolerances) -> lis
     return findings
 
 
-def _modes(result: StoredResult, name: str) -> _Modes:
+def _modes(result: StoredResult, name: str) -> Modes:
     file = result.files.get(name)
     if file is not None:
-        return _Modes(file.omega[file.elastic] / (2 * np.pi), file)
+        return file.omega[file.elastic] / (2 * np.pi), file
     part = result.component(name)
-    return _Modes(np.array(part["frequencies_hz"] if part is not None else [], dtype=np.float64), None)
+    return np.array(part["frequencies_hz"] if part is not None else [], dtype=np.float64), None
 
 
 def _run(old: Mapping[str, Any], new: Mapping[str, Any], tolerances: Tolerances) -> Iterator[Finding]:
@@ -188,37 +182,34 @@ def _run(old: Mapping[str, Any], new: Mapping[str, Any], tolerances: Tolerances)
         yield Finding("baseline: frequencies of the system", worst, tolerances.frequency, note)
 
 
-def _component(old: _Modes, new: _Modes, tolerances: Tolerances) -> Iterator[Finding]:
-    shapes = _common_rows(old, new)
-    elastic = (
-        [] if shapes is None else [s[:, m.file.elastic] for s, m in zip(shapes, (old, new), strict=True) if m.file]
-    )
-    if not elastic:
-        elastic = [np.empty((0, old.hz.size)), np.empty((0, new.hz.size))]
-    pairs = pair_modes(old.hz, new.hz, elastic[0], elastic[1])
-    shift, text = _worst_shift(pairs, old.hz, new.hz)
+def _component(old: Modes, new: Modes, tolerances: Tolerances) -> Iterator[Finding]:
+    (old_hz, old_file), (new_hz, new_file) = old, new
+    shapes = np.empty((0, old_hz.size)), np.empty((0, new_hz.size))
+    if old_file is not None and new_file is not None:
+        shapes = _common_shapes(old_file, new_file)
+    pairs = pair_modes(old_hz, new_hz, *shapes)
+    shift, text = _worst_shift(pairs, old_hz, new_hz)
     yield Finding("frequencies", shift, tolerances.frequency, text)
     count = pairs.lost.size + pairs.gained.size
-    yield Finding("modes lost or gained", float(count), tolerances.modes, _came_and_went(pairs, old.hz, new.hz))
-    if old.file is None or new.file is None:
+    yield Finding("modes lost or gained", float(count), tolerances.modes, _came_and_went(pairs, old_hz, new_hz))
+    if old_file is None or new_file is None:
         return
     for what in ("rigid", "static"):
-        a, b = (getattr(file, f"{what}_count") for file in (old.file, new.file))
+        a, b = (getattr(file, f"{what}_count") for file in (old_file, new_file))
         yield Finding(f"{what} modes", float(abs(a - b)), 0.0, f"{b}, were {a}" if a != b else "")
-    if elastic[0].shape[0]:
+    if shapes[0].shape[0]:
         worst = float((1 - pairs.mac).max(initial=0.0))
-        yield Finding("mode shapes", worst, tolerances.shape, _worst_shape(pairs, new.hz))
-    yield from _integrals(old.file, new.file, pairs, tolerances)
+        yield Finding("mode shapes", worst, tolerances.shape, _worst_shape(pairs, new_hz))
+    yield from _integrals(old_file, new_file, pairs, tolerances)
 
 
-def _common_rows(old: _Modes, new: _Modes) -> tuple[Array, Array] | None:
-    """Shapes at the dofs that both files hold."""
-    if old.file is None or new.file is None:
-        return None
-    keys = [file.arrays["dofs/node"] * 8 + file.arrays["dofs/component"] for file in (old.file, new.file)]
+def _common_shapes(old: ComponentFile, new: ComponentFile) -> tuple[Array, Array]:
+    """Shapes of the elastic modes at the dofs that both files hold."""
+    keys = [file.arrays["dofs/node"] * 8 + file.arrays["dofs/component"] for file in (old, new)]
     _, i, j = np.intersect1d(*keys, return_indices=True)
-    rotation = (old.file.arrays["dofs/component"][i] > 3).astype(np.int64)
-    return scaled_rows(old.file.arrays["dofs/shapes"][i], new.file.arrays["dofs/shapes"][j], rotation)
+    rotation = (old.arrays["dofs/component"][i] > 3).astype(np.int64)
+    was, now = scaled_rows(old.arrays["dofs/shapes"][i], new.arrays["dofs/shapes"][j], rotation)
+    return was[:, old.elastic], now[:, new.elastic]
 
 
 def _integrals(old: ComponentFile, new: ComponentFile, pairs: ModePairing, tolerances: Tolerances) -> Iterator[Finding]:

@@ -52,7 +52,8 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> li
     """
     result = open_result(path)
     findings = list(_errors(result))
-    unlisted = list(_speed(result))
+    speed = (result.summary or {}).get("speed") or {}
+    unlisted = [Finding(key, float(value)) for key, value in speed.items()]
     for name in result.names:
         findings += _checks(result, name)
         unlisted += _sizes(result, name)
@@ -151,11 +152,6 @@ def _sizes(result: StoredResult, name: str) -> Iterator[Finding]:
     for key, value in figures.items():
         if value is not None:
             yield Finding(key, float(value), subject=name)
-
-
-def _speed(result: StoredResult) -> Iterator[Finding]:
-    for key, value in ((result.summary or {}).get("speed") or {}).items():
-        yield Finding(key, float(value))
 
 
 def _number(value: float | None) -> float:

@@ -98,7 +98,7 @@ def limited(findings: Sequence[Finding], limits: Limits, unlisted: Sequence[Find
     findings : sequence of Finding
         With their stored limits, which the limits of the check replace.
     limits : Limits
-        Of the check. A figure named with its component wins over the figure alone.
+        Limits of the check. A figure named with its component wins over the figure alone.
     unlisted : sequence of Finding
         Figures that are shown only with a limit: sizes, wall times.
     where : Path
@@ -140,15 +140,12 @@ def _names(found: Finding) -> list[str]:
 def _pair(option: str, text: str, example: str) -> tuple[str, float]:
     key, _, value = text.rpartition("=")
     try:
-        return key.strip(), _number(float(value))
+        number = float(value)
     except ValueError:
-        raise ConfigError(f"{option} {text}: write KEY=VALUE with a number, such as {example}") from None
-
-
-def _number(value: float) -> float:
-    if math.isnan(value):
-        raise ValueError
-    return value
+        number = math.nan
+    if math.isnan(number):
+        raise ConfigError(f"{option} {text}: write KEY=VALUE with a number, such as {example}")
+    return key.strip(), number
 
 
 def _from_file(path: Path) -> Limits:

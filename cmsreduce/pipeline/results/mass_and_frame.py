@@ -128,7 +128,7 @@ def frame_checks(frame: FloatingFrame | None) -> tuple[Finding, ...]:
 def integral_frame_of(run: Run, name: str, frame: FloatingFrame | None) -> IntegralFrame:
     """Point, axes and mass matrix of the modal integrals of a body of a run.
 
-    Where the keys name no point or axes, they are those of the floating frame.
+    Without a point or axes in the keys they are those of the floating frame.
     """
     body, keys = run.final[name].body, run.pipeline.write_of(name).integrals
     plain = IntegralFrame.basic(keys.mass)

@@ -36,7 +36,7 @@ __all__ = ["component_checks", "run_result"]
 # Mass of a massless shape, in roundings of the file.
 _MASSLESS = 10.0
 _LEFT_OUT = "left out"
-# The stage that makes the model a body is compared with; its work is no part of the body's reduction.
+# The stage that represents the unreduced body; its work is no part of the reduction.
 _REFERENCE = "reference"
 
 
@@ -62,7 +62,7 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
     run : Run
         Stages of the pipeline that are not finished are run.
     views : bool
-        Whether to add the drawing, the effective masses and the gains, which only pictures and the page show.
+        Add the drawing, the effective masses and the gains, which only pictures and the page show.
     """
     verified = run.verified if run.pipeline.verify is not None else None
     seconds = run.stages.seconds
@@ -136,12 +136,9 @@ def _modes_shown(run: Run, name: str) -> tuple[ModalComponent, NDArray[np.int64]
     if (sensitivity := run.sensitivity) is not None:
         for number, cases in sensitivity.edge(name).items():
             turned = "kept" if why[number - 1] == _LEFT_OUT else "left out"
-            why[number - 1] += f"; on the edge: {turned} {', '.join(map(_with, cases))}"
+            named = ", ".join(case if case.startswith("without") else f"with {case}" for case in cases)
+            why[number - 1] += f"; on the edge: {turned} {named}"
     return replace(ranked, why=tuple(why)), np.asarray(kept, dtype=np.int64)
-
-
-def _with(change: str) -> str:
-    return change if change.startswith("without") else f"with {change}"
 
 
 def _system_modes(run: Run, configuration: Configuration, treated: AssembledModel | None) -> SystemModes:

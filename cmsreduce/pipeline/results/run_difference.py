@@ -35,7 +35,7 @@ class DifferenceRow:
 
     @property
     def same(self) -> bool:
-        """Whether the values are equal."""
+        """True if the values are equal."""
         return self.a == self.b
 
     @property

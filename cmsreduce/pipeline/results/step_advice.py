@@ -161,7 +161,7 @@ def _rounding_notes(name: str, effect: RoundingEffect | None) -> Iterator[str]:
 
 
 def static_above(found: CostlyModes, band_hz: float) -> float:
-    """Multiple of the band's top between the modes that serve the band and the others, with few digits."""
+    """Multiple of the band's upper end between the modes that serve the band and the others, with few digits."""
     low, high = found.serving_hz / band_hz, found.modes[0].hz / band_hz
     middle = float(np.sqrt(low * high))
     for digits in range(2, 17):

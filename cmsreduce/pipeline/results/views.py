@@ -169,23 +169,9 @@ def effective_mass_curves(run: Run) -> dict[str, EffectiveMassCurve]:
 
 
 def _held_modes(component: ModalComponent, rows: NDArray[np.int64]) -> tuple[Array, Array] | None:
-    """Modes of a reduced body with some of its rows held at zero.
+    """Natural frequencies in Hz (k,) and modes of unit mass (m, k) of a reduced body with some rows held.
 
-    Parameters
-    ----------
-    component : ModalComponent
-        m modes.
-    rows : (b,) int64
-        Rows of the body that are held.
-
-    Returns
-    -------
-    hz : (k,) float64
-        Natural frequencies.
-    Q : (m, k) float64
-        Amplitudes, of unit modal mass.
-
-    The result is None where the rows hold nothing of the body, or all of it.
+    None if all motions of the body are held.
     """
     C = component.Phi[rows]
     # Static shapes have no mass: the pencil is singular in them, and they only help to hold the rows.

@@ -79,9 +79,9 @@ class Verified:
     reference : mapping of body to str
         Representation of each unreduced body.
     full_s, reduced_s : float
-        Wall times of the full and of the reduced responses over the same grids.
+        Wall times of the responses of the reference model and of the reduced model over the same grids.
     checks : ReductionChecks
-        Of the run's own model.
+        Checks of the run's own model.
     """
 
     configurations: tuple[ConfigurationResult, ...]
@@ -219,7 +219,7 @@ class Run:
         key=_cutoffs_key,
         # The search counts its time under the bodies that it reduces.
         needs=["_searched_cutoffs"],
-        notes=lambda run, found: [choice.note for choice in found.values()],
+        notes=lambda run, found: [each.note for each in found.values()],
     )
     def cutoffs(self) -> dict[str, CutoffChoice]:
         """Cutoffs found for the bodies whose cutoff is ``auto``."""
@@ -340,7 +340,7 @@ class Run:
 
     @property
     def ranked(self) -> dict[str, ModalComponent]:
-        """Every mode that may be kept of every body, with coefficients; unranked where no balance is asked for."""
+        """Every candidate mode of every body, with coefficients; without them where the pipeline has no balance."""
         return self.balancing.ranked
 
     @property
@@ -351,7 +351,7 @@ class Run:
         notes=lambda run, found: found.notes,
     )
     def choice(self) -> Choice:
-        """Modes that the run keeps, and how they were chosen."""
+        """Modes that the run keeps, with records of the choice."""
         return self.balancing.choose() if self._ranks else Choice(keep_all(self.ranked))
 
     @property
@@ -372,7 +372,7 @@ class Run:
         notes=lambda run, found: [] if found is None else [found.note],
     )
     def sensitivity(self) -> SensitivityRecord | None:
-        """Modes that the run would keep with another damping, and without each sensor; None if not asked for."""
+        """Modes that the run would keep with another damping, and without each sensor; None unless asked for."""
         if not self._tries_changes:
             return None
         return self.balancing.sensitivity(self.selection, self.stages.progress.advance)
@@ -409,7 +409,7 @@ class Run:
             projected_error(self.pipeline),
             self.stages.progress.advance,
         ).run()
-        # Their coefficients are those of the modes before.
+        # Their coefficients belong to the modes before projection.
         bare = {name: replace(each, rankings={}, cluster=None) for name, each in found.components.items()}
         return replace(found, components=bare)
 
@@ -420,7 +420,7 @@ class Run:
         if self.pipeline.project is None:
             return None
         found = self._projection()
-        return replace(found, components=self.balancing.again(found.components))
+        return replace(found, components=self.balancing.ranked_again(found.components))
 
     @property
     def final(self) -> dict[str, ModalComponent]:
@@ -444,7 +444,7 @@ class Run:
     @property
     @once
     def completeness(self) -> tuple[AxisCompleteness, ...]:
-        """Share of the inertia at each hinge that the modes hold; empty where hinges move each other, as in a loop."""
+        """Share of the inertia at each hinge that the modes hold; empty if hinges move each other, as in a loop."""
         try:
             return axis_completeness(self.model.assembled, self.untruncated.assembled)
         except ConstraintError:
@@ -476,7 +476,7 @@ class Run:
             if label.startswith("modes"):
                 yield (
                     f"{name}: {self.bodies[name].body.n} dofs are too many for all modes or for a solve per frequency; "
-                    f"the full system is represented by {label} and all static shapes"
+                    f"the reference model holds {label} and all static shapes of it"
                 )
 
     @property
@@ -512,7 +512,7 @@ class Run:
     @property
     @once
     def checks(self) -> ReductionChecks:
-        """Checks of the reduction beside its errors: those of verify, or made now where verify is not asked for."""
+        """Checks of the reduction beside its errors: from verify, or made now if the pipeline has no verify."""
         return self.verified.checks if self.pipeline.verify is not None else self._checked()
 
     @property

@@ -21,7 +21,6 @@ from cmsreduce.model import (
     ModelErrors,
     Response,
     Scene,
-    Speed,
 )
 from cmsreduce.pipeline.store import Progress, once
 from cmsreduce.pipeline.system.assembled import AssembledModel, cross_orthogonality, mass_products
@@ -183,10 +182,6 @@ class Comparison:
             frf_error(target.omega, target.elastic, H_r - target.rigid, target.row, target.column)
             for target, H_r in zip(targets, responses, strict=True)
         ]
-
-    def speed(self, reduce_s: float) -> Speed:
-        """Wall times of the responses so far, of the reference model and of the run's own model over the same grids."""
-        return Speed(reduce_s, self.reference_seconds, self.reduced_seconds)
 
     def at(
         self, configurations: Sequence[Configuration], models: Mapping[str, ReducedModel]

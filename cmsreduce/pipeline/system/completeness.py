@@ -24,14 +24,14 @@ _DENSE = 1500
 _HELD = 1e-9
 
 
-def axis_completeness(kept: AssembledModel, whole: AssembledModel) -> tuple[AxisCompleteness, ...]:
+def axis_completeness(reduced: AssembledModel, untruncated: AssembledModel) -> tuple[AxisCompleteness, ...]:
     """Share of the inertia at each hinge that the modes of a reduced system do not represent.
 
     Parameters
     ----------
-    kept : AssembledModel
+    reduced : AssembledModel
         The reduced system.
-    whole : AssembledModel
+    untruncated : AssembledModel
         The system with all modes of the bodies' mode sets.
 
     Returns
@@ -44,20 +44,20 @@ def axis_completeness(kept: AssembledModel, whole: AssembledModel) -> tuple[Axis
     ConstraintError
         If the motions of several hinges depend on each other.
     """
-    scene, found = kept.scene, []
+    scene, found = reduced.scene, []
     sensors = articulation_sensors(scene)
-    large = any(sum(body.m for body in model.substructures.values()) > _DENSE for model in (kept, whole))
+    large = any(sum(body.m for body in model.substructures.values()) > _DENSE for model in (reduced, untruncated))
     if large or not sensors:
         return ()
     for configuration in scene.configurations:
-        systems = [_sensing(model, sensors, configuration) for model in (kept, whole)]
+        systems = [_sensing(model, sensors, configuration) for model in (reduced, untruncated)]
         free = _free(systems[1])
         axes = [axis for axis, moves in zip(sensors, free, strict=True) if moves]
         own, every = (
             _indices(model, _only(system, free), configuration)
-            for model, system in zip((kept, whole), systems, strict=True)
+            for model, system in zip((reduced, untruncated), systems, strict=True)
         )
-        locked = _locked(kept, _only(systems[0], free), configuration)
+        locked = _locked(reduced, _only(systems[0], free), configuration)
         for a, axis in enumerate(axes):
             shares = (own[0][a], own[1][a], every[1][a], locked[a])
             found.append(AxisCompleteness(axis.name, configuration.name, *map(float, shares)))
@@ -71,8 +71,8 @@ def completeness_note(found: Sequence[AxisCompleteness]) -> str | None:
         return None
     return (
         f"hinge {worst.axis}: the modes left out carry {worst.missing:.0%} of the inertia in '{worst.configuration}', "
-        f"more than {MISSING_INERTIA:.0%}: above the frequencies kept the hinge is that much too heavy; keep more "
-        "modes of the bodies beside it"
+        f"more than {MISSING_INERTIA:.0%}: above the frequencies of the kept modes the hinge is too heavy by this "
+        "share; keep more modes of the bodies beside it"
     )
 
 

@@ -73,7 +73,7 @@ class AllModes:
 
     @property
     def gains(self) -> GainSum:
-        """Of the elastic modes."""
+        """Gains of the elastic modes."""
         elastic = self.omega > 0
         return gain_sum(self.omega[elastic], self.B[elastic], self.C[:, elastic], self.static)
 
@@ -94,7 +94,7 @@ def reduction_checks(
     required : collection of str
         Some of ``CHECKS``, made at any cost.
     usual : bool
-        Whether to make static completeness, gains and zeros, too, where they take tenths of a second.
+        Also check static completeness, gains and zeros where these checks take tenths of a second.
     scene : Scene
         Channels, configurations, band.
     bodies : mapping of name to FlexibleBody
@@ -182,7 +182,7 @@ def zeros_apart(
     Parameters
     ----------
     full, reduced : AllModes
-        Of the two systems.
+        Modes of the two systems.
     model : AssembledModel
         The reduced system.
     configuration : Configuration

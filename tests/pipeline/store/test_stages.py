@@ -12,7 +12,8 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import MatrixError, StageError
 from cmsreduce.linalg.sparse import factorise
-from cmsreduce.pipeline.store import CommonWork, Stages, stage, stage_key
+from cmsreduce.model import Configuration
+from cmsreduce.pipeline.store import CommonWork, Stages, once, stage, stage_key
 from tests.pipeline.study import Log
 
 NAMES = ("arm", "panel")
@@ -110,3 +111,17 @@ def test_runs_that_share_work_hold_the_last_results_in_common(tmp_path: Path) ->
 def test_linear_algebra_that_fails_is_named_after_its_stage(tmp_path: Path) -> None:
     with pytest.raises(MatrixError, match=r"^assemble of 'system': "):
         Bodies(tmp_path).assembled()
+
+
+def test_a_result_is_computed_once_for_each_name() -> None:
+    class Model:
+        calls = 0
+
+        @once
+        def of(self, configuration: Configuration) -> int:
+            self.calls += 1
+            return self.calls
+
+    model, other = Model(), Model()
+    assert [model.of(Configuration(name)) for name in ("a", "b", "a")] == [1, 2, 1]
+    assert other.of(Configuration("b")) == 1
