@@ -58,7 +58,7 @@ class FinishedRun:
     @property
     def report(self) -> Path:
         """The HTML report."""
-        return self.folder / "report.html" if self.result else Path()
+        return self.folder / "report.html"
 
     @cached_property
     def summary(self) -> dict[str, Any]:
