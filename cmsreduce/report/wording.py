@@ -90,7 +90,7 @@ MORE_FIGURES = (
         "response error between",
         "%",
         100.0,
-        "response error midway between the sampled angles, on a grid with a third of the points",
+        "response error midway between the sampled angles, on a coarser grid",
     ),
     Figure("peak_error", "peak height", "%", 100.0, "largest error of the height of a channel's highest peak"),
     Figure("frac_error", "shape error (FRAC)", "", 1.0, "1 - FRAC of a channel: 0 for a response of equal shape"),

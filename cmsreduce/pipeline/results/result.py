@@ -90,7 +90,10 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
             costly=body_costly_modes(run, name),
             rounding=body_rounding(run.final[name]),
             health=health_table(flexible.body, flexible.health),
-            proofs=(*flexible.proofs, mode_count(name, run.modal(name).certificate)),
+            proofs=(
+                *(replace(proof, subject=proof.subject or name) for proof in flexible.proofs),
+                mode_count(name, run.modal(name).certificate),
+            ),
         )
     treated = treated_model(run, {name: part.costly for name, part in components.items() if part.costly is not None})
     systems = tuple(_system_modes(run, configuration, treated) for configuration in run.scene.configurations)

@@ -12,7 +12,7 @@ __all__ = ["errors_between", "midpoint_configurations"]
 
 
 def errors_between(comparison: Comparison, model: ReducedModel, most: int | None) -> BetweenErrors:
-    """Response errors of a reduced model at midpoint configurations, on a grid with a third of the points.
+    """Response errors of a reduced model at midpoint configurations, on grids refined at its own resonances.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def errors_between(comparison: Comparison, model: ReducedModel, most: int | None
             there.append(each)
         except CmsReduceError as error:
             left_out.append(f"{each.name}: {error}")
-    errors = comparison.coarse_errors(there, model)
+    errors = comparison.quick_errors(there, model)
     return BetweenErrors(dict(zip((each.name for each in there), errors, strict=True)), len(every), tuple(left_out))
 
 

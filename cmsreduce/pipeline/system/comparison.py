@@ -52,7 +52,7 @@ Complex = NDArray[np.complex128]
 _TOGETHER = 16
 # Points nearer than this share of a resonance's half-width add nothing to an integral over it.
 _THINNING = 0.02
-# One in so many points of a grid is taken where an error needs two digits: it then differs by a few per cent of itself.
+# One in so many points around a resonance is taken where an error needs two digits: it differs by a few per cent.
 _COARSE = 3
 # Frequencies of the band, of those of the decibel error, at which a channel is heard or not.
 _LISTENED = 8
@@ -141,21 +141,24 @@ class Comparison:
         self.reduced_seconds = 0.0
 
     def grid(
-        self, configuration: Configuration, models: Sequence[ReducedModel], coarse: int = 1
+        self, configuration: Configuration, models: Sequence[ReducedModel], *, quick: bool = False
     ) -> NDArray[np.float64]:
-        """Frequencies in rad/s, refined at the resonances of the reference model and of every reduced one.
+        """Frequencies in rad/s, refined at resonances.
 
         Parameters
         ----------
         configuration : Configuration
         models : sequence of ReducedModel
-        coarse : int
-            One in so many points is taken, of the grid and around each resonance.
+            Their resonances count, and those of the reference model.
+        quick : bool
+            Leave out the resonances of the reference model, whose modes take most of the time, and take one in three
+            points around the others. A peak that the reduced models lack then has the points of the grid alone.
         """
-        found = [model.resonances(configuration) for model in (self.reference, *(m.assembled for m in models))]
+        every = [model.assembled for model in models]
+        found = [model.resonances(configuration) for model in (every if quick else [self.reference, *every])]
         omega = np.concatenate([r.omega for r in found])
         zeta = np.concatenate([r.zeta for r in found])
-        grid = frequency_grid(self.scene.band, max(self.points // coarse, 2), omega, zeta, coarse)
+        grid = frequency_grid(self.scene.band, self.points, omega, zeta, _COARSE if quick else 1)
         return _thinned(grid, omega, zeta)
 
     def errors(self, models: Mapping[str, ReducedModel], progress: Progress) -> tuple[ConfigurationResult, ...]:
@@ -175,10 +178,10 @@ class Comparison:
         return tuple(results)
 
     def targets(
-        self, configurations: Sequence[Configuration], model: ReducedModel, coarse: int = 1
+        self, configurations: Sequence[Configuration], model: ReducedModel, *, quick: bool = False
     ) -> tuple[Target, ...]:
         """Reference responses on grids refined at the resonances of the reference model and of one reduced model."""
-        grids = [self.grid(configuration, [model], coarse) for configuration in configurations]
+        grids = [self.grid(configuration, [model], quick=quick) for configuration in configurations]
         full = self.reference.responses(configurations, grids)
         return tuple(self._target(*each) for each in zip(configurations, grids, full, strict=True))
 
@@ -221,13 +224,15 @@ class Comparison:
         every = self.scene.configurations
         return (every[start : start + _TOGETHER] for start in range(0, len(every), _TOGETHER))
 
-    def coarse_errors(self, configurations: Sequence[Configuration], model: ReducedModel) -> list[float]:
-        """Response errors in configurations that need not be of the scene, on a grid with a third of the points."""
+    def quick_errors(self, configurations: Sequence[Configuration], model: ReducedModel) -> list[float]:
+        """Response errors in configurations that need not be of the scene, on quick grids."""
         groups = (configurations[start : start + _TOGETHER] for start in range(0, len(configurations), _TOGETHER))
-        return [error for some in groups for error in self._errors(some, model, _COARSE)]
+        return [error for some in groups for error in self._errors(some, model, quick=True)]
 
-    def _errors(self, configurations: Sequence[Configuration], model: ReducedModel, coarse: int = 1) -> list[float]:
-        targets = self.targets(configurations, model, coarse)
+    def _errors(
+        self, configurations: Sequence[Configuration], model: ReducedModel, *, quick: bool = False
+    ) -> list[float]:
+        targets = self.targets(configurations, model, quick=quick)
         responses = model.assembled.responses(configurations, [target.omega for target in targets])
         # Every reduced model keeps the rigid modes, so that its rigid part is that of the reference model.
         return [
