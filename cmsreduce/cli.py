@@ -133,6 +133,7 @@ def check(
     from cmsreduce.report import finding_data, meaning, print_findings
 
     findings, verdict = check_result(path, read_limits(file, maxima, tolerances), baseline)
+    output.line(f"{path}: {verdict.word}: {meaning(verdict)}")
     print_findings(findings, verdict, output)
     for written, write in ((junit, write_junit), (markdown, write_markdown)):
         if written is not None:
@@ -142,7 +143,7 @@ def check(
     judged = sum(found.judged for found in findings)
     counts = f"{failed} of {judged} checks failed" if failed else f"all {judged} checks passed"
     worst = next((f"; response error {f.value:.3g} {f.note}" for f in findings if f.label == "frf_error"), "")
-    output.line(f"{path}: {verdict.word}: {meaning(verdict)}; {counts}{worst}; {output.seconds:.1f} s")
+    output.line(f"{counts}{worst}; {output.seconds:.1f} s")
     facts = {"checked": path, "passed": verdict.passed, "failed": failed, "judged": judged}
     output.result({**facts, **finding_data(findings, verdict)})
     sys.exit(LIMIT_BROKEN if verdict.word == "FAIL" else OK)

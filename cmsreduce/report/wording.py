@@ -179,7 +179,9 @@ def compared(run: RunResult) -> tuple[str, ...]:
 
 def worst(run: RunResult, model: str) -> tuple[tuple[Figure, Finding], ...]:
     """Largest value of each error of a model, with its configuration; empty if nothing was verified."""
+    # Only the run's own model is judged: a limit that was not measured has no value there.
     found = run.error_findings(model, ERRORS)
+    found |= {name: each for name, each in run.findings.items() if name in found and model == run.model}
     return tuple((figure, found[figure.name]) for figure in measured(run)) if found else ()
 
 

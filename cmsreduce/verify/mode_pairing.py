@@ -214,7 +214,7 @@ def _mac(old: Array, new: Array, group: Indices) -> Array:
     return np.clip(mac, 0.0, 1.0)
 
 
-def pair_frequencies(full: Array, reduced: Array, cross: Array, band_hz: float) -> FrequencyPairs:
+def pair_frequencies(full: Array, reduced: Array, cross: Array, band_hz: float, low_hz: float = 0.0) -> FrequencyPairs:
     """Pair natural frequencies one to one by cross-orthogonality and distance; see `pair_modes`.
 
     Parameters
@@ -225,13 +225,15 @@ def pair_frequencies(full: Array, reduced: Array, cross: Array, band_hz: float) 
         phi_full^T M phi_reduced, both orthonormal in M.
     band_hz : float
         Pairs of which both modes lie above this frequency are left out.
+    low_hz : float
+        Modes below this frequency, the lower end of the band, are neither lost nor extra.
 
     Returns
     -------
     FrequencyPairs
         In the order of the reduced frequencies given.
     """
-    top = 2 * np.pi * band_hz
+    low, top = 2 * np.pi * low_hz, 2 * np.pi * band_hz
     order, order_r = np.argsort(full, kind="stable"), np.argsort(reduced, kind="stable")
     w, w_r = full[order], reduced[order_r]
     group, part = _groups(w), cross[np.ix_(order, order_r)] ** 2
@@ -240,8 +242,8 @@ def pair_frequencies(full: Array, reduced: Array, cross: Array, band_hz: float) 
         mac[group == each] = part[group == each].sum(axis=0)
     i, j = _partners(np.clip(mac, 0.0, 1.0), w, w_r)
     inside = (w[i] <= top) | (w_r[j] <= top)
-    lost = np.setdiff1d(np.flatnonzero(w <= top), i)
-    extra = np.setdiff1d(np.flatnonzero(w_r <= top), j)
+    lost = np.setdiff1d(np.flatnonzero((w >= low) & (w <= top)), i)
+    extra = np.setdiff1d(np.flatnonzero((w_r >= low) & (w_r <= top)), j)
     i, j = i[inside], j[inside]
     as_given = np.argsort(order_r[j])
     i, j = i[as_given], j[as_given]

@@ -306,7 +306,8 @@ class RunResult:
             count = len(errors.lost) + len(errors.extra)
             if name in _OF_PAIRS and count:
                 return f": not measured: none of the {count} modes in the band has a partner in the other model"
-            return ": not measured: no channel has an elastic response"
+            silent = errors.loud is not None and not errors.loud.any()
+            return ": not measured: no channel has an elastic response" if silent else ""
         if name == "channel_error" and (at := errors.worst_channel) is not None:
             return f", {self._channel(at)}"
         if name in _UNPAIRED and value:

@@ -338,7 +338,8 @@ class Comparison:
         cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(self))
         # Both sets are orthonormal in mass.
         mac = MacMatrix(full.omega / (2 * np.pi), reduced.omega / (2 * np.pi), cross**2)
-        return pair_frequencies(full.omega, reduced.omega, cross, self.scene.band[1]), mac
+        low, high = self.scene.band
+        return pair_frequencies(full.omega, reduced.omega, cross, high, low), mac
 
     def _damped_pairs(self, configuration: Configuration, model: ReducedModel) -> DampedPairs | None:
         full, reduced = self.reference.damped_modes(configuration), model.assembled.damped_modes(configuration)
