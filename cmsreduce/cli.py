@@ -130,21 +130,23 @@ def check(
 ) -> None:
     """Check a run directory or a component file against limits and a baseline, for CI; exit code 0 or 1."""
     from cmsreduce.pipeline.results import check_result, read_limits, write_junit, write_markdown
-    from cmsreduce.report import finding_data, print_findings
+    from cmsreduce.report import finding_data, meaning, print_findings
 
-    findings = check_result(path, read_limits(file, maxima, tolerances), baseline)
-    print_findings(findings, output)
+    findings, verdict = check_result(path, read_limits(file, maxima, tolerances), baseline)
+    output.line(f"{path}: {verdict.word}: {meaning(verdict)}")
+    print_findings(findings, verdict, output)
     for written, write in ((junit, write_junit), (markdown, write_markdown)):
         if written is not None:
-            write(written, findings, path)
+            write(written, findings, verdict, path)
             output.line(f"wrote {written}")
     failed = sum(not found.passed for found in findings)
     judged = sum(found.judged for found in findings)
-    verdict = f"{failed} of {judged} checks failed" if failed else f"all {judged} checks passed"
+    counts = f"{failed} of {judged} checks failed" if failed else f"all {judged} checks passed"
     worst = next((f"; response error {f.value:.3g} {f.note}" for f in findings if f.label == "frf_error"), "")
-    output.line(f"{verdict}{worst}; {output.seconds:.1f} s")
-    output.result({"checked": path, "passed": not failed, "failed": failed, "judged": judged, **finding_data(findings)})
-    sys.exit(LIMIT_BROKEN if failed else OK)
+    output.line(f"{counts}{worst}; {output.seconds:.1f} s")
+    facts = {"checked": path, "passed": verdict.passed, "failed": failed, "judged": judged}
+    output.result({**facts, **finding_data(findings, verdict)})
+    sys.exit(LIMIT_BROKEN if verdict.word == "FAIL" else OK)
 
 
 @main.command()
@@ -173,7 +175,7 @@ def report(run_dir: Path, png: bool, svg: bool, vtu: bool, tables: bool, output:
     """Write the HTML report of a finished run again, and pictures, shapes and tables as asked for."""
     from cmsreduce.pipeline import reopen, run_result, write_report
     from cmsreduce.pipeline.results import export_pictures, export_shapes, export_tables
-    from cmsreduce.report import worst_error
+    from cmsreduce.report import meaning, worst_error
 
     run = reopen(run_dir)
     result = run_result(run, views=True)
@@ -182,8 +184,8 @@ def report(run_dir: Path, png: bool, svg: bool, vtu: bool, tables: bool, output:
         files += export_pictures(result, run_dir, suffix)
     files += export_shapes(run, result, run_dir) if vtu else []
     files += export_tables(result, run_dir) if tables else []
-    output.made(files, where=run_dir, about=worst_error(result))
     verdict = result.verdict
+    output.made(files, where=run_dir, about=f"{verdict.word}: {meaning(verdict)}; {worst_error(result)}")
     facts = {"run": run_dir, "verdict": verdict.word, "passed": verdict.passed}
     output.result({**facts, "written": files, "seconds": output.seconds})
 

@@ -25,6 +25,7 @@ from cmsreduce.report.terminal import (
     print_sweep,
     sweep_data,
 )
+from cmsreduce.report.verdict import meaning
 from cmsreduce.report.wording import number, numbers, place, worst_error
 
 __all__ = [
@@ -39,6 +40,7 @@ __all__ = [
     "health_lines",
     "junit_xml",
     "markdown_summary",
+    "meaning",
     "number",
     "numbers",
     "opened_output",

@@ -26,10 +26,12 @@ from cmsreduce.model.results.component import (
 from cmsreduce.model.results.drawing import BodyDrawing, JointDrawing, PortDrawing, SceneDrawing, SystemShapes
 from cmsreduce.model.results.errors import (
     ERRORS,
+    BetweenErrors,
     DampedPairs,
     Finding,
     MacMatrix,
     ModelErrors,
+    UnpairedMode,
 )
 from cmsreduce.model.results.health import HealthFinding, health_data
 from cmsreduce.model.results.reduction_checks import (
@@ -55,6 +57,7 @@ from cmsreduce.model.results.verdict import PROOFS, Proof, Verdict, judge
 
 __all__ = [
     "AxisCompleteness",
+    "BetweenErrors",
     "BodyDrawing",
     "BoundRecord",
     "CHECKS",
@@ -99,6 +102,7 @@ __all__ = [
     "SystemChecks",
     "SystemModes",
     "SystemShapes",
+    "UnpairedMode",
     "Verdict",
     "health_data",
     "judge",

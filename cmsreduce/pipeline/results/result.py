@@ -13,6 +13,8 @@ from cmsreduce.model import (
     Configuration,
     Finding,
     ModalComponent,
+    ModeCertificate,
+    Proof,
     RunResult,
     Speed,
     SystemModes,
@@ -31,7 +33,7 @@ from cmsreduce.pipeline.results.views import effective_mass_curves, gain_curves,
 from cmsreduce.pipeline.run import MODEL, Run
 from cmsreduce.pipeline.system import AssembledModel
 
-__all__ = ["component_checks", "run_result"]
+__all__ = ["component_checks", "mode_count", "run_result"]
 
 # Mass of a massless shape, in roundings of the file.
 _MASSLESS = 10.0
@@ -88,7 +90,10 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
             costly=body_costly_modes(run, name),
             rounding=body_rounding(run.final[name]),
             health=health_table(flexible.body, flexible.health),
-            proofs=flexible.proofs,
+            proofs=(
+                *(replace(proof, subject=proof.subject or name) for proof in flexible.proofs),
+                mode_count(name, run.modal(name).certificate),
+            ),
         )
     treated = treated_model(run, {name: part.costly for name, part in components.items() if part.costly is not None})
     systems = tuple(_system_modes(run, configuration, treated) for configuration in run.scene.configurations)
@@ -101,7 +106,7 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
         version=__version__,
         components=components,
         configurations=configurations,
-        limits=limits if configurations else {key: limits[key] for key in limits if key == "static_lack"},
+        limits=limits,
         model=MODEL,
         inputs=tuple(channel.name for channel in run.scene.actuators),
         outputs=tuple(channel.name for channel in run.scene.sensors),
@@ -120,7 +125,29 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
         gains=gain_curves(run) if views else {},
         checks=verified.checks if verified is not None else None,
         margins=run.margins if verified is not None else (),
+        between=verified.between if verified is not None else None,
     )
+
+
+def mode_count(name: str, certificate: ModeCertificate | None) -> Proof:
+    """Proof that the mode set of a body misses no normal mode below its cutoff.
+
+    Examples
+    --------
+    >>> found = mode_count("rotor", ModeCertificate(20.0, 2, np.array([5.0, 12.0]), np.array([1e-9, 1e-8])))
+    >>> found.state, found.digits, found.remark
+    ('proven', 8.0, '2 modes up to 20 Hz, counted by Sturm')
+    """
+    if certificate is None:
+        return Proof("mode count", "unproven", remark="its mode set computes no normal modes", subject=name)
+    found, upto = certificate.frequency_hz.size, f"up to {certificate.cutoff_hz:.6g} Hz"
+    if certificate.counted is not None and certificate.counted != found:
+        remark = f"{found} modes found {upto}, {certificate.counted} counted by Sturm"
+        return Proof("mode count", "refuted", remark=remark, subject=name)
+    how = "of all modes of the body" if certificate.counted is None else "counted by Sturm"
+    bound = certificate.worst_bound
+    digits = None if np.isnan(bound) else float(-np.log10(np.clip(bound, np.finfo(float).eps, 1.0)))
+    return Proof("mode count", "proven", digits, f"{found} modes {upto}, {how}", name)
 
 
 def _modes_shown(run: Run, name: str) -> tuple[ModalComponent, NDArray[np.int64]]:

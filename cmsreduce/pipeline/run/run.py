@@ -15,6 +15,7 @@ from cmsreduce.errors import ConfigError, ConstraintError
 from cmsreduce.linalg.machine import SolverSettings
 from cmsreduce.model import (
     AxisCompleteness,
+    BetweenErrors,
     Configuration,
     ConfigurationResult,
     Controller,
@@ -41,6 +42,7 @@ from cmsreduce.pipeline.system import (
     axis_completeness,
     completeness_note,
     controller_margins,
+    errors_between,
     reduction_checks,
 )
 from cmsreduce.read import read_controller
@@ -82,6 +84,8 @@ class Verified:
         Wall times of the responses of the reference model and of the reduced model over the same grids.
     checks : ReductionChecks
         Checks of the run's own model.
+    between : BetweenErrors, optional
+        Errors at midpoint configurations; None if the project stage measured them.
     """
 
     configurations: tuple[ConfigurationResult, ...]
@@ -89,6 +93,7 @@ class Verified:
     full_s: float
     reduced_s: float
     checks: ReductionChecks = field(default_factory=ReductionChecks)
+    between: BetweenErrors | None = None
 
 
 class Run:
@@ -472,6 +477,7 @@ class Run:
             return
         for missing in found.checks.left_out if self.pipeline.verify and self.pipeline.verify.required_checks else ():
             yield f"not checked: {missing}"
+        yield from _between_notes(found.between)
         for name, label in found.reference.items():
             if label.startswith("modes"):
                 yield (
@@ -495,7 +501,15 @@ class Run:
         comparison.reference_seconds = comparison.reduced_seconds = 0.0
         results = self.measured(self.models())
         labels = {name: found.label for name, found in self.references.items()}
-        return Verified(results, labels, comparison.reference_seconds, comparison.reduced_seconds, self._checked())
+        times = comparison.reference_seconds, comparison.reduced_seconds
+        return Verified(results, labels, *times, self._checked(), self._between())
+
+    def _between(self) -> BetweenErrors | None:
+        """Errors at midpoint configurations; None without a verify stage, or if the project stage measured them."""
+        keys, project = self.pipeline.verify, self.pipeline.project
+        if keys is None or (project is not None and project.between):
+            return None
+        return errors_between(self.comparison, self.model, None if keys.between == "all" else keys.between)
 
     def _checked(self) -> ReductionChecks:
         keys, reduced = self.pipeline.verify or VerifyKeys(), {name: self.final[name] for name in self.reduced_names}
@@ -521,3 +535,16 @@ class Run:
         if self.controller is None or self.pipeline.verify is None:
             return ()
         return controller_margins(self.controller, self.verified.configurations, self.model.assembled, MODEL)
+
+
+def _between_notes(found: BetweenErrors | None) -> Iterator[str]:
+    """Midpoint configurations without an error, and the reason."""
+    if found is None:
+        return
+    if found.unmeasured:
+        yield (
+            f"between the angles sampled, frf_error was measured at {len(found.errors)} of {found.midpoints} midpoint "
+            "configurations (verify.between)"
+        )
+    for reason in found.left_out:
+        yield f"between the angles sampled, frf_error was not measured at '{reason}'"

@@ -5,6 +5,7 @@ The choice of modes belongs in `pipeline.choose`.
 """
 
 from cmsreduce.pipeline.system.assembled import AssembledModel, cross_orthogonality, mass_products
+from cmsreduce.pipeline.system.between import errors_between, midpoint_configurations
 from cmsreduce.pipeline.system.candidates import system_errors
 from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel
 from cmsreduce.pipeline.system.completeness import axis_completeness, completeness_note
@@ -20,7 +21,9 @@ __all__ = [
     "completeness_note",
     "controller_margins",
     "cross_orthogonality",
+    "errors_between",
     "mass_products",
+    "midpoint_configurations",
     "reduction_checks",
     "system_errors",
 ]

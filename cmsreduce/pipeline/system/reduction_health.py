@@ -64,18 +64,21 @@ class AllModes:
         Modal inputs and outputs; of a rate, the displacement.
     static : (outputs, inputs) float64
         Gain of the shapes without mass.
+    reach : (outputs, inputs) float64
+        Largest static gain that the channels could have: the geometric mean of those at either end.
     """
 
     omega: Array
     B: Array
     C: Array
     static: Array
+    reach: Array
 
     @property
     def gains(self) -> GainSum:
         """Gains of the elastic modes."""
         elastic = self.omega > 0
-        return gain_sum(self.omega[elastic], self.B[elastic], self.C[:, elastic], self.static)
+        return gain_sum(self.omega[elastic], self.B[elastic], self.C[:, elastic], self.static, self.reach)
 
 
 def reduction_checks(
@@ -164,9 +167,11 @@ def all_modes(model: AssembledModel, configuration: Configuration) -> AllModes:
     system = model.system(configuration)
     omega, Phi, N = model.every_mode(configuration)
     X, C = np.hstack([system.rigid, Phi]), system.C1 + system.C2
-    return AllModes(
-        np.concatenate([np.zeros(system.rigid.shape[1]), omega]), X.T @ system.B, C @ X, (C @ N) @ (N.T @ system.B)
-    )
+    # Static gains of modes and of shapes without mass, as columns of unit strain energy.
+    elastic = np.hstack([Phi / omega, N])
+    reach = np.outer(np.linalg.norm(C @ elastic, axis=1), np.linalg.norm(elastic.T @ system.B, axis=0))
+    frequencies = np.concatenate([np.zeros(system.rigid.shape[1]), omega])
+    return AllModes(frequencies, X.T @ system.B, C @ X, (C @ N) @ (N.T @ system.B), reach)
 
 
 def channel_gains(model: AssembledModel, configuration: Configuration) -> GainSum | None:
@@ -231,6 +236,6 @@ def step_compared(full: AssembledModel, reduced: AssembledModel, configuration: 
     count = int(min(_MOST, np.ceil(_PERIODS * _INSTANTS * max(high / lowest, 1.0)))) + 1
     step = 1 / (_INSTANTS * high)
     y, y_r = (step_response(each.A, each.B, each.C, each.D, step, count) for each in states)
-    peak, rms = step_errors(y, y_r)
+    peak, rms = step_errors(y, y_r, all_modes(full, configuration).gains.size > 0)
     shown = np.unique(np.linspace(0, count - 1, min(count, _SHOWN)).astype(np.int64))
     return StepErrors(np.asarray(step * shown, dtype=np.float64), y[shown], y_r[shown], peak, rms)

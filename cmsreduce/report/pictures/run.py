@@ -71,7 +71,7 @@ def response_picture(run: RunResult, path: Path, configuration: int = 0, channel
             largest = float(np.max(error, initial=_FLOOR_DB, where=np.isfinite(error)))
             top, own = max(top, largest), largest if k == 0 else own
         if limit is not None:
-            _draw_limit(below, limit, FIGURES[1])
+            _draw_limit(below, limit, next(each for each in FIGURES if each.name == "db_error"))
         above.set(ylabel="magnitude, dB", xscale="log")
         title = literal(f"{run.inputs[i]} → {run.outputs[o]}, {result.configuration.name}")
         above.set_title(title, loc="left")
