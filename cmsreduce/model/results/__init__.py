@@ -31,6 +31,7 @@ from cmsreduce.model.results.errors import (
     MacMatrix,
     ModelErrors,
 )
+from cmsreduce.model.results.failures import Failure, failure_findings
 from cmsreduce.model.results.health import HealthFinding, health_data
 from cmsreduce.model.results.reduction_checks import (
     CHECKS,
@@ -70,6 +71,7 @@ __all__ = [
     "EffectiveMassCurve",
     "ExtraneousMode",
     "Factorisation",
+    "Failure",
     "Finding",
     "GainSum",
     "HealthFinding",
@@ -100,6 +102,7 @@ __all__ = [
     "SystemModes",
     "SystemShapes",
     "Verdict",
+    "failure_findings",
     "health_data",
     "judge",
     "short_keys",

@@ -21,6 +21,7 @@ from cmsreduce.model.results.component import (
 )
 from cmsreduce.model.results.drawing import SceneDrawing
 from cmsreduce.model.results.errors import ERRORS, Finding, ModelErrors
+from cmsreduce.model.results.failures import Failure, failure_findings
 from cmsreduce.model.results.health import HealthFinding
 from cmsreduce.model.results.reduction_checks import ControllerMargin, GainSum, ReductionChecks
 from cmsreduce.model.results.verdict import Proof, Verdict, judge
@@ -240,6 +241,8 @@ class RunResult:
         Margins of the scene's controller, configuration by configuration; empty without one.
     proofs : tuple of Proof
         Facts about the assembled system that the verdict rests on.
+    failures : tuple of Failure
+        Diagnostics, comparisons, pictures and files that failed alone.
     """
 
     name: str
@@ -266,6 +269,7 @@ class RunResult:
     checks: ReductionChecks | None = None
     margins: tuple[ControllerMargin, ...] = ()
     proofs: tuple[Proof, ...] = ()
+    failures: tuple[Failure, ...] = ()
 
     def __repr__(self) -> str:
         """Name, verdict, sizes and worst errors."""
@@ -308,15 +312,16 @@ class RunResult:
     def verdict(self) -> Verdict:
         """Verdict on the run: its limits, the checks of its bodies, and what was proven of them."""
         found = self.findings
+        failed = list(failure_findings(self.failures, _CONTROLLER_LIMITS | dict(self.limits)))
         unmeasured = [
             Finding(key, float("nan"), self.limits[key], "not measured")
-            for key in sorted(self.limits.keys() - found.keys())
+            for key in sorted(self.limits.keys() - found.keys() - {each.name for each in failed})
         ]
         between = None if self.projection is None else self.projection.between_finding
         checks = [replace(check, subject=name) for name, part in self.components.items() for check in part.checks]
         proofs = [proof for part in self.components.values() for proof in part.proofs]
         return judge(
-            [*found.values(), *unmeasured, *([between] if between else []), *checks],
+            [*found.values(), *unmeasured, *failed, *([between] if between else []), *checks],
             [*proofs, *self.proofs],
             limited=bool(self.limits),
         )

@@ -324,7 +324,7 @@ def _checks(part: Component, proof: RowOrderProof, tied: FEModel, body: FEModel)
 def _row_order(found: RowOrderProof) -> Proof:
     if found.status != "proven":
         return Proof("row order", "unproven", remark=found.remark)
-    digits = -math.log10(max(found.residual, found.tolerance))
+    digits = -math.log10(max(found.residual, found.tolerance, float(np.finfo(np.float64).eps)))
     return Proof("row order", "proven", digits, f"K times {found.motions} rigid motions vanishes")
 
 
