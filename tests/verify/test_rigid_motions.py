@@ -16,7 +16,7 @@ RNG = np.random.default_rng(7)
 
 def frame(nodes: int, stiffness: float, *, slosh_hz: float | None = None, mass: float = 1.0) -> FEModel:
     """Free truss; ``slosh_hz`` adds a mass on a soft spring at its first node."""
-    xyz = RNG.uniform(-1, 1, (nodes, 3)) + [3.0, 0.0, 0.0]
+    xyz = RNG.uniform(-1, 1, (nodes, 3)) + np.array([3.0, 0.0, 0.0])
     K = np.zeros((3 * nodes + 3, 3 * nodes + 3))
     M = np.full(3 * nodes + 3, mass)
     for i in range(nodes):

@@ -1,10 +1,10 @@
-"""The page of a run, which is written even where a part of it, or all of it, cannot be drawn."""
+"""The page and the tables of a run, which are shown even where a part of it, or all of it, cannot be drawn."""
 
 from __future__ import annotations
 
 import html
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +12,10 @@ from typing import Any
 
 from cmsreduce.model import RunResult
 from cmsreduce.pipeline.store import Failures, collecting, diagnostic
-from cmsreduce.report import print_summary, render_report
+from cmsreduce.report import Output, print_summary, render_report
 from cmsreduce.write import atomic_path
 
-__all__ = ["write_report"]
+__all__ = ["show_summary", "write_report"]
 
 # Parts that a page can do without: its name, and the value in a run that has none.
 _PARTS: Mapping[str, tuple[str, Any]] = {
@@ -52,7 +52,35 @@ def write_report(result: RunResult, folder: Path, failures: Failures | None = No
     return path
 
 
-@diagnostic("the page of the report", about=None)
+def show_summary(result: RunResult, folder: Path, output: Output, written: Sequence[Path]) -> None:
+    """Print the findings of a run; its verdict alone, if they cannot be shown.
+
+    Parameters
+    ----------
+    result : RunResult
+        The findings.
+    folder : Path
+        Run directory.
+    output : Output
+        Terminal and log.
+    written : sequence of Path
+        Files that the run wrote.
+    """
+    with collecting() as failures:
+        shown = _tables(result, folder, output, written)
+    if not shown:
+        for text in (*(failure.line for failure in failures), f"{result.name}: {result.verdict.word}"):
+            output.line(text)
+
+
+@diagnostic("the tables on the terminal", lambda: False)
+def _tables(result: RunResult, folder: Path, output: Output, written: Sequence[Path]) -> bool:
+    for console in output.consoles():
+        print_summary(result, folder, console, written=written, elapsed=output.seconds)
+    return True
+
+
+@diagnostic("the page of the report")
 def _page(result: RunResult, failures: Failures) -> str | None:
     """The page, without the parts that cannot be drawn."""
     try:

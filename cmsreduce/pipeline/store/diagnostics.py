@@ -10,6 +10,7 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from dataclasses import asdict
 from functools import wraps
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -49,6 +50,15 @@ class Failures:
 
     def __len__(self) -> int:
         return len(self._found)
+
+    @property
+    def broken(self) -> bool:
+        """True if something that was asked for, or that every body must pass, failed."""
+        return any(failure.required for failure in self)
+
+    def data(self) -> list[dict[str, Any]]:
+        """The failures as plain values."""
+        return [asdict(failure) for failure in self]
 
     def add(self, failure: Failure, details: str = "") -> None:
         """Record a failure; a second one of the same name is the same."""

@@ -43,8 +43,8 @@ def summary(run: RunResult) -> dict[str, Any]:
     dict
         The keys ``name``, ``version``, ``components``, ``configurations``, ``worst``, ``speed``, ``passed``
         and ``verdict``, and ``comparisons``, ``limits``, ``reference``, ``band_hz``, ``system``, ``projection``,
-        ``search``, ``sensitivity``, ``completeness``, ``figures``, ``controller``, ``not_checked`` and ``notes``. A
-        value that is not finite is None.
+        ``search``, ``sensitivity``, ``completeness``, ``figures``, ``controller``, ``not_checked``, ``notes`` and
+        ``failures``. A value that is not finite is None.
     """
     labels = dict.fromkeys(label for result in run.configurations for label in result.errors)
     verdict = run.verdict
@@ -88,6 +88,7 @@ def summary(run: RunResult) -> dict[str, Any]:
             "controller": controller(run),
             "not_checked": [] if run.checks is None else list(run.checks.left_out),
             "notes": list(run.notes),
+            "failures": [asdict(failure) for failure in run.failures],
         }
     )
     return facts
