@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cmsreduce.cli_endings import LIMIT_BROKEN, OK
 from cmsreduce.cli_options import (
     Commands,
     check_options,
     output_options,
     pipeline_options,
     run_options,
+    work_in,
     worker_options,
 )
 from cmsreduce.errors import WriteError
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
 
 __all__ = ["main"]
 
-OK, LIMIT_BROKEN = 0, 1
 _STAGE_VERBS = {
     "reduce": "Reduce each body to its mode set.",
     "orthogonalise": "Bring each reduced body to orthonormal modes.",
@@ -41,8 +42,8 @@ _STAGE_VERBS = {
 def main() -> None:
     """Reduce finite-element bodies to checked components for multibody simulation.
 
-    Start with `cmsreduce new NAME`, then `cmsreduce run NAME.yaml`. Exit codes: 0 all limits met, 1 a limit broken,
-    2 bad input.
+    Start with `cmsreduce new NAME`, then `cmsreduce run NAME.yaml`. Exit codes: 0 all limits met, 1 a limit broken
+    or a file not written, 2 bad input, 70 a fault of the program, 130 interrupted.
     """
 
 
@@ -71,6 +72,7 @@ def _run(
         output.watch() as progress,
         opened_run(pipeline, overrides, out, progress, only=only, jobs=jobs, cluster=cluster) as run,
     ):
+        work_in(run.folder)
         result = execute(run, pipeline, overrides, until)
     written = list(dict.fromkeys(run.stages.written))
     if result is None:
@@ -81,13 +83,12 @@ def _run(
             for console in output.consoles(RANKINGS_WIDTH, whole=True):
                 print_rankings(run.ranked, run.selection, console, run.sensitivity, scaling)
         output.made(written)
-        output.result({"written": written, "seconds": output.seconds})
-        return
-    from cmsreduce.report import print_summary
+        output.result({"written": written, "failures": run.stages.failures.data(), "seconds": output.seconds})
+        sys.exit(LIMIT_BROKEN if run.stages.failures.broken else OK)
+    from cmsreduce.pipeline.results import show_summary
     from cmsreduce.write import summary
 
-    for console in output.consoles():
-        print_summary(result, run.folder, console, written=written, elapsed=output.seconds)
+    show_summary(result, run.folder, output, written)
     if output.as_json:
         files = [path for path in sorted(run.folder.iterdir()) if path.is_file()]
         output.result({**summary(result), "folder": run.folder, "files": files, "seconds": output.seconds})
@@ -175,19 +176,24 @@ def report(run_dir: Path, png: bool, svg: bool, vtu: bool, tables: bool, output:
     """Write the HTML report of a finished run again, and pictures, shapes and tables as asked for."""
     from cmsreduce.pipeline import reopen, run_result, write_report
     from cmsreduce.pipeline.results import export_pictures, export_shapes, export_tables
+    from cmsreduce.pipeline.store import collecting
     from cmsreduce.report import meaning, worst_error
 
     run = reopen(run_dir)
     result = run_result(run, views=True)
-    files = [write_report(result, run_dir)]
-    for suffix in (".png",) * png + (".svg",) * svg:
-        files += export_pictures(result, run_dir, suffix)
-    files += export_shapes(run, result, run_dir) if vtu else []
-    files += export_tables(result, run_dir) if tables else []
+    with collecting() as failures:
+        files = [write_report(result, run_dir, failures)]
+        for suffix in (".png",) * png + (".svg",) * svg:
+            files += export_pictures(result, run_dir, suffix)
+        files += export_shapes(run, result, run_dir) if vtu else []
+        files += export_tables(result, run_dir) if tables else []
+    for failure in failures:
+        output.line(f"FAIL  {failure.line}", important=True)
     verdict = result.verdict
     output.made(files, where=run_dir, about=f"{verdict.word}: {meaning(verdict)}; {worst_error(result)}")
-    facts = {"run": run_dir, "verdict": verdict.word, "passed": verdict.passed}
+    facts = {"run": run_dir, "verdict": verdict.word, "passed": verdict.passed, "failures": failures.data()}
     output.result({**facts, "written": files, "seconds": output.seconds})
+    sys.exit(LIMIT_BROKEN if failures.broken else OK)
 
 
 @main.command()
@@ -212,11 +218,15 @@ def sweep(
     """
     from cmsreduce.pipeline.batch import sweep as swept_pipeline
     from cmsreduce.pipeline.batch import sweep_axes, write_sweep
+    from cmsreduce.pipeline.store import Failures
     from cmsreduce.report import SWEEP_WIDTH, print_sweep, sweep_data
 
     with output.watch() as progress:
         result, folder = swept_pipeline(pipeline, sweep_axes(swept), overrides, out, jobs, progress, cluster)
-    files = write_sweep(result, folder)
+    failures = Failures()
+    files = write_sweep(result, folder, failures)
+    for failure in failures:
+        output.line(f"note: {failure.line}", important=True)
     for console in output.consoles(SWEEP_WIDTH):
         print_sweep(result, files, console)
     output.result(sweep_data(result, files))
@@ -300,11 +310,15 @@ def new(name: str, files: tuple[Path, ...]) -> None:
         click.echo(f"or have it filled in for one body: cmsreduce new {name}2 MATRICES.op4 DECK.bdf")
         return
     from cmsreduce.pipeline.bodies import draft_body
+    from cmsreduce.pipeline.store import collecting
 
-    draft = draft_body(name, files)
+    with collecting() as failures:
+        draft = draft_body(name, files)
     path.write_text(body_pipeline(name, draft), encoding="utf-8")
     if draft.remark:
         click.echo(f"warning: the files do not fit together yet: {draft.remark}", err=True)
+    for failure in failures:
+        click.echo(f"warning: {failure.line}", err=True)
     click.echo(f"{path} written; look at the lines marked CHECK, then: cmsreduce run {path}")
 
 

@@ -33,6 +33,7 @@ from cmsreduce.model.results.errors import (
     ModelErrors,
     UnpairedMode,
 )
+from cmsreduce.model.results.failures import Failure, failure_findings
 from cmsreduce.model.results.health import HealthFinding, health_data
 from cmsreduce.model.results.reduction_checks import (
     CHECKS,
@@ -73,6 +74,7 @@ __all__ = [
     "EffectiveMassCurve",
     "ExtraneousMode",
     "Factorisation",
+    "Failure",
     "Finding",
     "GainSum",
     "HealthFinding",
@@ -104,6 +106,7 @@ __all__ = [
     "SystemShapes",
     "UnpairedMode",
     "Verdict",
+    "failure_findings",
     "health_data",
     "judge",
     "short_keys",

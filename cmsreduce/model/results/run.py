@@ -21,6 +21,7 @@ from cmsreduce.model.results.component import (
 )
 from cmsreduce.model.results.drawing import SceneDrawing
 from cmsreduce.model.results.errors import ERRORS, BetweenErrors, Finding, ModelErrors, UnpairedMode
+from cmsreduce.model.results.failures import Failure, failure_findings
 from cmsreduce.model.results.health import HealthFinding
 from cmsreduce.model.results.reduction_checks import ControllerMargin, GainSum, ReductionChecks
 from cmsreduce.model.results.verdict import Proof, Verdict, judge
@@ -250,6 +251,8 @@ class RunResult:
         Facts about the assembled system that the verdict rests on.
     between : BetweenErrors, optional
         Errors at midpoint configurations, if verify measured them; those of the project stage are in its record.
+    failures : tuple of Failure
+        Diagnostics, comparisons, pictures and files that failed alone.
     """
 
     name: str
@@ -277,6 +280,7 @@ class RunResult:
     margins: tuple[ControllerMargin, ...] = ()
     proofs: tuple[Proof, ...] = ()
     between: BetweenErrors | None = None
+    failures: tuple[Failure, ...] = ()
 
     def __repr__(self) -> str:
         """Name, verdict, sizes and worst errors."""
@@ -378,6 +382,9 @@ class RunResult:
 
     def _unmeasured(self, key: str) -> Finding:
         """A limit without a measured value."""
+        failed = next((failure.reason for failure in self.failures if key in failure.limits), None)
+        if failed is not None:
+            return self._finding(key, float("nan"), f"not measured: {failed}")
         if key == "damping_error" and self.configurations:
             return self._finding(key, 0.0, "neither model has damping")
         left_out = () if self.checks is None else self.checks.left_out
@@ -415,9 +422,11 @@ class RunResult:
     @property
     def verdict(self) -> Verdict:
         """Verdict on the run: its limits, the checks of its bodies, and what was proven of them."""
+        found = self.findings
+        failed = failure_findings(self.failures, _CONTROLLER_LIMITS | dict(self.limits), found)
         checks = [replace(check, subject=name) for name, part in self.components.items() for check in part.checks]
         proofs = [proof for part in self.components.values() for proof in part.proofs]
-        return judge([*self.findings.values(), *checks], [*proofs, *self.proofs], limited=bool(self.limits))
+        return judge([*found.values(), *failed, *checks], [*proofs, *self.proofs], limited=bool(self.limits))
 
     @property
     def passed(self) -> bool:

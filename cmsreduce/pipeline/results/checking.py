@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cmsreduce.model import Finding, Proof, Verdict, judge
+from cmsreduce.model import Failure, Finding, Proof, Verdict, failure_findings, judge
 from cmsreduce.pipeline.results.baseline import StoredResult, compare, open_result
 from cmsreduce.pipeline.results.limits import Limits, limited
 from cmsreduce.pipeline.results.mass_and_frame import file_totals, total_findings
@@ -95,12 +95,20 @@ def _errors(result: StoredResult) -> Iterator[Finding]:
     facts = result.summary
     if facts is None:
         return
+    found: dict[str, Finding] = {}
     for name, figure in facts["figures"].items():
         value, where = figure["value"], figure["where"]
         # JSON has no number for a value that was not measured, nor for an infinite one.
         measured = math.nan if value is None else float(value)
         note = where if where.startswith("not measured") else place(where)
-        yield Finding(name, measured, _number(figure["limit"]), note)
+        found[name] = Finding(name, measured, _number(figure["limit"]), note)
+    yield from found.values()
+    limits = {name: _number(limit) for name, limit in (facts.get("limits") or {}).items()}
+    failures = [
+        Failure(each["what"], each["reason"], each["required"], tuple(each["limits"]))
+        for each in facts.get("failures", ())
+    ]
+    yield from failure_findings(failures, limits, found)
 
 
 def _checks(result: StoredResult, name: str) -> Iterator[Finding]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel, HealthFinding
 from cmsreduce.pipeline.bodies import BodyHealth
+from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.report import InspectedLine, number, numbers
 from cmsreduce.verify import EffectiveMass, MassProperties
 
@@ -30,6 +31,7 @@ _SHOWN = 0.05
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
+@diagnostic("the table of health of '{}'", tuple, about=lambda body, health: body.name)
 def health_table(body: FEModel, health: BodyHealth) -> tuple[HealthFinding, ...]:
     """Findings of a body as it was read, in the scene's units."""
     return (*_mass(health), *_motions(body, health), *_dofs(body, health))

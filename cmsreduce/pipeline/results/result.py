@@ -31,9 +31,10 @@ from cmsreduce.pipeline.results.step_advice import (
 )
 from cmsreduce.pipeline.results.views import effective_mass_curves, gain_curves, scene_drawing
 from cmsreduce.pipeline.run import MODEL, Run
+from cmsreduce.pipeline.store import collecting, diagnostic
 from cmsreduce.pipeline.system import AssembledModel
 
-__all__ = ["component_checks", "mode_count", "run_result"]
+__all__ = ["component_checks", "mode_count", "run_result", "with_failures"]
 
 # Mass of a massless shape, in roundings of the file.
 _MASSLESS = 10.0
@@ -42,6 +43,7 @@ _LEFT_OUT = "left out"
 _REFERENCE = "reference"
 
 
+@diagnostic("the checks of '{}'", tuple, about=lambda run, name: name, required=True)
 def component_checks(run: Run, name: str) -> tuple[Finding, ...]:
     """Checks of one body: of its matrices as read, of its modes, and of its frame."""
     mass, stiffness = orthogonality_errors(run.final[name])
@@ -66,6 +68,27 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
     views : bool
         Add the drawing, the effective masses and the gains, which only pictures and the page show.
     """
+    with collecting(run.stages.failures):
+        found = _result(run)
+        if views:
+            found = replace(
+                found,
+                drawing=scene_drawing(run),
+                effective_mass=effective_mass_curves(run),
+                gains=gain_curves(run),
+            )
+        return with_failures(run, found)
+
+
+def with_failures(run: Run, result: RunResult) -> RunResult:
+    """The result with all notes and failures of a run up to now."""
+    failures = tuple(run.stages.failures)
+    advice = [note for note in result.notes if note not in run.stages.notes]
+    lines = [failure.line for failure in failures if failure.line not in advice]
+    return replace(result, notes=(*run.stages.notes, *advice, *lines), failures=failures)
+
+
+def _result(run: Run) -> RunResult:
     verified = run.verified if run.pipeline.verify is not None else None
     seconds = run.stages.seconds
     cutoffs = run.cutoffs
@@ -84,7 +107,7 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
             checks=component_checks(run, name),
             sources=flexible.body.sources,
             bound=run.choice.bounds.get(name),
-            scaling=run.balancing.scaling(name),
+            scaling=_scaling(run, name),
             cutoff=cutoffs.get(name),
             factorised=tuple(each for stage, done in factorised.items() if stage != _REFERENCE for each in done),
             costly=body_costly_modes(run, name),
@@ -120,9 +143,6 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
         search=run.choice.search,
         sensitivity=run.sensitivity,
         completeness=run.completeness if verified is not None else (),
-        drawing=scene_drawing(run) if views else None,
-        effective_mass=effective_mass_curves(run) if views else {},
-        gains=gain_curves(run) if views else {},
         checks=verified.checks if verified is not None else None,
         margins=run.margins if verified is not None else (),
         between=verified.between if verified is not None else None,
@@ -168,7 +188,18 @@ def _modes_shown(run: Run, name: str) -> tuple[ModalComponent, NDArray[np.int64]
     return replace(ranked, why=tuple(why)), np.asarray(kept, dtype=np.int64)
 
 
+@diagnostic("the scaling of the channels of '{}'", str, about=lambda run, name: name)
+def _scaling(run: Run, name: str) -> str:
+    return run.balancing.scaling(name)
+
+
 def _system_modes(run: Run, configuration: Configuration, treated: AssembledModel | None) -> SystemModes:
+    found = _frequencies(run, configuration, treated)
+    return SystemModes(configuration, 0, np.empty(0)) if found is None else found
+
+
+@diagnostic("the table of frequencies in '{}'", about=lambda run, configuration, treated: configuration.name)
+def _frequencies(run: Run, configuration: Configuration, treated: AssembledModel | None) -> SystemModes | None:
     model = run.model.assembled
     hertz = model.resonances(configuration).omega / (2 * np.pi)
     system = model.system(configuration)

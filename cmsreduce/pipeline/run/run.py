@@ -10,8 +10,8 @@ import numpy as np
 
 from cmsreduce.assemble import rigid_substructure
 from cmsreduce.balance import Selection, keep_all
-from cmsreduce.config import ModeSetKeys, Pipeline, VerifyKeys, build_scene
-from cmsreduce.errors import ConfigError, ConstraintError
+from cmsreduce.config import CompareKeys, LimitKeys, ModeSetKeys, Pipeline, VerifyKeys, build_scene
+from cmsreduce.errors import ConfigError, ConstraintError, StageError
 from cmsreduce.linalg.machine import SolverSettings
 from cmsreduce.model import (
     AxisCompleteness,
@@ -21,6 +21,7 @@ from cmsreduce.model import (
     Controller,
     ControllerMargin,
     CutoffChoice,
+    Failure,
     FEModel,
     ModalComponent,
     ReducedComponent,
@@ -34,7 +35,16 @@ from cmsreduce.pipeline.bodies import FlexibleBody, Reference, read_flexible, re
 from cmsreduce.pipeline.choose import Balancing, Choice, CutoffSearch, ModeSets, asked_error, cutoff_key
 from cmsreduce.pipeline.project import Projected, ProjectStage
 from cmsreduce.pipeline.run.keys import projected_error, read_key, reference_key, reference_model_key, system_key
-from cmsreduce.pipeline.store import CommonWork, Progress, Stages, once, stage
+from cmsreduce.pipeline.store import (
+    CommonWork,
+    Progress,
+    Stages,
+    collecting,
+    diagnostic,
+    once,
+    report_failures,
+    stage,
+)
 from cmsreduce.pipeline.system import (
     AssembledModel,
     Comparison,
@@ -86,6 +96,8 @@ class Verified:
         Checks of the run's own model.
     between : BetweenErrors, optional
         Errors at midpoint configurations; None if the project stage measured them.
+    failures : tuple of Failure
+        Configurations, comparisons and checks that failed.
     """
 
     configurations: tuple[ConfigurationResult, ...]
@@ -94,6 +106,7 @@ class Verified:
     reduced_s: float
     checks: ReductionChecks = field(default_factory=ReductionChecks)
     between: BetweenErrors | None = None
+    failures: tuple[Failure, ...] = ()
 
 
 class Run:
@@ -121,6 +134,8 @@ class Run:
         only: str | None = None,
         common: CommonWork | None = None,
     ) -> None:
+        if MODEL in (pipeline.verify.compare if pipeline.verify else {}):
+            raise ConfigError(f"verify.compare: '{MODEL}' is the run's own model; choose another label")
         self.pipeline, self.folder = pipeline, folder
         self.stages = Stages(folder, progress, only, SolverSettings(**pipeline.solver.model_dump()), common)
         self.scene: Scene = build_scene(pipeline)
@@ -376,11 +391,17 @@ class Run:
         needs=["choice"],
         notes=lambda run, found: [] if found is None else [found.note],
     )
-    def sensitivity(self) -> SensitivityRecord | None:
-        """Modes that the run would keep with another damping, and without each sensor; None unless asked for."""
+    def _sensitivity(self) -> SensitivityRecord | None:
         if not self._tries_changes:
             return None
         return self.balancing.sensitivity(self.selection, self.stages.progress.advance)
+
+    @property
+    @once
+    @diagnostic("the sensitivity of the choice of modes")
+    def sensitivity(self) -> SensitivityRecord | None:
+        """Modes that the run would keep with another damping, and without each sensor; None unless asked for."""
+        return self._sensitivity
 
     @property
     @once
@@ -448,6 +469,7 @@ class Run:
 
     @property
     @once
+    @diagnostic("the completeness at the hinges", tuple)
     def completeness(self) -> tuple[AxisCompleteness, ...]:
         """Share of the inertia at each hinge that the modes hold; empty if hinges move each other, as in a loop."""
         try:
@@ -460,10 +482,15 @@ class Run:
         models = {MODEL: self.model}
         keys = self.pipeline.verify
         for label, ranking in (keys.compare if keys else {}).items():
-            if label == MODEL:
-                raise ConfigError(f"verify.compare: '{MODEL}' is the run's own model; choose another label")
-            models[label] = self.joined(self.balancing.kept_by(ranking, ranking.reduce))
+            model = self._other(label, ranking)
+            if model is not None:
+                models[label] = model
         return models
+
+    @diagnostic("the comparison with the model '{}'", about=lambda run, label, _: label, passes=(StageError,))
+    def _other(self, label: str, ranking: CompareKeys) -> ReducedModel | None:
+        """A model that the run's own is compared with."""
+        return self.joined(self.balancing.kept_by(ranking, ranking.reduce))
 
     def measured(self, models: Mapping[str, ReducedModel]) -> tuple[ConfigurationResult, ...]:
         """Errors and curves of reduced models in every configuration."""
@@ -491,9 +518,28 @@ class Run:
         key=lambda run: run._system_key("verify") if run.has_response else None,
         needs=["model", "comparison"],
         notes=_verify_notes,
+        again=lambda found: bool(found.failures),
+    )
+    def _verified(self) -> Verified:
+        with collecting() as failed:
+            found = self._measured()
+        return replace(found, failures=tuple(failed))
+
+    @property
+    @once
+    @diagnostic(
+        "the verification",
+        lambda: Verified((), {}, 0.0, 0.0),
+        limits=tuple(LimitKeys.model_fields),
+        passes=(StageError,),
     )
     def verified(self) -> Verified:
-        """Errors and curves of the reduced models in every configuration."""
+        """Errors and curves of the reduced models in every configuration; a configuration that failed is missing."""
+        found = self._verified
+        report_failures(found.failures)
+        return found
+
+    def _measured(self) -> Verified:
         if not self.has_response:
             return Verified((), {}, 0.0, 0.0, self._checked())
         comparison = self.comparison
@@ -504,6 +550,7 @@ class Run:
         times = comparison.reference_seconds, comparison.reduced_seconds
         return Verified(results, labels, *times, self._checked(), self._between())
 
+    @diagnostic("the errors between the sampled configurations", limits=("frf_error",))
     def _between(self) -> BetweenErrors | None:
         """Errors at midpoint configurations; None without a verify stage, or if the project stage measured them."""
         keys, project = self.pipeline.verify, self.pipeline.project
@@ -511,6 +558,11 @@ class Run:
             return None
         return errors_between(self.comparison, self.model, None if keys.between == "all" else keys.between)
 
+    @diagnostic(
+        "the checks of the reduction",
+        ReductionChecks,
+        limits=("static_lack", "gain_error", "zero_error", "zeros_lost", "step_error"),
+    )
     def _checked(self) -> ReductionChecks:
         keys, reduced = self.pipeline.verify or VerifyKeys(), {name: self.final[name] for name in self.reduced_names}
         return reduction_checks(
@@ -530,6 +582,8 @@ class Run:
         return self.verified.checks if self.pipeline.verify is not None else self._checked()
 
     @property
+    @once
+    @diagnostic("the margins of the controller", tuple, limits=("controller_ratio", "controller_unstable"))
     def margins(self) -> tuple[ControllerMargin, ...]:
         """Margins of the scene's controller in every configuration; empty without a controller or without verify."""
         if self.controller is None or self.pipeline.verify is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble import Receptance
 from cmsreduce.model import (
+    ERRORS,
     Configuration,
     ConfigurationResult,
     DampedPairs,
@@ -23,7 +25,7 @@ from cmsreduce.model import (
     Scene,
     UnpairedMode,
 )
-from cmsreduce.pipeline.store import Progress, once
+from cmsreduce.pipeline.store import Progress, diagnostic, once
 from cmsreduce.pipeline.system.assembled import AssembledModel, cross_orthogonality, mass_products
 from cmsreduce.verify import (
     FrequencyPairs,
@@ -173,9 +175,25 @@ class Comparison:
         """
         results: list[ConfigurationResult] = []
         for some in self._groups():
-            results += self.at(some, models)
+            results += self.measured(some, models)
             progress.advance(len(results), len(self.scene.configurations))
         return tuple(results)
+
+    def measured(
+        self, configurations: Sequence[Configuration], models: Mapping[str, ReducedModel]
+    ) -> list[ConfigurationResult]:
+        """Errors and curves in some configurations; one that fails is missing."""
+        if len(configurations) > 1:
+            # If one of them fails, the others are measured one by one.
+            with suppress(Exception):
+                return list(self.at(configurations, models))
+        found = [self._alone(configuration, models) for configuration in configurations]
+        return [each for each in found if each is not None]
+
+    @diagnostic("the verification in '{}'", about=lambda own, configuration, models: configuration.name, limits=ERRORS)
+    def _alone(self, configuration: Configuration, models: Mapping[str, ReducedModel]) -> ConfigurationResult | None:
+        (found,) = self.at([configuration], models)
+        return found
 
     def targets(
         self, configurations: Sequence[Configuration], model: ReducedModel, *, quick: bool = False
@@ -244,6 +262,12 @@ class Comparison:
         self, configurations: Sequence[Configuration], models: Mapping[str, ReducedModel]
     ) -> tuple[ConfigurationResult, ...]:
         """Errors and curves of several models in some configurations, the run's own model first."""
+        own_label = next(iter(models))
+        models = {
+            label: model
+            for label, model in models.items()
+            if label == own_label or self._has_modes(label, model, configurations)
+        }
         grids = [self.grid(configuration, list(models.values())) for configuration in configurations]
         started = time.perf_counter()
         full = self.reference.responses(configurations, grids)
@@ -253,17 +277,12 @@ class Comparison:
         errors: list[dict[str, ModelErrors]] = [{} for _ in configurations]
         curves: list[dict[str, Complex]] = [{} for _ in configurations]
         for number, (label, model) in enumerate(models.items()):
-            started = time.perf_counter()
-            responses = model.assembled.responses(configurations, grids)
-            seconds = time.perf_counter() - started
+            measure = self._compared if number else self._of_model
+            found, seconds = measure(label, model, targets, full_db)
             if number == 0:
                 self.reduced_seconds += seconds
-            each = seconds / sum(omega.size for omega in grids)
-            reduced_db = self._decibels(model.assembled, configurations)
-            for k, (target, H_r) in enumerate(zip(targets, responses, strict=True)):
-                in_db = db_error(full_db[k], reduced_db[k], target.row, target.column)
-                errors[k][label] = self._model_errors(target, model, H_r, in_db, each * target.omega.size)
-                curves[k][label] = H_r
+            for k, (error, H_r) in enumerate(found):
+                errors[k][label], curves[k][label] = error, H_r
         own = next(iter(models.values())).assembled
         band = 2 * np.pi * self.scene.band[1]
         return tuple(
@@ -278,6 +297,35 @@ class Comparison:
             )
             for k, configuration in enumerate(configurations)
         )
+
+    @diagnostic("the modes of the compared model '{}'", lambda: False, about=lambda own, label, *_: label)
+    def _has_modes(self, label: str, model: ReducedModel, configurations: Sequence[Configuration]) -> bool:
+        """True if the resonances of a model, which refine the grids, can be computed."""
+        for configuration in configurations:
+            model.assembled.resonances(configuration)
+        return True
+
+    @diagnostic("the comparison with '{}'", lambda: ([], 0.0), about=lambda own, label, *_: label, whole=True)
+    def _compared(
+        self, label: str, model: ReducedModel, targets: Sequence[Target], full_db: Sequence[Complex]
+    ) -> tuple[list[tuple[ModelErrors, Complex]], float]:
+        return self._of_model(label, model, targets, full_db)
+
+    def _of_model(
+        self, label: str, model: ReducedModel, targets: Sequence[Target], full_db: Sequence[Complex]
+    ) -> tuple[list[tuple[ModelErrors, Complex]], float]:
+        """Errors and response of a model in each configuration, and the wall time of its responses."""
+        configurations, grids = [target.configuration for target in targets], [target.omega for target in targets]
+        started = time.perf_counter()
+        responses = model.assembled.responses(configurations, grids)
+        seconds = time.perf_counter() - started
+        each = seconds / sum(omega.size for omega in grids)
+        reduced_db = self._decibels(model.assembled, configurations)
+        found = []
+        for k, (target, H_r) in enumerate(zip(targets, responses, strict=True)):
+            in_db = db_error(full_db[k], reduced_db[k], target.row, target.column)
+            found.append((self._model_errors(target, model, H_r, in_db, each * target.omega.size), H_r))
+        return found, seconds
 
     def _model_errors(
         self, target: Target, model: ReducedModel, H_r: Complex, in_db: float, seconds: float
@@ -341,6 +389,11 @@ class Comparison:
         low, high = self.scene.band
         return pair_frequencies(full.omega, reduced.omega, cross, high, low), mac
 
+    @diagnostic(
+        "the damping of the modes in '{}'",
+        about=lambda own, configuration, _: configuration.name,
+        limits=("damping_error",),
+    )
     def _damped_pairs(self, configuration: Configuration, model: ReducedModel) -> DampedPairs | None:
         full, reduced = self.reference.damped_modes(configuration), model.assembled.damped_modes(configuration)
         if full is None or reduced is None:

@@ -53,7 +53,7 @@ def summary(run: RunResult) -> dict[str, Any]:
         The keys ``name``, ``version``, ``components``, ``configurations``, ``worst``, ``speed``, ``passed``
         and ``verdict``, and ``comparisons``, ``limits``, ``reference``, ``band_hz``, ``system``, ``projection``,
         ``search``, ``sensitivity``, ``completeness``, ``figures``, ``controller``, ``between``, ``channels_left_out``,
-        ``not_checked`` and ``notes``. A value that is not finite is None.
+        ``not_checked``, ``notes`` and ``failures``. A value that is not finite is None.
     """
     labels = dict.fromkeys(label for result in run.configurations for label in result.errors)
     verdict = run.verdict
@@ -102,6 +102,7 @@ def summary(run: RunResult) -> dict[str, Any]:
             "channels_left_out": {reason: list(names) for reason, names in run.left_out_channels.items()},
             "not_checked": [] if run.checks is None else list(run.checks.left_out),
             "notes": list(run.notes),
+            "failures": [asdict(failure) for failure in run.failures],
         }
     )
     return facts
