@@ -100,7 +100,7 @@ class FlexibleBody:
         digest = hashlib.sha256()
         body, ports = self.body, self.ports
         arrays: list[NDArray[Any]] = [body.dofs.node, body.dofs.component, ports.interface, ports.static_loads]
-        arrays += [np.array(self.rigid.shape), np.array(body.rounding)]
+        arrays += [np.array(self.rigid.shape), np.array([body.rounding, body.noise])]
         for A in (body.K, body.M, body.D):
             if A is not None:
                 arrays += [A.indptr, A.indices, A.data]
@@ -143,14 +143,15 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     converted = in_units(tied, scene.units)
     # One factorisation proves that a large body has stiffness and mass in every motion but its rigid ones.
     large = converted.n > _LARGE
-    proven = only_motions(converted.K, _rigid_shapes(converted), converted.rounding) if large else None
+    proven = only_motions(converted.K, _rigid_shapes(converted), converted.stiffness_rounding) if large else None
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
     determined = hold_undetermined(converted, named, proven)
     body = determined.body
     check_connected(body)
     if body is not converted:
         large, proven = False, None
-    rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), body.rounding, name, proven, prove=not large)
+    rounding = body.stiffness_rounding
+    rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), rounding, name, proven, prove=not large)
     notes = []
     if proof.status != "proven":
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")

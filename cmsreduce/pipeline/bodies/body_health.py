@@ -84,7 +84,8 @@ def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = T
         Factorise its matrices, for their definiteness and for rigid motions by other sources.
     """
     matrices = {"stiffness": body.K, "mass": body.M}
-    negative = {what: negative_directions(A, body.rounding) if thorough else None for what, A in matrices.items()}
+    errors = {"stiffness": body.stiffness_rounding, "mass": body.rounding}
+    negative = {what: negative_directions(A, errors[what]) if thorough else None for what, A in matrices.items()}
     checks = [
         Finding(f"{what}: motions of negative energy", float(n), 0.0) for what, n in negative.items() if n is not None
     ]
