@@ -19,6 +19,7 @@ from cmsreduce.errors import SceneError
 from cmsreduce.linalg.eigen import motions_held, only_motions, rigid_body_modes
 from cmsreduce.mechanics import Determined, Tie, check_connected, hold_undetermined, rigid_mass, tie_nodes
 from cmsreduce.model import (
+    DOUBLE,
     Damping,
     FEModel,
     Finding,
@@ -37,7 +38,7 @@ from cmsreduce.model import (
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
 from cmsreduce.read import InterfaceSpec, MatrixSource, RowOrderProof, deck_mass, prove_row_order, read_body
-from cmsreduce.verify import REALISABLE, inertia_excess, mass_disorder, rigid_mass_properties
+from cmsreduce.verify import REALISABLE, inertia_excess, mass_disorder, rigid_mass_properties, rigid_motions_proof
 
 __all__ = ["FlexibleBody", "against_deck", "probing_loads", "read_flexible", "read_rigid"]
 
@@ -167,7 +168,10 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         ports = ports.as_loads()
     stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
     checks = tuple(_checks(part, proof, tied, body))
-    return FlexibleBody(body, ports, rigid, checks, (*notes, *remarks), stiffening, (_row_order(proof),))
+    # A dof that is held because nothing moves it may take a rigid motion with it, such as the spin of a straight bar.
+    shown = proof.motions if proof.status == "proven" and not determined.held else None
+    proofs = (_row_order(proof), rigid_motions_proof(body, rigid.shape[1], shown))
+    return FlexibleBody(body, ports, rigid, checks, (*notes, *remarks), stiffening, proofs)
 
 
 def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
@@ -325,7 +329,8 @@ def _checks(part: Component, proof: RowOrderProof, tied: FEModel, body: FEModel)
 def _row_order(found: RowOrderProof) -> Proof:
     if found.status != "proven":
         return Proof("row order", "unproven", remark=found.remark)
-    digits = -math.log10(max(found.residual, found.tolerance))
+    # A body without stiffness leaves no force at all.
+    digits = -math.log10(max(found.residual, found.tolerance, DOUBLE))
     return Proof("row order", "proven", digits, f"K times {found.motions} rigid motions vanishes")
 
 
