@@ -118,8 +118,7 @@ def read_body(
                 dofs = table
                 break
     body = build(dofs, interfaces or {})
-    prove_row_order(body)
-    return body
+    return prove_row_order(body).estimated(body)
 
 
 def _set_or_list(rows: Path | str | None, geometry: Geometry | None) -> tuple[str | None, Path | None]:

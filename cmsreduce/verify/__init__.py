@@ -23,6 +23,7 @@ from cmsreduce.verify.body_matrices import (
 from cmsreduce.verify.constant_loads import gain_sum, static_completeness, step_errors, step_response
 from cmsreduce.verify.controller_stability import controller_response, stability_margin
 from cmsreduce.verify.costly_modes import costly_modes, single_precision
+from cmsreduce.verify.input_rounding import frequency_error_bars, rigid_motions_proof
 from cmsreduce.verify.mass_properties import (
     REALISABLE,
     MassProperties,
@@ -91,6 +92,7 @@ __all__ = [
     "effective_mass",
     "frac",
     "free_index",
+    "frequency_error_bars",
     "frequency_grid",
     "frf_error",
     "heard_channels",
@@ -116,6 +118,7 @@ __all__ = [
     "principal_inertia",
     "rigid_mass_properties",
     "rigid_motions",
+    "rigid_motions_proof",
     "scaled_rows",
     "shape_momentum",
     "single_precision",

@@ -132,6 +132,8 @@ class ComponentResult:
         Quantities measured on its matrices and its geometry before the reduction.
     proofs : tuple of Proof
         Facts that the verdict rests on: proven, trusted, unproven or refuted.
+    frequency_error_bars_hz : (k,) float64
+        Error bars of the elastic modes kept, in Hz, by the rounding of the body's files; empty if not computed.
     """
 
     name: str
@@ -150,6 +152,7 @@ class ComponentResult:
     rounding: RoundingEffect | None = None
     health: tuple[HealthFinding, ...] = ()
     proofs: tuple[Proof, ...] = ()
+    frequency_error_bars_hz: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     @property
     def highest_hz(self) -> float:

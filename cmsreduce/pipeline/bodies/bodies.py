@@ -19,6 +19,7 @@ from cmsreduce.errors import SceneError
 from cmsreduce.linalg.eigen import motions_held, only_motions, rigid_body_modes
 from cmsreduce.mechanics import Determined, Tie, check_connected, hold_undetermined, rigid_mass, tie_nodes
 from cmsreduce.model import (
+    DOUBLE,
     Damping,
     FEModel,
     Finding,
@@ -37,7 +38,7 @@ from cmsreduce.model import (
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
 from cmsreduce.read import InterfaceSpec, MatrixSource, RowOrderProof, deck_mass, prove_row_order, read_body
-from cmsreduce.verify import REALISABLE, inertia_excess, mass_disorder, rigid_mass_properties
+from cmsreduce.verify import REALISABLE, inertia_excess, mass_disorder, rigid_mass_properties, rigid_motions_proof
 
 __all__ = ["FlexibleBody", "against_deck", "probing_loads", "read_flexible", "read_rigid"]
 
@@ -100,7 +101,7 @@ class FlexibleBody:
         digest = hashlib.sha256()
         body, ports = self.body, self.ports
         arrays: list[NDArray[Any]] = [body.dofs.node, body.dofs.component, ports.interface, ports.static_loads]
-        arrays += [np.array(self.rigid.shape), np.array(body.rounding)]
+        arrays += [np.array(self.rigid.shape), np.array([body.rounding, body.noise])]
         for A in (body.K, body.M, body.D):
             if A is not None:
                 arrays += [A.indptr, A.indices, A.data]
@@ -143,14 +144,15 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     converted = in_units(tied, scene.units)
     # One factorisation proves that a large body has stiffness and mass in every motion but its rigid ones.
     large = converted.n > _LARGE
-    proven = only_motions(converted.K, _rigid_shapes(converted), converted.rounding) if large else None
+    proven = only_motions(converted.K, _rigid_shapes(converted), converted.stiffness_rounding) if large else None
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
     determined = hold_undetermined(converted, named, proven)
     body = determined.body
     check_connected(body)
     if body is not converted:
         large, proven = False, None
-    rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), body.rounding, name, proven, prove=not large)
+    rounding = body.stiffness_rounding
+    rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), rounding, name, proven, prove=not large)
     notes = []
     if proof.status != "proven":
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
@@ -166,7 +168,10 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         ports = ports.as_loads()
     stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
     checks = tuple(_checks(part, proof, tied, body))
-    return FlexibleBody(body, ports, rigid, checks, (*notes, *remarks), stiffening, (_row_order(proof),))
+    # A dof that is held because nothing moves it may take a rigid motion with it, such as the spin of a straight bar.
+    shown = proof.motions if proof.status == "proven" and not determined.held else None
+    proofs = (_row_order(proof), rigid_motions_proof(body, rigid.shape[1], shown))
+    return FlexibleBody(body, ports, rigid, checks, (*notes, *remarks), stiffening, proofs)
 
 
 def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
@@ -324,7 +329,8 @@ def _checks(part: Component, proof: RowOrderProof, tied: FEModel, body: FEModel)
 def _row_order(found: RowOrderProof) -> Proof:
     if found.status != "proven":
         return Proof("row order", "unproven", remark=found.remark)
-    digits = -math.log10(max(found.residual, found.tolerance, 2.0**-53))
+    # A body without stiffness leaves no force at all.
+    digits = -math.log10(max(found.residual, found.tolerance, DOUBLE))
     return Proof("row order", "proven", digits, f"K times {found.motions} rigid motions vanishes")
 
 

@@ -128,7 +128,10 @@ def _name(body: FEModel, *_: object) -> str:
     required=True,
 )
 def _negative(body: FEModel) -> dict[str, int | None]:
-    return {what: negative_directions(A, body.rounding) for what, A in (("stiffness", body.K), ("mass", body.M))}
+    return {
+        "stiffness": negative_directions(body.K, body.stiffness_rounding),
+        "mass": negative_directions(body.M, body.rounding),
+    }
 
 
 @diagnostic("the mass of '{}'", dict, about=lambda body, source, _: f"{body.name}, by its {source}")

@@ -133,7 +133,7 @@ def _first_elastic(body: FEModel) -> float | None:
     if body.n > _QUICK:
         return None
     shapes = rigid_body_shapes(body.dofs, body.nodes)
-    if rigid_body_modes(body.K, body.M, shapes, body.rounding, body.name).shape[1] != _FREE:
+    if rigid_body_modes(body.K, body.M, shapes, body.stiffness_rounding, body.name).shape[1] != _FREE:
         return None
     return _beside_rigid_motions(body, shapes)
 

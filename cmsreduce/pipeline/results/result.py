@@ -12,6 +12,7 @@ from cmsreduce.model import (
     ComponentResult,
     Configuration,
     Finding,
+    HealthFinding,
     ModalComponent,
     ModeCertificate,
     Proof,
@@ -20,7 +21,7 @@ from cmsreduce.model import (
     SystemModes,
 )
 from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
-from cmsreduce.pipeline.results.health import health_table
+from cmsreduce.pipeline.results.health import error_bar, health_table
 from cmsreduce.pipeline.results.mass_and_frame import frame_checks, frame_of
 from cmsreduce.pipeline.results.step_advice import (
     advice_notes,
@@ -33,9 +34,12 @@ from cmsreduce.pipeline.results.views import effective_mass_curves, gain_curves,
 from cmsreduce.pipeline.run import MODEL, Run
 from cmsreduce.pipeline.store import collecting, diagnostic
 from cmsreduce.pipeline.system import AssembledModel
+from cmsreduce.verify import frequency_error_bars
 
 __all__ = ["component_checks", "mode_count", "run_result", "with_failures"]
 
+# Error bar of a frequency, relative, above which a run without a limit on frequencies says so.
+_KNOWN = 1e-3
 # Mass of a massless shape, in roundings of the file.
 _MASSLESS = 10.0
 _LEFT_OUT = "left out"
@@ -92,11 +96,13 @@ def _result(run: Run) -> RunResult:
     verified = run.verified if run.pipeline.verify is not None else None
     seconds = run.stages.seconds
     cutoffs = run.cutoffs
-    components = {}
+    limits = run.pipeline.verify.limits.model_dump(exclude_none=True) if run.pipeline.verify else {}
+    components, known = {}, {}
     for name in run.reduced_names:
         flexible = run.bodies[name]
         modes, kept = _modes_shown(run, name)
         factorised = run.stages.factorised.get(name, {})
+        bars, known[name] = _error_bars(run.final[name], limits.get("frequency_error", _KNOWN))
         components[name] = ComponentResult(
             name=name,
             full_dofs=flexible.body.n,
@@ -112,15 +118,18 @@ def _result(run: Run) -> RunResult:
             factorised=tuple(each for stage, done in factorised.items() if stage != _REFERENCE for each in done),
             costly=body_costly_modes(run, name),
             rounding=body_rounding(run.final[name]),
-            health=health_table(flexible.body, flexible.health),
+            health=(*health_table(flexible.body, flexible.health), *known[name]),
             proofs=(
                 *(replace(proof, subject=proof.subject or name) for proof in flexible.proofs),
                 mode_count(name, run.modal(name).certificate),
             ),
+            frequency_error_bars_hz=bars,
         )
+    coarse = [
+        f"{name}: {each.words}; {each.advice}" for name, found in known.items() for each in found if not each.passed
+    ]
     treated = treated_model(run, {name: part.costly for name, part in components.items() if part.costly is not None})
     systems = tuple(_system_modes(run, configuration, treated) for configuration in run.scene.configurations)
-    limits = run.pipeline.verify.limits.model_dump(exclude_none=True) if run.pipeline.verify else {}
     configurations = verified.configurations if verified else ()
     stages = ("reduce", "orthogonalise")
     reduce_s = sum(seconds.get(name, {}).get(stage, 0.0) for name in run.bodies for stage in stages)
@@ -138,7 +147,7 @@ def _result(run: Run) -> RunResult:
         reference=verified.reference if verified else {},
         settings=run.pipeline.model_dump(mode="json", exclude_none=True),
         systems=systems,
-        notes=(*run.stages.notes, *advice_notes(components, systems, run.scene.band[1])),
+        notes=(*run.stages.notes, *coarse, *advice_notes(components, systems, run.scene.band[1])),
         projection=None if run.projected is None else run.projected.record,
         search=run.choice.search,
         sensitivity=run.sensitivity,
@@ -168,6 +177,11 @@ def mode_count(name: str, certificate: ModeCertificate | None) -> Proof:
     bound = certificate.worst_bound
     digits = None if np.isnan(bound) else float(-np.log10(np.clip(bound, np.finfo(float).eps, 1.0)))
     return Proof("mode count", "proven", digits, f"{found} modes {upto}, {how}", name)
+def _error_bars(modes: ModalComponent, limit: float) -> tuple[NDArray[np.float64], tuple[HealthFinding, ...]]:
+    """Error bars of the elastic modes of a body in Hz, and the finding on the worst of them."""
+    elastic = np.arange(modes.omega.size)[modes.elastic]
+    bars = frequency_error_bars(modes, elastic)
+    return bars, tuple(error_bar(modes.frequencies_hz[elastic], bars, limit))
 
 
 def _modes_shown(run: Run, name: str) -> tuple[ModalComponent, NDArray[np.int64]]:

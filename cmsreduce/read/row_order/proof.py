@@ -6,7 +6,7 @@ Each cause is tried, and named only if it explains the forces.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
@@ -49,6 +49,8 @@ class RowOrderProof:
         Force that rounding of the matrix and of the coordinates may leave in that row.
     remark : str
         Reason why there is no proof; empty if there is.
+    rounding, noise : float
+        Errors of K that explain the forces, as in ``FEModel``; 0 without a proof.
     """
 
     status: str
@@ -56,6 +58,13 @@ class RowOrderProof:
     residual: float = 0.0
     tolerance: float = 0.0
     remark: str = ""
+    rounding: float = 0.0
+    noise: float = 0.0
+
+    def estimated(self, body: FEModel) -> FEModel:
+        """The body with the errors of K that the proof found."""
+        found = (max(body.rounding, self.rounding), max(body.noise, self.noise))
+        return body if found == (body.rounding, body.noise) else replace(body, rounding=found[0], noise=found[1])
 
 
 def is_condensed(body: FEModel) -> bool:
@@ -72,7 +81,8 @@ def prove_row_order(body: FEModel) -> RowOrderProof:
     """Prove that the rows are in order: K times the rigid motions of the geometry must vanish.
 
     Only motions that leave the constrained dofs at rest are tried. The tolerance of each row follows from the rounding
-    of the matrix file, of the printed coordinates and of double precision arithmetic.
+    of the matrix file, of the printed coordinates and of double precision arithmetic, and from noise that is spread
+    over the whole body.
 
     Parameters
     ----------
@@ -104,7 +114,8 @@ def prove_row_order(body: FEModel) -> RowOrderProof:
         )
     row = found.worst
     if found.vanishes:
-        return RowOrderProof("proven", motions, float(found.relative[row]), float(found.allowed[row]))
+        residual, tolerance = float(found.relative[row]), float(found.allowed[row])
+        return RowOrderProof("proven", motions, residual, tolerance, "", found.rounding, found.noise)
     nodes, share = _loaded_nodes(body, found)
     listed = ", ".join(f"{node} ({value:.1e})" for node, value in zip(nodes[:_NAMED], share[:_NAMED], strict=True))
     total = np.unique(body.dofs.node).size

@@ -147,6 +147,7 @@ def _component(part: ComponentResult, run: RunResult) -> dict[str, Any]:
         "kept_modes": part.kept_modes,
         "method": modes.method,
         "frequencies_hz": (modes.omega[np.intersect1d(part.kept, elastic)] / (2 * np.pi)).tolist(),
+        "frequency_error_bars_hz": part.frequency_error_bars_hz.tolist(),
         "seconds": dict(part.seconds),
         "peak_mib": part.peak_mib,
         "certificate": _certificate(modes.certificate),

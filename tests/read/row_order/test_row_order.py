@@ -98,7 +98,12 @@ def test_the_tolerance_follows_the_digits_of_the_file(space_frame: Frame, roundi
     K = body.K.tocoo()
     printed = sp.csc_array((np.array([float(f"{v:.{digits - 1}e}") for v in K.data]), (K.row, K.col)))
     assert prove_row_order(replace(body, K=printed, rounding=rounding)).status == "proven"
-    assert "node" in refusal(replace(body, K=printed))
+    if digits > 5:
+        # Where the file does not state its digits, the forces show them.
+        proof = prove_row_order(replace(body, K=printed))
+        assert rounding / 10 < max(proof.rounding, proof.noise) < 100 * rounding
+    else:
+        assert "node" in refusal(replace(body, K=printed))
 
 
 def test_the_tolerance_follows_the_digits_of_coordinates_and_frames(space_frame: Frame) -> None:
