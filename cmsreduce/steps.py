@@ -192,6 +192,7 @@ def read_body(
     damping_matrix: MatrixLike | None = None,
     units: str | Units = SI,
     grounded: bool = False,
+    rows_trusted: bool = False,
 ) -> FEModel:
     """Read a finite-element body, or take its matrices from memory, and prove the order of its rows.
 
@@ -216,6 +217,8 @@ def read_body(
         Unit system of the data, such as ``mm-t-s``; `in_units` converts a body.
     grounded : bool
         True if the matrices hold the body to the ground.
+    rows_trusted : bool
+        True to go on with rows whose order is not proven; the mass is still checked.
 
     Raises
     ------
@@ -241,6 +244,7 @@ def read_body(
             damping_matrix=None if damping_matrix is None else _source(damping_matrix, Path(folder) / "damping.npz"),
             units=Units.parse(units) if isinstance(units, str) else units,
             grounded=grounded,
+            rows_trusted=rows_trusted,
             interfaces=specs,
         )
 

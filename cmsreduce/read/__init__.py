@@ -22,7 +22,7 @@ from cmsreduce.read.nastran import (
     read_followers,
     read_members,
 )
-from cmsreduce.read.row_order import RowOrderProof, prove_row_order
+from cmsreduce.read.row_order import MassOrder, RowOrderProof, prove_mass_order, prove_row_order
 
 __all__ = [
     "BulkDeck",
@@ -32,6 +32,7 @@ __all__ = [
     "GeometryFormat",
     "InterfaceSpec",
     "LabelledMatrix",
+    "MassOrder",
     "MatrixFormat",
     "MatrixInfo",
     "MatrixSource",
@@ -41,6 +42,7 @@ __all__ = [
     "deck_mass",
     "detect_format",
     "matrix_names",
+    "prove_mass_order",
     "prove_row_order",
     "read_bars",
     "read_body",

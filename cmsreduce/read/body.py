@@ -17,7 +17,7 @@ from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, resolve_inter
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import read_matrix
 from cmsreduce.read.nastran import SET_NAMES
-from cmsreduce.read.row_order import prove_row_order
+from cmsreduce.read.row_order import prove_mass_order, prove_row_order
 
 __all__ = ["read_body"]
 
@@ -33,6 +33,7 @@ def read_body(
     damping_matrix: MatrixSource | None = None,
     units: Units = SI,
     grounded: bool = False,
+    rows_trusted: bool = False,
     interfaces: Mapping[str, InterfaceSpec] | None = None,
 ) -> FEModel:
     """Read a body and prove that the rows of its matrices are the dofs that the files name.
@@ -55,7 +56,9 @@ def read_body(
     units : Units
         Unit system of the files; nothing is converted here.
     grounded : bool
-        True if the body is meant to be held to the ground; its row order is not proven then.
+        True if the body is meant to be held to the ground; the nodes away from the ground are still proven.
+    rows_trusted : bool
+        True to go on with rows whose order is not proven. All other checks stay.
     interfaces : mapping of str to InterfaceSpec
         Nodes and dofs at which joints attach.
 
@@ -70,7 +73,7 @@ def read_body(
     MatrixError
         If matrices are of different size, not square, not symmetric or not finite.
     DofMapError
-        If the rows are unknown, or rigid motion of the geometry costs force.
+        If the rows are unknown, rigid motion of the geometry costs force, or the mass has its rows in another order.
     SceneError
         If an interface does not fit the body.
     """
@@ -105,6 +108,7 @@ def read_body(
             sets=sets,
             constrained=_constrained(table, shape),
             grounded=grounded,
+            rows_trusted=rows_trusted,
             sources=sources,
         )
 
@@ -114,11 +118,12 @@ def read_body(
         for table in candidates:
             # A wrong set may lack the interfaces, so the sets are tried without them.
             with contextlib.suppress(DofMapError):
-                prove_row_order(build(table, {}))
-                dofs = table
-                break
+                if prove_row_order(build(table, {})).status != "trusted":
+                    dofs = table
+                    break
     body = build(dofs, interfaces or {})
     prove_row_order(body)
+    prove_mass_order(body)
     return body
 
 
