@@ -25,7 +25,7 @@ from cmsreduce.orthogonalise import orthogonalise as orthonormal_modes
 from cmsreduce.pipeline.bodies import read_rigid
 from cmsreduce.pipeline.choose import ranked, ranking_channels, select, truncate
 from cmsreduce.pipeline.system import AssembledModel
-from cmsreduce.read import InterfaceSpec, MatrixSource
+from cmsreduce.read import InterfaceSpec, MatrixSource, prove_mass_order
 from cmsreduce.read import read_body as read_from_files
 from cmsreduce.write import basic_shapes
 from cmsreduce.write import write_component as write_component_file
@@ -234,7 +234,7 @@ def read_body(
             listed = Path(folder) / "rows.txt"
             listed.write_text("\n".join(rows), encoding="utf-8")
             rows = listed
-        return read_from_files(
+        body = read_from_files(
             name,
             stiffness=_source(stiffness, Path(folder) / "stiffness.npz"),
             mass=_source(mass, Path(folder) / "mass.npz"),
@@ -247,6 +247,8 @@ def read_body(
             rows_trusted=rows_trusted,
             interfaces=specs,
         )
+    prove_mass_order(body)
+    return body
 
 
 def _source(matrix: MatrixLike, temporary: Path) -> MatrixSource:

@@ -195,7 +195,7 @@ def _bodies(path: Path) -> Inspected:
 def _body(pipeline: Pipeline, name: str, scene: Scene) -> Inspected:
     flexible = read_flexible(pipeline, name, scene)
     body, faces = flexible.body, ", ".join(flexible.body.interfaces)
-    health = body_health(body, flexible.rigid)
+    health = body_health(body, flexible.rigid, negative=flexible.negative)
     table, totals = health_table(body, health), body_totals(body)
     rigid_count = flexible.rigid.shape[1]
     rows = [

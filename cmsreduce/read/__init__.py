@@ -14,9 +14,14 @@ from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import FORMATS, detect_format, matrix_names, read_matrix
 from cmsreduce.read.nastran import (
+    STRAINS,
     BulkDeck,
+    StatedEnergy,
+    StatedMass,
     bars_in_units,
+    deck_energy,
     deck_mass,
+    deck_statement,
     read_bars,
     read_bulk,
     read_followers,
@@ -39,7 +44,12 @@ __all__ = [
     "RowOrderProof",
     "StoredMatrix",
     "bars_in_units",
+    "STRAINS",
+    "StatedEnergy",
+    "StatedMass",
+    "deck_energy",
     "deck_mass",
+    "deck_statement",
     "detect_format",
     "matrix_names",
     "prove_mass_order",

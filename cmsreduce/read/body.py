@@ -17,7 +17,7 @@ from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, resolve_inter
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import read_matrix
 from cmsreduce.read.nastran import SET_NAMES
-from cmsreduce.read.row_order import prove_mass_order, prove_row_order
+from cmsreduce.read.row_order import prove_row_order
 
 __all__ = ["read_body"]
 
@@ -73,7 +73,7 @@ def read_body(
     MatrixError
         If matrices are of different size, not square, not symmetric or not finite.
     DofMapError
-        If the rows are unknown, rigid motion of the geometry costs force, or the mass has its rows in another order.
+        If the rows are unknown, or rigid motion of the geometry costs force.
     SceneError
         If an interface does not fit the body.
     """
@@ -123,7 +123,6 @@ def read_body(
                     break
     body = build(dofs, interfaces or {})
     prove_row_order(body)
-    prove_mass_order(body)
     return body
 
 

@@ -31,6 +31,7 @@ from cmsreduce.verify.mass_properties import (
     integral_change,
     mass_change,
     mass_disorder,
+    moving_directions,
     principal_inertia,
     rigid_mass_properties,
 )
@@ -103,6 +104,7 @@ __all__ = [
     "locked_index",
     "mass_change",
     "mass_disorder",
+    "moving_directions",
     "momentum_balance",
     "momentum_residual",
     "negative_directions",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,7 +71,13 @@ class BodyHealth:
     checks: tuple[Finding, ...]
 
 
-def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = True) -> BodyHealth:
+def body_health(
+    body: FEModel,
+    rigid: NDArray[np.float64],
+    *,
+    thorough: bool = True,
+    negative: Mapping[str, int | None] | None = None,
+) -> BodyHealth:
     """Check a body as it was read.
 
     Parameters
@@ -82,9 +88,12 @@ def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = T
         Its rigid-body modes.
     thorough : bool
         Factorise its matrices, for their definiteness and for rigid motions by other sources.
+    negative : mapping of ``stiffness`` and ``mass`` to int or None, optional
+        Motions of negative energy, if they are known.
     """
     matrices = {"stiffness": body.K, "mass": body.M}
-    negative = {what: negative_directions(A, body.rounding) if thorough else None for what, A in matrices.items()}
+    if negative is None:
+        negative = {what: negative_directions(A, body.rounding) if thorough else None for what, A in matrices.items()}
     checks = [
         Finding(f"{what}: motions of negative energy", float(n), 0.0) for what, n in negative.items() if n is not None
     ]
@@ -105,7 +114,7 @@ def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = T
             for source, X in (("stiffness", motions.stiffness), ("modes", motions.eigen)):
                 mass[source] = rigid_mass_properties(X.T @ (body.M @ X))
     return BodyHealth(
-        negative=negative,
+        negative=dict(negative),
         light=light_dofs(body),
         contrast=tuple(stiffness_contrast(body)),
         mass=mass,

@@ -82,12 +82,10 @@ def prove_mass_order(body: FEModel) -> MassOrder:
         return MassOrder("scalar", remark="all dofs are scalar, so that nothing shows the order of the mass")
     ids, node = np.unique(body.dofs.node, return_inverse=True)
     share = max(_COUPLED, _DIGITS * body.rounding)
-    mass = _coupled(body.M, node, ids.size, share)
+    mass, any_mass = _coupled(body.M, node, ids.size, share)
     if not mass.nnz:
         return MassOrder("lumped", 0, ids.size, ids.size, "the mass is lumped: no pair of nodes shows its order")
-    all_stiff, all_mass = _coupled(body.K, node, ids.size, 0.0), _coupled(body.M, node, ids.size, 0.0)
-    stiff = _coupled(body.K, node, ids.size, share)
-    case = _Pairs(body, ids, mass, all_mass, stiff, all_stiff)
+    case = _Pairs(body, ids, mass, any_mass, *_coupled(body.K, node, ids.size, share))
     same = np.arange(ids.size)
     beyond, lacking = case.beyond(same), case.lacking(same)
     pairs, alike = mass.nnz // 2, _alike(mass)
@@ -107,7 +105,11 @@ def prove_mass_order(body: FEModel) -> MassOrder:
     found = f"the mass couples the {pairs} pairs of nodes that the stiffness couples{extra}"
     if alike:
         return MassOrder(
-            "alike", pairs, ids.size, alike, f"{found}; {alike} of {ids.size} nodes couple with the same nodes as another"
+            "alike",
+            pairs,
+            ids.size,
+            alike,
+            f"{found}; {alike} of {ids.size} nodes couple with the same nodes as another",
         )
     return MassOrder("proven", pairs, ids.size, 0, found)
 
@@ -132,18 +134,24 @@ class _Pairs:
         return _without(self.stiff, _relabelled(self.any_mass, label))
 
 
-def _coupled(A: sp.csc_array, node: NDArray[np.int64], count: int, share: float) -> Graph:
-    """Pairs of different nodes that a matrix couples, as a symmetric matrix of ones."""
+def _coupled(A: sp.csc_array, node: NDArray[np.int64], count: int, share: float) -> tuple[Graph, Graph]:
+    """Pairs of different nodes that a matrix couples by more than rounding, and by any entry: symmetric, of ones."""
+    column = np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
+    short = node.astype(np.int32)
+    first, second = short[A.indices], short[column]
+    apart = np.flatnonzero((first != second) & (A.data != 0))
     own = np.sqrt(abs(A.diagonal()))
-    column = np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
-    apart = node[A.indices] != node[column]
-    kept = apart & (A.data != 0)
-    if share > 0:
-        kept &= abs(A.data) > share * own[A.indices] * own[column]
-    first, second = node[A.indices[kept]], node[column[kept]]
-    graph = sp.csr_array(sp.coo_array((np.ones(first.size, dtype=np.int32), (first, second)), shape=(count, count)))
-    graph.data[:] = 1
-    return graph
+    firm = abs(A.data[apart]) > share * own[A.indices[apart]] * own[column[apart]]
+    first, second = first[apart], second[apart]
+
+    def graph(rows: NDArray[np.int32], columns: NDArray[np.int32]) -> Graph:
+        ones = np.ones(rows.size, dtype=np.int32)
+        found = sp.csr_array(sp.coo_array((ones, (rows, columns)), shape=(count, count)))
+        found.data[:] = 1
+        return found
+
+    whole = graph(first, second)
+    return (whole if firm.all() else graph(first[firm], second[firm])), whole
 
 
 def _relabelled(graph: Graph, label: NDArray[np.int64]) -> Graph:
@@ -211,7 +219,9 @@ def _refuse_exchange(case: _Pairs, beyond: Graph, lacking: Graph) -> None:
         more = f", and {moved.size - _NAMED} more" if moved.size > _NAMED else ""
         raise DofMapError(f"{head}. Likely cause: {named}{more}; put back, the pairs agree. {remedy}")
     if (order := _by_appearance(case)) is not None:
-        raise DofMapError(f"{head}. Likely cause: the mass has its rows in the {order}; in that order the pairs agree. {remedy}")
+        raise DofMapError(
+            f"{head}. Likely cause: the mass has its rows in the {order}; in that order the pairs agree. {remedy}"
+        )
     mass, stiff = _colours(case.mass), _colours(case.stiff)
     differ = int((mass != stiff).sum())
     _, of = np.unique(np.concatenate([mass, stiff]), return_inverse=True)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import SCALAR, DofTable, FEModel, Nodes
-from cmsreduce.read.row_order.held_body import HeldRows, held_rows
+from cmsreduce.read.row_order.held_body import held_rows
 from cmsreduce.read.row_order.mislabelled_nodes import mislabelled_nodes
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
@@ -152,13 +152,15 @@ def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
             body, loaded[order], share[order], float(found.allowed[np.isin(body.dofs.node, held.wrong)][at])
         )
         raise DofMapError(
-            f"{head}. Likely cause: {why} the body, but these nodes resist no translation and do resist rotation, which "
-            "no support does: rows are shuffled among nodes, the coordinates are of another model, or springs join "
+            f"{head}. Likely cause: {why} the body, but these nodes resist rotation and no translation, which no "
+            "support does: rows are shuffled among nodes, the coordinates are of another model, or springs join "
             "points that do not coincide. Give the order of the rows as a list of node.component under `rows:`"
         )
     if not held.proven.size or held.proven.size < _FREE_SHARE * total:
         if loaded.size and (cause := _other_order(_Failure(body, nodes, found, condensed, loaded))):
-            raise DofMapError(f"{_not_proven(body, loaded, share, float(found.allowed[found.worst]))}. Likely cause: {cause}")
+            raise DofMapError(
+                f"{_not_proven(body, loaded, share, float(found.allowed[found.worst]))}. Likely cause: {cause}"
+            )
         return RowOrderProof(
             "grounded",
             remark=f"{why} the body: {held.held.size} of {total} nodes are next to the ground or condensed, so that "
@@ -368,8 +370,8 @@ def _unexplained(case: _Failure) -> str:
         )
     return (
         "the rows are shuffled or of another set than assumed, displacement frames (CD) are missing, or the body is "
-        "held to the ground. Give the set or a list of node.component under `rows:`, or the deck that made the matrices "
-        "as `geometry:`"
+        "held to the ground. Give the set or a list of node.component under `rows:`, or the deck that made the "
+        "matrices as `geometry:`"
     )
 
 
