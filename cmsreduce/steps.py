@@ -25,7 +25,7 @@ from cmsreduce.orthogonalise import orthogonalise as orthonormal_modes
 from cmsreduce.pipeline.bodies import read_rigid
 from cmsreduce.pipeline.choose import ranked, ranking_channels, select, truncate
 from cmsreduce.pipeline.system import AssembledModel
-from cmsreduce.read import InterfaceSpec, MatrixSource
+from cmsreduce.read import InterfaceSpec, MatrixSource, prove_mass_order
 from cmsreduce.read import read_body as read_from_files
 from cmsreduce.write import basic_shapes
 from cmsreduce.write import write_component as write_component_file
@@ -192,6 +192,7 @@ def read_body(
     damping_matrix: MatrixLike | None = None,
     units: str | Units = SI,
     grounded: bool = False,
+    rows_trusted: bool = False,
 ) -> FEModel:
     """Read a finite-element body, or take its matrices from memory, and prove the order of its rows.
 
@@ -216,6 +217,8 @@ def read_body(
         Unit system of the data, such as ``mm-t-s``; `in_units` converts a body.
     grounded : bool
         True if the matrices hold the body to the ground.
+    rows_trusted : bool
+        True to go on with rows whose order is not proven; the mass is still checked.
 
     Raises
     ------
@@ -231,7 +234,7 @@ def read_body(
             listed = Path(folder) / "rows.txt"
             listed.write_text("\n".join(rows), encoding="utf-8")
             rows = listed
-        return read_from_files(
+        body = read_from_files(
             name,
             stiffness=_source(stiffness, Path(folder) / "stiffness.npz"),
             mass=_source(mass, Path(folder) / "mass.npz"),
@@ -241,8 +244,11 @@ def read_body(
             damping_matrix=None if damping_matrix is None else _source(damping_matrix, Path(folder) / "damping.npz"),
             units=Units.parse(units) if isinstance(units, str) else units,
             grounded=grounded,
+            rows_trusted=rows_trusted,
             interfaces=specs,
         )
+    prove_mass_order(body)
+    return body
 
 
 def _source(matrix: MatrixLike, temporary: Path) -> MatrixSource:

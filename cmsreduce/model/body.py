@@ -163,6 +163,8 @@ class FEModel:
         Mass over the dofs that the body was read with, if some of them are tied: M = T^T M_untied T.
     grounded : bool
         True if the user states that the body is held to the ground, so that K resists rigid motion.
+    rows_trusted : bool
+        True if the user vouches for the order of the rows where it cannot be proven.
     sources : tuple of Source
         Files that the body was read from.
 
@@ -189,6 +191,7 @@ class FEModel:
     tied: Recovery | None = None
     untied_mass: UntiedMass | None = None
     grounded: bool = False
+    rows_trusted: bool = False
     sources: tuple[Source, ...] = ()
 
     def __post_init__(self) -> None:

@@ -32,6 +32,7 @@ from cmsreduce.verify.mass_properties import (
     integral_change,
     mass_change,
     mass_disorder,
+    moving_directions,
     principal_inertia,
     rigid_mass_properties,
 )
@@ -107,6 +108,7 @@ __all__ = [
     "locked_index",
     "mass_change",
     "mass_disorder",
+    "moving_directions",
     "momentum_balance",
     "momentum_residual",
     "negative_directions",

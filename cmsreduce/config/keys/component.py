@@ -192,7 +192,7 @@ class Component(Keys):
     rows: RowOrder | None = Field(
         default=None,
         description="Order of the matrix rows: a set of the deck (a, f, g, b, ...) or a dof list file; by default the "
-        "order that the sources state.",
+        "order that the sources state. `trusted`, or `trusted: true` beside the order, goes on without a proof.",
         examples=["a"],
     )
     interfaces: dict[InterfaceName, InterfaceKeys] = Field(
@@ -208,7 +208,8 @@ class Component(Keys):
     )
     grounded: Flag = Field(
         default=False,
-        description="The matrices include supports to the ground, so that the stiffness resists rigid motion.",
+        description="The matrices include supports to the ground, so that the stiffness resists rigid motion. The rows "
+        "of all nodes away from the supports are still proven.",
         examples=[True],
     )
     geometric_stiffness: GeometricStiffnessKeys | None = Field(

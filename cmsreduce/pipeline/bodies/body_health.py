@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,7 +73,13 @@ class BodyHealth:
     checks: tuple[Finding, ...]
 
 
-def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = True) -> BodyHealth:
+def body_health(
+    body: FEModel,
+    rigid: NDArray[np.float64],
+    *,
+    thorough: bool = True,
+    negative: Mapping[str, int | None] | None = None,
+) -> BodyHealth:
     """Check a body as it was read.
 
     Parameters
@@ -84,8 +90,11 @@ def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = T
         Its rigid-body modes.
     thorough : bool
         Factorise its matrices, for their definiteness and for rigid motions by other sources.
+    negative : mapping of ``stiffness`` and ``mass`` to int or None, optional
+        Motions of negative energy, if they are known.
     """
-    negative: dict[str, int | None] = _negative(body) if thorough else dict.fromkeys(("stiffness", "mass"))
+    if negative is None:
+        negative = _negative(body) if thorough else dict.fromkeys(("stiffness", "mass"))
     checks = [
         Finding(f"{what}: motions of negative energy", float(n), 0.0) for what, n in negative.items() if n is not None
     ]
@@ -106,7 +115,7 @@ def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = T
             for source, X in (("stiffness", motions.stiffness), ("modes", motions.eigen)):
                 mass |= _mass(body, source, X.T @ (body.M @ X))
     return BodyHealth(
-        negative=negative,
+        negative=dict(negative),
         light=_light(body),
         contrast=_contrast(body),
         mass=mass,

@@ -177,6 +177,8 @@ def mode_count(name: str, certificate: ModeCertificate | None) -> Proof:
     bound = certificate.worst_bound
     digits = None if np.isnan(bound) else float(-np.log10(np.clip(bound, np.finfo(float).eps, 1.0)))
     return Proof("mode count", "proven", digits, f"{found} modes {upto}, {how}", name)
+
+
 def _error_bars(modes: ModalComponent, limit: float) -> tuple[NDArray[np.float64], tuple[HealthFinding, ...]]:
     """Error bars of the elastic modes of a body in Hz, and the finding on the worst of them."""
     elastic = np.arange(modes.omega.size)[modes.elastic]
