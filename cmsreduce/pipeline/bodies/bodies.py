@@ -34,6 +34,7 @@ from cmsreduce.model import (
     rigid_body_shapes,
     rigid_in_units,
 )
+from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_health
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
 from cmsreduce.read import InterfaceSpec, MatrixSource, RowOrderProof, deck_mass, prove_row_order, read_body
@@ -74,6 +75,8 @@ class FlexibleBody:
         Geometric stiffness of the body, if the pipeline asks for it.
     proofs : tuple of Proof
         What was proven of the body, and what was not.
+    damping : DampingHealth, optional
+        Findings on its damping matrix, if it has one.
     """
 
     body: FEModel
@@ -83,6 +86,7 @@ class FlexibleBody:
     notes: tuple[str, ...]
     stiffening: GeometricStiffness | None = None
     proofs: tuple[Proof, ...] = ()
+    damping: DampingHealth | None = None
 
     @property
     def undamped(self) -> FEModel:
@@ -166,7 +170,8 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         ports = ports.as_loads()
     stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
     checks = tuple(_checks(part, proof, tied, body))
-    return FlexibleBody(body, ports, rigid, checks, (*notes, *remarks), stiffening, (_row_order(proof),))
+    damping = damping_health(as_read, body, rigid)
+    return FlexibleBody(body, ports, rigid, checks, (*notes, *remarks), stiffening, (_row_order(proof),), damping)
 
 
 def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:

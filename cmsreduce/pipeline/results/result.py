@@ -18,6 +18,7 @@ from cmsreduce.model import (
     SystemModes,
 )
 from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
+from cmsreduce.pipeline.bodies import damping_proof
 from cmsreduce.pipeline.results.health import health_table
 from cmsreduce.pipeline.results.mass_and_frame import frame_checks, frame_of
 from cmsreduce.pipeline.results.step_advice import (
@@ -88,7 +89,7 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
             costly=body_costly_modes(run, name),
             rounding=body_rounding(run.final[name]),
             health=health_table(flexible.body, flexible.health),
-            proofs=flexible.proofs,
+            proofs=(*flexible.proofs, damping_proof(flexible.body, flexible.damping, run.modal(name))),
         )
     treated = treated_model(run, {name: part.costly for name, part in components.items() if part.costly is not None})
     systems = tuple(_system_modes(run, configuration, treated) for configuration in run.scene.configurations)
@@ -120,6 +121,7 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
         gains=gain_curves(run) if views else {},
         checks=verified.checks if verified is not None else None,
         margins=run.margins if verified is not None else (),
+        proofs=(run.stability,),
     )
 
 

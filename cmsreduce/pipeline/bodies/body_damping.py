@@ -1,0 +1,232 @@
+"""Proof that the damping of a body takes energy from every motion, and none from a floating body's rigid motions."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import CmsReduceError, DampingError
+from cmsreduce.linalg.blocks import congruence
+from cmsreduce.linalg.eigen import elastic_and_massless
+from cmsreduce.mechanics import least_damping, refuse_gain
+from cmsreduce.model import SCALAR, FEModel, ModalComponent, Proof
+from cmsreduce.read import RigidResidual, is_condensed, rigid_residual
+from cmsreduce.verify import negative_directions
+
+__all__ = ["DampingHealth", "damping_health", "damping_proof", "damping_remark"]
+
+# A damping matrix with entries on this number of dofs is factorised in a second.
+_FACTORISED = 3000
+# All modes of a body of this size, which name the one that gains energy, take seconds.
+_ALL_MODES = 1500
+# Drag on a rigid motion without geometry, relative to its absolute terms: rounding and condensation leave less.
+_DRAG = 1e-9
+# Drag that differs from alpha M R by less than this share comes from Rayleigh damping.
+_RAYLEIGH = 1e-6
+# A floating body can move in six ways, a planar one in three.
+_ALL_MOTIONS = 6
+_NAMED = 5
+# A ratio above this is rare in a structure, and usual where per cent are written as fractions.
+_REMARKABLE = 0.3
+
+
+@dataclass(frozen=True)
+class DampingHealth:
+    """Findings on a damping matrix as it was read.
+
+    Parameters
+    ----------
+    negative : int or None
+        Number of motions to which it gives energy; None if it was not factorised, or if the factor does not show them.
+    drag : float or None
+        Largest force on a rigid motion, in the row nearest to its tolerance, relative to the terms that cancel in it;
+        None where the ground or the unknown geometry allows the damping to brake it.
+    allowed : float
+        Force that rounding may leave in that row.
+    """
+
+    negative: int | None
+    drag: float | None
+    allowed: float
+
+
+def damping_health(read: FEModel, body: FEModel, rigid: NDArray[np.float64]) -> DampingHealth | None:
+    """Check the damping matrix of a body.
+
+    Parameters
+    ----------
+    read : FEModel
+        The body as its files have it.
+    body : FEModel
+        The same body after ties, in the scene's units.
+    rigid : (n, r) float64
+        Its rigid-body modes.
+
+    Returns
+    -------
+    DampingHealth or None
+        None without a damping matrix.
+
+    Raises
+    ------
+    DampingError
+        If the matrix brakes a rigid motion of a body that floats.
+    MatrixError
+        If it gives energy to a mode of a body of moderate size.
+    """
+    if body.D is None or read.D is None:
+        return None
+    drag, allowed = _drag(read, body, rigid)
+    active = np.flatnonzero(np.diff(body.D.indptr))
+    if active.size > _FACTORISED:
+        return DampingHealth(None, drag, allowed)
+    part = sp.csc_array(body.D[active][:, active])
+    negative = negative_directions(part, body.rounding) if active.size else 0
+    if negative and body.n <= _ALL_MODES:
+        _name_gain(body, rigid)
+    return DampingHealth(negative, drag, allowed)
+
+
+def damping_proof(body: FEModel, health: DampingHealth | None, modes: ModalComponent) -> Proof:
+    """What is proven of the damping of a reduced body.
+
+    Parameters
+    ----------
+    body : FEModel
+        The body.
+    health : DampingHealth, optional
+        Findings on its damping matrix.
+    modes : ModalComponent
+        Every mode of its mode set.
+    """
+    if body.D is None or modes.D is None or health is None:
+        law = body.damping.law
+        text = "none is given" if law == "none" else f"{law.replace('_', ' ')} damping takes energy from every mode"
+        return Proof("damping", "proven", remark=text, subject=body.name)
+    least = least_damping(body.D, modes.Phi, modes.D, body.rounding)
+    found = [least.allowed] if health.drag is None else [least.allowed, health.allowed]
+    digits = -math.log10(max(*found, body.rounding))
+    if health.negative:
+        text = f"D gives energy to {health.negative} motions of its dofs, none of which is among the modes"
+        return Proof("damping", "refuted", digits, text, body.name)
+    where = "its dofs" if health.negative == 0 else f"the {modes.omega.size} shapes of the mode set"
+    text = f"D takes energy from every motion of {where}"
+    if modes.rigid_count and health.drag is not None:
+        text += ", none from rigid ones"
+    elif modes.rigid_count:
+        text += "; it may brake rigid ones, as the ground or an unknown geometry allows"
+    return Proof("damping", "proven", digits, text, body.name)
+
+
+def damping_remark(modes: ModalComponent, band_hz: float) -> str | None:
+    """Remark on a damping ratio that few structures have; None without one.
+
+    Parameters
+    ----------
+    modes : ModalComponent
+        Every mode of the mode set of a body.
+    band_hz : float
+        Upper end of the band. Beta K damps modes far above it beyond critical, which means nothing.
+    """
+    zeta, hz = modes.zeta[modes.elastic], modes.frequencies_hz[modes.elastic]
+    judged = np.flatnonzero((hz <= band_hz) | (np.arange(hz.size) == 0))
+    high = judged[zeta[judged] > _REMARKABLE]
+    if not high.size:
+        return None
+    at = high[int(zeta[high].argmax())]
+    text = f"{modes.name}: the mode at {hz[at]:.6g} Hz has {100 * zeta[at]:.3g} % of critical damping"
+    if high.size > 1:
+        text += f", and {high.size - 1} more in the band have above {100 * _REMARKABLE:g} %"
+    if modes.damping.acts_on_modes or modes.damping.structural is not None:
+        stated = zeta[at] if modes.damping.structural is None else modes.damping.structural
+        text += f"; did you mean {stated / 100:.3g}, which is {stated:.3g} %?"
+    return text
+
+
+def _drag(read: FEModel, body: FEModel, rigid: NDArray[np.float64]) -> tuple[float | None, float]:
+    """Largest force of the damping on rigid motion and its tolerance; None where the damping may brake the body."""
+    assert read.D is not None and body.D is not None
+    if read.nodes is None or (read.dofs.component == SCALAR).all():
+        return _scalar_drag(body, rigid)
+    condensed, known = is_condensed(read), (read.dofs, read.nodes, read.constrained, read.rounding)
+    held = rigid_residual(read.K, *known, condensed)
+    # Supports to the ground, in K or by constraints, may come with dampers to the ground.
+    if not held.motions.shape[1] or not held.vanishes or not _floats(read, held.motions.shape[1]):
+        return None, 0.0
+    found = rigid_residual(read.D, *known, condensed)
+    if not found.vanishes:
+        raise DampingError(_braked(read, found))
+    return float(found.relative[found.worst]), float(found.allowed[found.worst])
+
+
+def _floats(body: FEModel, motions: int) -> bool:
+    """True if a body has all motions of a body in space, or of one that constraints or absent rows keep in a plane."""
+    if motions == _ALL_MOTIONS or body.constrained is None:
+        return True
+    assert body.nodes is not None
+    # A support holds a few nodes; a plane or a line holds the same components of all.
+    nodes = np.unique(body.dofs.node[body.dofs.component > 0])
+    held = body.constrained.node
+    return bool(np.isin(nodes, held).all())
+
+
+def _scalar_drag(body: FEModel, rigid: NDArray[np.float64]) -> tuple[float | None, float]:
+    """The same for a body without geometry: some free motion of it must be one that the damping does not brake."""
+    assert body.D is not None
+    if body.grounded or not rigid.shape[1]:
+        return None, 0.0
+    energies = congruence(body.D, rigid)
+    parts = np.asarray(abs(body.D).sum(axis=0)).ravel() @ rigid**2
+    scale = 1 / np.sqrt(np.where(parts > 0, parts, 1.0))
+    least = float(la.eigvalsh(energies * np.outer(scale, scale))[0])
+    if least <= _DRAG:
+        return abs(least), _DRAG
+    weight = abs(np.asarray(body.D @ rigid)).max(axis=1)
+    named = ", ".join(body.dofs.labels[row] for row in np.argsort(-weight)[:_NAMED] if weight[row] > 0)
+    raise DampingError(
+        f"body '{body.name}': its damping matrix brakes every motion that its stiffness leaves free, at {named}: a "
+        f"damper to the ground on a body that floats. {_REMEDY}; a body that the ground holds has `grounded: true`"
+    )
+
+
+_REMEDY = (
+    "Take dampers to the ground out of the matrix, and join the body to a rigid body on `scene.ground` by a joint with "
+    "`damping:` where it needs one"
+)
+
+
+def _braked(body: FEModel, found: RigidResidual) -> str:
+    """Message about a damping matrix that brakes a body which floats."""
+    assert body.nodes is not None and body.D is not None
+    momentum = np.asarray(body.M @ found.shapes)
+    alpha = float(np.vdot(momentum, found.force) / max(np.vdot(momentum, momentum), 1e-300))
+    where = f"body '{body.name}': its damping matrix brakes rigid motion, although its stiffness leaves it free"
+    if alpha > 0 and abs(found.force - alpha * momentum).max() <= _RAYLEIGH * abs(found.force).max():
+        return (
+            f"{where}: it holds {alpha:.6g} times the mass matrix (1/s). Give the law instead, `damping: {{rayleigh: "
+            "{alpha: ..., beta: ...}}`, which brakes no rigid motion, or take that part out of the matrix"
+        )
+    force = np.where(found.excess > 1, abs(found.force).max(axis=1), 0.0)
+    order = np.argsort(-force)[:_NAMED]
+    named = ", ".join(f"{body.dofs.labels[row]} ({force[row]:.3g})" for row in order if force[row] > 0)
+    count = int(np.count_nonzero(found.excess > 1))
+    more = f" and {count - _NAMED} more" if count > _NAMED else ""
+    return f"{where}, by forces at {named}{more} under unit velocities: a damper to the ground. {_REMEDY}"
+
+
+def _name_gain(body: FEModel, rigid: NDArray[np.float64]) -> None:
+    """Refuse the damping matrix of a body of moderate size by the mode that gains energy."""
+    assert body.D is not None
+    try:
+        lam, X, N = elastic_and_massless(body.K.toarray(), body.M.toarray(), rigid, body.rounding)
+    except CmsReduceError:
+        # The reduction names what is wrong with K and M.
+        return
+    Phi = np.hstack([rigid, X, N])
+    omega = np.concatenate([np.zeros(rigid.shape[1]), np.sqrt(lam), np.full(N.shape[1], np.inf)])
+    refuse_gain(body, Phi, congruence(body.D, Phi), omega)
