@@ -145,15 +145,15 @@ def refuse_overdamped(body: FEModel, omega: Array, zeta: Array) -> None:
         return
     at = int(zeta.argmin())
     if body.D is None:
-        what = "Rayleigh factors"
+        what = "Rayleigh factors damp"
         cause = "Check their units: alpha in 1/s, beta in s; usual values of beta are 1e-6 to 1e-3 s"
     else:
-        what, cause = "damping matrix", "Check its unit, force times time over length, and its source"
+        what, cause = "damping matrix damps", "Check its unit, force times time over length, and its source"
         for letter, A, unit in (("K", body.K, "s"), ("M", body.M, "1/s")):
             if (factor := multiple_of(body.D, A)) is not None:
                 cause = f"D is {letter} times {factor:.6g} {unit}: check whether the file holds {letter} as the damping"
     raise DampingError(
-        f"body '{body.name}': its {what} damp every elastic mode beyond critical: the least ratio is {zeta[at]:.3g} "
+        f"body '{body.name}': its {what} every elastic mode beyond critical: the least ratio is {zeta[at]:.3g} "
         f"({100 * zeta[at]:.3g} %), at {omega[at] / (2 * np.pi):.6g} Hz, so that nothing vibrates. {cause}. If it is "
         f"meant, state it as `modal: {100 * zeta[at]:.3g} %`"
     )

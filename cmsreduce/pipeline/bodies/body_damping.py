@@ -10,7 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.errors import CmsReduceError, DampingError
+from cmsreduce.errors import CmsReduceError, DampingError, MatrixError
 from cmsreduce.linalg.blocks import congruence
 from cmsreduce.linalg.eigen import elastic_and_massless
 from cmsreduce.mechanics import least_damping, refuse_gain
@@ -41,8 +41,8 @@ class DampingHealth:
 
     Parameters
     ----------
-    negative : int or None
-        Number of motions to which it gives energy; None if it was not factorised, or if the factor does not show them.
+    factorised : bool
+        True if a factor shows that it takes energy from every motion of its dofs.
     drag : float or None
         Largest force on a rigid motion, in the row nearest to its tolerance, relative to the terms that cancel in it;
         None where the ground or the unknown geometry allows the damping to brake it.
@@ -50,12 +50,12 @@ class DampingHealth:
         Force that rounding may leave in that row.
     """
 
-    negative: int | None
+    factorised: bool
     drag: float | None
     allowed: float
 
 
-def damping_health(read: FEModel, body: FEModel, rigid: NDArray[np.float64]) -> DampingHealth | None:
+def damping_health(read: FEModel, body: FEModel, rigid: NDArray[np.float64], *, reduced: bool) -> DampingHealth | None:
     """Check the damping matrix of a body.
 
     Parameters
@@ -66,6 +66,8 @@ def damping_health(read: FEModel, body: FEModel, rigid: NDArray[np.float64]) -> 
         The same body after ties, in the scene's units.
     rigid : (n, r) float64
         Its rigid-body modes.
+    reduced : bool
+        True if the body is reduced: a large matrix is then proven on the modes, when they are made.
 
     Returns
     -------
@@ -77,19 +79,21 @@ def damping_health(read: FEModel, body: FEModel, rigid: NDArray[np.float64]) -> 
     DampingError
         If the matrix brakes a rigid motion of a body that floats.
     MatrixError
-        If it gives energy to a mode of a body of moderate size.
+        If it gives energy to a motion of its dofs.
     """
     if body.D is None or read.D is None:
         return None
     drag, allowed = _drag(read, body, rigid)
     active = np.flatnonzero(np.diff(body.D.indptr))
-    if active.size > _FACTORISED:
-        return DampingHealth(None, drag, allowed)
+    if not active.size or (reduced and active.size > _FACTORISED):
+        return DampingHealth(not active.size, drag, allowed)
     part = sp.csc_array(body.D[active][:, active])
-    negative = negative_directions(part, body.rounding) if active.size else 0
-    if negative and body.n <= _ALL_MODES:
-        _name_gain(body, rigid)
-    return DampingHealth(negative, drag, allowed)
+    negative = negative_directions(part, body.rounding)
+    if negative:
+        if body.n <= _ALL_MODES:
+            _name_mode(body, rigid)
+        raise MatrixError(_gaining(body, active, part, negative))
+    return DampingHealth(negative == 0, drag, allowed)
 
 
 def damping_proof(body: FEModel, health: DampingHealth | None, modes: ModalComponent) -> Proof:
@@ -111,10 +115,7 @@ def damping_proof(body: FEModel, health: DampingHealth | None, modes: ModalCompo
     least = least_damping(body.D, modes.Phi, modes.D, body.rounding)
     found = [least.allowed] if health.drag is None else [least.allowed, health.allowed]
     digits = -math.log10(max(*found, body.rounding))
-    if health.negative:
-        text = f"D gives energy to {health.negative} motions of its dofs, none of which is among the modes"
-        return Proof("damping", "refuted", digits, text, body.name)
-    where = "its dofs" if health.negative == 0 else f"the {modes.omega.size} shapes of the mode set"
+    where = "its dofs" if health.factorised else f"the {modes.omega.size} shapes of the mode set"
     text = f"D takes energy from every motion of {where}"
     if modes.rigid_count and health.drag is not None:
         text += ", none from rigid ones"
@@ -216,10 +217,17 @@ def _braked(body: FEModel, found: RigidResidual) -> str:
     named = ", ".join(f"{body.dofs.labels[row]} ({force[row]:.3g})" for row in order if force[row] > 0)
     count = int(np.count_nonzero(found.excess > 1))
     more = f" and {count - _NAMED} more" if count > _NAMED else ""
-    return f"{where}, by forces at {named}{more} under unit velocities: a damper to the ground. {_REMEDY}"
+    turned = np.linalg.norm(found.motions[3:], axis=0) > 0
+    translations_free = not (abs(found.force[:, ~turned]) > _DRAG * force.max()).any() and not turned.all()
+    cause = (
+        "a damper between two dofs that do not lie on its line brakes rotations"
+        if translations_free
+        else "a damper to the ground"
+    )
+    return f"{where}, by forces at {named}{more} under unit velocities: {cause}. {_REMEDY}"
 
 
-def _name_gain(body: FEModel, rigid: NDArray[np.float64]) -> None:
+def _name_mode(body: FEModel, rigid: NDArray[np.float64]) -> None:
     """Refuse the damping matrix of a body of moderate size by the mode that gains energy."""
     assert body.D is not None
     try:
@@ -230,3 +238,21 @@ def _name_gain(body: FEModel, rigid: NDArray[np.float64]) -> None:
     Phi = np.hstack([rigid, X, N])
     omega = np.concatenate([np.zeros(rigid.shape[1]), np.sqrt(lam), np.full(N.shape[1], np.inf)])
     refuse_gain(body, Phi, congruence(body.D, Phi), omega)
+
+
+def _gaining(body: FEModel, active: NDArray[np.int64], part: sp.csc_array, count: int) -> str:
+    """Message about a damping matrix that gives energy to motions which no mode shows."""
+    named = ""
+    if active.size <= _FACTORISED:
+        own = part.diagonal()
+        scale = 1 / np.sqrt(np.where(own > 0, own, own.max(initial=0.0) or 1.0))
+        _, Y = la.eigh(scale[:, None] * part.toarray() * scale, subset_by_index=[0, 0])
+        size = abs(Y[:, 0])
+        labels = body.dofs.labels
+        named = ", above all of " + ", ".join(
+            labels[active[row]] for row in np.argsort(-size)[:_NAMED] if size[row] > 0
+        )
+    return (
+        f"body '{body.name}': damping matrix D is not positive semidefinite: it gives energy to {count} motions"
+        f"{named}. Check its sign and its source: a passive structure takes energy from every motion"
+    )

@@ -541,7 +541,8 @@ class Run:
     @once
     def _without_energy(self) -> str:
         """Reason why energies do not prove the reduced system stable; empty if they do."""
-        return "the controller" if self.controller is not None else without_energy(self.model.assembled.substructures)
+        # A damping matrix of a body that could give energy was refused when the body was read or its modes were made.
+        return "the controller" if self.controller else without_energy(self.model.assembled.substructures, self.bodies)
 
     @property
     @once

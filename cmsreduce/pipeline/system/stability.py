@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,8 +57,15 @@ class SystemRoots:
         return np.asarray(s[np.argsort(-s.real / abs(s), kind="stable")])
 
 
-def without_energy(substructures: Mapping[str, Substructure]) -> str:
+def without_energy(substructures: Mapping[str, Substructure], damped: Collection[str]) -> str:
     """Find a body whose mass or stiffness may have negative energy, or whose damping may give energy.
+
+    Parameters
+    ----------
+    substructures : mapping of name to Substructure
+        Bodies, those of the joints included.
+    damped : collection of str
+        Bodies whose damping is proven, with the rounding of its own matrix.
 
     Returns
     -------
@@ -70,8 +77,9 @@ def without_energy(substructures: Mapping[str, Substructure]) -> str:
     for name, sub in substructures.items():
         for letter, what in words.items():
             A = getattr(sub, letter)
-            if A is not None and not _semidefinite(A, sub.rounding):
-                return f"the {what} of '{name}'"
+            if A is None or (letter == "D" and name in damped) or _semidefinite(A, sub.rounding):
+                continue
+            return f"the {what} of '{name}'"
     return ""
 
 
@@ -211,9 +219,10 @@ def stability_proof(roots: Mapping[str, SystemRoots | None], suspect: str) -> Pr
 
 def _slowest(found: SystemRoots) -> tuple[float, float]:
     """Damping ratio and frequency in Hz of the least damped root that oscillates."""
-    s = found.s[found.s.imag > found.uncertain]
+    oscillates = found.s.imag > found.uncertain
+    s, uncertain = found.s[oscillates], found.uncertain[oscillates]
     if not s.size:
         return math.inf, 0.0
-    zeta = -s.real / abs(s)
+    zeta = np.where(abs(s.real) > uncertain, -s.real / abs(s), 0.0)
     at = int(zeta.argmin())
     return float(zeta[at]), float(abs(s[at]) / (2 * np.pi))
