@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DampingError, MatrixError
-from cmsreduce.linalg.blocks import column_blocks
+from cmsreduce.linalg.blocks import absolute_parts, column_blocks, congruence
 from cmsreduce.model import FEModel
 
 __all__ = ["LeastDamping", "least_damping", "multiple_of", "refuse_gain", "refuse_overdamped"]
@@ -104,6 +104,12 @@ def refuse_gain(body: FEModel, Phi: Array, energies: Array, omega: Array) -> Non
     """
     assert body.D is not None
     least = least_damping(body.D, Phi, energies, body.rounding)
+    if least.gives:
+        # Only now: the strain energy of rigid motion shows what condensation and coordinates left in the matrices.
+        rigid = Phi[:, omega == 0]
+        strain, parts = abs(congruence(body.K, rigid).diagonal()), absolute_parts(body.K, rigid)
+        noise = np.divide(strain, parts, out=np.zeros_like(strain), where=parts > 0).max(initial=0.0)
+        least = least_damping(body.D, Phi, energies, max(body.rounding, float(noise)))
     if not least.gives:
         return
     hz, elastic = omega / (2 * np.pi), np.flatnonzero((omega > 0) & np.isfinite(omega))

@@ -22,7 +22,7 @@ from cmsreduce.read.nastran import (
     read_followers,
     read_members,
 )
-from cmsreduce.read.row_order import RigidResidual, RowOrderProof, is_condensed, prove_row_order, rigid_residual
+from cmsreduce.read.row_order import RowOrderProof, prove_row_order
 
 __all__ = [
     "BulkDeck",
@@ -35,13 +35,11 @@ __all__ = [
     "MatrixFormat",
     "MatrixInfo",
     "MatrixSource",
-    "RigidResidual",
     "RowOrderProof",
     "StoredMatrix",
     "bars_in_units",
     "deck_mass",
     "detect_format",
-    "is_condensed",
     "matrix_names",
     "prove_row_order",
     "read_bars",
@@ -54,6 +52,5 @@ __all__ = [
     "read_geometry",
     "read_matrix",
     "read_members",
-    "rigid_residual",
     "sha256_of",
 ]

@@ -170,7 +170,7 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         ports = ports.as_loads()
     stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
     checks = tuple(_checks(part, proof, tied, body))
-    damping = damping_health(as_read, body, rigid, reduced=keys is not None)
+    damping = damping_health(body, rigid, reduced=keys is not None)
     return FlexibleBody(body, ports, rigid, checks, (*notes, *remarks), stiffening, (_row_order(proof),), damping)
 
 

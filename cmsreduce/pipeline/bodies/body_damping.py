@@ -14,8 +14,7 @@ from cmsreduce.errors import CmsReduceError, DampingError, MatrixError
 from cmsreduce.linalg.blocks import congruence
 from cmsreduce.linalg.eigen import elastic_and_massless
 from cmsreduce.mechanics import least_damping, refuse_gain
-from cmsreduce.model import SCALAR, FEModel, ModalComponent, Proof
-from cmsreduce.read import RigidResidual, is_condensed, rigid_residual
+from cmsreduce.model import SCALAR, FEModel, ModalComponent, Proof, rigid_body_shapes
 from cmsreduce.verify import negative_directions
 
 __all__ = ["DampingHealth", "damping_health", "damping_proof", "damping_remark"]
@@ -28,8 +27,14 @@ _ALL_MODES = 1500
 _DRAG = 1e-9
 # Drag that differs from alpha M R by less than this share comes from Rayleigh damping.
 _RAYLEIGH = 1e-6
-# A floating body can move in six ways, a planar one in three.
-_ALL_MOTIONS = 6
+# Arithmetic leaves such a share of the terms of a force that should vanish, printed digits so many roundings.
+_ARITHMETIC, _DIGITS = 1e-12, 20.0
+# Coordinates may be wrong in all directions, at both ends of a damper.
+_PLACES = 4.0
+# Damping is condensed and located as the stiffness is, but its entries may weigh errors differently.
+_LIKE_STIFFNESS = 100.0
+# A motion with less than this share of the largest inertia moves no mass, and one that keeps less of it is free.
+_NO_INERTIA, _HELD = 1e-12, 1e-6
 _NAMED = 5
 # A ratio above this is rare in a structure, and usual where per cent are written as fractions.
 _REMARKABLE = 0.3
@@ -43,6 +48,8 @@ class DampingHealth:
     ----------
     factorised : bool
         True if a factor shows that it takes energy from every motion of its dofs.
+    gaining : str
+        Message about a factor that shows otherwise.
     drag : float or None
         Largest force on a rigid motion, in the row nearest to its tolerance, relative to the terms that cancel in it;
         None where the ground or the unknown geometry allows the damping to brake it.
@@ -53,17 +60,16 @@ class DampingHealth:
     factorised: bool
     drag: float | None
     allowed: float
+    gaining: str = ""
 
 
-def damping_health(read: FEModel, body: FEModel, rigid: NDArray[np.float64], *, reduced: bool) -> DampingHealth | None:
+def damping_health(body: FEModel, rigid: NDArray[np.float64], *, reduced: bool) -> DampingHealth | None:
     """Check the damping matrix of a body.
 
     Parameters
     ----------
-    read : FEModel
-        The body as its files have it.
     body : FEModel
-        The same body after ties, in the scene's units.
+        The body.
     rigid : (n, r) float64
         Its rigid-body modes.
     reduced : bool
@@ -81,9 +87,9 @@ def damping_health(read: FEModel, body: FEModel, rigid: NDArray[np.float64], *, 
     MatrixError
         If it gives energy to a motion of its dofs.
     """
-    if body.D is None or read.D is None:
+    if body.D is None:
         return None
-    drag, allowed = _drag(read, body, rigid)
+    drag, allowed = _drag(body, rigid)
     active = np.flatnonzero(np.diff(body.D.indptr))
     if not active.size or (reduced and active.size > _FACTORISED):
         return DampingHealth(not active.size, drag, allowed)
@@ -92,7 +98,11 @@ def damping_health(read: FEModel, body: FEModel, rigid: NDArray[np.float64], *, 
     if negative:
         if body.n <= _ALL_MODES:
             _name_mode(body, rigid)
-        raise MatrixError(_gaining(body, active, part, negative))
+        message = _gaining(body, active, part, negative)
+        if not reduced or body.n <= _ALL_MODES:
+            raise MatrixError(message)
+        # The mode that gains energy is named when the modes are made.
+        return DampingHealth(False, drag, allowed, message)
     return DampingHealth(negative == 0, drag, allowed)
 
 
@@ -115,6 +125,8 @@ def damping_proof(body: FEModel, health: DampingHealth | None, modes: ModalCompo
     least = least_damping(body.D, modes.Phi, modes.D, body.rounding)
     found = [least.allowed] if health.drag is None else [least.allowed, health.allowed]
     digits = -math.log10(max(*found, body.rounding))
+    if health.gaining:
+        return Proof("damping", "refuted", digits, health.gaining, body.name)
     where = "its dofs" if health.factorised else f"the {modes.omega.size} shapes of the mode set"
     text = f"D takes energy from every motion of {where}"
     if modes.rigid_count and health.drag is not None:
@@ -149,31 +161,44 @@ def damping_remark(modes: ModalComponent, band_hz: float) -> str | None:
     return text
 
 
-def _drag(read: FEModel, body: FEModel, rigid: NDArray[np.float64]) -> tuple[float | None, float]:
+def _drag(body: FEModel, rigid: NDArray[np.float64]) -> tuple[float | None, float]:
     """Largest force of the damping on rigid motion and its tolerance; None where the damping may brake the body."""
-    assert read.D is not None and body.D is not None
-    if read.nodes is None or (read.dofs.component == SCALAR).all():
+    assert body.D is not None
+    if body.nodes is None or (body.dofs.component == SCALAR).all():
         return _scalar_drag(body, rigid)
-    condensed, known = is_condensed(read), (read.dofs, read.nodes, read.constrained, read.rounding)
-    held = rigid_residual(read.K, *known, condensed)
+    xyz = body.nodes.xyz
+    centre = xyz.mean(axis=0)
+    length = float(np.sqrt(np.mean(np.sum((xyz - centre) ** 2, axis=1)))) or 1.0
+    R = rigid_body_shapes(body.dofs, body.nodes, centre) / np.repeat([1.0, length], 3)
     # Supports to the ground, in K or by constraints, may come with dampers to the ground.
-    if not held.motions.shape[1] or not held.vanishes or not _floats(read, held.motions.shape[1]):
+    if not _floats(body, rigid, R):
         return None, 0.0
-    found = rigid_residual(read.D, *known, condensed)
-    if not found.vanishes:
-        raise DampingError(_braked(read, found))
-    return float(found.relative[found.worst]), float(found.allowed[found.worst])
+    # The stiffness shows what digits, coordinates and condensation leave of a force that should vanish.
+    rounding = max(_DIGITS * body.rounding, _PLACES * float(np.max(body.nodes.xyz_rounding, initial=0.0)) / length)
+    allowed = max(_ARITHMETIC, rounding, _LIKE_STIFFNESS * float(_resisted(body.K, R)[1].max(initial=0.0)))
+    force, share = _resisted(body.D, R)
+    if (share > allowed).any():
+        raise DampingError(_braked(body, R, force, share > allowed))
+    return float(share.max(initial=0.0)), allowed
 
 
-def _floats(body: FEModel, motions: int) -> bool:
-    """True if a body has all motions of a body in space, or of one that constraints or absent rows keep in a plane."""
-    if motions == _ALL_MOTIONS or body.constrained is None:
-        return True
-    assert body.nodes is not None
-    # A support holds a few nodes; a plane or a line holds the same components of all.
-    nodes = np.unique(body.dofs.node[body.dofs.component > 0])
-    held = body.constrained.node
-    return bool(np.isin(nodes, held).all())
+def _floats(body: FEModel, rigid: NDArray[np.float64], R: NDArray[np.float64]) -> bool:
+    """True if every rigid motion of the geometry that moves mass is one that the stiffness leaves free."""
+    momentum = body.M @ R
+    inertia, free = R.T @ momentum, rigid.T @ momentum
+    own = inertia.diagonal()
+    moves = own > _NO_INERTIA * own.max(initial=0.0)
+    held = own - np.sum(free**2, axis=0)
+    return bool(moves.any() and (held[moves] <= _HELD * own[moves]).all())
+
+
+def _resisted(A: sp.csc_array, R: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Forces A R (n, 6), and the largest in each row relative to the terms that cancel in it (n,)."""
+    force, terms = np.asarray(A @ R), np.asarray(abs(A) @ abs(R)).max(axis=1)
+    # A row of rounding has no terms that could cancel.
+    judged = terms > np.finfo(float).eps * terms.max(initial=0.0)
+    largest = abs(force).max(axis=1)
+    return force, np.divide(largest, terms, out=np.zeros_like(terms), where=judged)
 
 
 def _scalar_drag(body: FEModel, rigid: NDArray[np.float64]) -> tuple[float | None, float]:
@@ -201,30 +226,26 @@ _REMEDY = (
 )
 
 
-def _braked(body: FEModel, found: RigidResidual) -> str:
-    """Message about a damping matrix that brakes a body which floats."""
-    assert body.nodes is not None and body.D is not None
-    momentum = np.asarray(body.M @ found.shapes)
-    alpha = float(np.vdot(momentum, found.force) / max(np.vdot(momentum, momentum), 1e-300))
+def _braked(body: FEModel, R: NDArray[np.float64], force: NDArray[np.float64], rows: NDArray[np.bool_]) -> str:
+    """Message about a damping matrix that brakes a body which floats, above all at some rows."""
+    momentum = np.asarray(body.M @ R)
+    alpha = float(np.vdot(momentum, force) / max(np.vdot(momentum, momentum), 1e-300))
     where = f"body '{body.name}': its damping matrix brakes rigid motion, although its stiffness leaves it free"
-    if alpha > 0 and abs(found.force - alpha * momentum).max() <= _RAYLEIGH * abs(found.force).max():
+    if alpha > 0 and abs(force - alpha * momentum).max() <= _RAYLEIGH * abs(force).max():
         return (
             f"{where}: it holds {alpha:.6g} times the mass matrix (1/s). Give the law instead, `damping: {{rayleigh: "
             "{alpha: ..., beta: ...}}`, which brakes no rigid motion, or take that part out of the matrix"
         )
-    force = np.where(found.excess > 1, abs(found.force).max(axis=1), 0.0)
-    order = np.argsort(-force)[:_NAMED]
-    named = ", ".join(f"{body.dofs.labels[row]} ({force[row]:.3g})" for row in order if force[row] > 0)
-    count = int(np.count_nonzero(found.excess > 1))
-    more = f" and {count - _NAMED} more" if count > _NAMED else ""
-    turned = np.linalg.norm(found.motions[3:], axis=0) > 0
-    translations_free = not (abs(found.force[:, ~turned]) > _DRAG * force.max()).any() and not turned.all()
-    cause = (
-        "a damper between two dofs that do not lie on its line brakes rotations"
-        if translations_free
-        else "a damper to the ground"
+    size = np.where(rows, abs(force).max(axis=1), 0.0)
+    named = ", ".join(f"{body.dofs.labels[row]} ({size[row]:.3g})" for row in np.argsort(-size)[:_NAMED] if size[row])
+    more = int(np.count_nonzero(rows)) - _NAMED
+    # Between two nodes, a damper that is not on their line resists no translation, but rotation.
+    turns_only = (abs(force[rows, :3]) <= _DRAG * size[rows, None]).all()
+    cause = "a damper between two nodes that is not on their line" if turns_only else "a damper to the ground"
+    return (
+        f"{where}, by forces at {named}{f' and {more} more' if more > 0 else ''} under unit velocities: {cause}. "
+        f"{_REMEDY}"
     )
-    return f"{where}, by forces at {named}{more} under unit velocities: {cause}. {_REMEDY}"
 
 
 def _name_mode(body: FEModel, rigid: NDArray[np.float64]) -> None:

@@ -5,6 +5,5 @@ The readers of files belong in their own rooms, the labels of rows in `read.body
 """
 
 from cmsreduce.read.row_order.proof import RowOrderProof, is_condensed, prove_row_order
-from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
-__all__ = ["RigidResidual", "RowOrderProof", "is_condensed", "prove_row_order", "rigid_residual"]
+__all__ = ["RowOrderProof", "is_condensed", "prove_row_order"]

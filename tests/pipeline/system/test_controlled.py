@@ -98,6 +98,18 @@ def test_a_controller_that_is_not_safe_fails_the_run(study: Path) -> None:
     assert "controller spillover" in again.stdout
 
 
+def test_a_root_that_grows_slowly_fails_the_run(study: Path) -> None:
+    """A gain of the wrong sign, however small, accelerates the hub: its time constant is an hour."""
+    (study.parent / "k.txt").write_text(controller(0.002))
+    said = CliRunner().invoke(
+        main, ["run", str(study), "--set", f"scene.controller={study.parent / 'k.txt'}", "--quiet"]
+    )
+    facts = json.loads((study.parent / "out" / "summary.json").read_text())
+    assert said.exit_code == 1 and facts["verdict"]["word"] == "FAIL"
+    (found,) = (proof for proof in facts["verdict"]["proofs"] if proof["what"] == "stability")
+    assert found["state"] == "refuted" and "grows" in found["remark"] and "'hinge=" in found["remark"]
+
+
 BAD = {
     "no file": ("none.txt", "none.txt", "no such file"),
     "wrong size": ("{folder}/small.txt", "D is 1 x 1, but must be 2 x 3", "gyro.ry, gyro.rz, probe"),
