@@ -25,6 +25,7 @@ from cmsreduce.config.keys import (
     VerifyKeys,
     channel_kind,
     json_schema,
+    parse_ratio,
 )
 from cmsreduce.config.load import load_pipeline, pipeline_from_keys
 from cmsreduce.config.located import Entry, parse
@@ -62,6 +63,7 @@ __all__ = [
     "load_pipeline",
     "not_among",
     "parse",
+    "parse_ratio",
     "pipeline_from_keys",
     "starter_pipeline",
 ]

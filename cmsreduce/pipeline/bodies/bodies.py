@@ -33,6 +33,7 @@ from cmsreduce.model import (
     rigid_body_shapes,
     rigid_in_units,
 )
+from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_health
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
@@ -69,6 +70,8 @@ class FlexibleBody:
         What was proven of the body, and what was not.
     negative : mapping of ``stiffness`` and ``mass`` to int or None, optional
         Motions of negative energy, where they are counted.
+    damping : DampingHealth, optional
+        Findings on its damping matrix, if it has one.
     """
 
     body: FEModel
@@ -79,6 +82,7 @@ class FlexibleBody:
     stiffening: GeometricStiffness | None = None
     proofs: tuple[Proof, ...] = ()
     negative: Mapping[str, int | None] | None = None
+    damping: DampingHealth | None = None
 
     @property
     def undamped(self) -> FEModel:
@@ -170,7 +174,8 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     shown = proof.motions if proof.status == "proven" and proof.motions and not determined.held else None
     every = (*proved.proofs, rigid_motions_proof(body, rigid.shape[1], shown))
     proofs = tuple(replace(each, subject=name) for each in every)
-    return FlexibleBody(body, ports, rigid, proved.checks, (*notes, *remarks), stiffening, proofs, negative)
+    damping = damping_health(body, rigid, reduced=keys is not None)
+    return FlexibleBody(body, ports, rigid, proved.checks, (*notes, *remarks), stiffening, proofs, negative, damping)
 
 
 def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:

@@ -21,6 +21,7 @@ from cmsreduce.model import (
     SystemModes,
 )
 from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
+from cmsreduce.pipeline.bodies import damping_proof
 from cmsreduce.pipeline.results.health import error_bar, health_table
 from cmsreduce.pipeline.results.mass_and_frame import frame_checks, frame_of
 from cmsreduce.pipeline.results.step_advice import (
@@ -121,6 +122,7 @@ def _result(run: Run) -> RunResult:
             health=(*health_table(flexible.body, flexible.health), *known[name]),
             proofs=(
                 *(replace(proof, subject=proof.subject or name) for proof in flexible.proofs),
+                damping_proof(flexible.body, flexible.damping, run.modal(name)),
                 mode_count(name, run.modal(name).certificate),
             ),
             frequency_error_bars_hz=bars,
@@ -155,6 +157,7 @@ def _result(run: Run) -> RunResult:
         checks=verified.checks if verified is not None else None,
         margins=run.margins if verified is not None else (),
         between=verified.between if verified is not None else None,
+        proofs=(run.stability,),
     )
 
 

@@ -24,6 +24,7 @@ from cmsreduce.model import (
     Failure,
     FEModel,
     ModalComponent,
+    Proof,
     ReducedComponent,
     ReductionChecks,
     RigidBody,
@@ -31,7 +32,15 @@ from cmsreduce.model import (
     SensitivityRecord,
 )
 from cmsreduce.orthogonalise import orthogonalise
-from cmsreduce.pipeline.bodies import FlexibleBody, Reference, read_flexible, read_rigid, reference, spin_notes
+from cmsreduce.pipeline.bodies import (
+    FlexibleBody,
+    Reference,
+    damping_remark,
+    read_flexible,
+    read_rigid,
+    reference,
+    spin_notes,
+)
 from cmsreduce.pipeline.choose import Balancing, Choice, CutoffSearch, ModeSets, asked_error, cutoff_key
 from cmsreduce.pipeline.project import Projected, ProjectStage
 from cmsreduce.pipeline.run.keys import projected_error, read_key, reference_key, reference_model_key, system_key
@@ -49,11 +58,15 @@ from cmsreduce.pipeline.system import (
     AssembledModel,
     Comparison,
     ReducedModel,
+    SystemRoots,
     axis_completeness,
     completeness_note,
     controller_margins,
     errors_between,
     reduction_checks,
+    stability_proof,
+    system_roots,
+    without_energy,
 )
 from cmsreduce.read import read_controller
 from cmsreduce.reduce import Examined
@@ -270,6 +283,8 @@ class Run:
         sets = self.mode_sets
         key = sets.reduce_key(name, other)
         yield from sets.notes(name, self.stages.recall("reduce", sets.label(name, other), key, "missed") or {}, other)
+        if other is None and (remark := damping_remark(found, self.scene.band[1])) is not None:
+            yield remark
 
     @stage(
         "orthogonalise",
@@ -588,7 +603,32 @@ class Run:
         """Margins of the scene's controller in every configuration; empty without a controller or without verify."""
         if self.controller is None or self.pipeline.verify is None:
             return ()
-        return controller_margins(self.controller, self.verified.configurations, self.model.assembled, MODEL)
+        return controller_margins(self.controller, self.verified.configurations, self.roots, MODEL)
+
+    @property
+    @once
+    def _without_energy(self) -> str:
+        """Reason why energies do not prove the reduced system stable; empty if they do."""
+        # A damping matrix of a body that could give energy was refused when the body was read or its modes were made.
+        return "the controller" if self.controller else without_energy(self.model.assembled.substructures, self.bodies)
+
+    @property
+    @once
+    def roots(self) -> Mapping[str, SystemRoots | None]:
+        """Roots of the reduced system in each configuration, its loop closed; None where they are not known."""
+        model = self.model.assembled
+        return {each.name: system_roots(model, each, self.controller) for each in self.scene.configurations}
+
+    @property
+    @once
+    @diagnostic(
+        "the stability of the reduced system",
+        lambda: Proof("stability", "unproven", remark="the roots of the reduced system could not be found"),
+    )
+    def stability(self) -> Proof:
+        """Proof that no motion of the reduced system grows, in any configuration."""
+        suspect = self._without_energy
+        return stability_proof(self.roots if suspect else {}, suspect)
 
 
 def _between_notes(found: BetweenErrors | None) -> Iterator[str]:

@@ -11,11 +11,13 @@ from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel
 from cmsreduce.pipeline.system.completeness import axis_completeness, completeness_note
 from cmsreduce.pipeline.system.controlled import controller_margins
 from cmsreduce.pipeline.system.reduction_health import channel_gains, reduction_checks
+from cmsreduce.pipeline.system.stability import SystemRoots, stability_proof, system_roots, without_energy
 
 __all__ = [
     "AssembledModel",
     "Comparison",
     "ReducedModel",
+    "SystemRoots",
     "axis_completeness",
     "channel_gains",
     "completeness_note",
@@ -25,5 +27,8 @@ __all__ = [
     "mass_products",
     "midpoint_configurations",
     "reduction_checks",
+    "stability_proof",
     "system_errors",
+    "system_roots",
+    "without_energy",
 ]
