@@ -18,7 +18,19 @@ from tests.read.nastran.test_op4 import op4_bytes
 __all__ = ["damaged", "samples"]
 
 # Numbers that sizes, places and ends are most often got wrong by.
-_NUMBERS = (b"0", b"-1", b"1", b"2147483647", b"-2147483648", b"4294967296", b"9223372036854775807", b"1e308", b"nan", b"inf", b"9" * 5000)
+_NUMBERS = (
+    b"0",
+    b"-1",
+    b"1",
+    b"2147483647",
+    b"-2147483648",
+    b"4294967296",
+    b"9223372036854775807",
+    b"1e308",
+    b"nan",
+    b"inf",
+    b"9" * 5000,
+)
 _INTEGERS = (0, 1, 0x7F, 0xFF, 0x7FFFFFFF, 0xFFFFFFFF, 0x80000000, 0x7FFFFFFFFFFFFFFF)
 
 _DECK = """SOL 103

@@ -1,0 +1,34 @@
+"""Program that reads a mesh by meshio and saves points and cells as arrays: ``mesh_process.py MESH ARRAYS BYTES``.
+
+It runs in a process of its own, because meshio believes the sizes in a file, prints, exits, and loops without end on
+some damaged files. It imports nothing of cmsreduce, so that it starts quickly.
+"""
+
+import contextlib
+import sys
+import warnings
+
+
+def main(mesh: str, arrays: str, most_bytes: str) -> None:
+    """Read a mesh in at most so many bytes of memory; the last line on stderr is the reason of a failure."""
+    with contextlib.suppress(ImportError, ValueError, OSError):
+        # Windows has no such limit.
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (int(most_bytes), int(most_bytes)))
+    import meshio
+    import numpy as np
+
+    warnings.simplefilter("ignore")
+    found = meshio.read(mesh)
+    cells = {f"{number} {block.type}": np.asarray(block.data) for number, block in enumerate(found.cells)}
+    with open(arrays, "wb") as file:
+        np.savez(file, points=np.asarray(found.points), **cells)
+
+
+if __name__ == "__main__":
+    try:
+        main(*sys.argv[1:])
+    except Exception as error:  # noqa: BLE001 - meshio's readers raise anything on a damaged file
+        said = " ".join(str(error).split()) or type(error).__name__
+        sys.exit("the sizes in it need more memory than its bytes justify" if isinstance(error, MemoryError) else said)
