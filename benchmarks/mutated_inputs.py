@@ -104,7 +104,7 @@ def _use(path: Path) -> tuple[str, str]:
                 return "failed", f"out of memory: {_place(error)}"
             if not str(error) or len(str(error)) > 5000:
                 return "failed", f"a message of {len(str(error))} characters: {_place(error)}"
-        except BaseException as error:  # noqa: BLE001
+        except BaseException as error:
             return "failed", f"{type(error).__name__}: {str(error)[:100]} | {_place(error)}"
         if printed.getvalue():
             return "failed", f"it prints {printed.getvalue()[:60]!r}"

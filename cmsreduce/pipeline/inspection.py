@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cmsreduce.config import Pipeline, build_scene, load_pipeline
-from cmsreduce.errors import CmsReduceError, ReadError
+from cmsreduce.errors import ReadError
 from cmsreduce.mechanics import ACCURACIES, INTEGRATORS
 from cmsreduce.model import Finding, Scene, SystemChecks, health_data, loads_in_words
 from cmsreduce.pipeline.bodies import body_health, effective_masses, read_flexible

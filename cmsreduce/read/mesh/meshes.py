@@ -75,7 +75,7 @@ def _arrays(path: Path) -> Arrays:
         # -P keeps the program's own folder out of the import path: its files have names of libraries.
         command = [sys.executable, "-P", str(_PROGRAM), str(path), str(arrays), str(_BYTES + _BYTES_A_BYTE * size)]
         try:
-            done = subprocess.run(command, capture_output=True, timeout=seconds, check=False)  # noqa: S603
+            done = subprocess.run(command, capture_output=True, timeout=seconds, check=False)
         except subprocess.TimeoutExpired:
             raise _no_mesh(path, f"Reading it took more than {seconds:.0f} s: it is damaged") from None
         if done.returncode or not arrays.is_file():
