@@ -22,7 +22,9 @@ import traceback
 import warnings
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
+from multiprocessing import get_context
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -34,6 +36,7 @@ from tests.hard.good_files import actions, good_files  # noqa: E402
 from tests.read.mutations import damaged  # noqa: E402
 
 SECONDS, MEMORY = 20.0, 2 * 2**30
+_GOOD: dict[str, bytes] = {}
 
 
 @dataclass
@@ -54,6 +57,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("count", nargs="?", type=int, default=5000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--only", default="", help="part of a file's name")
     parser.add_argument("--keep", type=Path, help="folder for the files that fail")
     given = parser.parse_args()
@@ -62,30 +66,50 @@ def main() -> None:
         good = {name: content for name, content in good_files(folder).items() if given.only in name}
         rows: dict[str, Row] = {name: Row() for name in good}
         names = list(good)
-        for number in range(given.count):
-            name = names[number % len(names)]
-            chance = random.Random(f"{given.seed} {name} {number}")
-            path = folder / name
-            path.write_bytes(damaged(good[name], chance))
-            _case(path, number, rows[name], given.keep)
+        cases = [(folder, number, names[number % len(names)], given.seed) for number in range(given.count)]
+        # Forked: a case starts with all libraries loaded.
+        with ProcessPoolExecutor(given.jobs, get_context("fork"), _start, (good,)) as pool:
+            for (_, number, name, _), found in zip(cases, pool.map(_case, cases, chunksize=20), strict=True):
+                _count(rows[name], *found)
+                if found[0] == "failed" and given.keep is not None:
+                    given.keep.mkdir(parents=True, exist_ok=True)
+                    (given.keep / f"{number:05d}_{name}").write_bytes(_content(good[name], given.seed, name, number))
     _print(rows)
     sys.exit(any(row.failed for row in rows.values()))
 
 
-def _case(path: Path, number: int, row: Row, keep: Path | None) -> None:
+def _start(good: dict[str, bytes]) -> None:
+    _GOOD.update(good)
+
+
+def _content(good: bytes, seed: int, name: str, number: int) -> bytes:
+    return damaged(good, random.Random(f"{seed} {name} {number}"))
+
+
+def _case(case: tuple[Path, int, str, int]) -> tuple[str, str, float, float]:
+    """Outcome, reason, seconds and MiB of one case, in a folder of this process."""
+    folder, number, name, seed = case
+    own = folder / f"process{os.getpid()}"
+    if not own.is_dir():
+        own.mkdir()
+        for beside in ("beam.op4", "beam.bdf", "part.yaml"):
+            (own / beside).write_bytes((folder / beside).read_bytes())
+    path = own / name
+    path.write_bytes(_content(_GOOD[name], seed, name, number))
     started = time.perf_counter()
     outcome, text, mib = _in_a_process(lambda: _use(path))
     seconds = time.perf_counter() - started
     if seconds > SECONDS:
         outcome, text = "failed", f"more than {SECONDS:g} s: {text}"
+    return outcome, text, seconds, mib
+
+
+def _count(row: Row, outcome: str, text: str, seconds: float, mib: float) -> None:
     row.cases += 1
     row.slowest, row.most_mib = max(row.slowest, seconds), max(row.most_mib, mib)
     setattr(row, outcome, getattr(row, outcome) + 1)
     if outcome == "failed":
         row.reasons[text] += 1
-        if keep is not None:
-            keep.mkdir(parents=True, exist_ok=True)
-            (keep / f"{number:05d}_{path.name}").write_bytes(path.read_bytes())
 
 
 def _use(path: Path) -> tuple[str, str]:

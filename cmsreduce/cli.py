@@ -268,7 +268,9 @@ def cache_clear(run_dir: Path) -> None:
     """Remove finished stages; results stay, and the next run computes everything anew."""
     from cmsreduce.pipeline.store import clear_cache
 
-    count, size = clear_cache(run_dir)
+    count, size, kept = clear_cache(run_dir)
+    for path in kept:
+        click.echo(f"{path} stays: it is damaged, or cmsreduce did not write it")
     click.echo(f"removed {count} files, {size / 2**20:.2f} MiB")
 
 

@@ -6,6 +6,7 @@ The choice of what to write belongs in `pipeline`.
 
 from cmsreduce.write.component import COMPONENT_FORMAT, ComponentFile, basic_shapes, read_component, write_component
 from cmsreduce.write.files import atomic_path, hdf5_file, put_texts
+from cmsreduce.write.own_files import refuse_foreign
 from cmsreduce.write.seal import is_sealed, verify_seal
 from cmsreduce.write.summary import summary, write_summary, write_sweep_csv, write_sweep_table
 from cmsreduce.write.system import SYSTEM_FORMAT, write_system
@@ -27,6 +28,7 @@ __all__ = [
     "put_texts",
     "read_component",
     "summary",
+    "refuse_foreign",
     "verify_seal",
     "write_component",
     "write_matlab",

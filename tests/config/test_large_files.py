@@ -8,9 +8,7 @@ from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ConfigError
 
 # Nine levels of ten aliases each: 10^9 entries.
-ALIASES = "a0: &a0 {x: 1}\n" + "".join(
-    f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]\n" for k in range(1, 10)
-)
+ALIASES = "a0: &a0 {x: 1}\n" + "".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]\n" for k in range(1, 10))
 MERGES = "a0: &a0 {x: 1}\n" + "".join(
     f"a{k}: &a{k}\n  <<: [{', '.join([f'*a{k - 1}'] * 10)}]\n  y{k}: 1\n" for k in range(1, 10)
 )
@@ -45,12 +43,16 @@ def test_a_small_file_cannot_ask_for_much(tmp_path, text, says):
 def test_an_anchor_that_is_used_again_is_no_bomb(tmp_path):
     path = tmp_path / "good.yaml"
     body = "stiffness: a.op4\n    mass: b.op4"
-    path.write_text(f"name: two\ncomponents:\n  a: &a\n    {body}\n  b:\n    <<: *a\nscene: {{band: 10 Hz}}\nreduce: {{}}\n")
+    path.write_text(
+        f"name: two\ncomponents:\n  a: &a\n    {body}\n  b:\n    <<: *a\nscene: {{band: 10 Hz}}\nreduce: {{}}\n"
+    )
     assert list(load_pipeline(path).components) == ["a", "b"]
 
 
 def test_a_file_that_many_files_include_is_read_once(tmp_path, monkeypatch):
     for k in range(40):
         (tmp_path / f"f{k}.yaml").write_text(f"include: [f{k + 1}.yaml, f{k + 1}.yaml]\nreduce: {{cutoff: 2.0}}\n")
-    (tmp_path / "f40.yaml").write_text("name: last\nscene: {band: 10 Hz}\ncomponents: {a: {rigid: {mass: 1.0, inertia: [1, 1, 1, 0, 0, 0]}}}\n")
+    (tmp_path / "f40.yaml").write_text(
+        "name: last\nscene: {band: 10 Hz}\ncomponents: {a: {rigid: {mass: 1.0, inertia: [1, 1, 1, 0, 0, 0]}}}\n"
+    )
     assert load_pipeline(tmp_path / "f0.yaml").name == "last"

@@ -231,7 +231,7 @@ def actions(path: Path) -> list[Callable[[], object]]:
         ]
         return found
     if path.stem.startswith("mesh"):
-        return [*found, lambda: read_geometry(path), lambda: read_cells(path)]
+        return [*found, lambda: read_cells(path)]
     return [*found, lambda: _every_matrix(path)]
 
 

@@ -1,4 +1,4 @@
-"""Program that reads a mesh by meshio and saves points and cells as arrays: ``mesh_process.py MESH ARRAYS BYTES``.
+"""Program that reads a mesh by meshio and saves points and cells as arrays: ``mesh_process.py MESH ARRAYS BYTES SECONDS``.
 
 It runs in a process of its own, because meshio believes the sizes in a file, prints, exits, and loops without end on
 some damaged files. It imports nothing of cmsreduce, so that it starts quickly.
@@ -9,13 +9,15 @@ import sys
 import warnings
 
 
-def main(mesh: str, arrays: str, most_bytes: str) -> None:
-    """Read a mesh in at most so many bytes of memory; the last line on stderr is the reason of a failure."""
+def main(mesh: str, arrays: str, most_bytes: str, seconds: str) -> None:
+    """Read a mesh in so many bytes and seconds of a processor at most; stderr has the reason of a failure."""
     with contextlib.suppress(ImportError, ValueError, OSError):
-        # Windows has no such limit.
+        # Windows has no such limits.
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (int(most_bytes), int(most_bytes)))
+        resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds)))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     import meshio
     import numpy as np
 
