@@ -110,8 +110,8 @@ def parse(text: str, source: str, folder: Path, in_override: bool = False) -> En
     """
     if not in_override and len(text) > _LONGEST_FILE:
         raise ConfigError(
-            f"{source}: the file has {len(text)} characters, a pipeline has {_LONGEST_FILE} at most: large data belongs "
-            "in files that the pipeline names"
+            f"{source}: the file has {len(text)} characters, a pipeline has {_LONGEST_FILE} at most: large "
+            "data belongs in files that the pipeline names"
         )
     yaml = YAML(typ="safe", pure=True)
     yaml.Composer = _ShallowComposer
@@ -178,8 +178,8 @@ class _Reader:
         # Aliases may nest deeper than the text does.
         if self.entries > _MOST_ENTRIES or len(above) > _DEEPEST:
             raise ConfigError(
-                f"{self.location(node.start_mark.line)}: with its aliases and merges written out, the file has more than "
-                f"{_MOST_ENTRIES} entries or {_DEEPEST} levels: write fewer aliases of aliases"
+                f"{self.location(node.start_mark.line)}: with its aliases and merges written out, the file has more "
+                f"than {_MOST_ENTRIES} entries or {_DEEPEST} levels: write fewer aliases of aliases"
             )
         above = (*above, id(node))
         if isinstance(node, MappingNode):

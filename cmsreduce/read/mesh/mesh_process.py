@@ -1,4 +1,4 @@
-"""Program that reads a mesh by meshio and saves points and cells as arrays: ``mesh_process.py MESH ARRAYS BYTES SECONDS``.
+"""Program ``mesh_process.py MESH ARRAYS BYTES SECONDS``: meshio reads a mesh, and its points and cells are saved.
 
 It runs in a process of its own, because meshio believes the sizes in a file, prints, exits, and loops without end on
 some damaged files. It imports nothing of cmsreduce, so that it starts quickly.
