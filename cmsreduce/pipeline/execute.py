@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from cmsreduce.pipeline.results import (
 from cmsreduce.pipeline.run import STAGES, Run
 from cmsreduce.pipeline.store import REPORT, Silent, collecting, diagnostic, read_origin, sole_use, write_origin
 from cmsreduce.report import start_packing
-from cmsreduce.write import TARGETS, convert, write_component, write_summary, write_system
+from cmsreduce.write import TARGETS, convert, refuse_foreign, write_component, write_summary, write_system
 
 __all__ = ["execute", "reopen", "write_report"]
 
@@ -72,6 +72,7 @@ def execute(
         due = {only} if only else set(STAGES[: STAGES.index(last) + 1])
         if only == "project" and run.pipeline.project is None:
             raise StageError("the pipeline has no `project:`; add it, or take `--only project` out")
+        refuse_foreign(_outputs(run, due, report), _inputs(run))
         if report and last == "write":
             _begin_packing()
         for name in run.flexible_names:
@@ -132,6 +133,41 @@ def reopen(folder: Path) -> Run:
 @diagnostic("the compression of the plotting library")
 def _begin_packing() -> None:
     start_packing()
+
+
+def _outputs(run: Run, due: Collection[str], report: bool) -> Iterator[Path]:
+    """Files that the run will write, besides its stages."""
+    keys = run.pipeline.write if "write" in due else None
+    if "assemble" in due and "write" not in due:
+        yield run.folder / "system.h5"
+    if "write" not in due:
+        return
+    yield run.folder / "summary.json"
+    if report:
+        yield run.folder / "report.html"
+    formats = () if keys is None else keys.formats
+    if "hdf5" in formats:
+        yield run.folder / "system.h5"
+        yield from (run.folder / f"{name}.h5" for name in run.flexible_names)
+    if "matlab" in formats:
+        yield run.folder / "system.mat"
+    for target in formats:
+        if target in TARGETS:
+            yield from (run.folder / f"{name}{TARGETS[target].suffix}" for name in run.flexible_names)
+
+
+def _inputs(run: Run) -> list[Path]:
+    """Files that the pipeline names."""
+    found, waiting = list[Path](), [run.pipeline.model_dump()]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, Path):
+            found.append(value)
+        elif isinstance(value, dict):
+            waiting += value.values()
+        elif isinstance(value, (list, tuple)):
+            waiting += value
+    return found
 
 
 def _write(run: Run) -> None:
