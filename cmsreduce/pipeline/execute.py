@@ -136,8 +136,8 @@ def _write(run: Run) -> None:
     model = run.model.assembled
     wiring = model.wiring(Configuration("as built"))
     run.stages.progress.stage("write", "component files")
-    for name, component in run.final.items():
-        columns, L = model.stack.body_columns(name), np.asarray(model.stack.motions(name))
+    for name in run.flexible_names:
+        component, columns, L = run.written(name), model.stack.body_columns(name), run.written_motions(name)
 
         def on_body(rows: np.ndarray[Any, np.dtype[np.float64]], columns: slice = columns, L: Any = L) -> Any:
             return rows[:, columns] @ L
