@@ -177,7 +177,7 @@ def _write(run: Run) -> None:
     formats = run.pipeline.write.formats
     targets = [target for target in formats if target in TARGETS]
     run.stages.progress.stage("write", "component files")
-    for name in run.final if "hdf5" in formats or targets else ():
+    for name in run.flexible_names if "hdf5" in formats or targets else ():
         # Files of other codes are made from the component file alone, which is removed if the user did not ask for it.
         kept = run.folder / f"{name}.h5"
         path = _write_body(run, name, kept if "hdf5" in formats else run.folder / f"stages/{name}.h5")
@@ -199,9 +199,9 @@ def _write(run: Run) -> None:
 def _write_body(run: Run, name: str, path: Path) -> Path | None:
     """Write the component file of a body."""
     assert run.pipeline.write is not None
-    model, component = run.model.assembled, run.final[name]
+    model, component = run.model.assembled, run.written(name)
     wiring = model.wiring(Configuration("as built"))
-    columns, L = model.stack.body_columns(name), np.asarray(model.stack.motions(name))
+    columns, L = model.stack.body_columns(name), run.written_motions(name)
 
     def on_body(rows: np.ndarray[Any, np.dtype[np.float64]]) -> Any:
         return rows[:, columns] @ L
