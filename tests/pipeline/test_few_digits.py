@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import FEModel
 from cmsreduce.pipeline import Run, execute
 from tests.frames import line
-from tests.pipeline.study import CANTILEVER
+from tests.pipeline.study import CANTILEVER, write_body
+from tests.verify.test_input_rounding import wing
 
 # The files of the arm under the names that the study gives them.
 SAVED = CANTILEVER.replace("{{file: arm.op4, matrix: KAA}}", "K.npy").replace("{{file: arm.op4, matrix: MAA}}", "M.npy")
@@ -65,6 +68,46 @@ def test_few_digits_run_with_error_bars(
     proofs = {proof["what"]: proof for proof in facts["verdict"]["proofs"] if proof["subject"] in ("", "arm")}
     assert proofs["row order"]["state"] == proofs["rigid motions"]["state"] == "proven"
     assert proofs["rigid motions"]["digits"] < (10 if digits == 10 else 7)
+
+
+CONDENSED = """\
+name: condensed
+output: {output}
+components:
+  wing:
+    stiffness: {{file: wing.op4, matrix: KAA}}
+    mass: {{file: wing.op4, matrix: MAA}}
+    geometry: wing.bdf
+    rows: rows.txt
+    interfaces: {{root: {{node: 1}}}}
+    damping: {{modal: 0.01}}
+scene:
+  band: 2 Hz
+  actuators: {{lift: {{at: wing.201, force: [0, 0, 1]}}}}
+  sensors: {{up: {{at: wing.101, measure: z}}}}
+reduce: {{cutoff: 3}}
+verify: {{limits: {{frf_error: 0.05}}}}
+"""
+
+
+@pytest.mark.parametrize("level", [1e-10, 4e-10])
+def test_a_superelement_with_the_noise_of_condensation_passes(
+    opened: Callable[..., Run], study: Path, level: float
+) -> None:
+    exact = wing(200, 10)
+    own = np.sqrt(exact.K.diagonal())
+    draw = np.random.default_rng(1).standard_normal(exact.K.shape)
+    noisy = exact.K.toarray() + level * (draw + draw.T) / 6 * np.outer(own, own)
+    write_body(study.parent, replace(exact, K=sp.csc_array(noisy)))
+    (study.parent / "rows.txt").write_text("".join(f"{label}\n" for label in exact.dofs.labels))
+    run = opened(text=CONDENSED)
+    result = execute(run, study)
+    part = result.components["wing"]
+    assert result.verdict.word == "PASS" and part.modes.rigid_count == 6
+    proof = next(proof for proof in part.proofs if proof.what == "rigid motions")
+    assert proof.state == "proven" and 7 < proof.digits < 9 and "noise of" in proof.remark
+    # Below the first bending of the wing there is nothing else.
+    assert part.modes.frequencies_hz[6] == pytest.approx(0.0941228, rel=1e-5)
 
 
 @pytest.mark.parametrize("digits", [None, 10, 6], ids=["single", "10", "6"])
