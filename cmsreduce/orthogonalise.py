@@ -112,13 +112,14 @@ def orthogonality_errors(component: ModalComponent) -> tuple[float, float]:
     energy in the norm, so that a value beyond `ORTHOGONAL` is more than rounding.
     """
     Phi, body, static = component.Phi, component.body, slice(component.elastic.stop, None)
-    hidden = _ROUNDINGS * max(body.rounding, _DOUBLE) / ORTHOGONAL
+    errors = (body.rounding, body.stiffness_rounding)
+    hidden, hidden_in_K = (_ROUNDINGS * max(error, _DOUBLE) / ORTHOGONAL for error in errors)
     inertia = absolute_parts(body.M, Phi)
     g = np.maximum(component.mass, hidden * inertia)
     w = component.stiffness.copy()
     if component.elastic_count:
         w[: component.rigid_count] = w[component.elastic][-1]
-    w = np.maximum(w, hidden * absolute_parts(body.K, Phi))
+    w = np.maximum(w, hidden_in_K * absolute_parts(body.K, Phi))
     bare = np.where(body.M.diagonal() > 0, 0.0, abs(body.M).max())
     g[static] = inertia[static] + np.concatenate(
         [bare @ Phi[:, static][:, part] ** 2 for part in column_blocks(component.static_count)] or [np.empty(0)]

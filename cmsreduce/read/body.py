@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cmsreduce.errors import DofMapError, MatrixError
-from cmsreduce.model import SI, Damping, DofTable, FEModel, Source, Units
+from cmsreduce.model import SI, Damping, DofTable, FEModel, Source, Units, rounding_of_values
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import NODE_ROWS, Geometry
 from cmsreduce.read.geometry import read_geometry
@@ -85,6 +85,9 @@ def read_body(
         if source is not None
     }
     sources = _sources(matrices, shape, dof_list)
+    # The type of a file may have more digits than its numbers. Those of K tell: masses are often typed.
+    shown = rounding_of_values(matrices["stiffness"].A.data)
+    rounding = max(shown, *(one.rounding for one in matrices.values()))
 
     def build(dofs: DofTable, named: Mapping[str, InterfaceSpec]) -> FEModel:
         table, (K, M, *D) = _on_common_rows(name, dofs, [*matrices.values()], shape)
@@ -104,7 +107,7 @@ def read_body(
             damping=damping or Damping(),
             D=D[0].A if D else None,
             units=units,
-            rounding=max(one.rounding for one in matrices.values()),
+            rounding=rounding,
             sets=sets,
             constrained=_constrained(table, shape),
             grounded=grounded,

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import column_blocks, symmetric_product
-from cmsreduce.model import ARITHMETIC, PRINTED, FEModel, ModalComponent, Proof, entry_errors, pattern_errors
+from cmsreduce.model import ARITHMETIC, DOUBLE, PRINTED, FEModel, ModalComponent, Proof, entry_errors, pattern_errors
 
 __all__ = ["frequency_error_bars", "rigid_motions_proof"]
 
@@ -42,10 +42,17 @@ def rigid_motions_proof(body: FEModel, rigid: int, shown: int | None) -> Proof:
         return Proof("rigid motions", "refuted", digits, text)
     text = f"{shown} rigid motions by geometry"
     if rigid == shown:
-        return Proof("rigid motions", "proven", digits, f"{text}; K resists all others")
+        return Proof("rigid motions", "proven", digits, f"{text}; K resists all others{_errors(body)}")
     more = f"{text}, and {rigid - shown} more that K resists by no more than its rounding"
     # A mechanism has no energy at all; in few digits a soft motion has none, either.
     return Proof("rigid motions", "proven" if body.stiffness_rounding <= ARITHMETIC else "unproven", digits, more)
+
+
+def _errors(body: FEModel) -> str:
+    """Errors of K beyond double precision, in words."""
+    digits = [] if body.rounding <= DOUBLE else [f"entries rounded to {body.rounding:.1e}"]
+    noise = [f"noise of {body.noise:.1e} sqrt(K_ii K_jj)"] if body.noise > DOUBLE else []
+    return f" ({', '.join(digits + noise)})" if digits or noise else ""
 
 
 def frequency_error_bars(component: ModalComponent, columns: NDArray[np.int64]) -> Array:

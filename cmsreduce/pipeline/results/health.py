@@ -197,7 +197,7 @@ def error_bar(hz: NDArray[np.float64], error_hz: NDArray[np.float64], limit: flo
         f"{number(value['hz'], 6)} Hz is known to {number(value['error_hz'], 2)} Hz ({100 * share[at]:.2g} %)",
         float(share[at]),
         limit,
-        "the matrices have too few digits: write them with more, in double precision",
+        "the matrices have too few digits: write them in double precision, before any condensation that costs digits",
     )
 
 

@@ -155,3 +155,12 @@ def test_exact_numbers_are_not_rounded(tmp_path: Path):
         np.save(tmp_path / "K.npy", np.diag(values))
         source = MatrixSource(tmp_path / "K.npy")
         assert read_body("b", stiffness=source, mass=source, rows=rows).rounding == 2.0**-53
+
+
+def test_typed_masses_say_nothing_of_the_stiffness(tmp_path: Path):
+    rows = tmp_path / "rows.txt"
+    rows.write_text("".join(f"{node}.0\n" for node in range(1, 7)))
+    np.save(tmp_path / "M.npy", np.diag([0.123456, 1.234561, 2.345671, 34.56789, 45.67891, 5.678912]))
+    np.save(tmp_path / "K.npy", np.diag(np.sqrt(np.arange(2.0, 8.0))))
+    stiffness, mass = (MatrixSource(tmp_path / f"{name}.npy") for name in "KM")
+    assert read_body("b", stiffness=stiffness, mass=mass, rows=rows).rounding == 2.0**-53
