@@ -6,7 +6,7 @@ Each cause is tried, and named only if it explains the forces.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
@@ -101,8 +101,10 @@ def prove_row_order(body: FEModel) -> RowOrderProof:
     try:
         proof = _proven_rows(body)
     except DofMapError as error:
-        return RowOrderProof("trusted", remark=str(error).partition(". Likely cause")[0])
-    return proof if proof.status == "proven" else RowOrderProof("trusted", remark=proof.remark)
+        # The mass of a body without constraints is compared in all directions, whatever its order.
+        motions = _ALL_MOTIONS if body.constrained is None and not body.grounded else 0
+        return RowOrderProof("trusted", motions, remark=str(error).partition(". Likely cause")[0])
+    return proof if proof.status == "proven" else replace(proof, status="trusted")
 
 
 def _proven_rows(body: FEModel) -> RowOrderProof:
