@@ -164,7 +164,7 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         # No joint and no actuator holds the body: it has no constraint modes.
         ports = ports.as_loads()
     stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
-    proofs = tuple(replace(each, subject=name) for each in (*proved.proofs, _motions(rigid, proven is not None)))
+    proofs = tuple(replace(each, subject=name) for each in proved.proofs)
     return FlexibleBody(body, ports, rigid, proved.checks, (*notes, *remarks), stiffening, proofs, negative)
 
 
@@ -287,11 +287,6 @@ def _check_grounded(body: FEModel, rigid: NDArray[np.float64]) -> None:
             "geometry. Likely cause: its rows are shuffled or of another set. Give the order of the rows as a list of "
             "node.component under `rows:`, and remove `grounded: true` if nothing holds the body"
         )
-
-
-def _motions(rigid: NDArray[np.float64], factorised: bool) -> Proof:
-    how = "one factorisation" if factorised else "the null space of K"
-    return Proof("rigid motions", "proven", remark=f"K resists every motion but {rigid.shape[1]}, by {how}")
 
 
 def _check_ports(determined: Determined, ports: Ports) -> None:
