@@ -42,7 +42,9 @@ def _mass(health: BodyHealth) -> Iterator[HealthFinding]:
     own = health.mass.get("geometry")
     if own is None:
         return
-    spread = float(np.ptp(own.mass) / max(abs(own.mass).max(), 1e-300))
+    # A planar body has no mass across its plane.
+    moved = own.mass[own.mass != 0]
+    spread = float(np.ptp(moved) / abs(moved).max()) if moved.size else 0.0
     mass = " / ".join(dict.fromkeys(number(each, 9) for each in own.mass))
     at = (section, "geometry")
     yield HealthFinding(

@@ -1,21 +1,16 @@
-"""Proof that the rows of a body's matrices are the dofs that the files name, and the likely cause where it fails.
-
-Each cause is tried, and named only if it explains the forces.
-"""
+"""Proof that the rows of a body's matrices are the dofs that the files name."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
-from cmsreduce.model import SCALAR, DofTable, FEModel, Nodes
+from cmsreduce.model import SCALAR, FEModel, Nodes
 from cmsreduce.read.row_order.held_body import held_rows
-from cmsreduce.read.row_order.mislabelled_nodes import mislabelled_nodes
+from cmsreduce.read.row_order.likely_cause import Failure, likely_cause, other_order
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
 __all__ = ["RowOrderProof", "is_condensed", "prove_row_order"]
@@ -24,15 +19,6 @@ _NAMED = 5
 _ALL_MOTIONS = 6
 # The order of a held body counts as proven if the ground leaves at least this share of its nodes without force.
 _FREE_SHARE = 0.5
-# A spring to ground loads only its own node; a mislabelled node also loads all its neighbours.
-_FEW_NODES, _FEW_SHARE = 3, 0.1
-# Coordinates that are wrong by more than this part of the body's size are other coordinates, not rounded ones.
-_ROUNDED = 1e-3
-_LENGTHS = {"metres": 1.0, "millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048}
-# Relative to the largest force on a row: a smaller one is round-off.
-_NO_FORCE = 1e-6
-# Relative error of a factor between units that least squares find.
-_SAME_FACTOR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -110,8 +96,10 @@ def prove_row_order(body: FEModel) -> RowOrderProof:
     try:
         proof = _proven_rows(body)
     except DofMapError as error:
-        return RowOrderProof("trusted", remark=str(error).partition(". Likely cause")[0])
-    return proof if proof.status == "proven" else RowOrderProof("trusted", remark=proof.remark)
+        # The mass of a body without constraints is compared in all directions, whatever its order.
+        motions = _ALL_MOTIONS if body.constrained is None and not body.grounded else 0
+        return RowOrderProof("trusted", motions, remark=str(error).partition(". Likely cause")[0])
+    return proof if proof.status == "proven" else replace(proof, status="trusted")
 
 
 def _proven_rows(body: FEModel) -> RowOrderProof:
@@ -135,7 +123,7 @@ def _proven_rows(body: FEModel) -> RowOrderProof:
         return RowOrderProof("proven", motions, residual, tolerance, "", found.rounding, found.noise)
     nodes, share = _loaded_nodes(body, found)
     head = _not_proven(body, nodes, share, float(found.allowed[row]))
-    raise DofMapError(f"{head}. Likely cause: {_likely_cause(_Failure(body, body.nodes, found, condensed, nodes))}")
+    raise DofMapError(f"{head}. Likely cause: {likely_cause(Failure(body, body.nodes, found, condensed, nodes))}")
 
 
 def _not_proven(body: FEModel, nodes: NDArray[np.int64], share: NDArray[np.float64], allowed: float) -> str:
@@ -167,7 +155,7 @@ def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
             "points that do not coincide. Give the order of the rows as a list of node.component under `rows:`"
         )
     if not held.proven.size or held.proven.size < _FREE_SHARE * total:
-        if loaded.size and (cause := _other_order(_Failure(body, nodes, found, condensed, loaded))):
+        if loaded.size and (cause := other_order(Failure(body, nodes, found, condensed, loaded))):
             raise DofMapError(
                 f"{_not_proven(body, loaded, share, float(found.allowed[found.worst]))}. Likely cause: {cause}"
             )
@@ -189,48 +177,6 @@ def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
     )
 
 
-def _other_order(case: _Failure) -> str | None:
-    """Another order of the rows of a held body, if it leaves fewer than half of the nodes with force."""
-    return _order_of_appearance(case) or _component_by_component(case)
-
-
-@dataclass(frozen=True, eq=False)
-class _Failure:
-    """A body whose proof failed, its forces against rigid motion, and the nodes that they load."""
-
-    body: FEModel
-    nodes: Nodes
-    found: RigidResidual
-    condensed: bool
-    loaded: NDArray[np.int64]
-
-    def explains(self, dofs: DofTable | None = None, nodes: Nodes | None = None) -> bool:
-        """True if the forces vanish with other row labels or another geometry."""
-        body = self.body
-        other = rigid_residual(
-            body.K, dofs or body.dofs, nodes or self.nodes, body.constrained, body.rounding, self.condensed
-        )
-        if self.body.grounded or self.found.motions.shape[1] == 0:
-            rows = other.excess > 1
-            return 2 * np.unique(body.dofs.node[rows]).size < self.loaded.size
-        return other.motions.shape[1] >= self.found.motions.shape[1] and other.vanishes
-
-    @property
-    def local(self) -> bool:
-        """True if forces act on a few nodes only."""
-        total = np.unique(self.body.dofs.node).size
-        return bool(self.loaded.size <= max(_FEW_NODES, _FEW_SHARE * total) and self.loaded.size < total)
-
-    @property
-    def only_turning(self) -> bool:
-        """True if translations of the body cost no force."""
-        if not np.array_equal(self.found.motions, np.eye(6)):
-            return False
-        bad = self.found.excess > 1
-        limit = np.abs(self.found.force[bad]).max(axis=1) * _NO_FORCE
-        return bool((np.abs(self.found.force[bad, :3]) <= limit[:, None]).all())
-
-
 def _loaded_nodes(body: FEModel, found: RigidResidual) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Nodes with rows in violation and their relative forces, the largest first."""
     rows = np.flatnonzero(found.excess > 1)
@@ -239,153 +185,3 @@ def _loaded_nodes(body: FEModel, found: RigidResidual) -> tuple[NDArray[np.int64
     np.maximum.at(share, of, found.relative[rows])
     order = np.argsort(-share, kind="stable")
     return nodes[order], share[order]
-
-
-def _likely_cause(case: _Failure) -> str:
-    """The first cause that explains why a stiffness matrix resists rigid motion, and the remedy."""
-    causes: tuple[Callable[[_Failure], str | None], ...] = (
-        _displacements_in_basic,
-        _order_of_appearance,
-        _component_by_component,
-        _other_length_unit,
-        lambda failure: mislabelled_nodes(failure.body, failure.nodes, failure.found, failure.loaded),
-        _springs_between_apart_nodes,
-        _held_to_ground,
-        _coarse_coordinates,
-        _unexplained,
-    )
-    return next(filter(None, (cause(case) for cause in causes)))
-
-
-def _displacements_in_basic(case: _Failure) -> str | None:
-    """The matrix does not use the displacement frames of the deck."""
-    turned = case.nodes.id[np.abs(case.nodes.frame - np.eye(3)).max(axis=(1, 2)) > 0]
-    if not turned.size or not case.explains(nodes=Nodes.in_basic(case.nodes.id, case.nodes.xyz)):
-        return None
-    return (
-        f"the matrices are along the basic axes, but the geometry gives {turned.size} nodes a displacement frame "
-        f"(node {turned[0]} and others). Without these frames the forces vanish: blank the CD fields of the GRID "
-        "cards (and of GRDSET)"
-    )
-
-
-def _rank(case: _Failure) -> NDArray[np.int64]:
-    """Place of each row's node in the geometry file; scalar points are last, by id."""
-    place = case.nodes.index(case.body.dofs.node)
-    return np.where(place >= 0, place, len(case.nodes) + case.body.dofs.node)
-
-
-def _reordered(dofs: DofTable, order: NDArray[np.int64]) -> DofTable | None:
-    """Dof table in another order; None if the order is the same."""
-    if np.array_equal(order, np.arange(order.size)):
-        return None
-    return DofTable(dofs.node[order], dofs.component[order])
-
-
-def _order_of_appearance(case: _Failure) -> str | None:
-    """The rows follow the order of the nodes in the file instead of their ids, or the other way round."""
-    dofs = case.body.dofs
-    for what, keys in (("order of appearance in the geometry file", _rank(case)), ("order of their ids", dofs.node)):
-        other = _reordered(dofs, np.lexsort((dofs.component, keys)))
-        if other is not None and case.explains(dofs=other):
-            return (
-                f"the rows are in the {what}, not in the order assumed: in that order the forces vanish. Give the "
-                "order as a list of node.component, one a line, under `rows:`"
-            )
-    return None
-
-
-def _component_by_component(case: _Failure) -> str | None:
-    """The rows have all x first, then all y: common in hand-written programs."""
-    dofs = case.body.dofs
-    for keys in (dofs.node, _rank(case)):
-        other = _reordered(dofs, np.lexsort((keys, dofs.component)))
-        if other is not None and case.explains(dofs=other):
-            return (
-                "the rows are sorted by component (all x, then all y, ...), not node by node: in that order the forces "
-                "vanish. Give the order as a list of node.component, one a line, under `rows:`"
-            )
-    return None
-
-
-def _other_length_unit(case: _Failure) -> str | None:
-    """The coordinates are in another unit than the matrix; only rotational dofs show this."""
-    if not np.array_equal(case.found.motions, np.eye(6)):
-        return None
-    turning = case.body.dofs.component > 3
-    by_arm = case.found.shapes[:, 3:] * ~turning[:, None]
-    by_turn = case.found.shapes[:, 3:] * turning[:, None]
-    force_arm, force_turn = case.body.K @ by_arm, case.body.K @ by_turn
-    size = float(np.vdot(force_arm, force_arm))
-    factor = -float(np.vdot(force_arm, force_turn)) / size if size > 0 else 0.0
-    nodes = case.nodes
-    for here, there in permutations(_LENGTHS, 2):
-        known = _LENGTHS[here] / _LENGTHS[there]
-        if abs(factor / known - 1) < _SAME_FACTOR and case.explains(
-            nodes=Nodes(nodes.id, nodes.xyz * known, nodes.frame, nodes.xyz_rounding * known, nodes.frame_rounding)
-        ):
-            return (
-                f"the coordinates are in another unit of length than the matrices: times {known:.6g} the forces "
-                f"vanish, as if the geometry were in {here} and the matrices in {there}. Give both in one unit system"
-            )
-    return None
-
-
-def _springs_between_apart_nodes(case: _Failure) -> str | None:
-    """Springs between nodes at different points resist rotation of the whole body."""
-    if not (case.local and case.only_turning):
-        return None
-    return (
-        f"springs (CELAS, CBUSH) or constraints at node {_some(case.loaded)} join points that do not coincide, so that "
-        "they resist rotation of the whole body; or the coordinates of these nodes are wrong. Join coincident points"
-    )
-
-
-def _held_to_ground(case: _Failure) -> str | None:
-    """A spring to ground, or a constraint that is not in the geometry file."""
-    if not case.local:
-        return None
-    rows = np.isin(case.body.dofs.node, case.loaded)
-    force = float(np.abs(case.found.force[rows, :3]).max())
-    return (
-        f"node {_some(case.loaded)} is held to the ground, by a spring (CELAS with one blank end; a motion of the body "
-        f"by one unit of length costs {force:.3g} units of force there) or because nodes next to it are fixed by an "
-        "SPC that is not in the geometry file. Add the SPC cards to the geometry, or remove the spring; a body that is "
-        "meant to be held is `grounded: true` (its other nodes are still proven)"
-    )
-
-
-def _coarse_coordinates(case: _Failure) -> str | None:
-    """The coordinates have too few printed digits."""
-    if not case.only_turning:
-        return None
-    translation = (case.body.dofs.component <= 3) & (case.body.dofs.component > 0)
-    per_length = np.asarray(abs(case.body.K) @ translation.astype(float)) / case.found.length
-    bad = (case.found.excess > 1) & (per_length > 0)
-    off = float((np.abs(case.found.force[bad]).max(axis=1) / per_length[bad]).max(initial=0.0))
-    if not 0 < off < _ROUNDED * case.found.length:
-        return None
-    return (
-        f"the coordinates are printed with too few digits: translations cost no force, rotations as much as "
-        f"coordinates wrong by {off:.1e} would. Write the geometry with more digits (16-character fields)"
-    )
-
-
-def _unexplained(case: _Failure) -> str:
-    """Advice if no cause explains the forces."""
-    if case.only_turning:
-        return (
-            "translations cost no force but rotations do: rows are shuffled among nodes, or the coordinates are of "
-            "another model. Give the order of the rows as a list of node.component under `rows:`"
-        )
-    return (
-        "the rows are shuffled or of another set than assumed, displacement frames (CD) are missing, or the body is "
-        "held to the ground. Give the set or a list of node.component under `rows:`, or the deck that made the "
-        "matrices as `geometry:`"
-    )
-
-
-def _some(nodes: NDArray[np.int64]) -> str:
-    """The first ids of a list, in words."""
-    named = ", ".join(str(node) for node in nodes[:_NAMED])
-    return named if nodes.size <= _NAMED else f"{named} and {nodes.size - _NAMED} more"

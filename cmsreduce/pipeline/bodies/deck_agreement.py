@@ -1,0 +1,184 @@
+"""Agreement of a body with its deck: mass, centre, inertia, and strain energy under uniform strain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from cmsreduce.mechanics import rigid_mass
+from cmsreduce.model import DofTable, FEModel, Finding, rigid_body_shapes
+from cmsreduce.read import STRAINS, StatedEnergy, StatedMass
+from cmsreduce.verify import rigid_mass_properties
+
+__all__ = ["BOUNDED", "EXACT", "against_deck", "energy_ratios", "ratio_in_words"]
+
+Array = NDArray[np.float64]
+
+# Areas, densities and coordinates of a deck have five digits or more.
+_DECK_DIGITS = 1e-4
+EXACT, BOUNDED = 1e-3, 0.1
+"""Moduli of a deck have four digits or more; plates and bars in shear and bending are known between bounds, which
+formulations of elements exceed by per cents."""
+# A strain that a deck resists less than the stiffest by this factor is not resisted.
+_NO_ENERGY = 1e-9
+# Motions of constrained dofs below this are round-off of printed coordinates.
+_AT_REST = 1e-6
+# Factors between unit systems, and between what is confused most.
+_FACTORS: Mapping[str, float] = {
+    "metres against millimetres, or GPa against MPa": 1e3,
+    "MPa against Pa": 1e6,
+    "mm against m squared, or kPa against GPa": 1e-6,
+    "millimetres against metres, or MPa against GPa": 1e-3,
+    "Pa against GPa": 1e9,
+    "weight against mass (g = 9.80665), or newtons against kilograms force": 9.80665,
+    "mass against weight (g = 9.80665), or kilograms force against newtons": 1 / 9.80665,
+    "weight against mass (g = 386.09 in/s^2, WTMASS)": 386.0886,
+    "mass against weight (g = 386.09 in/s^2, WTMASS)": 1 / 386.0886,
+    "inches against millimetres": 25.4,
+    "millimetres against inches": 1 / 25.4,
+    "metres against inches": 1 / 0.0254,
+    "inches against metres": 0.0254,
+    "newtons against pounds force": 4.4482216,
+    "pounds force against newtons": 1 / 4.4482216,
+    "kilograms against pounds": 0.45359237,
+    "pounds against kilograms": 1 / 0.45359237,
+    "N/m against lbf/in": 175.12684,
+    "lbf/in against N/m": 1 / 175.12684,
+    "Pa against psi": 6894.7573,
+    "psi against Pa": 1 / 6894.7573,
+    "MPa against psi": 6894.7573e-6,
+    "psi against MPa": 1e6 / 6894.7573,
+}
+_SAME_FACTOR = 5e-3
+
+
+def ratio_in_words(low: float, high: float) -> str:
+    """Ratio to the deck in words, with the units that would explain it.
+
+    Examples
+    --------
+    >>> ratio_in_words(1000.0, 1000.1)
+    '1000 times that of the deck, as if the units were metres against millimetres, or GPa against MPa'
+    >>> ratio_in_words(0.7, 0.9)
+    '0.7 to 0.9 times that of the deck'
+    """
+    # The bounds of a deck may include the deck itself.
+    low, high = min(low, high), max(low, high)
+    one = high <= low * (1 + 2 * EXACT)
+    ratio = f"{low:.4g}" if one else f"{low:.4g} to {high:.4g}"
+    known = [
+        name
+        for name, factor in _FACTORS.items()
+        if low * (1 - _SAME_FACTOR) <= factor <= high * (1 + _SAME_FACTOR) and not low < 1 < high
+    ]
+    return f"{ratio} times that of the deck" + (f", as if the units were {known[0]}" if known else "")
+
+
+def energy_ratios(body: FEModel, stated: StatedEnergy) -> tuple[float, float] | None:
+    """Least ratio of u K u to the lower bound, and largest to the upper bound, over uniform strains; None if unknown.
+
+    Strains, with rigid motions, must leave the constrained dofs at rest, and every node of an element must have its
+    rows.
+    """
+    assert body.nodes is not None
+    ids = body.nodes.id[stated.nodes]
+    held = body.constrained if body.constrained is not None else DofTable(np.empty(0, int), np.empty(0, int))
+    known = body.dofs.joined(held)
+    three = np.arange(1, 4)
+    if (known.rows(ids[:, None], three) < 0).any():
+        return None
+    turn = (known.rows(body.nodes.id[stated.turning][:, None], three + 3) >= 0).all()
+    centre = body.nodes.xyz.mean(axis=0)
+    size = float(np.sqrt(np.mean(np.sum((body.nodes.xyz - centre) ** 2, axis=1)))) or 1.0
+    held = held[np.isin(held.node, ids) & ((held.component <= 3) | bool((body.dofs.component > 3).any()))]
+    fields, strain = np.eye(12), np.eye(12)[6:]
+    if len(held):
+        # Translations and strains move by the size of the body; rotations are angles.
+        A = np.hstack(
+            [_affine(held, body, centre)[:, :6] * np.repeat([1.0, 1 / size], 3), _strains(held, body, centre) / size]
+        )
+        _, s, vt = la.svd(np.vstack([A, np.zeros((12, 12))]), full_matrices=False)
+        fields = vt[s <= _AT_REST * max(float(s[0]), 1.0)].T * np.repeat([1.0, 1 / size, 1 / size], (3, 3, 6))[:, None]
+        strain = fields[6:]
+        _, s, vt = la.svd(strain, full_matrices=False) if fields.shape[1] else (None, np.zeros(0), np.zeros((0, 0)))
+        keep = s > _AT_REST * s.max(initial=0.0)
+        fields, strain = fields @ vt[keep].T, strain @ vt[keep].T
+    if not strain.shape[1]:
+        return None
+    U = _affine(body.dofs, body, centre) @ fields[:6] + _strains(body.dofs, body, centre) @ strain
+    U = U[:, np.abs(strain).max(axis=0) > 0]
+    strain = strain[:, np.abs(strain).max(axis=0) > 0]
+    energy = U.T @ np.asarray(body.K @ U)
+    low = strain.T @ (stated.low if turn else stated.least) @ strain
+    lowest = _ratios(energy, low)
+    if lowest is None:
+        return None
+    # Without an upper bound the ratio to the lower one can only show a stiffness that is too small.
+    highest = 1.0 if stated.high is None else float((_ratios(energy, strain.T @ stated.high @ strain) or lowest)[1])
+    return float(lowest[0]), highest
+
+
+def _ratios(energy: Array, stated: Array) -> tuple[float, float] | None:
+    """Least and largest ratio of two quadratic forms, over the strains that the second one resists."""
+    weight, V = la.eigh((stated + stated.T) / 2)
+    resisted = weight > _NO_ENERGY * weight.max(initial=0.0)
+    if not resisted.any() or weight.max() <= 0:
+        return None
+    W = V[:, resisted] / np.sqrt(weight[resisted])
+    ratio = la.eigvalsh(W.T @ (energy + energy.T) @ W / 2)
+    return float(ratio[0]), float(ratio[-1])
+
+
+def _affine(dofs: DofTable, body: FEModel, centre: Array) -> Array:
+    assert body.nodes is not None
+    return rigid_body_shapes(dofs, body.nodes, centre)
+
+
+def _strains(dofs: DofTable, body: FEModel, centre: Array) -> Array:
+    """Displacements (n, 6) under unit uniform strains about a point, without rotations."""
+    assert body.nodes is not None
+    found = np.zeros((len(dofs), len(STRAINS)))
+    rows = np.flatnonzero((dofs.component > 0) & (dofs.component <= 3))
+    at = body.nodes.index(dofs.node[rows])
+    axis, x = body.nodes.frame[at, dofs.component[rows] - 1], body.nodes.xyz[at] - centre
+    for k, (i, j) in enumerate(STRAINS):
+        found[rows, k] = axis[:, i] * x[:, j] + (axis[:, j] * x[:, i] if i != j else 0.0)
+    return found
+
+
+def against_deck(stated: StatedMass, body: FEModel) -> list[Finding]:
+    """Compare mass, centre of mass and inertia with those of the elements of the deck.
+
+    Parameters
+    ----------
+    stated : StatedMass
+        Of the deck.
+    body : FEModel
+        As read from it, in its units; free in all directions.
+
+    Returns
+    -------
+    list of Finding
+        Relative to the mass, to the largest radius of gyration, and to the largest moment beyond what lumping changes.
+    """
+    found = rigid_mass_properties(rigid_mass(body))
+    mass = float(found.mass.max())
+    radius = float(np.sqrt(abs(found.inertia).max() / mass)) if mass > 0 else 0.0
+    away = float(np.linalg.norm(found.cg - stated.centre))
+    off = abs(stated.mass - mass) / mass if mass > 0 else math.inf
+    beyond = np.maximum(abs(found.inertia - stated.inertia) - stated.lumping, 0.0).max()
+    largest = float(max(abs(found.inertia).max(), abs(stated.inertia).max()))
+    return [
+        Finding(
+            "mass against the deck",
+            off,
+            _DECK_DIGITS,
+            ratio_in_words(*(2 * (mass / stated.mass,))) if off > _DECK_DIGITS else "",
+        ),
+        Finding("centre of mass against the deck", away / radius if radius > 0 else float(away > 0), _DECK_DIGITS),
+        Finding("inertia against the deck", float(beyond) / largest if largest > 0 else 0.0, _DECK_DIGITS),
+    ]
