@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import absolute_parts, column_blocks, combine, combined, congruence, row_blocks
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, refine
-from cmsreduce.mechanics import refuse_gain, refuse_overdamped
+from cmsreduce.mechanics import refuse_gain, refuse_overdamped, without_drag
 from cmsreduce.model import FEModel, ModalComponent, ModeKind, ReducedComponent
 
 __all__ = ["ORTHOGONAL", "STATIC", "orthogonalise", "orthogonality_errors"]
@@ -63,7 +63,7 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
     _refuse_repeats(component, N)
     Phi = combined(modes.Phi, np.hstack([component.rigid, X, N]))
     lam = _polish(body, Phi, r, N.shape[1], lam)
-    D = None if body.D is None else congruence(body.D, Phi)
+    D = None if body.D is None else without_drag(body.D, Phi, congruence(body.D, Phi), r, body.rounding)
     w, s, m = np.sqrt(lam), N.shape[1], modes.m
     zeta = body.damping.ratios(w) if D is None else D.diagonal()[r : m - s] / (2 * w)
     omega = np.concatenate([np.zeros(r), w, np.full(s, np.inf)])

@@ -6,7 +6,14 @@ Matrix algorithms without a mechanical meaning belong in `linalg`; checks with a
 """
 
 from cmsreduce.mechanics.bars import end_dofs
-from cmsreduce.mechanics.dissipation import LeastDamping, least_damping, multiple_of, refuse_gain, refuse_overdamped
+from cmsreduce.mechanics.dissipation import (
+    LeastDamping,
+    least_damping,
+    multiple_of,
+    refuse_gain,
+    refuse_overdamped,
+    without_drag,
+)
 from cmsreduce.mechanics.floating_frames import REMOVED, best_fit, floating_frame
 from cmsreduce.mechanics.geometric_stiffness import bars_stiffness, modal_stiffening
 from cmsreduce.mechanics.hidden_motion import condensed_dofs, hidden_motion
@@ -45,4 +52,5 @@ __all__ = [
     "spinning_modes",
     "tie_nodes",
     "untied_body",
+    "without_drag",
 ]

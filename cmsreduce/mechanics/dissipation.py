@@ -13,7 +13,7 @@ from cmsreduce.errors import DampingError, MatrixError
 from cmsreduce.linalg.blocks import absolute_parts, column_blocks, congruence
 from cmsreduce.model import FEModel
 
-__all__ = ["LeastDamping", "least_damping", "multiple_of", "refuse_gain", "refuse_overdamped"]
+__all__ = ["LeastDamping", "least_damping", "multiple_of", "refuse_gain", "refuse_overdamped", "without_drag"]
 
 Array = NDArray[np.float64]
 
@@ -70,10 +70,7 @@ def least_damping(D: sp.csc_array, Phi: Array, energies: Array, rounding: float)
     bound those of the product of two shapes. Scaled by these roots, no entry of the energies is wrong by more than the
     rounding of D, and no eigenvalue by more than m times that.
     """
-    m = energies.shape[0]
-    rows, parts = np.asarray(abs(sp.csc_array(D)).sum(axis=0)).ravel(), np.zeros(m)
-    for part in column_blocks(m):
-        parts[part] = rows @ np.asarray(Phi[:, part]) ** 2
+    m, parts = energies.shape[0], _bounds(D, Phi)
     scale = 1 / np.sqrt(np.where(parts > 0, parts, 1.0))
     scaled = energies * np.outer(scale, scale)
     allowed = m * _DIGITS * rounding
@@ -81,6 +78,40 @@ def least_damping(D: sp.csc_array, Phi: Array, energies: Array, rounding: float)
         return LeastDamping(0.0, allowed, np.empty(0), np.empty(0, dtype=bool))
     values, Y = la.eigh(scaled, subset_by_index=[0, 0])
     return LeastDamping(float(values[0]), allowed, scale * Y[:, 0], scaled.diagonal() < -allowed)
+
+
+def without_drag(D: sp.csc_array, Phi: Array, energies: Array, r: int, rounding: float) -> Array:
+    """Energies of a damping matrix with exact zeros for each rigid mode that it brakes by no more than its rounding.
+
+    Parameters
+    ----------
+    D : (n, n) sparse array
+        Damping matrix.
+    Phi : (n, m) float64
+        Modes, the r rigid ones first.
+    energies : (m, m) float64
+        Phi^T D Phi.
+    r : int
+        Number of rigid modes.
+    rounding : float
+        Relative rounding of the entries of D.
+    """
+    if not r:
+        return energies
+    size = np.sqrt(_bounds(D, Phi))
+    drag = (abs(energies[:, :r]) > _DIGITS * rounding * np.outer(size, size[:r])).any(axis=0)
+    cleaned, still = energies.copy(), np.flatnonzero(~drag)
+    cleaned[:, still] = 0.0
+    cleaned[still] = 0.0
+    return cleaned
+
+
+def _bounds(D: sp.csc_array, Phi: Array) -> Array:
+    """Bounds on the absolute terms of the energy of each shape (m,)."""
+    rows, parts = np.asarray(abs(sp.csc_array(D)).sum(axis=0)).ravel(), np.zeros(Phi.shape[1])
+    for part in column_blocks(parts.size):
+        parts[part] = rows @ np.asarray(Phi[:, part]) ** 2
+    return parts
 
 
 def refuse_gain(body: FEModel, Phi: Array, energies: Array, omega: Array) -> None:

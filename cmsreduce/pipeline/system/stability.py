@@ -23,6 +23,8 @@ Complex = NDArray[np.complex128]
 
 # Energies of modes carry the rounding of sums over many dofs; no passive body has a negative one above this share.
 _SEMIDEFINITE, _DIGITS = 1e-9, 10.0
+# A damping ratio this far below zero doubles an amplitude in a hundred million periods.
+_STILL = 1e-9
 # Below this size all eigenvalues of a matrix are cheaper than a sparse factor.
 _DENSE_LIMIT = 600
 # All roots of a system of this many coordinates take half a minute.
@@ -53,7 +55,7 @@ class SystemRoots:
     @property
     def growing(self) -> Complex:
         """Roots whose motion grows by more than rounding, the one that grows most per oscillation first."""
-        s = self.s[self.s.real > self.uncertain]
+        s = self.s[self.s.real > np.maximum(self.uncertain, _STILL * abs(self.s))]
         return np.asarray(s[np.argsort(-s.real / abs(s), kind="stable")])
 
 
@@ -65,7 +67,7 @@ def without_energy(substructures: Mapping[str, Substructure], damped: Collection
     substructures : mapping of name to Substructure
         Bodies, those of the joints included.
     damped : collection of str
-        Bodies whose damping is proven, with the rounding of its own matrix.
+        Bodies in their dofs whose damping matrix is proven by a factor.
 
     Returns
     -------
@@ -77,10 +79,27 @@ def without_energy(substructures: Mapping[str, Substructure], damped: Collection
     for name, sub in substructures.items():
         for letter, what in words.items():
             A = getattr(sub, letter)
-            if A is None or (letter == "D" and name in damped) or _semidefinite(A, sub.rounding):
+            if A is None:
                 continue
-            return f"the {what} of '{name}'"
+            if letter == "D" and sub.omega is not None:
+                held = _stands_still(dense(A), sub.omega)
+            else:
+                held = (letter == "D" and name in damped) or _semidefinite(A, sub.rounding)
+            if not held:
+                return f"the {what} of '{name}'"
     return ""
+
+
+def _stands_still(D: Array, omega: Array) -> bool:
+    """True if damping in orthonormal modes lets none grow by more than a tiny share of its frequency.
+
+    The scale of a rigid mode is the lowest frequency. A static mode has unit stiffness, and the time constant D.
+    """
+    w = omega[(omega > 0) & np.isfinite(omega)]
+    low, top = (w.min(), w.max()) if w.size else (1.0, 1.0)
+    size = np.where(omega > 0, np.where(np.isinf(omega), 1 / top, omega), low)
+    ratios = D / (2 * np.sqrt(np.outer(size, size)))
+    return bool(la.eigvalsh(ratios).min(initial=0.0) >= -_STILL)
 
 
 def _semidefinite(A: Matrix, rounding: float) -> bool:
