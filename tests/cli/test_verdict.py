@@ -217,7 +217,7 @@ def test_an_error_between_the_angles_breaks_the_limit(outcome, elbow: Path) -> N
     _, _, facts = outcome(study=elbow)
     sampled, between = facts["worst"]["frf_error"], max(facts["between"]["errors"].values())
     limit = 0.5 * (sampled + between)
-    code, text, facts = outcome(f"verify.limits={{frf_error: {limit!r}}}", study=elbow)
+    code, _, facts = outcome(f"verify.limits={{frf_error: {limit!r}}}", study=elbow)
     assert code == 1
     which = "frf_error between the sampled configurations" if between > sampled else "frf_error"
     assert facts["verdict"]["broken"] == [which]
