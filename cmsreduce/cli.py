@@ -185,7 +185,8 @@ def report(run_dir: Path, png: bool, svg: bool, vtu: bool, tables: bool, output:
     files += export_shapes(run, result, run_dir) if vtu else []
     files += export_tables(result, run_dir) if tables else []
     verdict = result.verdict
-    output.made(files, where=run_dir, about=f"{verdict.word}: {meaning(verdict)}; {worst_error(result)}")
+    output.line(f"{result.name}: {verdict.word}: {meaning(verdict)}")
+    output.made(files, where=run_dir, about=worst_error(result))
     facts = {"run": run_dir, "verdict": verdict.word, "passed": verdict.passed}
     output.result({**facts, "written": files, "seconds": output.seconds})
 
