@@ -193,7 +193,8 @@ def report(run_dir: Path, png: bool, svg: bool, vtu: bool, tables: bool, output:
     for failure in failures:
         output.line(f"FAIL  {failure.line}", important=True)
     verdict = result.verdict
-    output.made(files, where=run_dir, about=f"{verdict.word}: {meaning(verdict)}; {worst_error(result)}")
+    output.line(f"{result.name}: {verdict.word}: {meaning(verdict)}")
+    output.made(files, where=run_dir, about=worst_error(result))
     facts = {"run": run_dir, "verdict": verdict.word, "passed": verdict.passed, "failures": failures.data()}
     output.result({**facts, "written": files, "seconds": output.seconds})
     sys.exit(LIMIT_BROKEN if failures.broken else OK)

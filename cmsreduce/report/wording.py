@@ -198,16 +198,20 @@ def worst_error(run: RunResult) -> str:
     figure, found = rows[0]
     if math.isnan(found.value):
         return "the response error was not measured"
-    text = f"worst response error {figure.text(found.value)} {place(found.note)}"
-    alone = next((each for each in rows if each[0].name == "channel_error"), None)
-    return text if alone is None else f"{text} (worst channel {alone[0].text(alone[1].value)})"
+    return f"worst response error {figure.text(found.value)} {place(found.note)}"
+
+
+def _worst_channel(run: RunResult) -> str:
+    """The error of the worst channel and its place, in words; empty if it was not measured."""
+    rows = [(figure, found) for figure, found in worst(run, run.model) if figure.name == "channel_error"]
+    return "".join(f"; worst channel {figure.text(found.value)} {place(found.note)}" for figure, found in rows)
 
 
 def headline(run: RunResult) -> str:
     """The run in one sentence."""
     elastic = sum(part.modes.elastic_count for part in run.components.values())
     kept = sum(part.kept_modes for part in run.components.values())
-    return f"{plural(elastic, 'elastic mode')} → {kept} kept; {worst_error(run)}"
+    return f"{plural(elastic, 'elastic mode')} → {kept} kept; {worst_error(run)}{_worst_channel(run)}"
 
 
 def channels_left_out(run: RunResult) -> tuple[str, ...]:

@@ -78,7 +78,7 @@ def test_the_examples(workplace: Path) -> None:
     for step in github:
         done = shell(workplace, step, GITHUB_STEP_SUMMARY=str(page))
         assert done.returncode == 0, done.stdout + done.stderr
-    assert page.read_text().startswith("## cmsreduce check build/study: pass")
+    assert page.read_text().startswith("## cmsreduce check build/study: PASS")
 
     gitlab = [line for line in yaml("GitLab CI")["reduce"]["script"] if INSTALL not in line]
     done = shell(workplace, "\n".join(gitlab))

@@ -9,7 +9,7 @@ import re
 import pytest
 from rich.console import Console
 
-from cmsreduce.model import Finding
+from cmsreduce.model import Finding, judge
 from cmsreduce.report import InspectedLine, Output, print_findings, print_inspected
 
 FINDINGS = (
@@ -17,6 +17,7 @@ FINDINGS = (
     Finding("kept_modes", 19, 25, subject="rotor"),
     Finding("float32: change", 1e-5, math.inf, subject="rotor"),
 )
+VERDICT = judge(FINDINGS, (), limited=True)
 ROWS = [
     InspectedLine("study.yaml:"),
     InspectedLine("30 dofs", "arm", depth=1),
@@ -54,7 +55,7 @@ def plain(text: str) -> str:
 def test_a_terminal_has_a_table_with_the_failed_last(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = terminal_of(monkeypatch)
     log = io.StringIO()
-    print_findings(FINDINGS, Output(log=log))
+    print_findings(FINDINGS, VERDICT, Output(log=log))
     rows = [line.split() for line in plain(terminal.getvalue()).splitlines() if line.split()]
     rows = [row for row in rows if row[0] in ("pass", "info", "FAIL")]
     assert [row[:5] for row in rows] == [
@@ -68,17 +69,17 @@ def test_a_terminal_has_a_table_with_the_failed_last(monkeypatch: pytest.MonkeyP
 
 
 def test_no_terminal_has_a_line_for_each(capsys: pytest.CaptureFixture[str]) -> None:
-    print_findings(FINDINGS, Output())
+    print_findings(FINDINGS, VERDICT, Output())
     assert [line[:4] for line in capsys.readouterr().out.splitlines()] == ["FAIL", "pass", "info"]
-    print_findings(FINDINGS, Output(quiet=True))
+    print_findings(FINDINGS, VERDICT, Output(quiet=True))
     assert capsys.readouterr().out == "FAIL  frf_error: 0.02 (limit 0.01) - at spin=0 [x]\n"
-    print_findings(FINDINGS, Output(as_json=True))
+    print_findings(FINDINGS, VERDICT, Output(as_json=True))
     assert capsys.readouterr().out == ""
 
 
 def test_quietly_a_terminal_has_the_failed_lines_only(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = terminal_of(monkeypatch)
-    print_findings(FINDINGS, Output(quiet=True))
+    print_findings(FINDINGS, VERDICT, Output(quiet=True))
     assert terminal.getvalue() == "FAIL  frf_error: 0.02 (limit 0.01) - at spin=0 [x]\n"
 
 

@@ -168,7 +168,8 @@ class LimitKeys(Keys):
     frequency_error: Positive | None = Field(
         default=None,
         description="Relative error of the system's natural frequencies in the band, paired one to one by shape. It is "
-        "not met if no mode has a partner, nor, without modes_lost, if a main resonance of a channel has none.",
+        "not met if no mode has a partner, nor, without a limit modes_lost, if a mode that a channel shows has none: "
+        "with 0.1 of its highest peak if modes were left out by their effect, else with 0.001.",
         examples=[1e-3],
     )
     modes_lost: NotNegative | None = Field(

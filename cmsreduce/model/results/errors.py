@@ -16,10 +16,6 @@ Array = NDArray[np.float64]
 ERRORS = ("frf_error", "channel_error", "db_error", "frequency_error", "damping_error")
 """Errors of a reduced model that can have a limit, by their names in `ModelErrors`."""
 
-# A mode with a tenth of the highest peak of a channel (-20 dB) is one of its main resonances: nobody leaves it out on
-# purpose, and the error of its frequency has no value.
-_MAIN = 0.1
-
 
 @dataclass(frozen=True)
 class Finding:
@@ -158,11 +154,6 @@ class UnpairedMode:
     share: float
     seen: float
     channel: tuple[int, int] | None = None
-
-    @property
-    def main(self) -> bool:
-        """True for a main resonance of a channel."""
-        return self.seen >= _MAIN
 
 
 @dataclass(frozen=True, eq=False)

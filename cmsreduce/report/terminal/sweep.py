@@ -61,6 +61,7 @@ def print_sweep(sweep: SweepResult, files: Sequence[Path], console: Console | No
     over_limit, good = sweep.count("limit broken"), sweep.count("passed")
     parts = [f"{good} passed", *([f"{over_limit} broke a limit"] if over_limit else [])]
     parts += [f"{len(failed)} failed"] if failed else []
+    parts += [f"{mute} not checked (no limits)"] if (mute := sweep.count("not checked")) else []
     count = plural(len(sweep.rows), "point")
     print_line(console, f"{sweep.name}: {count} in {seconds(sweep.seconds)}: {', '.join(parts)}")
     if best:

@@ -121,9 +121,9 @@ def _record(record: Any, *computed: str) -> dict[str, Any] | None:
 
 
 def _worst(run: RunResult, label: str) -> dict[str, float | None]:
-    """Largest errors; a system without damping has no damping error."""
+    """Largest errors; a system without damping has no damping error. That of the worst channel is among the figures."""
     found = run.worst(label)
-    return {name: found.get(name) for name in ERRORS} if found else {}
+    return {name: found.get(name) for name in ERRORS if name != "channel_error"} if found else {}
 
 
 def _complex_modes(errors: ModelErrors | None) -> list[dict[str, float]] | None:

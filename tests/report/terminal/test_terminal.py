@@ -21,7 +21,10 @@ def words(text: str) -> str:
 
 def test_figures_and_verdict(make_run, tmp_path: Path) -> None:
     text = words(printed(make_run(), tmp_path))
-    assert text.startswith("oscillators: PASS 2 elastic modes -> 1 kept; worst response error 2 % at spin=45 cone=30 ")
+    assert text.startswith(
+        "oscillators: PASS: all 3 limits, of errors and of checks, were measured and are met 2 elastic"
+    )
+    assert "2 elastic modes -> 1 kept; worst response error 2 % at spin=45 cone=30 " in text
     for figures in (
         "rotor craig-bampton 3 3 2 1 1 PASS 1.76",
         "reduced response error 2 % 5 % PASS spin=45 cone=30",
@@ -50,7 +53,8 @@ def test_nothing_verified(make_run, tmp_path: Path) -> None:
     text = printed(make_run(configurations=(), speed=None, limits={}), tmp_path)
     assert "no response was verified" in text
     assert "responses:" not in text
-    assert "limit" not in text
+    assert text.startswith("oscillators: not checked: no limit is set")
+    assert "PASS:" not in text
 
 
 def test_files_are_named_in_one_piece(make_run, tmp_path: Path) -> None:
