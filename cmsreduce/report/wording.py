@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cmsreduce.model import ERRORS, Finding, RunResult, failure_findings
+from cmsreduce.model import CONTROLLER_LIMITS, ERRORS, Finding, RunResult, failure_findings
 
 __all__ = [
     "CLOSE_MODES",
@@ -207,5 +207,7 @@ def broken(run: RunResult) -> tuple[str, ...]:
         for check in part.checks
         if not check.passed
     ]
-    failed = [f"{found.label}: {found.note}" for found in failure_findings(run.failures, run.limits)]
+    failed = [
+        f"{found.label}: {found.note}" for found in failure_findings(run.failures, {**CONTROLLER_LIMITS, **run.limits})
+    ]
     return (*limits, *checks, *dict.fromkeys(failed))

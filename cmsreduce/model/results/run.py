@@ -28,6 +28,7 @@ from cmsreduce.model.results.verdict import Proof, Verdict, judge
 from cmsreduce.model.scene import Configuration
 
 __all__ = [
+    "CONTROLLER_LIMITS",
     "ComponentResult",
     "ConfigurationResult",
     "Response",
@@ -36,8 +37,11 @@ __all__ = [
     "SystemModes",
 ]
 
-# Limits of every controller of a scene: a ratio of one proves nothing, and the reduced loop must be stable.
-_CONTROLLER_LIMITS = {"controller_ratio": float(np.nextafter(1.0, 0.0)), "controller_unstable": 0.0}
+CONTROLLER_LIMITS: Mapping[str, float] = {
+    "controller_ratio": float(np.nextafter(1.0, 0.0)),
+    "controller_unstable": 0.0,
+}
+"""Limits of every controller of a scene: a ratio of one proves nothing, and the reduced loop must be stable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,13 +310,13 @@ class RunResult:
         return found | {name: self._finding(name, value, where) for name, (value, where) in checks.items()}
 
     def _finding(self, name: str, value: float, where: str) -> Finding:
-        return Finding(name, value, self.limits.get(name, _CONTROLLER_LIMITS.get(name, float("inf"))), where)
+        return Finding(name, value, self.limits.get(name, CONTROLLER_LIMITS.get(name, float("inf"))), where)
 
     @property
     def verdict(self) -> Verdict:
         """Verdict on the run: its limits, the checks of its bodies, and what was proven of them."""
         found = self.findings
-        failed = list(failure_findings(self.failures, _CONTROLLER_LIMITS | dict(self.limits)))
+        failed = list(failure_findings(self.failures, {**CONTROLLER_LIMITS, **self.limits}))
         unmeasured = [
             Finding(key, float("nan"), self.limits[key], "not measured")
             for key in sorted(self.limits.keys() - found.keys() - {each.name for each in failed})

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cmsreduce.model import Failure, Finding, failure_findings
+from cmsreduce.model import CONTROLLER_LIMITS, Failure, Finding, failure_findings
 from cmsreduce.pipeline.results.baseline import StoredResult, compare, open_result
 from cmsreduce.pipeline.results.limits import Limits, limited
 from cmsreduce.pipeline.results.mass_and_frame import file_totals, total_findings
@@ -84,7 +84,7 @@ def _errors(result: StoredResult) -> Iterator[Finding]:
         return
     for name, figure in facts["figures"].items():
         yield Finding(name, _number(figure["value"]), _number(figure["limit"]), place(figure["where"]))
-    limits = {name: _number(limit) for name, limit in (facts.get("limits") or {}).items()}
+    limits = {**CONTROLLER_LIMITS, **{name: _number(limit) for name, limit in (facts.get("limits") or {}).items()}}
     failures = [
         Failure(each["what"], each["reason"], each["required"], tuple(each["limits"]))
         for each in facts.get("failures", ())
