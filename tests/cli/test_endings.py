@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FAULT = "import cmsreduce.pipeline.store.diagnostics\nimport cmsreduce.pipeline.run.run as it\n"
 # Patched into the program: reducing meets a fault that nobody foresaw.
 BROKEN = """\
 import sys
@@ -24,7 +23,6 @@ it.orthogonalise = fail
 from cmsreduce.cli import main
 main(sys.argv[1:], prog_name="cmsreduce")
 """
-LARGEST = 600 * 2**20
 
 
 def program(*args: object, code: str = "from cmsreduce.cli import main; main()", **more) -> subprocess.CompletedProcess:
@@ -132,7 +130,7 @@ def test_closed_streams_change_no_exit_code(study: Path, closed: tuple[int, ...]
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
 def test_a_full_disk_behind_the_output_is_said() -> None:
-    with open("/dev/full", "w") as full:
+    with Path("/dev/full").open("w") as full:
         done = program("schema", stdout=full)
     assert done.returncode == 2 and b"No space left" in done.stderr and b"Traceback" not in done.stderr
 
