@@ -40,7 +40,8 @@ class _Context(click.Context):
         super().__exit__(kind, error, traceback)
         as_json = self.meta.get(_AS_JSON, False)
         if isinstance(error, click.ClickException):
-            # Click prints the message.
+            # Click prints the message, and leaves this context twice.
+            self.meta[_AS_JSON] = False
             if as_json:
                 click.echo(Ending(error.exit_code, error.format_message(), type(error).__name__).json)
             return
