@@ -27,6 +27,7 @@ __all__ = [
     "LIMIT_BROKEN",
     "OK",
     "Ending",
+    "check_memory",
     "ending_of",
     "patient_streams",
 ]
@@ -36,6 +37,8 @@ OK, LIMIT_BROKEN, BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 0, 1, 2, 70, 130
 
 # Words of libraries that run out of memory and raise another error than MemoryError.
 _NO_MEMORY = ("cannot allocate memory", "can't start new thread", "unable to allocate", "failed to map segment")
+# Bytes of address space that Python and its numerical libraries take with one thread.
+_LEAST = 384 * 2**20
 # Longest chain of causes that is searched.
 _CHAIN = 20
 _LIBRARIES = ("cmsreduce", "numpy", "scipy", "h5py", "click", "pydantic", "ruamel.yaml", "rich", "plotly", "meshio")
@@ -102,6 +105,23 @@ def ending_of(error: BaseException, folder: Path | None = None, command: Sequenc
     if isinstance(error, Exception):
         return _crash(error, folder, command)
     return None
+
+
+def check_memory() -> None:
+    """Refuse to start under a limit of memory in which the numerical libraries do not load.
+
+    Raises
+    ------
+    MemoryError
+        Because OpenBLAS tries for ever to get its buffers.
+    """
+    try:
+        import resource
+    except ImportError:
+        return
+    allowed = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if allowed != resource.RLIM_INFINITY and allowed < _LEAST:
+        raise MemoryError(f"{allowed} bytes of address space")
 
 
 def _lacks_memory(error: BaseException) -> bool:

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from cmsreduce.cli_endings import Ending, ending_of, patient_streams
+from cmsreduce.cli_endings import Ending, check_memory, ending_of, patient_streams
 
 __all__ = [
     "Commands",
@@ -40,7 +40,8 @@ class _Context(click.Context):
         super().__exit__(kind, error, traceback)
         as_json = self.meta.get(_AS_JSON, False)
         if isinstance(error, click.ClickException):
-            # Click prints the message.
+            # Click prints the message, and leaves this context twice.
+            self.meta[_AS_JSON] = False
             if as_json:
                 click.echo(Ending(error.exit_code, error.format_message(), type(error).__name__).json)
             return
@@ -67,6 +68,7 @@ class _Command(click.Command):
             parent.meta[_AS_JSON] = True
         context = super().make_context(info_name, args, parent, **extra)
         if "as_json" in context.params:
+            check_memory()
             from cmsreduce.report import opened_output
 
             options = {name: context.params.pop(name) for name in ("quiet", "as_json", "log_file")}

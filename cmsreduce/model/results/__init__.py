@@ -46,6 +46,7 @@ from cmsreduce.model.results.reduction_checks import (
     SystemChecks,
 )
 from cmsreduce.model.results.run import (
+    CONTROLLER_LIMITS,
     ComponentResult,
     ConfigurationResult,
     Response,
@@ -62,6 +63,7 @@ __all__ = [
     "BodyDrawing",
     "BoundRecord",
     "CHECKS",
+    "CONTROLLER_LIMITS",
     "ChannelZeros",
     "ComponentResult",
     "ConfigurationResult",

@@ -28,6 +28,7 @@ from cmsreduce.model.results.verdict import Proof, Verdict, judge
 from cmsreduce.model.scene import Configuration
 
 __all__ = [
+    "CONTROLLER_LIMITS",
     "ComponentResult",
     "ConfigurationResult",
     "Response",
@@ -36,8 +37,12 @@ __all__ = [
     "SystemModes",
 ]
 
-# Limits of every controller of a scene: a ratio of one proves nothing, and the reduced loop must be stable.
-_CONTROLLER_LIMITS = {"controller_ratio": float(np.nextafter(1.0, 0.0)), "controller_unstable": 0.0}
+CONTROLLER_LIMITS: Mapping[str, float] = {
+    "controller_ratio": float(np.nextafter(1.0, 0.0)),
+    "controller_unstable": 0.0,
+}
+"""Limits of every controller of a scene: a ratio of one proves nothing, and the reduced loop must be stable."""
+
 _UNPAIRED = ("modes_lost", "modes_extra")
 # Errors of the modes that both models have.
 _OF_PAIRS = ("frequency_error", "damping_error", "nrfd")
@@ -361,7 +366,7 @@ class RunResult:
         return found | {key: self._unmeasured(key) for key in self.limits if key not in found}
 
     def _finding(self, name: str, value: float, where: str) -> Finding:
-        return Finding(name, value, self.limits.get(name, _CONTROLLER_LIMITS.get(name, float("inf"))), where)
+        return Finding(name, value, self.limits.get(name, CONTROLLER_LIMITS.get(name, float("inf"))), where)
 
     @property
     def _between_finding(self) -> Finding | None:
@@ -438,7 +443,7 @@ class RunResult:
     def verdict(self) -> Verdict:
         """Verdict on the run: its limits, the checks of its bodies, and what was proven of them."""
         found = self.findings
-        failed = failure_findings(self.failures, _CONTROLLER_LIMITS | dict(self.limits), found)
+        failed = failure_findings(self.failures, {**CONTROLLER_LIMITS, **self.limits}, found)
         checks = [replace(check, subject=name) for name, part in self.components.items() for check in part.checks]
         proofs = [proof for part in self.components.values() for proof in part.proofs]
         return judge([*found.values(), *failed, *checks], [*proofs, *self.proofs], limited=bool(self.limits))

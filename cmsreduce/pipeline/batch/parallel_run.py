@@ -13,7 +13,7 @@ from cmsreduce.model import ConfigurationResult, Failure
 from cmsreduce.pipeline.batch.dask_workers import chosen_workers
 from cmsreduce.pipeline.batch.workers import Workers, common_work
 from cmsreduce.pipeline.run import Run
-from cmsreduce.pipeline.store import CommonWork, Progress, Silent, collecting, report_failures
+from cmsreduce.pipeline.store import CommonWork, Failures, Progress, Silent, collecting, report_failures
 from cmsreduce.pipeline.system import ReducedModel
 
 __all__ = ["ParallelRun", "opened_run"]
@@ -183,7 +183,7 @@ def _measure(
         comparison = run.comparison
         # Another task of this process may have used the same model.
         comparison.reference_seconds = comparison.reduced_seconds = 0.0
-        with collecting() as failed:
+        with collecting(Failures(log=run.stages.failures.log)) as failed:
             models = run.models()
             measured = comparison.measured([run.scene.configurations[number] for number in numbers], models)
     except Exception:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cmsreduce.model import Failure, Finding, Proof, Verdict, failure_findings, judge
+from cmsreduce.model import CONTROLLER_LIMITS, Failure, Finding, Proof, Verdict, failure_findings, judge
 from cmsreduce.pipeline.results.baseline import StoredResult, compare, open_result
 from cmsreduce.pipeline.results.limits import Limits, limited
 from cmsreduce.pipeline.results.mass_and_frame import file_totals, total_findings
@@ -106,7 +106,7 @@ def _errors(result: StoredResult) -> Iterator[Finding]:
         note = where if where.startswith("not measured") else place(where)
         found[name] = Finding(name, measured, _number(figure["limit"]), note)
     yield from found.values()
-    limits = {name: _number(limit) for name, limit in (facts.get("limits") or {}).items()}
+    limits = {**CONTROLLER_LIMITS, **{name: _number(limit) for name, limit in (facts.get("limits") or {}).items()}}
     failures = [
         Failure(each["what"], each["reason"], each["required"], tuple(each["limits"]))
         for each in facts.get("failures", ())

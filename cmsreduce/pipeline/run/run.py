@@ -50,6 +50,7 @@ from cmsreduce.pipeline.project import Projected, ProjectStage
 from cmsreduce.pipeline.run.keys import projected_error, read_key, reference_key, reference_model_key, system_key
 from cmsreduce.pipeline.store import (
     CommonWork,
+    Failures,
     Progress,
     Stages,
     collecting,
@@ -579,7 +580,7 @@ class Run:
         again=lambda found: bool(found.failures),
     )
     def _verified(self) -> Verified:
-        with collecting() as failed:
+        with collecting(Failures(log=self.stages.failures.log)) as failed:
             found = self._measured()
         return replace(found, failures=tuple(failed))
 

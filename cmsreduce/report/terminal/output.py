@@ -274,7 +274,8 @@ def opened_output(*, quiet: bool, as_json: bool, log_file: Path | None) -> Itera
         return
     try:
         log_file.parent.mkdir(parents=True, exist_ok=True)
-        log = log_file.open("w", encoding="utf-8")
+        # A path may hold bytes that are no letters.
+        log = log_file.open("w", encoding="utf-8", errors="backslashreplace")
     except OSError as error:
         raise WriteError(f"--log-file {log_file}: the log cannot be written: {error.strerror or error}") from None
     with log:

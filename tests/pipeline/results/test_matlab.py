@@ -108,9 +108,22 @@ def test_only_the_formats_asked_for_are_written(opened: Callable[..., Run], stud
     [
         (("components.arm.damping={structural: 0.02}", "components.panel.damping={structural: 0.02}"), "complex stiff"),
         (("write.balanced_states=60",), "ask for fewer"),
-        (("write.formats=[hdf5]",), "add matlab"),
-        (("write.balanced_states=7",), "balanced_states"),
     ],
+)
+def test_a_state_space_that_does_not_exist_fails_alone(
+    opened: Callable[..., Run], study: Path, settings: tuple[str, ...], words: str
+) -> None:
+    run = opened(WRITTEN, *FEW, *settings)
+    result = execute(run, study, report=False)
+    assert result is not None and result.verdict.word == "FAIL"
+    (failure,) = (each for each in result.failures if each.what == "the file system.mat")
+    assert words in failure.reason and failure.required
+    assert (run.folder / "summary.json").is_file() and not (run.folder / "system.mat").exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [(("write.formats=[hdf5]",), "add matlab"), (("write.balanced_states=7",), "balanced_states")],
 )
 def test_what_has_no_state_space_is_refused(
     opened: Callable[..., Run], study: Path, settings: tuple[str, ...], words: str

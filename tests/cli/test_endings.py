@@ -1,0 +1,156 @@
+"""Exit codes of the program, each in a process of its own: faults, narrow locales, closed streams, little memory."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+# Patched into the program: reducing meets a fault that nobody foresaw.
+BROKEN = """\
+import sys
+import cmsreduce.pipeline.run.run as it
+def fail(*args, **named):
+    raise {error}
+it.orthogonalise = fail
+from cmsreduce.cli import main
+main(sys.argv[1:], prog_name="cmsreduce")
+"""
+
+
+def program(*args: object, code: str = "from cmsreduce.cli import main; main()", **more) -> subprocess.CompletedProcess:
+    environment = {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment |= {key: os.environ[key] for key in ("PATH", "HOME") if key in os.environ} | more.pop("env", {})
+    streams = {name: more.pop(name, subprocess.PIPE) for name in ("stdout", "stderr")}
+    return subprocess.run(
+        [sys.executable, "-c", code, *map(str, args)], env=environment, timeout=120, check=False, **streams, **more
+    )
+
+
+@pytest.fixture(scope="module")
+def study(good_study: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The good study, run."""
+    folder = tmp_path_factory.mktemp("ended") / "study"
+    shutil.copytree(good_study, folder, ignore=lambda *_: ["finished", "out"])
+    path = folder / "study.yaml"
+    path.write_text(path.read_text().replace(str(good_study), str(folder)))
+    done = program("run", path)
+    assert done.returncode == 0, done.stderr.decode()
+    return path
+
+
+def test_a_fault_exits_with_70_and_a_crash_file(study: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    done = program(
+        "run", study, "--out", folder, "--json", code=BROKEN.format(error="ZeroDivisionError('odd')"), cwd=tmp_path
+    )
+    said = done.stderr.decode()
+    assert done.returncode == 70 and "Traceback" not in said and "internal error: ZeroDivisionError: odd" in said
+    found = json.loads(done.stdout)["error"]
+    (crash,) = folder.glob("crash-*.txt")
+    assert (found["code"], found["kind"], found["crash_file"]) == (70, "ZeroDivisionError", str(crash))
+    text = crash.read_text()
+    assert all(word in text for word in ("command: ", "numpy: ", "platform: ", "Traceback", "ZeroDivisionError: odd"))
+    assert str(crash) in said and [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+def test_without_a_run_directory_the_crash_file_is_among_temporary_files(study: Path, tmp_path: Path) -> None:
+    (tmp_path / "t").mkdir()
+    code = "import cmsreduce.config as it\ndef fail(): raise KeyError('x')\nit.json_schema = fail\n"
+    done = program("schema", code=code + "from cmsreduce.cli import main; main()", env={"TMPDIR": str(tmp_path / "t")})
+    assert done.returncode == 70 and len(list((tmp_path / "t").glob("crash-*.txt"))) == 1
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [("MemoryError()", 2), ("OSError(12, 'Cannot allocate memory')", 2), ("KeyboardInterrupt()", 130)],
+)
+def test_what_is_no_fault_leaves_no_crash_file(study: Path, tmp_path: Path, error: str, code: int) -> None:
+    done = program("run", study, "--out", tmp_path / "o", "--json", code=BROKEN.format(error=error))
+    said = done.stderr.decode()
+    assert done.returncode == code and "Traceback" not in said, said
+    assert json.loads(done.stdout)["error"]["code"] == code
+    assert not list(tmp_path.rglob("crash-*"))
+
+
+@pytest.mark.parametrize(
+    "args", [("run", "none.yaml"), ("check", "nowhere"), ("run", "x", "--only", "y"), ("check", "--wrong")]
+)
+def test_bad_input_with_json_is_json(tmp_path: Path, args: tuple[str, ...]) -> None:
+    done = program(*args, "--json", cwd=tmp_path)
+    assert done.returncode == 2 and json.loads(done.stdout)["error"]["code"] == 2, done
+
+
+@pytest.mark.parametrize(
+    "locale", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}]
+)
+def test_a_narrow_locale_loses_letters_and_no_run(study: Path, tmp_path: Path, locale: dict[str, str]) -> None:
+    path = study.parent / "prüfung.yaml"
+    path.write_text(study.read_text(encoding="utf-8"), encoding="utf-8")
+    done = program("run", path, "--out", tmp_path / "ausgabe-ü", "--log-file", tmp_path / "log", env=locale)
+    assert done.returncode == 0, done.stderr
+    assert b"study: PASS; 5 files in " in done.stdout and b"left out" not in done.stdout
+    assert "study: PASS" in (tmp_path / "log").read_text(encoding="utf-8")
+    for command in (("report",), ("check",), ("inspect",), ("cache", "ls")):
+        assert program(*command, tmp_path / "ausgabe-ü", env=locale).returncode == 0, command
+
+
+@pytest.mark.parametrize("command", ["run", "check", "schema", "inspect"])
+def test_a_reader_that_leaves_changes_no_exit_code(study: Path, command: str) -> None:
+    """The pipe is closed before anything is written, as by `| head -0`; so is that of the progress."""
+    target = {"run": study, "inspect": study, "check": study.parent / "out"}.get(command)
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        done = program(command, *([] if target is None else [target]), stdout=writer, stderr=writer)
+    finally:
+        os.close(writer)
+    assert done.returncode == 0
+
+
+@pytest.mark.parametrize("closed", [(1,), (2,), (1, 2), (0, 1, 2)])
+def test_closed_streams_change_no_exit_code(study: Path, closed: tuple[int, ...]) -> None:
+    def close() -> None:
+        for number in closed:
+            os.close(number)
+
+    streams = {"stdout": None, "stderr": None} if closed != (1,) else {"stdout": None}
+    for args in (("run", study), ("check", study.parent / "out"), ("check", study.parent / "out", "--json")):
+        assert program(*args, preexec_fn=close, **streams).returncode == 0
+    assert program("check", "none", preexec_fn=close, **streams).returncode == 2
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
+def test_a_full_disk_behind_the_output_is_said() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = program("schema", stdout=full)
+    assert done.returncode == 2 and b"No space left" in done.stderr and b"Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("megabytes", [250, 400, 700, 1000, 1500])
+def test_little_memory_ends_with_a_code(study: Path, tmp_path: Path, megabytes: int) -> None:
+    """Some limits are enough; the others end with one message."""
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (megabytes * 2**20, megabytes * 2**20))
+
+    done = program("run", study, "--out", tmp_path / "o", preexec_fn=limit)
+    said = done.stderr.decode(errors="replace")
+    assert done.returncode in (0, 2), (done.returncode, said)
+    assert done.returncode == 0 or (said.count("error: ") == 1 and "memory" in said), said
+
+
+def test_one_verdict_for_run_and_check(study: Path, tmp_path: Path) -> None:
+    for limit, code in (("0.05", 0), ("1e-9", 1)):
+        out = tmp_path / limit
+        assert program("run", study, "--out", out, "--set", f"verify.limits.frf_error={limit}").returncode == code
+        assert program("check", out).returncode == code
+        assert json.loads((out / "summary.json").read_text())["passed"] is (code == 0)
