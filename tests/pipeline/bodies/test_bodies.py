@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg as la
 import scipy.sparse as sp
 
-from cmsreduce.errors import DofMapError
+from cmsreduce.errors import ConfigError, DofMapError
 from cmsreduce.model import DofTable, FEModel, Nodes
 from cmsreduce.pipeline import Run, execute
+from cmsreduce.write import read_component
 from tests.pipeline.study import PIPELINE, arm, write_body
 
 BETA = 1e-5
@@ -125,9 +127,44 @@ def test_bodies_that_are_not_reduced_join_as_they_are(opened: Callable[..., Run]
     assert result is not None and set(result.components) == {"panel"}
     assert any(note.startswith("arm: not reduced") for note in result.notes)
     assert 0 < result.worst()["frf_error"] < 0.03
-    assert sorted(path.name for path in (study.parent / "out").glob("*.h5")) == ["panel.h5", "system.h5"]
+    assert sorted(path.name for path in (study.parent / "out").glob("*.h5")) == ["arm.h5", "panel.h5", "system.h5"]
     none = opened("reduce=null", "balance=null")
     assert errors(none) == {"frf_error": 0.0, "db_error": 0.0, "frequency_error": 0.0}
+
+
+@pytest.mark.parametrize("damping", ["{modal: 0.01}", "{structural: 0.02}"])
+def test_the_files_of_a_body_that_is_not_reduced_hold_all_its_modes(
+    opened: Callable[..., Run], study: Path, damping: str
+) -> None:
+    """Its frequencies and the motions of its points are those of its matrices."""
+    run = opened(
+        "reduce=null", "balance=null", f"components.arm.damping={damping}", "write.formats=[hdf5]", "verify=null"
+    )
+    result = execute(run, study)
+    assert result is not None and any("arm: not reduced; its files hold all its 30 modes" in n for n in result.notes)
+    body, file = run.bodies["arm"].body, read_component(study.parent / "out" / "arm.h5")
+    exact = np.sqrt(la.eigh(body.K.toarray(), body.M.toarray(), eigvals_only=True)[6:])
+    np.testing.assert_allclose(file.omega[6:], exact, rtol=1e-6)
+    assert file.omega.size == body.n and file.rigid_count == 6
+    # Flexibility at the tip under a load that leaves the centre of mass alone: what M^-1 leaves of it.
+    shapes = file.arrays["interfaces/tip/shapes"]
+    np.testing.assert_allclose(
+        shapes @ shapes.T,
+        np.linalg.inv(body.M.toarray())[-6:, -6:],
+        rtol=1e-6,
+        atol=1e-6 * abs(shapes @ shapes.T).max(),
+    )
+
+
+def test_files_of_a_large_body_that_is_not_reduced_are_refused(
+    opened: Callable[..., Run], study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cmsreduce.pipeline.run.run.WRITTEN_LIMIT", 29)
+    run = opened("reduce=null", "balance=null", "components.panel.reduce={cutoff: 15}")
+    with pytest.raises(ConfigError, match=r"'arm': `write.formats` asks for its files.*30 dofs.*components.arm.reduce"):
+        execute(run, study)
+    assert not list((study.parent / "out").glob("*.h5"))
+    assert execute(opened("reduce=null", "balance=null", "write=null"), study) is not None
 
 
 FREE_ARM = """\
