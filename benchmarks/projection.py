@@ -16,9 +16,9 @@ sys.path.insert(0, str(ROOT))
 
 from cmsreduce.config import load_pipeline  # noqa: E402
 from cmsreduce.errors import CmsReduceError  # noqa: E402
-from cmsreduce.pipeline.project.stage import midpoint_configurations  # noqa: E402
 from cmsreduce.pipeline.run import Run  # noqa: E402
 from cmsreduce.pipeline.store import Silent  # noqa: E402
+from cmsreduce.pipeline.system import midpoint_configurations  # noqa: E402
 
 PAGE = ROOT / "benchmarks" / "projection.md"
 START, END = "<!-- table -->", "<!-- end of table -->"

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cmsreduce.cli_endings import LIMIT_BROKEN, OK
 from cmsreduce.cli_options import (
     Commands,
     check_options,
     output_options,
     pipeline_options,
     run_options,
+    work_in,
     worker_options,
 )
 from cmsreduce.errors import WriteError
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
 
 __all__ = ["main"]
 
-OK, LIMIT_BROKEN = 0, 1
 _STAGE_VERBS = {
     "reduce": "Reduce each body to its mode set.",
     "orthogonalise": "Bring each reduced body to orthonormal modes.",
@@ -41,8 +42,8 @@ _STAGE_VERBS = {
 def main() -> None:
     """Reduce finite-element bodies to checked components for multibody simulation.
 
-    Start with `cmsreduce new NAME`, then `cmsreduce run NAME.yaml`. Exit codes: 0 all limits met, 1 a limit broken,
-    2 bad input.
+    Start with `cmsreduce new NAME`, then `cmsreduce run NAME.yaml`. Exit codes: 0 all limits met, 1 a limit broken
+    or a file not written, 2 bad input, 70 a fault of the program, 130 interrupted.
     """
 
 
@@ -71,6 +72,7 @@ def _run(
         output.watch() as progress,
         opened_run(pipeline, overrides, out, progress, only=only, jobs=jobs, cluster=cluster) as run,
     ):
+        work_in(run.folder)
         result = execute(run, pipeline, overrides, until)
     written = list(dict.fromkeys(run.stages.written))
     if result is None:
@@ -81,13 +83,12 @@ def _run(
             for console in output.consoles(RANKINGS_WIDTH, whole=True):
                 print_rankings(run.ranked, run.selection, console, run.sensitivity, scaling)
         output.made(written)
-        output.result({"written": written, "seconds": output.seconds})
-        return
-    from cmsreduce.report import print_summary
+        output.result({"written": written, "failures": run.stages.failures.data(), "seconds": output.seconds})
+        sys.exit(LIMIT_BROKEN if run.stages.failures.broken else OK)
+    from cmsreduce.pipeline.results import show_summary
     from cmsreduce.write import summary
 
-    for console in output.consoles():
-        print_summary(result, run.folder, console, written=written, elapsed=output.seconds)
+    show_summary(result, run.folder, output, written)
     if output.as_json:
         files = [path for path in sorted(run.folder.iterdir()) if path.is_file()]
         output.result({**summary(result), "folder": run.folder, "files": files, "seconds": output.seconds})
@@ -130,21 +131,23 @@ def check(
 ) -> None:
     """Check a run directory or a component file against limits and a baseline, for CI; exit code 0 or 1."""
     from cmsreduce.pipeline.results import check_result, read_limits, write_junit, write_markdown
-    from cmsreduce.report import finding_data, print_findings
+    from cmsreduce.report import finding_data, meaning, print_findings
 
-    findings = check_result(path, read_limits(file, maxima, tolerances), baseline)
-    print_findings(findings, output)
+    findings, verdict = check_result(path, read_limits(file, maxima, tolerances), baseline)
+    output.line(f"{path}: {verdict.word}: {meaning(verdict)}")
+    print_findings(findings, verdict, output)
     for written, write in ((junit, write_junit), (markdown, write_markdown)):
         if written is not None:
-            write(written, findings, path)
+            write(written, findings, verdict, path)
             output.line(f"wrote {written}")
     failed = sum(not found.passed for found in findings)
     judged = sum(found.judged for found in findings)
-    verdict = f"{failed} of {judged} checks failed" if failed else f"all {judged} checks passed"
+    counts = f"{failed} of {judged} checks failed" if failed else f"all {judged} checks passed"
     worst = next((f"; response error {f.value:.3g} {f.note}" for f in findings if f.label == "frf_error"), "")
-    output.line(f"{verdict}{worst}; {output.seconds:.1f} s")
-    output.result({"checked": path, "passed": not failed, "failed": failed, "judged": judged, **finding_data(findings)})
-    sys.exit(LIMIT_BROKEN if failed else OK)
+    output.line(f"{counts}{worst}; {output.seconds:.1f} s")
+    facts = {"checked": path, "passed": verdict.passed, "failed": failed, "judged": judged}
+    output.result({**facts, **finding_data(findings, verdict)})
+    sys.exit(LIMIT_BROKEN if verdict.word == "FAIL" else OK)
 
 
 @main.command()
@@ -173,19 +176,24 @@ def report(run_dir: Path, png: bool, svg: bool, vtu: bool, tables: bool, output:
     """Write the HTML report of a finished run again, and pictures, shapes and tables as asked for."""
     from cmsreduce.pipeline import reopen, run_result, write_report
     from cmsreduce.pipeline.results import export_pictures, export_shapes, export_tables
-    from cmsreduce.report import worst_error
+    from cmsreduce.pipeline.store import collecting
+    from cmsreduce.report import meaning, worst_error
 
     run = reopen(run_dir)
     result = run_result(run, views=True)
-    files = [write_report(result, run_dir)]
-    for suffix in (".png",) * png + (".svg",) * svg:
-        files += export_pictures(result, run_dir, suffix)
-    files += export_shapes(run, result, run_dir) if vtu else []
-    files += export_tables(result, run_dir) if tables else []
-    output.made(files, where=run_dir, about=worst_error(result))
+    with collecting() as failures:
+        files = [write_report(result, run_dir, failures)]
+        for suffix in (".png",) * png + (".svg",) * svg:
+            files += export_pictures(result, run_dir, suffix)
+        files += export_shapes(run, result, run_dir) if vtu else []
+        files += export_tables(result, run_dir) if tables else []
+    for failure in failures:
+        output.line(f"FAIL  {failure.line}", important=True)
     verdict = result.verdict
-    facts = {"run": run_dir, "verdict": verdict.word, "passed": verdict.passed}
+    output.made(files, where=run_dir, about=f"{verdict.word}: {meaning(verdict)}; {worst_error(result)}")
+    facts = {"run": run_dir, "verdict": verdict.word, "passed": verdict.passed, "failures": failures.data()}
     output.result({**facts, "written": files, "seconds": output.seconds})
+    sys.exit(LIMIT_BROKEN if failures.broken else OK)
 
 
 @main.command()
@@ -210,11 +218,15 @@ def sweep(
     """
     from cmsreduce.pipeline.batch import sweep as swept_pipeline
     from cmsreduce.pipeline.batch import sweep_axes, write_sweep
+    from cmsreduce.pipeline.store import Failures
     from cmsreduce.report import SWEEP_WIDTH, print_sweep, sweep_data
 
     with output.watch() as progress:
         result, folder = swept_pipeline(pipeline, sweep_axes(swept), overrides, out, jobs, progress, cluster)
-    files = write_sweep(result, folder)
+    failures = Failures()
+    files = write_sweep(result, folder, failures)
+    for failure in failures:
+        output.line(f"note: {failure.line}", important=True)
     for console in output.consoles(SWEEP_WIDTH):
         print_sweep(result, files, console)
     output.result(sweep_data(result, files))
@@ -298,11 +310,15 @@ def new(name: str, files: tuple[Path, ...]) -> None:
         click.echo(f"or have it filled in for one body: cmsreduce new {name}2 MATRICES.op4 DECK.bdf")
         return
     from cmsreduce.pipeline.bodies import draft_body
+    from cmsreduce.pipeline.store import collecting
 
-    draft = draft_body(name, files)
+    with collecting() as failures:
+        draft = draft_body(name, files)
     path.write_text(body_pipeline(name, draft), encoding="utf-8")
     if draft.remark:
         click.echo(f"warning: the files do not fit together yet: {draft.remark}", err=True)
+    for failure in failures:
+        click.echo(f"warning: {failure.line}", err=True)
     click.echo(f"{path} written; look at the lines marked CHECK, then: cmsreduce run {path}")
 
 

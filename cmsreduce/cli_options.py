@@ -1,7 +1,8 @@
-"""Options that commands share, and the message and exit code of a command that ends with an error."""
+"""Options that commands share, and the context in which a command ends with one message and one exit code."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
@@ -9,44 +10,49 @@ from typing import Any
 
 import click
 
-from cmsreduce.errors import CmsReduceError
+from cmsreduce.cli_endings import Ending, ending_of, patient_streams
 
 __all__ = [
-    "BAD_INPUT",
-    "INTERRUPTED",
     "Commands",
     "check_options",
     "output_options",
     "pipeline_options",
     "run_options",
+    "work_in",
     "worker_options",
 ]
 
-BAD_INPUT, INTERRUPTED = 2, 130
+_FOLDER, _AS_JSON = f"{__name__}.folder", f"{__name__}.as_json"
+
+
+def work_in(folder: Path) -> None:
+    """Name the run directory of this command, where a crash file belongs."""
+    click.get_current_context().meta[_FOLDER] = folder
 
 
 class _Context(click.Context):
-    """Context of all commands: an error that the user can correct ends them with one clear message."""
+    """Context of all commands: an error ends them with one clear message and its exit code."""
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         # The context of the single command has ended before, with its log, which records the error.
         super().__exit__(kind, error, traceback)
-        code = BAD_INPUT
-        if isinstance(error, CmsReduceError):
-            message = f"error: {error}"
-        elif isinstance(error, OSError):
-            where = f" ({error.filename})" if error.filename else ""
-            message = f"error: {error.strerror or error}{where}"
-        elif isinstance(error, MemoryError):
-            message = "error: not enough memory; lower reduce.cutoff, or reduce the bodies one by one"
-        elif isinstance(error, KeyboardInterrupt):
-            message, code = "interrupted; finished stages are kept and reused by the next run", INTERRUPTED
-        else:
+        as_json = self.meta.get(_AS_JSON, False)
+        if isinstance(error, click.ClickException):
+            # Click prints the message.
+            if as_json:
+                click.echo(Ending(error.exit_code, error.format_message(), type(error).__name__).json)
             return
-        click.echo(message, err=True)
-        raise click.exceptions.Exit(code)
+        if error is None or isinstance(error, (click.exceptions.Exit, click.exceptions.Abort, SystemExit)):
+            return
+        ending = ending_of(error, self.meta.get(_FOLDER), sys.argv)
+        if ending is None:
+            return
+        click.echo(ending.message, err=True)
+        if as_json:
+            click.echo(ending.json)
+        raise click.exceptions.Exit(ending.code)
 
 
 class _Command(click.Command):
@@ -56,12 +62,18 @@ class _Command(click.Command):
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
     ) -> click.Context:
         """Read the options, and open the log."""
+        if parent is not None and "--json" in args:
+            # Also where the other options are wrong.
+            parent.meta[_AS_JSON] = True
         context = super().make_context(info_name, args, parent, **extra)
         if "as_json" in context.params:
             from cmsreduce.report import opened_output
 
             options = {name: context.params.pop(name) for name in ("quiet", "as_json", "log_file")}
             context.params["output"] = context.with_resource(opened_output(**options))
+        for given in context.params.values():
+            if isinstance(given, Path) and (given / "summary.json").is_file():
+                context.meta[_FOLDER] = given
         return context
 
 
@@ -71,6 +83,11 @@ class Commands(click.Group):
     context_class = _Context
     command_class = _Command
     group_class = type
+
+    def main(self, *args: Any, **extra: Any) -> Any:
+        """Run a command, with streams that outlast their readers."""
+        with patient_streams():
+            return super().main(*args, **extra)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of the commands, in order."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import absolute_parts, column_blocks, combine, combined, congruence, row_blocks
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, refine
+from cmsreduce.mechanics import refuse_gain, refuse_overdamped
 from cmsreduce.model import FEModel, ModalComponent, ModeKind, ReducedComponent
 
 __all__ = ["ORTHOGONAL", "STATIC", "orthogonalise", "orthogonality_errors"]
@@ -49,7 +50,10 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
     Raises
     ------
     MatrixError
-        If the basis holds the same shape twice, or a motion with neither mass nor stiffness.
+        If the basis holds the same shape twice, or a motion with neither mass nor stiffness, or if a damping matrix
+        gives energy to a motion of the modes.
+    DampingError
+        If a damping matrix, or Rayleigh factors, leave no mode that oscillates.
     """
     modes, body, r = component.modes, component.body, component.rigid.shape[1]
     try:
@@ -62,13 +66,17 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
     D = None if body.D is None else congruence(body.D, Phi)
     w, s, m = np.sqrt(lam), N.shape[1], modes.m
     zeta = body.damping.ratios(w) if D is None else D.diagonal()[r : m - s] / (2 * w)
+    omega = np.concatenate([np.zeros(r), w, np.full(s, np.inf)])
+    if D is not None:
+        refuse_gain(body, Phi, D, omega)
+    refuse_overdamped(body, w, zeta)
     kind, source = _origin(component, X, N)
     rank, condition = _rank_and_condition(component)
     return ModalComponent(
         body=body,
         method=modes.method,
         Phi=Phi,
-        omega=np.concatenate([np.zeros(r), w, np.full(s, np.inf)]),
+        omega=omega,
         zeta=np.concatenate([np.zeros(r), zeta, np.zeros(s)]),
         rigid_count=r,
         D=D,

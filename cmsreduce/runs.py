@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from cmsreduce.config import not_among
 from cmsreduce.errors import StageError
-from cmsreduce.model import ERRORS, RunResult
+from cmsreduce.model import ERRORS, RunResult, Verdict
 from cmsreduce.pipeline import STAGES, Run, execute
 from cmsreduce.pipeline.batch import opened_run
 from cmsreduce.report import Output
@@ -52,13 +52,18 @@ class FinishedRun:
 
     @property
     def passed(self) -> bool:
-        """True if every limit and every check is met."""
+        """True if the verdict is ``PASS``: limits are set, and each of them and every check is met."""
         return self.result.passed
+
+    @property
+    def verdict(self) -> Verdict:
+        """Verdict on the run: its word, the limits that decide it, and what was proven or trusted."""
+        return self.result.verdict
 
     @property
     def report(self) -> Path:
         """The HTML report."""
-        return self.folder / "report.html" if self.result else Path()
+        return self.folder / "report.html"
 
     @cached_property
     def summary(self) -> dict[str, Any]:

@@ -18,14 +18,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.assemble import body_points, body_ports, modal_substructure, rigid_substructure, state_space
 from cmsreduce.balance import Ranking
-from cmsreduce.config import Pipeline, build_scene, not_among, pipeline_from_keys
-from cmsreduce.errors import ConfigError, DofMapError, SceneError, UnitsError
+from cmsreduce.config import Pipeline, build_scene, not_among, parse_ratio, pipeline_from_keys
+from cmsreduce.errors import ConfigError, DampingError, DofMapError, SceneError, UnitsError
 from cmsreduce.model import SI, Configuration, Damping, FEModel, ModalComponent, ReducedComponent, Units
 from cmsreduce.orthogonalise import orthogonalise as orthonormal_modes
 from cmsreduce.pipeline.bodies import read_rigid
 from cmsreduce.pipeline.choose import ranked, ranking_channels, select, truncate
 from cmsreduce.pipeline.system import AssembledModel
-from cmsreduce.read import InterfaceSpec, MatrixSource
+from cmsreduce.read import InterfaceSpec, MatrixSource, prove_mass_order
 from cmsreduce.read import read_body as read_from_files
 from cmsreduce.write import basic_shapes
 from cmsreduce.write import write_component as write_component_file
@@ -188,10 +188,11 @@ def read_body(
     geometry: str | Path | None = None,
     interfaces: Mapping[str, int | Sequence[int] | InterfaceSpec] | None = None,
     rows: str | Path | Sequence[str] | None = None,
-    damping: float | Damping | None = None,
+    damping: float | str | Damping | None = None,
     damping_matrix: MatrixLike | None = None,
     units: str | Units = SI,
     grounded: bool = False,
+    rows_trusted: bool = False,
 ) -> FEModel:
     """Read a finite-element body, or take its matrices from memory, and prove the order of its rows.
 
@@ -208,14 +209,16 @@ def read_body(
     rows : path, str or sequence of str, optional
         Dof of each row: a dof set of the deck such as ``a``, a file, or texts ``NODE.COMPONENT`` with components
         1 to 6. By default the files state the rows.
-    damping : float or Damping, optional
-        Damping ratio of every elastic mode, or another law.
+    damping : float, str or Damping, optional
+        Damping ratio of every elastic mode, such as 0.005 or ``0.5 %``, or another law.
     damping_matrix : as ``stiffness``, optional
         Viscous damping matrix instead of a law.
     units : str or Units
         Unit system of the data, such as ``mm-t-s``; `in_units` converts a body.
     grounded : bool
         True if the matrices hold the body to the ground.
+    rows_trusted : bool
+        True to go on with rows whose order is not proven; the mass is still checked.
 
     Raises
     ------
@@ -231,18 +234,31 @@ def read_body(
             listed = Path(folder) / "rows.txt"
             listed.write_text("\n".join(rows), encoding="utf-8")
             rows = listed
-        return read_from_files(
+        body = read_from_files(
             name,
             stiffness=_source(stiffness, Path(folder) / "stiffness.npz"),
             mass=_source(mass, Path(folder) / "mass.npz"),
             geometry=None if geometry is None else Path(geometry),
             rows=rows,
-            damping=Damping(modal=damping) if isinstance(damping, (int, float)) else damping,
+            damping=_law(damping),
             damping_matrix=None if damping_matrix is None else _source(damping_matrix, Path(folder) / "damping.npz"),
             units=Units.parse(units) if isinstance(units, str) else units,
             grounded=grounded,
+            rows_trusted=rows_trusted,
             interfaces=specs,
         )
+    prove_mass_order(body)
+    return body
+
+
+def _law(damping: float | str | Damping | None) -> Damping | None:
+    """Law of a body from one ratio of all its modes; another law stays as it is."""
+    if damping is None or isinstance(damping, Damping):
+        return damping
+    ratio = parse_ratio(damping)
+    if not isinstance(ratio, (int, float)):
+        raise DampingError(f"damping '{damping}' is not a ratio, such as 0.005 or '0.5 %'")
+    return Damping(modal=ratio)
 
 
 def _source(matrix: MatrixLike, temporary: Path) -> MatrixSource:

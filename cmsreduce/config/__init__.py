@@ -8,9 +8,11 @@ from cmsreduce.config.cluster import ClusterKeys, load_cluster
 from cmsreduce.config.keys import (
     BASIC,
     CENTRE,
+    CompareKeys,
     Component,
     GeometricStiffnessKeys,
     InterfaceKeys,
+    LimitKeys,
     MatrixFile,
     ModeSetKeys,
     Pipeline,
@@ -23,6 +25,7 @@ from cmsreduce.config.keys import (
     VerifyKeys,
     channel_kind,
     json_schema,
+    parse_ratio,
 )
 from cmsreduce.config.load import load_pipeline, pipeline_from_keys
 from cmsreduce.config.located import Entry, parse
@@ -48,6 +51,8 @@ __all__ = [
     "ScalingKeys",
     "Size",
     "SpinKeys",
+    "CompareKeys",
+    "LimitKeys",
     "VerifyKeys",
     "body_pipeline",
     "build_scene",
@@ -58,6 +63,7 @@ __all__ = [
     "load_pipeline",
     "not_among",
     "parse",
+    "parse_ratio",
     "pipeline_from_keys",
     "starter_pipeline",
 ]

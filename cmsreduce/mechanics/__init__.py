@@ -1,10 +1,12 @@
 """Statics and kinematics of a body, for every stage.
 
-Rigid and undetermined motions, ties, bars, frames, modal integrals, geometric stiffness, integrator steps belong here.
+Rigid and undetermined motions, damping, ties, bars, frames, modal integrals, geometric stiffness and integrator steps
+belong here.
 Matrix algorithms without a mechanical meaning belong in `linalg`; checks with a verdict belong in `verify`.
 """
 
 from cmsreduce.mechanics.bars import end_dofs
+from cmsreduce.mechanics.dissipation import LeastDamping, least_damping, multiple_of, refuse_gain, refuse_overdamped
 from cmsreduce.mechanics.floating_frames import REMOVED, best_fit, floating_frame
 from cmsreduce.mechanics.geometric_stiffness import bars_stiffness, modal_stiffening
 from cmsreduce.mechanics.hidden_motion import condensed_dofs, hidden_motion
@@ -18,6 +20,7 @@ __all__ = [
     "ACCURACIES",
     "Determined",
     "INTEGRATORS",
+    "LeastDamping",
     "REMOVED",
     "Tie",
     "advised_steps",
@@ -30,10 +33,14 @@ __all__ = [
     "floating_frame",
     "hidden_motion",
     "hold_undetermined",
+    "least_damping",
     "lumped_mass",
     "modal_integrals",
     "modal_stiffening",
+    "multiple_of",
     "numerical_damping",
+    "refuse_gain",
+    "refuse_overdamped",
     "rigid_mass",
     "spinning_modes",
     "tie_nodes",

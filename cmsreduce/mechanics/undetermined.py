@@ -197,10 +197,10 @@ def _undetermined_motions(
     rest = np.flatnonzero(~empty)
     inner = sp.csc_array(A[rest][:, rest])
     try:
-        sound = factorise(inner).weakest[1] > max(_SOUND_PIVOT, 1e3 * body.rounding)
+        sound = factorise(inner).weakest[1] > max(_SOUND_PIVOT, 1e3 * body.stiffness_rounding)
     except NotPositiveDefiniteError:
         sound = False
-    found = np.empty((rest.size, 0)) if sound else stiffness_null_space(inner, body.rounding)
+    found = np.empty((rest.size, 0)) if sound else stiffness_null_space(inner, body.stiffness_rounding)
     motions = np.zeros((body.n, found.shape[1]))
     motions[rest] = found
     scale = np.ones(body.n)

@@ -48,6 +48,17 @@ from cmsreduce.model.mapped_array import (
 from cmsreduce.model.mode_set import ModeBlock, ModeCertificate, ModeKind, ModeSet
 from cmsreduce.model.reduced import ModalComponent, ReducedComponent
 from cmsreduce.model.results import *  # noqa: F403 - its own face names what it offers
+from cmsreduce.model.rounding import (
+    ARITHMETIC,
+    CONDENSATION,
+    DOUBLE,
+    PRINTED,
+    SINGLE,
+    entry_errors,
+    pattern_errors,
+    rounding_of_values,
+    spread_noise,
+)
 from cmsreduce.model.scene import (
     DOF_NAMES,
     Channel,
@@ -75,12 +86,15 @@ from cmsreduce.model.unit_conversion import in_units, load_stiffness_in_units, r
 from cmsreduce.model.units import SI, UNITS, UnitKind, Units, units_of
 
 __all__ = [
+    "ARITHMETIC",
     "Bars",
     "CHECKSUM",
+    "CONDENSATION",
     "Channel",
     "Configuration",
     "Controller",
     "DOF_NAMES",
+    "DOUBLE",
     "Damping",
     "DofTable",
     "FEModel",
@@ -110,6 +124,7 @@ __all__ = [
     "ModeSet",
     "Nodes",
     "OutboardMass",
+    "PRINTED",
     "Placement",
     "Point",
     "PointTerm",
@@ -118,6 +133,7 @@ __all__ = [
     "RigidBody",
     "SCALAR",
     "SI",
+    "SINGLE",
     "SQUARES",
     "Scene",
     "Source",
@@ -135,16 +151,20 @@ __all__ = [
     "components_from_digits",
     "cross_matrix",
     "dof_index",
+    "entry_errors",
     "in_units",
     "load_stiffness_in_units",
     "loads_in_words",
     "map_dataset",
     "mapped_array",
     "mapped_in",
+    "pattern_errors",
     "recovery_in_units",
     "rigid_body_shapes",
     "rigid_in_units",
+    "rounding_of_values",
     "shapes_beside",
+    "spread_noise",
     "units_of",
 ]
 __all__ += results.__all__

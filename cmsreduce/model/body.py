@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError, MatrixError, SceneError
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import SCALAR, DofTable, Nodes
+from cmsreduce.model.rounding import CONDENSATION, DOUBLE
 from cmsreduce.model.units import SI, Units
 
 __all__ = ["FEModel", "Interface", "Recovery", "RigidBody", "Source", "UntiedMass"]
 
-# A matrix must be symmetric to this multiple of the rounding of its file, relative to the largest entry: round-off of a
-# solver leaves 1e-16, a missing triangle or a wrong matrix leaves order 1.
+# A matrix must be symmetric to this multiple of the rounding of its file, or to the error of condensation, relative to
+# the largest entry: a missing triangle or a wrong matrix leaves order 1.
 _SYMMETRY_FACTOR = 1e4
 # Round-off of six printed digits may make the inertia about a rod's axis slightly negative.
 _INERTIA_ROUNDING = 1e-6
@@ -148,6 +149,9 @@ class FEModel:
         Unit system of matrices and coordinates.
     rounding : float
         Relative rounding of the numbers in the matrix file (1.1e-16 double, 6e-8 single, 5e-11 for ten digits).
+    noise : float
+        Error of K relative to sqrt(K_ii K_jj) that is not the rounding of its entries, as measured on rigid motion:
+        larger parts cancelled, such as in condensation.
     sets : mapping of str to (k,) int64
         Rows of named dof sets of the source, such as ``b`` and ``q``.
     constrained : DofTable
@@ -159,13 +163,15 @@ class FEModel:
         Mass over the dofs that the body was read with, if some of them are tied: M = T^T M_untied T.
     grounded : bool
         True if the user states that the body is held to the ground, so that K resists rigid motion.
+    rows_trusted : bool
+        True if the user vouches for the order of the rows where it cannot be proven.
     sources : tuple of Source
         Files that the body was read from.
 
     Raises
     ------
     MatrixError
-        If sizes disagree, an entry is not finite, or a matrix is not symmetric to the file's rounding or has a
+        If sizes disagree, an entry is not finite, or a matrix is not symmetric to the body's rounding or has a
         negative diagonal.
     """
 
@@ -178,12 +184,14 @@ class FEModel:
     damping: Damping = field(default_factory=Damping)
     D: sp.csc_array | None = None
     units: Units = SI
-    rounding: float = 2.0**-53
+    rounding: float = DOUBLE
+    noise: float = 0.0
     sets: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
     constrained: DofTable | None = None
     tied: Recovery | None = None
     untied_mass: UntiedMass | None = None
     grounded: bool = False
+    rows_trusted: bool = False
     sources: tuple[Source, ...] = ()
 
     def __post_init__(self) -> None:
@@ -224,7 +232,8 @@ class FEModel:
         largest = float(abs(A.data).max(initial=0.0))
         skew = sp.coo_array(abs(A - A.T))
         worst = float(skew.data.max(initial=0.0))
-        if worst > _SYMMETRY_FACTOR * self.rounding * largest:
+        limit = max(_SYMMETRY_FACTOR * self.rounding, CONDENSATION) * largest
+        if worst > limit:
             at = int(skew.data.argmax())
             i, j = int(skew.row[at]), int(skew.col[at])
             raise MatrixError(
@@ -233,7 +242,7 @@ class FEModel:
                 "one triangle only, mark the matrix as symmetric in it; otherwise the body is not a passive structure"
             )
         diagonal = A.diagonal()
-        if diagonal.min(initial=0.0) < -_SYMMETRY_FACTOR * self.rounding * largest:
+        if diagonal.min(initial=0.0) < -limit:
             at = int(diagonal.argmin())
             raise MatrixError(
                 f"{where} is not positive semidefinite: its diagonal is {diagonal[at]:.6g} at row {at + 1} "
@@ -248,6 +257,11 @@ class FEModel:
     def n(self) -> int:
         """Number of dofs."""
         return len(self.dofs)
+
+    @property
+    def stiffness_rounding(self) -> float:
+        """Relative error of K by any source."""
+        return max(self.rounding, self.noise)
 
     @cached_property
     def recovery(self) -> Recovery:

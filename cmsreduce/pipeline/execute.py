@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cmsreduce.config import load_pipeline
-from cmsreduce.errors import ReadError, StageError
+from cmsreduce.errors import StageError
 from cmsreduce.model import Configuration, RunResult
 from cmsreduce.multifrontal import blas_threads
 from cmsreduce.pipeline.results import (
@@ -20,17 +19,16 @@ from cmsreduce.pipeline.results import (
     integral_frame_of,
     outboard_of,
     run_result,
+    with_failures,
+    write_report,
     write_system_states,
 )
 from cmsreduce.pipeline.run import STAGES, Run
-from cmsreduce.pipeline.store import REPORT, Silent, sole_use
-from cmsreduce.report import render_report, start_packing
-from cmsreduce.write import TARGETS, atomic_path, convert, write_component, write_summary, write_system
+from cmsreduce.pipeline.store import REPORT, Silent, collecting, diagnostic, read_origin, sole_use, write_origin
+from cmsreduce.report import start_packing
+from cmsreduce.write import TARGETS, convert, write_component, write_summary, write_system
 
 __all__ = ["execute", "reopen", "write_report"]
-
-# Pipeline and overrides of a run directory, so that its report can be written again.
-_ORIGIN = "stages/origin.json"
 
 
 def execute(
@@ -61,15 +59,21 @@ def execute(
     CmsReduceError
         If a stage fails; stages finished before it are kept.
     """
+    failures = run.stages.failures
     # Work between stages, and for the report, is dense algebra of small matrices, too.
-    with sole_use(run.folder, run.stages.progress.note), blas_threads(run.stages.solver.threads or 1):
+    with (
+        sole_use(run.folder, run.stages.progress.note),
+        blas_threads(run.stages.solver.threads or 1),
+        collecting(failures),
+    ):
+        failures.clear_log()
         only = run.stages.only
         last = until or only or "write"
         due = {only} if only else set(STAGES[: STAGES.index(last) + 1])
         if only == "project" and run.pipeline.project is None:
             raise StageError("the pipeline has no `project:`; add it, or take `--only project` out")
         if report and last == "write":
-            start_packing()
+            _begin_packing()
         for name in run.flexible_names:
             run.flexible(name)
         # Orthogonalise runs reduce itself, and only where it is not finished.
@@ -87,21 +91,30 @@ def execute(
             _ = run.model
         if "verify" in due and run.pipeline.verify is not None:
             _ = run.verified
-        if "write" in due:
-            _write(run)
         # Only now: a pipeline that cannot be run must not replace the pipeline that the results are from.
-        origin = json.dumps({"pipeline": str(source.resolve()), "overrides": list(overrides)}, indent=2)
-        with atomic_path(run.folder / _ORIGIN) as temporary:
-            temporary.write_text(origin, encoding="utf-8")
-        if "assemble" in due and last != "write":
-            run.stages.written.append(_write_system(run))
+        write_origin(run.folder, source, overrides)
         if last != "write":
+            if "assemble" in due:
+                run.stages.written.extend(_write_system(run))
             return None
-        result = run_result(run, views=report)
-        write_summary(run.folder / "summary.json", result)
+        return _results(run, report=report)
+
+
+def _results(run: Run, *, report: bool) -> RunResult:
+    """Write the results of a run: summary and report first, then component files and files of other programs."""
+    summary, failures = run.folder / "summary.json", run.stages.failures
+    result = run_result(run, views=report)
+    write_summary(summary, result)
+    if report:
+        write_report(result, run.folder, failures)
+    _write(run)
+    final = with_failures(run, result)
+    if final.notes != result.notes:
+        # Both name what has failed since.
+        write_summary(summary, final)
         if report:
-            write_report(result, run.folder)
-        return result
+            write_report(final, run.folder, failures)
+    return final
 
 
 def reopen(folder: Path) -> Run:
@@ -112,81 +125,94 @@ def reopen(folder: Path) -> Run:
     ReadError
         If the folder is no run directory.
     """
-    origin = folder / _ORIGIN
-    if not origin.is_file():
-        raise ReadError(
-            f"{folder}: this is no run directory ({_ORIGIN} is missing); give the `output:` of a finished run"
-        )
-    facts = json.loads(origin.read_text(encoding="utf-8"))
+    facts = read_origin(folder)
     return Run(load_pipeline(Path(facts["pipeline"]), facts["overrides"]), folder, Silent(), only=REPORT)
 
 
-def write_report(result: RunResult, folder: Path) -> Path:
-    """Write the HTML report of a run and return where."""
-    path = folder / "report.html"
-    with atomic_path(path) as temporary:
-        temporary.write_text(render_report(result), encoding="utf-8")
-    return path
+@diagnostic("the compression of the plotting library")
+def _begin_packing() -> None:
+    start_packing()
 
 
 def _write(run: Run) -> None:
+    """Write the files that the pipeline asks for; one that cannot be written is left out by name, and the run fails."""
     if run.pipeline.write is None:
         return
     formats = run.pipeline.write.formats
-    model = run.model.assembled
-    wiring = model.wiring(Configuration("as built"))
+    targets = [target for target in formats if target in TARGETS]
     run.stages.progress.stage("write", "component files")
-    for name, component in run.final.items():
-        columns, L = model.stack.body_columns(name), np.asarray(model.stack.motions(name))
-
-        def on_body(rows: np.ndarray[Any, np.dtype[np.float64]], columns: slice = columns, L: Any = L) -> Any:
-            return rows[:, columns] @ L
-
-        forces, displacements, rates = on_body(wiring.B), on_body(wiring.C1), on_body(wiring.C2)
-        inputs = {c.name: row for c, row in zip(run.scene.actuators, forces, strict=True) if row.any()}
-        measured = zip(run.scene.sensors, displacements, rates, strict=True)
-        outputs = {c.name: (d, v) for c, d, v in measured if d.any() or v.any()}
-        targets = [target for target in formats if target in TARGETS]
-        if "hdf5" not in formats and not targets:
-            continue
+    for name in run.final if "hdf5" in formats or targets else ():
         # Files of other codes are made from the component file alone, which is removed if the user did not ask for it.
         kept = run.folder / f"{name}.h5"
-        path = kept if "hdf5" in formats else run.folder / f"stages/{name}.h5"
-        frame = frame_of(run, name)
-        write_component(
-            path,
-            component,
-            nodes=[int(label) for label in model.substructures[name].motion],
-            inputs=inputs,
-            outputs=outputs,
-            checks=component_checks(run, name),
-            provenance=_provenance(run),
-            all_nodes=run.pipeline.write.all_nodes,
-            frame=frame,
-            about=integral_frame_of(run, name, frame),
-            augmented=outboard_of(run, name),
-            costly=body_costly_modes(run, name),
-            stiffening=run.bodies[name].stiffening,
-        )
+        path = _write_body(run, name, kept if "hdf5" in formats else run.folder / f"stages/{name}.h5")
+        if path is None:
+            continue
         if path == kept:
             run.stages.written.append(path)
         for target in targets:
-            to = run.folder / f"{name}{TARGETS[target].suffix}"
-            run.stages.written.extend(convert(path, to, target, run.pipeline.write.dialects.get(target)))
+            run.stages.written.extend(_write_target(run, name, target, path))
         if path != kept:
             path.unlink()
     if "hdf5" in formats:
-        run.stages.written.append(_write_system(run))
+        run.stages.written.extend(_write_system(run))
     if "matlab" in formats:
-        run.stages.written.append(write_system_states(run))
+        run.stages.written.extend(_write_states(run))
 
 
-def _write_system(run: Run) -> Path:
+@diagnostic("the component file of '{}'", about=lambda run, name, _: name, required=True)
+def _write_body(run: Run, name: str, path: Path) -> Path | None:
+    """Write the component file of a body."""
+    assert run.pipeline.write is not None
+    model, component = run.model.assembled, run.final[name]
+    wiring = model.wiring(Configuration("as built"))
+    columns, L = model.stack.body_columns(name), np.asarray(model.stack.motions(name))
+
+    def on_body(rows: np.ndarray[Any, np.dtype[np.float64]]) -> Any:
+        return rows[:, columns] @ L
+
+    forces, displacements, rates = on_body(wiring.B), on_body(wiring.C1), on_body(wiring.C2)
+    inputs = {c.name: row for c, row in zip(run.scene.actuators, forces, strict=True) if row.any()}
+    measured = zip(run.scene.sensors, displacements, rates, strict=True)
+    outputs = {c.name: (d, v) for c, d, v in measured if d.any() or v.any()}
+    frame = frame_of(run, name)
+    write_component(
+        path,
+        component,
+        nodes=[int(label) for label in model.substructures[name].motion],
+        inputs=inputs,
+        outputs=outputs,
+        checks=component_checks(run, name),
+        provenance=_provenance(run),
+        all_nodes=run.pipeline.write.all_nodes,
+        frame=frame,
+        about=integral_frame_of(run, name, frame),
+        augmented=outboard_of(run, name),
+        costly=body_costly_modes(run, name),
+        stiffening=run.bodies[name].stiffening,
+    )
+    return path
+
+
+@diagnostic("the target {}", tuple, about=lambda run, name, target, _: f"'{target}' of '{name}'", required=True)
+def _write_target(run: Run, name: str, target: str, path: Path) -> tuple[Path, ...]:
+    """Write the file of another program from a component file."""
+    assert run.pipeline.write is not None
+    to = run.folder / f"{name}{TARGETS[target].suffix}"
+    return convert(path, to, target, run.pipeline.write.dialects.get(target))
+
+
+@diagnostic("the file system.h5", tuple, required=True)
+def _write_system(run: Run) -> tuple[Path, ...]:
     path = run.folder / "system.h5"
     model = run.model.assembled
     systems = [model.system(configuration) for configuration in run.scene.configurations]
     write_system(path, systems, provenance=_provenance(run), units=run.scene.units)
-    return path
+    return (path,)
+
+
+@diagnostic("the file system.mat", tuple, required=True)
+def _write_states(run: Run) -> tuple[Path, ...]:
+    return (write_system_states(run),)
 
 
 def _provenance(run: Run) -> Mapping[str, Any]:

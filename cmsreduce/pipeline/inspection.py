@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmsreduce.config import Pipeline, build_scene, load_pipeline
 from cmsreduce.errors import CmsReduceError, ReadError
 from cmsreduce.mechanics import ACCURACIES, INTEGRATORS
-from cmsreduce.model import Finding, Scene, SystemChecks, health_data, loads_in_words
-from cmsreduce.pipeline.bodies import body_health, effective_masses, read_flexible
+from cmsreduce.model import FEModel, Finding, Scene, SystemChecks, health_data, loads_in_words
+from cmsreduce.pipeline.bodies import FlexibleBody, body_health, effective_masses, read_flexible
 from cmsreduce.pipeline.execute import reopen
 from cmsreduce.pipeline.results import (
     body_totals,
@@ -28,6 +29,7 @@ from cmsreduce.pipeline.results import (
     total_lines,
 )
 from cmsreduce.pipeline.run import Run
+from cmsreduce.pipeline.store import collecting, diagnostic
 from cmsreduce.read import detect_format, matrix_names, read_geometry
 from cmsreduce.report import InspectedLine, check_line, health_lines
 from cmsreduce.write import ComponentFile, read_component, summary
@@ -194,8 +196,17 @@ def _bodies(path: Path) -> Inspected:
 
 def _body(pipeline: Pipeline, name: str, scene: Scene) -> Inspected:
     flexible = read_flexible(pipeline, name, scene)
+    with collecting() as failures:
+        found = _described(pipeline, flexible, scene)
+    lost = [failure.line for failure in failures]
+    rows = [*found.rows, *(InspectedLine(line, "note") for line in lost)]
+    return Inspected(rows, {**found.data, "notes": [*found.data["notes"], *lost]})
+
+
+def _described(pipeline: Pipeline, flexible: FlexibleBody, scene: Scene) -> Inspected:
+    name = flexible.body.name
     body, faces = flexible.body, ", ".join(flexible.body.interfaces)
-    health = body_health(body, flexible.rigid)
+    health = body_health(body, flexible.rigid, negative=flexible.negative)
     table, totals = health_table(body, health), body_totals(body)
     rigid_count = flexible.rigid.shape[1]
     rows = [
@@ -226,15 +237,23 @@ def _body(pipeline: Pipeline, name: str, scene: Scene) -> Inspected:
     return Inspected(rows, data)
 
 
+@diagnostic("the totals of the mass of '{}'", dict, about=lambda body: body.name)
+def _totals(body: FEModel) -> Mapping[str, NDArray[np.float64]]:
+    return body_totals(body)
+
+
 def _check_data(check: Finding) -> dict[str, Any]:
     return {"name": check.name, "value": check.value, "limit": check.limit, "passed": check.passed}
 
 
 def _run(path: Path) -> Inspected:
     run = reopen(path)
-    facts = summary(run_result(run))
+    result = run_result(run)
+    facts = summary(result)
     kept = ("name", "passed", "components", "configurations", "figures", "controller", "not_checked")
-    return Inspected(list(_checks(run)), {"kind": "run", **{key: facts[key] for key in kept}})
+    with collecting(run.stages.failures):
+        rows = [*_checks(run), *(InspectedLine(failure.line, "note") for failure in result.failures)]
+    return Inspected(rows, {"kind": "run", **{key: facts[key] for key in kept}})
 
 
 def _checks(run: Run) -> Iterator[InspectedLine]:

@@ -14,15 +14,20 @@ from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import FORMATS, detect_format, matrix_names, read_matrix
 from cmsreduce.read.nastran import (
+    STRAINS,
     BulkDeck,
+    StatedEnergy,
+    StatedMass,
     bars_in_units,
+    deck_energy,
     deck_mass,
+    deck_statement,
     read_bars,
     read_bulk,
     read_followers,
     read_members,
 )
-from cmsreduce.read.row_order import RowOrderProof, prove_row_order
+from cmsreduce.read.row_order import MassOrder, RowOrderProof, prove_mass_order, prove_row_order
 
 __all__ = [
     "BulkDeck",
@@ -32,15 +37,22 @@ __all__ = [
     "GeometryFormat",
     "InterfaceSpec",
     "LabelledMatrix",
+    "MassOrder",
     "MatrixFormat",
     "MatrixInfo",
     "MatrixSource",
     "RowOrderProof",
     "StoredMatrix",
     "bars_in_units",
+    "STRAINS",
+    "StatedEnergy",
+    "StatedMass",
+    "deck_energy",
     "deck_mass",
+    "deck_statement",
     "detect_format",
     "matrix_names",
+    "prove_mass_order",
     "prove_row_order",
     "read_bars",
     "read_body",

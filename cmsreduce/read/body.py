@@ -33,6 +33,7 @@ def read_body(
     damping_matrix: MatrixSource | None = None,
     units: Units = SI,
     grounded: bool = False,
+    rows_trusted: bool = False,
     interfaces: Mapping[str, InterfaceSpec] | None = None,
 ) -> FEModel:
     """Read a body and prove that the rows of its matrices are the dofs that the files name.
@@ -55,7 +56,9 @@ def read_body(
     units : Units
         Unit system of the files; nothing is converted here.
     grounded : bool
-        True if the body is meant to be held to the ground; its row order is not proven then.
+        True if the body is meant to be held to the ground; the nodes away from the ground are still proven.
+    rows_trusted : bool
+        True to go on with rows whose order is not proven. All other checks stay.
     interfaces : mapping of str to InterfaceSpec
         Nodes and dofs at which joints attach.
 
@@ -105,6 +108,7 @@ def read_body(
             sets=sets,
             constrained=_constrained(table, shape),
             grounded=grounded,
+            rows_trusted=rows_trusted,
             sources=sources,
         )
 
@@ -114,12 +118,11 @@ def read_body(
         for table in candidates:
             # A wrong set may lack the interfaces, so the sets are tried without them.
             with contextlib.suppress(DofMapError):
-                prove_row_order(build(table, {}))
-                dofs = table
-                break
+                if prove_row_order(build(table, {})).status != "trusted":
+                    dofs = table
+                    break
     body = build(dofs, interfaces or {})
-    prove_row_order(body)
-    return body
+    return prove_row_order(body).estimated(body)
 
 
 def _set_or_list(rows: Path | str | None, geometry: Geometry | None) -> tuple[str | None, Path | None]:

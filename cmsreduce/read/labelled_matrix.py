@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import DofTable
+from cmsreduce.model import DOUBLE, SINGLE, DofTable
 
 __all__ = [
     "DOUBLE",
@@ -20,12 +20,6 @@ __all__ = [
     "check_size",
     "mirrored",
 ]
-
-DOUBLE = 2.0**-53
-"""Relative rounding of a double-precision number."""
-
-SINGLE = 2.0**-24
-"""Relative rounding of a single-precision number."""
 
 # Files leave out empty rows and columns, so a header may rightly claim more of them than the file has bytes. Up to this
 # number they cost 160 MB of pointers, which is harmless; beyond it the bytes of the file must cover the claim.

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import difflib
 import re
+from dataclasses import replace
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
+from cmsreduce.model import rounding_of_values
 from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, dof_list_beside, read_dof_list
 from cmsreduce.read.files import read_head, require_file
 from cmsreduce.read.formats import MatrixFormat, MatrixInfo, StoredMatrix
@@ -108,6 +110,8 @@ def read_matrix(
             "(form 6): name the matrix of the body, such as KAAX"
         )
     loaded = found.load()
+    # The type of a file may have more digits than its numbers.
+    loaded = replace(loaded, rounding=max(loaded.rounding, rounding_of_values(loaded.A.data)))
     beside = dof_list_beside(path) if chosen.dof_list and loaded.dofs is None else None
     list_path = dofs or beside
     if list_path is None:

@@ -228,7 +228,7 @@ def _loads(body: FEModel, loads: Array | None) -> Array:
 
 def _rigid_modes(body: FEModel) -> Array:
     R = None if body.nodes is None else rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
-    return rigid_body_modes(body.K, body.M, R, body.rounding, body.name)
+    return rigid_body_modes(body.K, body.M, R, body.stiffness_rounding, body.name)
 
 
 def _coordinates(body: FEModel, modes: ModeSet, M: Array, K: Array, rigid: Array) -> Array:
@@ -250,7 +250,7 @@ def _coordinates(body: FEModel, modes: ModeSet, M: Array, K: Array, rigid: Array
         q = q + solve @ (solve.T @ (Phi.T @ force))
         missed = rigid - Phi @ q
     lost = np.sqrt(np.maximum(np.einsum("ij,ij->j", missed, body.M @ missed), 0.0))
-    if (lost > max(_SPANNED, _SPANNED_FACTOR * body.rounding)).any():
+    if (lost > max(_SPANNED, _SPANNED_FACTOR * body.stiffness_rounding)).any():
         raise MatrixError(
             f"body '{body.name}': a rigid-body motion is not in the span of its {modes.method} basis (missed by "
             f"{lost.max():.1e} in the mass norm); the row order or the geometry may be wrong"

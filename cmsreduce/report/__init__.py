@@ -8,7 +8,7 @@ from cmsreduce.report.ci import finding_data, junit_xml, markdown_summary, print
 from cmsreduce.report.csv_tables import csv_tables
 from cmsreduce.report.page import render_report, start_packing
 from cmsreduce.report.pareto import trades
-from cmsreduce.report.pictures import response_picture, sweep_page, sweep_picture, write_pictures
+from cmsreduce.report.pictures import response_picture, run_pictures, sweep_page, sweep_picture, write_pictures
 from cmsreduce.report.terminal import (
     DIFFERENCE_WIDTH,
     RANKINGS_WIDTH,
@@ -25,7 +25,8 @@ from cmsreduce.report.terminal import (
     print_sweep,
     sweep_data,
 )
-from cmsreduce.report.wording import number, numbers, place, worst_error
+from cmsreduce.report.verdict import meaning
+from cmsreduce.report.wording import file_name, number, numbers, place, worst_error
 
 __all__ = [
     "DIFFERENCE_WIDTH",
@@ -35,10 +36,12 @@ __all__ = [
     "SWEEP_WIDTH",
     "check_line",
     "csv_tables",
+    "file_name",
     "finding_data",
     "health_lines",
     "junit_xml",
     "markdown_summary",
+    "meaning",
     "number",
     "numbers",
     "opened_output",
@@ -51,6 +54,7 @@ __all__ = [
     "print_sweep",
     "render_report",
     "response_picture",
+    "run_pictures",
     "start_packing",
     "sweep_data",
     "sweep_page",

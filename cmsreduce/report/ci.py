@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from cmsreduce.model import Finding
+from cmsreduce.model import Finding, Proof, Verdict
 from cmsreduce.report.terminal import Output, figures, table, verdict, words
+from cmsreduce.report.verdict import meaning, verdict_lines
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -39,11 +42,17 @@ def finding_line(finding: Finding) -> str:
 def _cells(finding: Finding) -> tuple[str, ...]:
     """Subject, figure, value, limit and note."""
     limit = f"{finding.limit:.6g}" if finding.judged else ""
-    return finding.subject or "run", finding.name, f"{finding.value:.6g}", limit, finding.note
+    value = "none" if math.isnan(finding.value) else f"{finding.value:.6g}"
+    return finding.subject or "run", finding.name, value, limit, finding.note
 
 
-def print_findings(findings: Sequence[Finding], output: Output) -> None:
-    """Print every finding; a quiet command prints those that failed."""
+def print_findings(findings: Sequence[Finding], found: Verdict, output: Output) -> None:
+    """Print every finding, and what the verdict rests on; a quiet command prints what failed."""
+    for state, text in verdict_lines(found):
+        if state != "FAIL":
+            output.line(f"{state}  {text}")
+    for proof in found.refuted:
+        output.line(f"FAIL  {proof.subject} {proof.what}: {proof.remark}")
     lines = [(f"{found.verdict}  {finding_line(found)}", not found.passed) for found in findings]
     output.rows(lines, lambda console: console.print(_finding_table(findings)))
 
@@ -59,9 +68,15 @@ def _finding_table(findings: Sequence[Finding]) -> Table:
     return table(columns, rows)
 
 
-def finding_data(findings: Sequence[Finding]) -> dict[str, Any]:
-    """Findings as plain values; ``of`` is the component, None for the run; a figure without a limit has None."""
+def finding_data(findings: Sequence[Finding], found: Verdict) -> dict[str, Any]:
+    """Verdict and findings as plain values.
+
+    ``of`` is the component, None for the run; a figure without a limit, and one that was not measured, has None.
+    """
     return {
+        "verdict": found.word,
+        "meaning": meaning(found),
+        "proofs": [asdict(proof) for proof in found.proofs],
         "findings": [
             {
                 "of": each.subject or None,
@@ -72,16 +87,18 @@ def finding_data(findings: Sequence[Finding]) -> dict[str, Any]:
                 "note": each.note,
             }
             for each in findings
-        ]
+        ],
     }
 
 
-def junit_xml(findings: Sequence[Finding], checked: str) -> bytes:
-    """One test case for each finding; a finding without a limit is skipped.
+def junit_xml(findings: Sequence[Finding], found: Verdict, checked: str) -> bytes:
+    """One test case for each finding and each proof; one without a limit, and what is not proven, is skipped.
 
     Parameters
     ----------
     findings : sequence of Finding
+    found : Verdict
+        Its word and meaning are a property of the test suite.
     checked : str
         Path that was checked, the name of the test suite.
 
@@ -90,45 +107,69 @@ def junit_xml(findings: Sequence[Finding], checked: str) -> bytes:
     bytes
         UTF-8.
     """
+    cases = [*(_finding_case(each) for each in findings), *(_proof_case(each) for each in found.proofs)]
     counts = {
-        "tests": str(len(findings)),
-        "failures": str(sum(not finding.passed for finding in findings)),
+        "tests": str(len(cases)),
+        "failures": str(sum(case.find("failure") is not None for case in cases)),
         "errors": "0",
-        "skipped": str(sum(not finding.judged for finding in findings)),
+        "skipped": str(sum(case.find("skipped") is not None for case in cases)),
     }
     root = ET.Element("testsuites", {"name": "cmsreduce check", **counts})
     suite = ET.SubElement(root, "testsuite", {"name": _plain(f"cmsreduce check {checked}"), **counts, "time": "0"})
-    for finding in findings:
-        name = {"classname": _plain(finding.subject or "run"), "name": _plain(finding.name), "time": "0"}
-        case = ET.SubElement(suite, "testcase", name)
-        line = _plain(finding_line(finding))
-        if not finding.judged:
-            ET.SubElement(case, "skipped", {"message": "no limit is set"})
-        elif not finding.passed:
-            ET.SubElement(case, "failure", {"message": line, "type": "limit"}).text = line
-        ET.SubElement(case, "system-out").text = line
+    properties = ET.SubElement(suite, "properties")
+    for name, value in (("verdict", found.word), ("meaning", meaning(found))):
+        ET.SubElement(properties, "property", {"name": name, "value": _plain(value)})
+    suite.extend(cases)
     ET.indent(root)
     body: bytes = ET.tostring(root, encoding="utf-8", xml_declaration=True)
     return body + b"\n"
+
+
+def _case(subject: str, name: str, line: str, state: str, why: str) -> ET.Element:
+    """A test case that passed, failed or was skipped."""
+    case = ET.Element("testcase", {"classname": _plain(subject or "run"), "name": _plain(name), "time": "0"})
+    if state == "skipped":
+        ET.SubElement(case, "skipped", {"message": _plain(why)})
+    elif state == "failed":
+        ET.SubElement(case, "failure", {"message": _plain(line), "type": why}).text = _plain(line)
+    ET.SubElement(case, "system-out").text = _plain(line)
+    return case
+
+
+def _finding_case(finding: Finding) -> ET.Element:
+    state = "passed" if finding.passed else "failed"
+    why = "limit" if finding.judged else "no limit is set"
+    return _case(finding.subject, finding.name, finding_line(finding), state if finding.judged else "skipped", why)
+
+
+def _proof_case(proof: Proof) -> ET.Element:
+    states = {"proven": "passed", "refuted": "failed"}
+    digits = "" if proof.digits is None else f", {math.floor(proof.digits)} digits"
+    line = f"{proof.what}: {proof.state}{digits}{f' - {proof.remark}' if proof.remark else ''}"
+    state = states.get(proof.state, "skipped")
+    return _case(proof.subject, f"proof: {proof.what}", line, state, "proof" if state == "failed" else line)
 
 
 def _plain(text: str) -> str:
     return _FORBIDDEN.sub("?", text)
 
 
-def markdown_summary(findings: Sequence[Finding], checked: str) -> str:
-    """Verdict, then a table of the failed findings, then all others folded away.
+def markdown_summary(findings: Sequence[Finding], found: Verdict, checked: str) -> str:
+    """Verdict and what it rests on, then a table of the failed findings, then all others folded away.
 
     Parameters
     ----------
     findings : sequence of Finding
+    found : Verdict
     checked : str
         Path that was checked.
     """
     failed = [finding for finding in findings if not finding.passed]
-    judged = sum(finding.judged for finding in findings)
-    counts = f"{len(failed)} of {judged} checks failed" if failed else f"all {judged} checks passed"
-    parts = [f"## cmsreduce check {_escaped(checked)}: {'FAIL' if failed else 'pass'}", "", f"{counts}."]
+    parts = [f"## cmsreduce check {_escaped(checked)}: {found.word}", "", f"{_escaped(meaning(found))}."]
+    lines = [(state, words) for state, words in verdict_lines(found) if state != "FAIL"]
+    lines += [("refuted", f"{proof.subject} {proof.what}: {proof.remark}") for proof in found.refuted]
+    if lines:
+        parts += ["", *(f"- {state}: {_escaped(words)}" for state, words in lines)]
     if failed:
         parts += ["", *_markdown_table(failed)]
     others = [finding for finding in findings if finding.passed]

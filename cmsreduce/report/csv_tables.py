@@ -31,7 +31,7 @@ def csv_tables(run: RunResult) -> dict[str, list[tuple[Cell, ...]]]:
         Names of the columns with their units, then rows of numbers in full; None where there is no value.
     """
     models = (run.model, *compared(run))
-    figures = tuple(figure.name for figure in (measured(run) or FIGURES[:3]))
+    figures = tuple(figure.name for figure in (measured(run) or FIGURES))
     results = [(result.configuration.name, result) for result in run.configurations]
     own = [(name, result.errors[run.model]) for name, result in results if run.model in result.errors]
     errors: list[tuple[Cell, ...]] = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +14,9 @@ from cmsreduce.model import ERRORS, Finding, RunResult
 __all__ = [
     "CLOSE_MODES",
     "FIGURES",
+    "MORE_FIGURES",
     "Figure",
-    "broken",
+    "channels_left_out",
     "checked",
     "compared",
     "file_name",
@@ -34,6 +36,8 @@ CLOSE_MODES = 0.1
 """Half-power widths over distance above which a mode's own coefficient may mislead: neighbouring modes act together
 (Gregory's coefficient holds for spacing << 1)."""
 
+# Channels named in a line; summary.json has them all.
+_NAMED = 12
 # A component of a vector below this share of the largest is rounding: a centre of mass on an axis is printed on it.
 _ZERO = 1e-12
 
@@ -71,6 +75,7 @@ class Figure:
 
 FIGURES = (
     Figure("frf_error", "response error", "%", 100.0, "relative error of the elastic response over the band"),
+    Figure("channel_error", "channel error", "%", 100.0, "response error of the worst channel alone"),
     Figure("db_error", "decibel error", "dB", 1.0, "99 % of the points of a Bode plot have a smaller error"),
     Figure("frequency_error", "frequency error", "%", 100.0, "largest shift of a natural frequency in the band"),
     Figure("damping_error", "damping error", "%", 100.0, "largest error of a complex mode's damping ratio in the band"),
@@ -78,6 +83,15 @@ FIGURES = (
 """The errors, in the order they are shown."""
 
 MORE_FIGURES = (
+    Figure("modes_lost", "modes lost", "", 1.0, "modes in the band that only the full system has"),
+    Figure("modes_extra", "modes extra", "", 1.0, "modes in the band that only the reduced system has"),
+    Figure(
+        "frf_error between the sampled configurations",
+        "response error between",
+        "%",
+        100.0,
+        "response error midway between the sampled angles, on a coarser grid",
+    ),
     Figure("peak_error", "peak height", "%", 100.0, "largest error of the height of a channel's highest peak"),
     Figure("frac_error", "shape error (FRAC)", "", 1.0, "1 - FRAC of a channel: 0 for a response of equal shape"),
     Figure("nrfd", "peak shift (NRFD)", "%", 100.0, "largest shift of a resonance that a channel shows as a peak"),
@@ -165,7 +179,9 @@ def compared(run: RunResult) -> tuple[str, ...]:
 
 def worst(run: RunResult, model: str) -> tuple[tuple[Figure, Finding], ...]:
     """Largest value of each error of a model, with its configuration; empty if nothing was verified."""
+    # Only the run's own model is judged: a limit that was not measured has no value there.
     found = run.error_findings(model, ERRORS)
+    found |= {name: each for name, each in run.findings.items() if name in found and model == run.model}
     return tuple((figure, found[figure.name]) for figure in measured(run)) if found else ()
 
 
@@ -180,7 +196,11 @@ def worst_error(run: RunResult) -> str:
     if not (rows := worst(run, run.model)):
         return "no response was verified"
     figure, found = rows[0]
-    return f"worst response error {figure.text(found.value)} {place(found.note)}"
+    if math.isnan(found.value):
+        return "the response error was not measured"
+    text = f"worst response error {figure.text(found.value)} {place(found.note)}"
+    alone = next((each for each in rows if each[0].name == "channel_error"), None)
+    return text if alone is None else f"{text} (worst channel {alone[0].text(alone[1].value)})"
 
 
 def headline(run: RunResult) -> str:
@@ -190,21 +210,12 @@ def headline(run: RunResult) -> str:
     return f"{plural(elastic, 'elastic mode')} → {kept} kept; {worst_error(run)}"
 
 
-def broken(run: RunResult) -> tuple[str, ...]:
-    """Every limit and check that is not met, in words."""
-    rows, projection = [*worst(run, run.model), *checked(run)], run.projection
-    if projection is not None and projection.limit is not None and projection.worst_between is not None:
-        where, error = projection.worst_between
-        rows.append((FIGURES[0], Finding("frf_error", error, projection.limit, where)))
-    limits = [
-        f"{figure.label} {figure.text(found.value)} {place(found.note)} is above its limit {figure.text(found.limit)}"
-        for figure, found in rows
-        if not found.passed
-    ]
-    checks = [
-        f"{name}: {check.name} is {number(check.value)}, above its limit {number(check.limit)}"
-        for name, part in run.components.items()
-        for check in part.checks
-        if not check.passed
-    ]
-    return (*limits, *checks)
+def channels_left_out(run: RunResult) -> tuple[str, ...]:
+    """Channels that no error judges, with the reason."""
+    found = run.left_out_channels.items()
+    return tuple(f"channels left out ({reason}): {_some(names)}" for reason, names in found)
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more

@@ -23,6 +23,7 @@ from cmsreduce.verify.body_matrices import (
 from cmsreduce.verify.constant_loads import gain_sum, static_completeness, step_errors, step_response
 from cmsreduce.verify.controller_stability import controller_response, stability_margin
 from cmsreduce.verify.costly_modes import costly_modes, single_precision
+from cmsreduce.verify.input_rounding import frequency_error_bars, rigid_motions_proof
 from cmsreduce.verify.mass_properties import (
     REALISABLE,
     MassProperties,
@@ -31,6 +32,7 @@ from cmsreduce.verify.mass_properties import (
     integral_change,
     mass_change,
     mass_disorder,
+    moving_directions,
     principal_inertia,
     rigid_mass_properties,
 )
@@ -59,6 +61,7 @@ from cmsreduce.verify.response_error import (
     frac,
     frequency_grid,
     frf_error,
+    heard_channels,
     loud_channels,
     peak_errors,
     peak_shifts,
@@ -90,8 +93,10 @@ __all__ = [
     "effective_mass",
     "frac",
     "free_index",
+    "frequency_error_bars",
     "frequency_grid",
     "frf_error",
+    "heard_channels",
     "gain_sum",
     "grounding",
     "loud_channels",
@@ -103,6 +108,7 @@ __all__ = [
     "locked_index",
     "mass_change",
     "mass_disorder",
+    "moving_directions",
     "momentum_balance",
     "momentum_residual",
     "negative_directions",
@@ -114,6 +120,7 @@ __all__ = [
     "principal_inertia",
     "rigid_mass_properties",
     "rigid_motions",
+    "rigid_motions_proof",
     "scaled_rows",
     "shape_momentum",
     "single_precision",

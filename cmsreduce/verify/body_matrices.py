@@ -9,15 +9,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.sparse import factorise
-from cmsreduce.model import FEModel
+from cmsreduce.model import CONDENSATION, PRINTED, FEModel
 
 __all__ = ["Contrast", "Grounding", "LightDofs", "grounding", "light_dofs", "negative_directions", "stiffness_contrast"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-# Condensation of a slender body leaves errors of this share of a diagonal entry; printed digits leave ten roundings.
-_CONDENSED, _DIGITS = 1e-9, 10.0
 # Mass this far below the median of its kind moves by itself at ten thousand times the frequency of its neighbours: such
 # a number was added to make a matrix regular, and costs time steps.
 _NEARLY = 1e-8
@@ -31,7 +29,7 @@ def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
     A : (n, n) sparse array
         Stiffness or mass, symmetric.
     rounding : float
-        Relative rounding of its entries.
+        Relative error of the matrix.
 
     Returns
     -------
@@ -42,7 +40,7 @@ def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
     own = abs(A.diagonal())
     scale = 1 / np.sqrt(np.where(own > 0, own, own.max(initial=0.0) or 1.0))
     unit = sp.diags_array(scale) @ A @ sp.diags_array(scale)
-    raised = unit + max(_CONDENSED, _DIGITS * rounding) * sp.eye_array(A.shape[0])
+    raised = unit + max(CONDENSATION, PRINTED * rounding) * sp.eye_array(A.shape[0])
     factor = factorise(sp.csc_array(raised), definite=False, what="the scaled matrix")
     return int(factor.negative_pivots) if factor.inertia_known else None
 

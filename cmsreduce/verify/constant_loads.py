@@ -78,7 +78,7 @@ def _balanced(body: FEModel, rigid: Array, loads: Array, interface: NDArray[np.i
     return balanced
 
 
-def gain_sum(omega: Array, B: Array, C: Array, static: Array | None = None) -> GainSum:
+def gain_sum(omega: Array, B: Array, C: Array, static: Array | None = None, reach: Array | None = None) -> GainSum:
     """Static gains of modes of unit modal mass between all inputs and outputs.
 
     Parameters
@@ -91,12 +91,16 @@ def gain_sum(omega: Array, B: Array, C: Array, static: Array | None = None) -> G
         Modal displacement outputs; of a rate sensor, the displacement whose rate it is.
     static : (outputs, inputs) float64, optional
         Gain of static modes.
+    reach : (outputs, inputs) float64, optional
+        Largest static gain that the inputs and outputs could have, static modes included; without these by default. A
+        gain far below it is rounding, and zero here.
     """
     gain = np.einsum("yk,ku,k->kyu", C, B, 1 / omega**2)
     direct = np.zeros(gain.shape[1:]) if static is None else static
-    reach = np.outer(np.linalg.norm(C / omega, axis=1), np.linalg.norm(B / omega[:, None], axis=0))
-    joined = abs(gain).sum(axis=0) > _APART * reach
-    return GainSum(omega / (2 * np.pi), np.where(joined, gain, 0.0), direct)
+    if reach is None:
+        reach = np.outer(np.linalg.norm(C / omega, axis=1), np.linalg.norm(B / omega[:, None], axis=0))
+    joined = abs(gain).sum(axis=0) + abs(direct) > _APART * reach
+    return GainSum(omega / (2 * np.pi), np.where(joined, gain, 0.0), np.where(joined, direct, 0.0))
 
 
 def step_response(A: Array, B: Array, C: Array, D: Array, step: float, count: int) -> Array:
@@ -130,13 +134,15 @@ def step_response(A: Array, B: Array, C: Array, D: Array, step: float, count: in
     return found
 
 
-def step_errors(full: Array, reduced: Array) -> tuple[Array, Array]:
+def step_errors(full: Array, reduced: Array, joined: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
     """Errors of a step response.
 
     Parameters
     ----------
     full, reduced : (t, outputs, inputs) float64
         At the same instants.
+    joined : (outputs, inputs) bool, optional
+        Pairs with a gain that is more than rounding; all by default.
 
     Returns
     -------
@@ -148,6 +154,7 @@ def step_errors(full: Array, reduced: Array) -> tuple[Array, Array]:
     miss = reduced - full
     high, mean = abs(full).max(axis=0, initial=0.0), np.sqrt(np.mean(full**2, axis=0))
     silent = high <= _SILENT * high.max(axis=1, initial=0.0, keepdims=True)
+    silent = silent if joined is None else silent | ~joined
     peak, rms = (
         np.where(silent, np.nan, part / np.where(silent, 1.0, size))
         for part, size in ((abs(miss).max(axis=0, initial=0.0), high), (np.sqrt(np.mean(miss**2, axis=0)), mean))

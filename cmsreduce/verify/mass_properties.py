@@ -19,6 +19,7 @@ __all__ = [
     "integral_change",
     "mass_change",
     "mass_disorder",
+    "moving_directions",
     "principal_inertia",
     "rigid_mass_properties",
 ]
@@ -29,6 +30,8 @@ REALISABLE = 1e-6
 """Printed digits of a mass matrix may put a thin body's inertia this far beyond what mass can have, relative."""
 # The mass of a free body is the same in all directions, to the few digits that a condensed body keeps.
 _SAME_MASS = 1e-3
+# Frames of printed decks are orthonormal to six digits.
+_WHOLE = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,23 +86,55 @@ def mass_disorder(body: FEModel) -> float:
     Parameters
     ----------
     body : FEModel
-        With geometry, and free to move in all directions.
+        With geometry, and free to move in all directions that its rows have.
 
     Returns
     -------
     float
         Largest entry of R^T M R, in its first three rows and with R about the centroid, that rigid mass does not have,
-        relative to the mass, arms in units of the body's size.
+        relative to the mass, arms in units of the body's size. Only directions in which every node can move are
+        compared: a planar body has two.
     """
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so its mass matrix cannot be compared with a rigid one")
     R = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
-    rigid = R[:, :3].T @ (body.M @ R)
-    mass = float(np.trace(rigid[:, :3]) / 3)
+    along = moving_directions(body, R)
+    if not along.size:
+        return 0.0
+    rigid = R[:, along].T @ (body.M @ R)
+    translation, coupling = rigid[:, along], rigid[:, 3 + along]
+    mass = float(np.trace(translation) / along.size)
     size = float(np.ptp(body.nodes.xyz, axis=0).max(initial=0.0)) or 1.0
-    coupling = rigid[:, 3:] / size
-    worst = max(abs(rigid[:, :3] - mass * np.eye(3)).max(), abs(coupling + coupling.T).max())
+    coupling = coupling / size
+    worst = max(abs(translation - mass * np.eye(along.size)).max(), abs(coupling + coupling.T).max())
     return float(worst / mass) if mass > 0 else float("inf")
+
+
+def moving_directions(body: FEModel, R: Array) -> NDArray[np.int64]:
+    """Basic directions 0..2 along which every node with mass can move by its rows, and no node is held.
+
+    Parameters
+    ----------
+    body : FEModel
+        With geometry.
+    R : (n, 6) float64
+        Its rigid-body shapes.
+    """
+    heavy = np.unique(body.dofs.node[body.M.diagonal() > 0])
+    moving = (body.dofs.component > 0) & (body.dofs.component <= 3)
+    rows = np.flatnonzero(moving & np.isin(body.dofs.node, heavy))
+    if not rows.size or body.nodes is None:
+        return np.empty(0, dtype=np.int64)
+    _, of = np.unique(body.dofs.node[rows], return_inverse=True)
+    moved = np.array([np.bincount(of, weights=R[rows, axis] ** 2) for axis in range(3)])
+    free = (moved > 1 - _WHOLE).all(axis=1)
+    if body.constrained is not None:
+        # A consistent mass lost its part between a held node and its neighbours.
+        held = body.constrained[(body.constrained.component > 0) & (body.nodes.index(body.constrained.node) >= 0)]
+        free &= abs(rigid_body_shapes(held, body.nodes)[held.component <= 3, :3]).max(axis=0, initial=0.0) < _WHOLE
+    if body.grounded:
+        free &= bool(np.isin(body.nodes.id, body.dofs.node).all())
+    return np.flatnonzero(free)
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,26 +73,33 @@ class ModePairing:
 
 @dataclass(frozen=True, eq=False)
 class FrequencyPairs:
-    """Modes of the reduced system in the band, each with the mode of the reference model that has the largest MAC.
+    """Modes of the reduced system and of the reference model, one to one, of which at least one is in the band.
 
     Parameters
     ----------
     reduced_hz, full_hz : (k,) float64
         Natural frequencies of the pairs.
     mac : (k,) float64
-        Modal assurance criterion in the mass norm, 1 for the same shape.
+        Modal assurance criterion in the mass norm, 1 for the same shape, or for a shape in the space of reference modes
+        that share a frequency.
     error : (k,) float64
         |reduced - full| / full.
+    lost, extra : (l,), (e,) int64
+        Positions of the reference modes, and of the reduced modes, that are in the band and have no partner.
     """
 
     reduced_hz: Array
     full_hz: Array
     mac: Array
     error: Array
+    lost: Indices
+    extra: Indices
 
     @property
     def worst(self) -> float:
-        """Largest error; 0 if the band holds no mode."""
+        """Largest error; 0 if neither model has a mode in the band, NaN if the band holds modes and no pair."""
+        if not self.error.size and (self.lost.size or self.extra.size):
+            return float("nan")
         return float(self.error.max(initial=0.0))
 
 
@@ -153,14 +160,9 @@ def pair_modes(old_omega: Array, new_omega: Array, old: Array, new: Array) -> Mo
     -----
     Sources: Allemang (MAC); D'Ambrogio, Fregolent (MAC of a space, for repeated frequencies).
     """
-    group = np.concatenate([[0], np.cumsum(np.diff(old_omega) > _ALIKE * old_omega[1:])])[: old_omega.size]
+    group = _groups(old_omega)
     mac = _mac(old, new, group)
-    distance = abs(np.log(new_omega)[None, :] - np.log(old_omega)[:, None])
-    # Capped: a mode without a partner must not separate others to get one.
-    cost = np.minimum(1 - mac + distance, _DIFFERENT)
-    i, j = closest_pairs(cost)
-    same = cost[i, j] < _DIFFERENT
-    i, j = i[same], j[same]
+    i, j = _partners(mac, old_omega, new_omega)
     # Signs of single modes, and the rotation of those that share a frequency.
     turn = np.eye(i.size)
     for each in np.unique(group[i]):
@@ -176,6 +178,21 @@ def pair_modes(old_omega: Array, new_omega: Array, old: Array, new: Array) -> Mo
         gained=np.setdiff1d(np.arange(new_omega.size), j),
         turn=turn,
     )
+
+
+def _groups(omega: Array) -> Indices:
+    """Number of the group of each mode; modes of nearly one frequency (ascending) share a group."""
+    return np.concatenate([[0], np.cumsum(np.diff(omega) > _ALIKE * omega[1:])])[: omega.size].astype(np.int64)
+
+
+def _partners(mac: Array, old_omega: Array, new_omega: Array) -> tuple[Indices, Indices]:
+    """Partners one to one, by MAC and distance of the frequencies; modes that have nothing in common stay alone."""
+    distance = abs(np.log(new_omega)[None, :] - np.log(old_omega)[:, None])
+    # Capped: a mode without a partner must not separate others to get one.
+    cost = np.minimum(1 - mac + distance, _DIFFERENT)
+    i, j = closest_pairs(cost)
+    same = cost[i, j] < _DIFFERENT
+    return i[same], j[same]
 
 
 def _mac(old: Array, new: Array, group: Indices) -> Array:
@@ -197,34 +214,41 @@ def _mac(old: Array, new: Array, group: Indices) -> Array:
     return np.clip(mac, 0.0, 1.0)
 
 
-def pair_frequencies(full: Array, reduced: Array, cross: Array, band_hz: float) -> FrequencyPairs:
-    """Pair frequencies by cross-orthogonality.
-
-    Modes of the reference model that the reduced one leaves out on purpose have no pair and do not count here: their
-    effect in the scene is part of the response errors.
+def pair_frequencies(full: Array, reduced: Array, cross: Array, band_hz: float, low_hz: float = 0.0) -> FrequencyPairs:
+    """Pair natural frequencies one to one by cross-orthogonality and distance; see `pair_modes`.
 
     Parameters
     ----------
     full, reduced : (f,), (k,) float64
-        Natural frequencies in rad/s.
+        Natural frequencies in rad/s, up to some way above the band: the partner of a mode in the band may lie there.
     cross : (f, k) float64
         phi_full^T M phi_reduced, both orthonormal in M.
     band_hz : float
-        Reduced modes above this frequency are left out.
+        Pairs of which both modes lie above this frequency are left out.
+    low_hz : float
+        Modes below this frequency, the lower end of the band, are neither lost nor extra.
 
     Returns
     -------
     FrequencyPairs
+        In the order of the reduced frequencies given.
     """
-    inside = reduced <= 2 * np.pi * band_hz
-    if not full.size or not inside.any():
-        none = np.empty(0)
-        return FrequencyPairs(none, none, none, none)
-    mac = cross[:, inside] ** 2
-    best = mac.argmax(axis=0)
-    w, w_r = full[best], reduced[inside]
+    low, top = 2 * np.pi * low_hz, 2 * np.pi * band_hz
+    order, order_r = np.argsort(full, kind="stable"), np.argsort(reduced, kind="stable")
+    w, w_r = full[order], reduced[order_r]
+    group, part = _groups(w), cross[np.ix_(order, order_r)] ** 2
+    mac = np.zeros(part.shape)
+    for each in np.unique(group):
+        mac[group == each] = part[group == each].sum(axis=0)
+    i, j = _partners(np.clip(mac, 0.0, 1.0), w, w_r)
+    inside = (w[i] <= top) | (w_r[j] <= top)
+    lost = np.setdiff1d(np.flatnonzero((w >= low) & (w <= top)), i)
+    extra = np.setdiff1d(np.flatnonzero((w_r >= low) & (w_r <= top)), j)
+    i, j = i[inside], j[inside]
+    as_given = np.argsort(order_r[j])
+    i, j = i[as_given], j[as_given]
     return FrequencyPairs(
-        w_r / (2 * np.pi), w / (2 * np.pi), mac[best, np.arange(best.size)], abs(w_r - w) / np.maximum(w, 1e-300)
+        w_r[j] / (2 * np.pi), w[i] / (2 * np.pi), mac[i, j], abs(w_r[j] - w[i]) / w[i], order[lost], order_r[extra]
     )
 
 
@@ -245,7 +269,8 @@ def pair_complex_modes(
     inside = abs(reduced) <= 2 * np.pi * band_hz
     if not full.size or not inside.any():
         none = np.empty(0)
-        return DampedPairs(none.astype(np.complex128), none.astype(np.complex128), none, none)
+        alone = int(inside.sum() + np.sum(abs(full) <= 2 * np.pi * band_hz))
+        return DampedPairs(none.astype(np.complex128), none.astype(np.complex128), none, none, alone)
     there, mac = reduced[inside], abs(cross[:, inside]) ** 2
     alike = mac >= _AS_ALIKE * mac.max(axis=0)
     best = np.where(alike, abs(full[:, None] - there), np.inf).argmin(axis=0)

@@ -17,6 +17,7 @@ __all__ = [
     "frac",
     "frequency_grid",
     "frf_error",
+    "heard_channels",
     "loud_channels",
     "lowest_frequency",
     "peak_errors",
@@ -58,7 +59,7 @@ def lowest_frequency(band: tuple[float, float]) -> float:
     return band[0] if band[0] > 0 else float(band[1] / 10**_DECADES)
 
 
-def frequency_grid(band: tuple[float, float], points: int, omega: Array, zeta: Array) -> Array:
+def frequency_grid(band: tuple[float, float], points: int, omega: Array, zeta: Array, coarse: int = 1) -> Array:
     """Logarithmic grid over the band, refined at every resonance, so that no peak is missed.
 
     Parameters
@@ -69,6 +70,8 @@ def frequency_grid(band: tuple[float, float], points: int, omega: Array, zeta: A
         Points before refinement.
     omega, zeta : (k,) float64
         Resonances of both models in rad/s, and their damping ratios.
+    coarse : int
+        One in so many points around each resonance is taken.
 
     Returns
     -------
@@ -78,7 +81,8 @@ def frequency_grid(band: tuple[float, float], points: int, omega: Array, zeta: A
     low, high = lowest_frequency(band), band[1]
     grid = [2 * np.pi * np.geomspace(low, high, points)]
     width = np.where(zeta > 0, zeta, _NO_DAMPING) * omega
-    offsets = _OFFSETS if np.all(zeta > 0) else _OFFSETS[1:]
+    offsets = np.concatenate([_OFFSETS[:1], _OFFSETS[1::coarse]])
+    offsets = offsets if np.all(zeta > 0) else offsets[1:]
     distance = width[:, None] * offsets
     near = (offsets <= _OUTSIDE) | (distance <= _FLANK * omega[:, None])
     for sign in (-1.0, 1.0):
@@ -93,7 +97,11 @@ def decibel_grid(band: tuple[float, float]) -> Array:
 
 
 def channel_scales(
-    inputs: Sequence[Channel], outputs: Sequence[Channel], elastic: Response, total: Response
+    inputs: Sequence[Channel],
+    outputs: Sequence[Channel],
+    elastic: Response,
+    total: Response,
+    omega: Array | None = None,
 ) -> tuple[Array, Array]:
     """Scales that make channels of unlike units comparable.
 
@@ -107,6 +115,9 @@ def channel_scales(
         Channels of the columns and rows.
     elastic, total : (f, outputs, inputs) complex128
         Response of the reference model without and with its rigid-body part.
+    omega : (f,) float64, optional
+        Circular frequencies. The scales come from integrals over them, as the errors do, so that a finer grid does not
+        move them. Without them every point has the same weight.
 
     Returns
     -------
@@ -115,8 +126,8 @@ def channel_scales(
     column : (inputs,) float64
         Factors of the inputs.
     """
-    power = np.mean(abs(elastic) ** 2, axis=0)
-    power[power <= (_ROUND_OFF**2) * np.mean(abs(total) ** 2, axis=0)] = 0.0
+    power = _power(elastic, omega)
+    power[power <= (_ROUND_OFF**2) * _power(total, omega)] = 0.0
     if not outputs or not inputs:
         return np.ones(len(outputs)), np.ones(len(inputs))
     rows, columns = _units(outputs), _units(inputs)
@@ -174,10 +185,35 @@ def db_error(H: Response, H_r: Response, row: Array, column: Array) -> float:
     return worst
 
 
-def loud_channels(H: Response, row: Array, column: Array) -> NDArray[np.bool_]:
-    """Mask (outputs, inputs) of channels that are not silent beside the strongest of their unit; see `db_error`."""
-    size = np.sqrt(np.mean(abs(H) ** 2, axis=0)) * row[:, None] * column[None, :]
+def loud_channels(H: Response, row: Array, column: Array, omega: Array | None = None) -> NDArray[np.bool_]:
+    """Mask (outputs, inputs) of channels that are not silent beside the strongest of all, units made comparable.
+
+    Parameters
+    ----------
+    H : (f, outputs, inputs) complex128
+        Response of the reference model.
+    row, column : float64
+        From `channel_scales`.
+    omega : (f,) float64, optional
+        Circular frequencies, for an integral over them; without them every point has the same weight.
+    """
+    size = np.sqrt(_power(H, omega)) * row[:, None] * column[None, :]
     return np.asarray(size > SILENT * size.max(initial=0.0))
+
+
+def heard_channels(elastic: Response, reach: Array, share: float = _ROUND_OFF) -> NDArray[np.bool_]:
+    """Mask (outputs, inputs) of channels whose elastic response is more than rounding.
+
+    Parameters
+    ----------
+    elastic : (f, outputs, inputs) complex128
+        Response without its rigid-body part, at a few frequencies of the band.
+    reach : (f, outputs, inputs) float64
+        Geometric mean of the motions at the actuator and at the sensor under efforts of their own.
+    share : float
+        Largest share of the reach that is rounding.
+    """
+    return np.asarray((abs(elastic) > share * reach).any(axis=0))
 
 
 def channel_errors(omega: Array, H: Response, H_r: Response) -> Array:
@@ -186,10 +222,12 @@ def channel_errors(omega: Array, H: Response, H_r: Response) -> Array:
     Returns
     -------
     (outputs, inputs) float64
-        sqrt(int |H - H_r|^2 dw / int |H|^2 dw); NaN for a silent channel.
+        sqrt(int |H - H_r|^2 dw / int |H|^2 dw); NaN for a channel that is silent in both models, infinite for one that
+        is silent in the reference model alone.
     """
     miss, size = (np.sqrt(np.trapezoid(abs(X) ** 2, omega, axis=0)) for X in (H - H_r, H))
-    return np.asarray(np.where(size > 0, miss / np.where(size > 0, size, 1.0), np.nan))
+    silent = np.where(miss > 0, np.inf, np.nan)
+    return np.asarray(np.where(size > 0, miss / np.where(size > 0, size, 1.0), silent))
 
 
 def peak_errors(H: Response, H_r: Response) -> Array:
@@ -216,6 +254,13 @@ def frac(H: Response, H_r: Response) -> Array:
     cross = abs(np.sum(H.conj() * H_r, axis=0)) ** 2
     size = np.sum(abs(H) ** 2, axis=0) * np.sum(abs(H_r) ** 2, axis=0)
     return np.where(size > 0, cross / np.where(size > 0, size, 1.0), np.nan)
+
+
+def _power(H: Response, omega: Array | None) -> Array:
+    """Mean square (outputs, inputs): over the points, or over the frequencies by an integral."""
+    if omega is None or omega.size < 2:
+        return np.asarray(np.mean(abs(H) ** 2, axis=0))
+    return np.asarray(np.trapezoid(abs(H) ** 2, omega, axis=0) / (omega[-1] - omega[0]))
 
 
 def _units(channels: Sequence[Channel]) -> NDArray[np.int64]:

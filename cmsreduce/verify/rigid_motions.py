@@ -10,7 +10,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.sparse import Factor, factorise
+from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.sparse import Factor, InsufficientMemoryError, factorise
 from cmsreduce.model import FEModel
 
 __all__ = ["RigidMotions", "rigid_motions"]
@@ -22,6 +23,11 @@ _DENSE_LIMIT = 600
 # The pencil is shifted below zero by this share of the lowest elastic eigenvalue, as estimated by static deflection:
 # small enough to separate rigid from elastic motion, large enough for the digits of the factor.
 _SHIFT = 1e-2
+# The shift is at least so many times the eigenvalue that the rounding of K may give a rigid motion.
+_ABOVE_ROUNDING = 10.0
+# Factors of the shift with which the raised stiffness is factorised, and whether it must be definite; one of these
+# shifts is no eigenvalue.
+_TRIED = ((1.0, True), (1.0, False), (2.0, False), (1e3, False))
 # Elastic modes computed beside the rigid ones, to show the gap between them.
 _BESIDE = 4
 
@@ -85,10 +91,14 @@ def rigid_motions(body: FEModel, geometry: Array) -> RigidMotions:
     ------
     NotPositiveDefiniteError
         If K does not resist every other motion.
+    MatrixError
+        If its lowest modes cannot be computed.
 
     Notes
     -----
-    The comparison of pyYeti's ``cbcheck``, for sparse matrices.
+    The comparison of pyYeti's ``cbcheck``, for sparse matrices. Printed digits of K give rigid motions eigenvalues
+    below zero, which a small shift does not lift. The modes are then found by Lanczos iterations, which need a regular
+    raised stiffness, and no definite one.
     """
     K, M, r = body.K, body.M, geometry.shape[1]
     _, _, order = la.qr((geometry / np.linalg.norm(geometry, axis=0)).T, mode="economic", pivoting=True)
@@ -101,9 +111,13 @@ def rigid_motions(body: FEModel, geometry: Array) -> RigidMotions:
     stiffness = np.zeros_like(geometry)
     stiffness[reference] = at
     stiffness[others] = -held(np.asarray(K[others][:, reference] @ at))
-    shift = _SHIFT * _lowest_elastic(K, M, geometry, held, others)
+    shift = max(
+        _SHIFT * _lowest_elastic(K, M, geometry, held, others),
+        _ABOVE_ROUNDING * _rounding_eigenvalue(K, M, geometry, body.rounding),
+    )
     lam, X = _lowest_modes(K, M, shift, r)
-    eigen = X[:, :r] @ np.linalg.solve(X[reference, :r], at)
+    # Lowest modes that do not hold the reference dofs have no such combination; the nearest one shows how far they are.
+    eigen = X[:, :r] @ np.linalg.lstsq(X[reference, :r], at)[0]
     hz = np.sign(lam) * np.sqrt(abs(lam)) / (2 * np.pi)
     return RigidMotions(reference, geometry, stiffness, eigen, hz[:r], float(hz[r]) if hz.size > r else float("inf"))
 
@@ -118,28 +132,64 @@ def _lowest_elastic(K: sp.csc_array, M: sp.csc_array, R: Array, held: Factor, ot
     U[others] = held(loads[others])
     U -= R @ np.linalg.solve(R.T @ load, R.T @ (M @ U))
     stiffness, mass = np.einsum("ij,ij->j", U, K @ U), np.einsum("ij,ij->j", U, M @ U)
-    good = mass > 0
+    good = (mass > 0) & (stiffness > 0)
     if not good.any():
-        return float(K.diagonal().sum() / M.diagonal().sum())
+        return float(abs(K.diagonal()).sum() / abs(M.diagonal()).sum())
     return float((stiffness[good] / mass[good]).min())
+
+
+def _rounding_eigenvalue(K: sp.csc_array, M: sp.csc_array, R: Array, rounding: float) -> float:
+    """Largest eigenvalue that a rigid motion has by the rounding of the entries of K, found and possible."""
+    mass = np.einsum("ij,ij->j", R, M @ R)
+    found = abs(np.einsum("ij,ij->j", R, K @ R))
+    # Independent errors of the entries add up as their squares do.
+    terms = np.sqrt(np.einsum("ij,ij->j", R**2, K.power(2) @ R**2))
+    possible = max(rounding, float(np.finfo(np.float64).eps)) * terms
+    return float((np.maximum(found, possible) / np.maximum(mass, np.finfo(np.float64).tiny)).max(initial=0.0))
 
 
 def _lowest_modes(K: sp.csc_array, M: sp.csc_array, shift: float, r: int) -> tuple[Array, Array]:
     """Lowest eigenpairs of the pencil, ascending, with a few beyond the rigid ones."""
     n = K.shape[0]
     wanted = min(r + _BESIDE, n - 1)
-    raised = sp.csc_array(K + shift * M)
-    if n <= _DENSE_LIMIT:
-        # In the inverted pencil dofs without mass have the eigenvalue zero, not infinity.
-        _, X = la.eigh(M.toarray(), raised.toarray(), subset_by_index=[n - wanted, n - 1])
-    else:
-        solve = factorise(raised, what="the stiffness raised by mass")
-        inverse = spla.LinearOperator((n, n), matvec=lambda b: solve(np.asarray(b).ravel()), dtype=np.float64)
-        start = np.random.default_rng(1).standard_normal(n)
-        _, X = spla.eigsh(K, k=wanted, M=M, sigma=-shift, OPinv=inverse, v0=start)
+    X = _definite_modes(K, M, shift, wanted) if n <= _DENSE_LIMIT else None
+    for times, definite in _TRIED:
+        if X is None:
+            X = _nearest_modes(K, M, times * shift, wanted, definite=definite)
+    if X is None:
+        raise MatrixError(
+            f"the lowest modes of the stiffness and the mass cannot be computed (shift {shift:.1e}): a motion has "
+            "neither stiffness nor mass, or the entries have no common scale"
+        )
     lam = np.einsum("ij,ij->j", X, K @ X) / np.einsum("ij,ij->j", X, M @ X)
     order = np.argsort(lam)
     return lam[order], X[:, order]
+
+
+def _definite_modes(K: sp.csc_array, M: sp.csc_array, shift: float, wanted: int) -> Array | None:
+    """Lowest modes by dense algebra; None if the raised stiffness is not positive definite."""
+    n = K.shape[0]
+    try:
+        # In the inverted pencil dofs without mass have the eigenvalue zero, not infinity.
+        X = la.eigh(M.toarray(), (K + shift * M).toarray(), subset_by_index=[n - wanted, n - 1])[1]
+    except la.LinAlgError:
+        return None
+    return np.asarray(X)
+
+
+def _nearest_modes(K: sp.csc_array, M: sp.csc_array, shift: float, wanted: int, *, definite: bool) -> Array | None:
+    """Modes nearest to -shift; None if the raised stiffness has no such factor, or the iterations do not end."""
+    n = K.shape[0]
+    start = np.random.default_rng(1).standard_normal(n)
+    try:
+        solve = factorise(sp.csc_array(K + shift * M), definite=definite, what="the stiffness raised by mass")
+        inverse = spla.LinearOperator((n, n), matvec=lambda b: solve(np.asarray(b).ravel()), dtype=np.float64)
+        _, X = spla.eigsh(K, k=wanted, M=M, sigma=-shift, OPinv=inverse, v0=start)
+    except (InsufficientMemoryError, MemoryError):
+        raise
+    except (MatrixError, ArithmeticError, la.LinAlgError, spla.ArpackError):
+        return None
+    return np.asarray(X) if np.isfinite(X).all() else None
 
 
 def _in_mass(M: sp.csc_array, X: Array) -> Array:

@@ -15,9 +15,9 @@ from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.model import Configuration, Joint, Point, Scene
 from cmsreduce.pipeline import execute
-from cmsreduce.pipeline.project.stage import midpoint_configurations
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import Silent
+from cmsreduce.pipeline.system import midpoint_configurations
 from tests.pipeline.study import Log, write_study
 
 # Relative error to which a chosen mode returns: rounding of the frequencies, whatever the spread of the bodies'.

@@ -76,7 +76,7 @@ def large_run(
             full_hz=found,
             reduced_hz=found,
             mac=np.ones(found.size),
-            channel_error=np.full((outputs, inputs), 0.01),
+            channel_errors=np.full((outputs, inputs), 0.01),
             channel_peak=np.full((outputs, inputs), 0.002),
             channel_shift=np.full((outputs, inputs), 1e-4),
             mac_matrix=MacMatrix(natural, found, mac),

@@ -4,7 +4,8 @@ from dataclasses import replace
 import pytest
 
 from cmsreduce.model import Finding
-from cmsreduce.report.wording import FIGURES, broken, headline, number, place, worst
+from cmsreduce.report.verdict import verdict_lines
+from cmsreduce.report.wording import FIGURES, headline, number, place, worst
 from tests.report.sweeps import made_sweep
 
 
@@ -26,7 +27,7 @@ def test_number(value: float, digits: int, text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("which", "value", "text"), [(0, 0.0123456, "1.23 %"), (1, 0.5, "0.5 dB"), (2, 1e-4, "0.01 %")]
+    ("which", "value", "text"), [(0, 0.0123456, "1.23 %"), (2, 0.5, "0.5 dB"), (3, 1e-4, "0.01 %")]
 )
 def test_figure_has_its_unit(which: int, value: float, text: str) -> None:
     assert FIGURES[which].text(value) == text
@@ -59,11 +60,11 @@ def test_a_value_that_is_no_number_is_the_worst(make_run) -> None:
 def test_broken_limits_and_checks_are_named(make_run) -> None:
     run = make_run(limits={"frf_error": 0.015, "db_error": 1.0})
     rotor = replace(run.components["rotor"], checks=(Finding("orthogonality in M", 1e-3, 1e-8),))
-    assert broken(replace(run, components={"rotor": rotor})) == (
-        "response error 2 % at spin=45 cone=30 is above its limit 1.5 %",
-        "rotor: orthogonality in M is 0.001, above its limit 1e-08",
-    )
-    assert broken(make_run()) == ()
+    assert verdict_lines(replace(run, components={"rotor": rotor}).verdict) == [
+        ("FAIL", "response error 2 % at spin=45 cone=30 is above its limit 1.5 %"),
+        ("FAIL", "rotor: orthogonality in M is 0.001, above its limit 1e-08"),
+    ]
+    assert verdict_lines(make_run().verdict) == []
 
 
 def test_the_scene_as_built_is_named_as_such(make_run) -> None:

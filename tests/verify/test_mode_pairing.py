@@ -134,9 +134,45 @@ def test_a_frequency_left_out_has_no_pair():
     assert pairs.worst == 0.0
 
 
-def test_frequencies_above_the_band_are_left_out():
+def test_pairs_above_the_band_are_left_out():
+    """The partner of a mode at the edge of the band may lie above it."""
     pairs = pair_frequencies(NATURAL, NATURAL * 1.1, np.eye(4), 2.2)
+    np.testing.assert_allclose(pairs.full_hz, [1.0, 2.0, 2.01])
+    np.testing.assert_allclose(pairs.error, 0.1)
+    assert not pairs.lost.size and not pairs.extra.size
+
+
+def test_two_reduced_modes_never_share_a_partner():
+    """By the largest MAC alone both would take the first mode, and the second one would not be missed."""
+    cross = np.array([[0.95, 0.75], [0.1, 0.6]])
+    pairs = pair_frequencies(NATURAL[:2], NATURAL[:2] * 1.01, cross, 10.0)
     np.testing.assert_allclose(pairs.full_hz, [1.0, 2.0])
+    np.testing.assert_allclose(pairs.error, 0.01)
+
+
+@pytest.mark.parametrize("gone", range(4))
+def test_modes_without_a_partner_are_lost_or_extra(gone):
+    rest = np.delete(np.arange(4), gone)
+    fewer = pair_frequencies(NATURAL, NATURAL[rest], np.eye(4)[:, rest], 10.0)
+    assert fewer.lost.tolist() == [gone] and not fewer.extra.size and fewer.worst == 0.0
+    more = pair_frequencies(NATURAL[rest], NATURAL, np.eye(4)[rest], 10.0)
+    assert more.extra.tolist() == [gone] and not more.lost.size
+    # Outside of the band nothing is lost.
+    assert not pair_frequencies(NATURAL, NATURAL[rest], np.eye(4)[:, rest], 10.0, 6.0).lost.size
+
+
+@pytest.mark.parametrize("angle", [0.3, 0.8, 1.2])
+def test_a_repeated_pair_may_be_turned(angle):
+    """Of a round bar, two modes at one frequency come in any rotation; one of them alone still has a partner."""
+    w = 2 * np.pi * np.array([3.0, 3.0, 8.0])
+    c, s = np.cos(angle), np.sin(angle)
+    cross = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    pairs = pair_frequencies(w, w, cross, 10.0)
+    np.testing.assert_allclose(pairs.mac, 1.0)
+    assert pairs.full_hz.size == 3 and not pairs.lost.size
+    one = pair_frequencies(w, w[[0, 2]], cross[:, [0, 2]], 10.0)
+    np.testing.assert_allclose(one.mac, 1.0)
+    assert one.lost.size == 1 and one.lost[0] in (0, 1)
 
 
 def test_a_mixed_shape_says_so():
@@ -148,6 +184,13 @@ def test_a_mixed_shape_says_so():
 @pytest.mark.parametrize(("full", "reduced"), [(0, 2), (2, 0)])
 def test_no_frequencies_to_pair(full, reduced):
     pairs = pair_frequencies(NATURAL[:full], NATURAL[:reduced], np.zeros((full, reduced)), 10.0)
+    # There are modes and no pair: nothing was measured.
+    assert pairs.error.size == 0 and np.isnan(pairs.worst)
+    assert (pairs.lost.size, pairs.extra.size) == (full, reduced)
+
+
+def test_without_modes_in_the_band_there_is_no_error():
+    pairs = pair_frequencies(NATURAL, NATURAL, np.eye(4), 0.5)
     assert (pairs.error.size, pairs.worst) == (0, 0.0)
 
 
@@ -200,4 +243,4 @@ def test_a_mode_without_damping_has_no_error():
 def test_no_roots_to_pair(full, reduced):
     s = roots(HZ, ZETA)
     pairs = pair_complex_modes(s[:full], s[:reduced], np.zeros((full, reduced), complex), 10.0)
-    assert (pairs.error.size, pairs.worst) == (0, 0.0)
+    assert pairs.error.size == 0 and np.isnan(pairs.worst)

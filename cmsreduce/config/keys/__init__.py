@@ -12,13 +12,15 @@ from cmsreduce.config.keys.interface import InterfaceKeys
 from cmsreduce.config.keys.joints import Articulation
 from cmsreduce.config.keys.mapping import Count, Keys, check_name, parse_point
 from cmsreduce.config.keys.pipeline import Memory, Pipeline, json_schema
-from cmsreduce.config.keys.quantities import Quantity
+from cmsreduce.config.keys.quantities import Quantity, parse_ratio
 from cmsreduce.config.keys.scene import SceneKeys
-from cmsreduce.config.keys.stages import ModeSetKeys, ProjectKeys, ReduceKeys, VerifyKeys
+from cmsreduce.config.keys.stages import CompareKeys, LimitKeys, ModeSetKeys, ProjectKeys, ReduceKeys, VerifyKeys
 from cmsreduce.config.keys.stiffening import GeometricStiffnessKeys, SpinKeys
 from cmsreduce.config.keys.write import BASIC, CENTRE
 
 __all__ = [
+    "CompareKeys",
+    "LimitKeys",
     "ActuatorKeys",
     "Articulation",
     "BASIC",
@@ -48,5 +50,6 @@ __all__ = [
     "check_name",
     "json_schema",
     "parse_point",
+    "parse_ratio",
     "parse_row",
 ]

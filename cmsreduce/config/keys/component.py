@@ -20,6 +20,7 @@ from cmsreduce.config.keys.mapping import (
     LengthVector,
     Number,
     Positive,
+    Ratio,
     UnitSystem,
     Vector,
     exactly_one,
@@ -61,15 +62,17 @@ class DampingKeys(Keys):
 
     alternatives: ClassVar[tuple[str, ...]] = _LAWS
 
-    modal: Number | None = Field(
-        default=None, description="One damping ratio for every elastic mode.", examples=[0.005]
+    modal: Ratio | None = Field(
+        default=None,
+        description="One damping ratio for every elastic mode, such as 0.005 or 0.5 %; one or more must have its %.",
+        examples=[0.005, "0.5 %"],
     )
-    table: tuple[Annotated[tuple[Frequency, Number], BeforeValidator(_check_pair)], ...] | None = Field(
+    table: tuple[Annotated[tuple[Frequency, Ratio], BeforeValidator(_check_pair)], ...] | None = Field(
         default=None,
         description="Damping ratio over frequency (Hz without a unit), interpolated linearly, constant outside.",
         examples=[[["1 Hz", 0.01], ["10 Hz", 0.005]]],
     )
-    per_mode: tuple[Number, ...] | None = Field(
+    per_mode: tuple[Ratio, ...] | None = Field(
         default=None,
         description="Damping ratio of each elastic mode in order of frequency; the last one holds for the rest.",
         examples=[[0.01, 0.01, 0.005]],
@@ -79,7 +82,7 @@ class DampingKeys(Keys):
         description="Damping matrix alpha M + beta K; alpha M does not act on rigid motion.",
         examples=[{"alpha": 0.1, "beta": 1e-05}],
     )
-    structural: Number | None = Field(
+    structural: Ratio | None = Field(
         default=None, description="Loss factor g: complex stiffness K (1 + i g).", examples=[0.01]
     )
     matrix: MatrixFile | None = Field(
@@ -192,7 +195,7 @@ class Component(Keys):
     rows: RowOrder | None = Field(
         default=None,
         description="Order of the matrix rows: a set of the deck (a, f, g, b, ...) or a dof list file; by default the "
-        "order that the sources state.",
+        "order that the sources state. `trusted`, or `trusted: true` beside the order, goes on without a proof.",
         examples=["a"],
     )
     interfaces: dict[InterfaceName, InterfaceKeys] = Field(
@@ -208,7 +211,8 @@ class Component(Keys):
     )
     grounded: Flag = Field(
         default=False,
-        description="The matrices include supports to the ground, so that the stiffness resists rigid motion.",
+        description="The matrices include supports to the ground, so that the stiffness resists rigid motion. The rows "
+        "of all nodes away from the supports are still proven.",
         examples=[True],
     )
     geometric_stiffness: GeometricStiffnessKeys | None = Field(

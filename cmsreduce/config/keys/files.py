@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from pydantic import Field, model_validator
 
-from cmsreduce.config.keys.mapping import DataPath, Keys, Plain, exactly_one
+from cmsreduce.config.keys.mapping import DataPath, Flag, Keys, Plain, exactly_one
 
 __all__ = ["ControllerFile", "GeometryFile", "MatrixFile", "RowOrder"]
 
@@ -52,7 +52,7 @@ class ControllerFile(Keys):
 
 
 class RowOrder(Keys):
-    """Order of the matrix rows: a set of the deck, or a dof list; a lone text is either of them."""
+    """Order of the matrix rows: a set of the deck, or a dof list; a lone text is either of them, or ``trusted``."""
 
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"type": "string"},)
 
@@ -62,15 +62,23 @@ class RowOrder(Keys):
         description="File with one dof per row, relative to the file it is written in.",
         examples=["rotor.dof"],
     )
+    trusted: Flag = Field(
+        default=False,
+        description="Go on with rows whose order is not proven; the verdict names the body. All other checks stay.",
+        examples=[True],
+    )
 
     @classmethod
     def written_out(cls, value: object) -> object:
-        """One or two small letters name a set, everything else a file."""
+        """The word ``trusted`` is the key; one or two small letters name a set, everything else a file."""
+        if value == "trusted":
+            return {"trusted": True}
         if isinstance(value, str):
             return {"set" if _SET_NAME.fullmatch(value) else "file": value}
         return value
 
     @model_validator(mode="after")
     def _one(self) -> RowOrder:
-        exactly_one(self, ("set", "file"), "rows")
+        if not (self.trusted and self.set is None and self.file is None):
+            exactly_one(self, ("set", "file"), "rows")
         return self

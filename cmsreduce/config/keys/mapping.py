@@ -24,7 +24,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from cmsreduce.config.keys.quantities import Quantity, measure, parse_quantity
+from cmsreduce.config.keys.quantities import Quantity, measure, parse_quantity, parse_ratio
 from cmsreduce.config.located import Text
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.model import DOF_NAMES, Point, Units, dof_index
@@ -43,6 +43,7 @@ __all__ = [
     "Plain",
     "PointName",
     "Positive",
+    "Ratio",
     "UnitSystem",
     "Vector",
     "Written",
@@ -266,6 +267,8 @@ Frequency = Annotated[
     WithJsonSchema(_QUANTITY_SCHEMA),
 ]
 """Frequency in Hz."""
+Ratio = Annotated[float, Strict(), BeforeValidator(reported(parse_ratio)), WithJsonSchema(_QUANTITY_SCHEMA)]
+"""Ratio of damping: a fraction below one, or per cent with their sign."""
 Written = Annotated[
     Quantity,
     BeforeValidator(reported(parse_quantity)),

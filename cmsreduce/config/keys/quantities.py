@@ -21,6 +21,7 @@ __all__ = [
     "measure",
     "parse_compound",
     "parse_quantity",
+    "parse_ratio",
 ]
 
 Dimension = Literal["frequency", "angle", "length", "time"]
@@ -66,6 +67,7 @@ _DIMENSION: dict[tuple[ElementFigure, bool], tuple[Powers, str]] = {
     ("inertia", True): ((2, 1, 0), "1e-3 kg*m^2"),
 }
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
+_PERCENT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%\s*")
 _FACTOR = re.compile(r"\s*([*·/]?)\s*([A-Za-z]+)\s*(?:(?:\^|\*\*)?\s*([23])|([²³]))?\s*")
 
 
@@ -172,6 +174,34 @@ def parse_quantity(value: object) -> Quantity:
     if not math.isfinite(number):
         raise UnitsError(f"'{value}' is not a finite number")
     return Quantity(number, _unit_named(form[2] or "", str(value)))
+
+
+def parse_ratio(value: object) -> object:
+    """Read a ratio of damping: a fraction below one, or per cent with their sign.
+
+    Parameters
+    ----------
+    value : object
+        As written in the file. Anything but a number, or a text that ends in ``%``, is returned as it is.
+
+    Raises
+    ------
+    UnitsError
+        If it is one or more without a sign: per cent were meant, or damping beyond the critical one.
+
+    Examples
+    --------
+    >>> parse_ratio("0.5 %"), parse_ratio(0.005), parse_ratio("150 %")
+    (0.005, 0.005, 1.5)
+    """
+    if isinstance(value, str) and (form := _PERCENT.fullmatch(value)):
+        return float(form[1]) / 100
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value) and value >= 1:
+        raise UnitsError(
+            f"{value:g} is {100 * value:g} %: did you mean {value / 100:g}, which is {value:g} %? If {100 * value:g} % "
+            f"is meant, write '{100 * value:g} %'"
+        )
+    return value
 
 
 def _unit_named(text: str, written: str) -> str:

@@ -157,11 +157,29 @@ class LimitKeys(Keys):
         description="Relative error of the elastic response over the band, at the worst configuration.",
         examples=[0.05],
     )
+    channel_error: Positive | None = Field(
+        default=None,
+        description="Relative error of the elastic response of the worst channel; frf_error is that of all together.",
+        examples=[0.1],
+    )
     db_error: Positive | None = Field(
         default=None, description="99th percentile of the error in the band, in dB.", examples=[1.0]
     )
     frequency_error: Positive | None = Field(
-        default=None, description="Relative error of the system's natural frequencies in the band.", examples=[1e-3]
+        default=None,
+        description="Relative error of the system's natural frequencies in the band, paired one to one by shape. It is "
+        "not met if no mode has a partner, nor, without modes_lost, if a main resonance of a channel has none.",
+        examples=[1e-3],
+    )
+    modes_lost: NotNegative | None = Field(
+        default=None,
+        description="Number of modes in the band that the reduced system lacks, in one configuration.",
+        examples=[0],
+    )
+    modes_extra: NotNegative | None = Field(
+        default=None,
+        description="Number of modes in the band that only the reduced system has, in one configuration.",
+        examples=[0],
     )
     damping_error: Positive | None = Field(
         default=None,
@@ -230,6 +248,12 @@ class VerifyKeys(Keys):
         "responses in time. Checks that are named here or have a limit are always done; by default static, gains and "
         "zeros, for bodies of up to 20000 dofs and unreduced systems of up to 600 coordinates.",
         examples=[["static", "gains", "zeros", "step"]],
+    )
+    between: Annotated[int, Strict(), Field(ge=0)] | Literal["all"] = Field(
+        default=16,
+        description="Largest number of midpoint configurations, midway between neighbouring angles, at which frf_error "
+        "is measured and judged, too; `all`, or 0 for none, which a note then says.",
+        examples=["all"],
     )
     compare: dict[Plain, CompareKeys] = Field(
         default={},

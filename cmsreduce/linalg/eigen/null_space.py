@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen.pencil import energy_parts
 from cmsreduce.linalg.sparse import Factor, NotPositiveDefiniteError, factorise
+from cmsreduce.model import CONDENSATION, DOUBLE
 
 __all__ = [
     "DEPENDENT",
@@ -25,7 +26,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_DOUBLE = 2.0**-53
 DEPENDENT = 1e-9
 """A constraint is dependent when its part outside the others is below this share of the largest: coordinates of 8
 digits give the directions of joints no more accurately."""
@@ -52,8 +52,6 @@ _SOUND_PIVOT, _SOUND_ROUNDINGS = 1e-8, 1e3
 # decades below the stiffest leaves twenty.
 _LEFT_BY_FILE = 10.0
 _LEFT_BY_ARITHMETIC = 5.0
-# The entries of a condensed matrix are differences of entries a million times as large, with the rounding of those.
-_LEFT_BY_CONDENSATION = 1e-9
 # The energy of known rigid motions shows the rounding of a file; mechanisms may have this many times as much. The first
 # bending mode of a slender body in single precision is not far above.
 _LIKE_RIGID = 5.0
@@ -141,7 +139,7 @@ def rigid_body_modes(
     R : (n, 6) float64 or None
         Rigid-body shapes from the geometry; None for a body of scalar dofs.
     rounding : float
-        Relative rounding of the matrices' entries.
+        Relative error of K: the rounding of its entries, or its noise if that is larger.
     name : str
         Name of the body, for messages.
     proven : (n, r) float64, optional
@@ -194,7 +192,7 @@ def only_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Array | N
     R : (n, 6) float64 or None
         Rigid-body shapes from the geometry; None for a body of scalar dofs.
     rounding : float
-        Relative rounding of the entries of K.
+        Relative error of K.
 
     Returns
     -------
@@ -227,7 +225,7 @@ def stiffness_null_space(K: sp.csc_array, rounding: float, known: Array | None =
     K : (n, n) sparse array
         Symmetric, positive semidefinite up to rounding.
     rounding : float
-        Relative rounding of its entries.
+        Relative error of K.
     known : (n, r) float64, optional
         Known rigid motions. Their energy shows the rounding of the file. They are returned if there are no others.
 
@@ -245,7 +243,7 @@ def stiffness_null_space(K: sp.csc_array, rounding: float, known: Array | None =
     left = _LEFT_BY_FILE * rounding
     if known is not None and known.shape[1]:
         left = min(left, _LIKE_RIGID * float(abs(_energy_share(scaled, known * d[:, None])).max()))
-    left = max(left, _LEFT_BY_ARITHMETIC * _DOUBLE)
+    left = max(left, _LEFT_BY_ARITHMETIC * DOUBLE)
     # If all vectors are null vectors, there may be more.
     while (null := _is_rounding(_energy_share(scaled, V), left)).all() and V.shape[1] < n:
         V = _weakest(scaled, solve, min(2 * V.shape[1], n))
@@ -263,10 +261,10 @@ def _geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> tup
     Q, s, _ = la.svd(R[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
     Q = Q[:, s > DEPENDENT * s.max()]
     _, s, vt = la.svd(K @ Q, full_matrices=False)
-    shapes, unforced = Q @ vt.T, s <= _RIGID_FACTOR * max(rounding, _DOUBLE) * spla.norm(K, 1)
+    shapes, unforced = Q @ vt.T, s <= _RIGID_FACTOR * max(rounding, DOUBLE) * spla.norm(K, 1)
     scaled, d = _unit_diagonal(K)
     # In a coarse file the force of a weak spring is below the rounding of stiff parts, but its energy is not.
-    limit = max(_LEFT_BY_FILE * rounding, _LEFT_BY_CONDENSATION)
+    limit = max(_LEFT_BY_FILE * rounding, CONDENSATION)
     rigid = unforced & _is_rounding(_energy_share(scaled, shapes * d[:, None]), limit)
     return shapes[:, rigid], shapes[:, ~rigid]
 
@@ -311,7 +309,7 @@ def _unit_diagonal(K: sp.csc_array) -> tuple[sp.csc_array, Array]:
 
 def _is_rounding(share: Array, left: float) -> NDArray[np.bool_]:
     """True where a strain energy is rounding; a negative one is too, unless the matrix is indefinite."""
-    return np.asarray((share <= left) & (share >= -max(left, _LEFT_BY_CONDENSATION)))
+    return np.asarray((share <= left) & (share >= -max(left, CONDENSATION)))
 
 
 def _energy_share(K: sp.csc_array, X: Array) -> Array:

@@ -26,11 +26,14 @@ from cmsreduce.model.results.component import (
 from cmsreduce.model.results.drawing import BodyDrawing, JointDrawing, PortDrawing, SceneDrawing, SystemShapes
 from cmsreduce.model.results.errors import (
     ERRORS,
+    BetweenErrors,
     DampedPairs,
     Finding,
     MacMatrix,
     ModelErrors,
+    UnpairedMode,
 )
+from cmsreduce.model.results.failures import Failure, failure_findings
 from cmsreduce.model.results.health import HealthFinding, health_data
 from cmsreduce.model.results.reduction_checks import (
     CHECKS,
@@ -55,6 +58,7 @@ from cmsreduce.model.results.verdict import PROOFS, Proof, Verdict, judge
 
 __all__ = [
     "AxisCompleteness",
+    "BetweenErrors",
     "BodyDrawing",
     "BoundRecord",
     "CHECKS",
@@ -70,6 +74,7 @@ __all__ = [
     "EffectiveMassCurve",
     "ExtraneousMode",
     "Factorisation",
+    "Failure",
     "Finding",
     "GainSum",
     "HealthFinding",
@@ -99,7 +104,9 @@ __all__ = [
     "SystemChecks",
     "SystemModes",
     "SystemShapes",
+    "UnpairedMode",
     "Verdict",
+    "failure_findings",
     "health_data",
     "judge",
     "short_keys",

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-
-from cmsreduce.model.results.errors import Finding
 
 __all__ = [
     "BoundRecord",
@@ -293,12 +290,3 @@ class ProjectionRecord:
     def worst_between(self) -> tuple[str, float] | None:
         """Midpoint configuration with the largest error, and this error; None if not measured."""
         return max(self.between.items(), key=lambda each: each[1], default=None)
-
-    @property
-    def between_finding(self) -> Finding | None:
-        """Largest error at a midpoint configuration, with the limit of the run; None if not measured."""
-        worst = self.worst_between
-        if worst is None:
-            return None
-        limit = math.inf if self.limit is None else self.limit
-        return Finding("frf_error between the sampled configurations", worst[1], limit, worst[0])

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ERRORS", "DampedPairs", "Finding", "MacMatrix", "ModelErrors"]
+__all__ = ["ERRORS", "BetweenErrors", "DampedPairs", "Finding", "MacMatrix", "ModelErrors", "UnpairedMode"]
 
 Array = NDArray[np.float64]
 
-ERRORS = ("frf_error", "db_error", "frequency_error", "damping_error")
+ERRORS = ("frf_error", "channel_error", "db_error", "frequency_error", "damping_error")
 """Errors of a reduced model that can have a limit, by their names in `ModelErrors`."""
+
+# A mode with a tenth of the highest peak of a channel (-20 dB) is one of its main resonances: nobody leaves it out on
+# purpose, and the error of its frequency has no value.
+_MAIN = 0.1
 
 
 @dataclass(frozen=True)
@@ -92,12 +97,15 @@ class DampedPairs:
         MAC of the complex shapes in the mass norm.
     error : (k,) float64
         |zeta_reduced - zeta_full| / zeta_full; NaN where the reference mode has no damping.
+    alone : int
+        Oscillating modes of either model in the band that have no partner.
     """
 
     full: NDArray[np.complex128]
     reduced: NDArray[np.complex128]
     mac: NDArray[np.float64]
     error: NDArray[np.float64]
+    alone: int = 0
 
     @property
     def full_hz(self) -> NDArray[np.float64]:
@@ -121,8 +129,40 @@ class DampedPairs:
 
     @property
     def worst(self) -> float:
-        """Largest error; 0 if no mode in the band is damped."""
+        """Largest error; 0 if no mode in the band is damped, NaN if the band holds modes and no pair."""
+        if self.alone and not self.error.size:
+            return float("nan")
         return float(np.nanmax(self.error, initial=0.0))
+
+
+@dataclass(frozen=True)
+class UnpairedMode:
+    """Mode in the band that the other model does not have.
+
+    Parameters
+    ----------
+    hz : float
+        Natural frequency.
+    body : str
+        Body with most of its kinetic energy.
+    share : float
+        Share of the kinetic energy in this body.
+    seen : float
+        Largest peak of the mode in any judged channel, as a share of the highest peak of this channel.
+    channel : (int, int), optional
+        Output and input of this channel; None if no channel is judged.
+    """
+
+    hz: float
+    body: str
+    share: float
+    seen: float
+    channel: tuple[int, int] | None = None
+
+    @property
+    def main(self) -> bool:
+        """True for a main resonance of a channel."""
+        return self.seen >= _MAIN
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +176,8 @@ class ModelErrors:
     db_error : float
         99th percentile of the decibel error, worst channel.
     frequency_error : float
-        Largest relative error of a natural frequency in the band, paired by shape.
+        Largest relative error of a natural frequency in the band, paired one to one; NaN if the band holds modes and no
+        pair.
     frac : (outputs, inputs) float64
         Frequency response assurance criterion per channel, NaN where silent.
     full_hz, reduced_hz, mac : (k,) float64
@@ -154,12 +195,19 @@ class ModelErrors:
         the strongest one of their unit.
     frac_error : float, optional
         1 less the smallest criterion of the same channels.
-    channel_error, channel_peak : (outputs, inputs) float64, optional
-        Relative error of the elastic response, and of its highest peak, channel by channel; NaN where silent.
+    channel_errors, channel_peak : (outputs, inputs) float64, optional
+        Relative error of the elastic response, and of its highest peak, channel by channel; NaN where silent. The error
+        is infinite where only the reference model is silent.
     channel_shift : (outputs, inputs) float64, optional
         Largest relative shift of a natural frequency with a peak in the channel; NaN where there is no peak.
     nrfd : float, optional
         Largest ``channel_shift`` of the channels that are not silent.
+    heard : (outputs, inputs) bool, optional
+        Channels whose elastic response is more than rounding, in either model.
+    loud : (outputs, inputs) bool, optional
+        Channels that are judged: heard, and not silent beside the strongest one.
+    lost, extra : tuple of UnpairedMode
+        Modes in the band that only the reference model has, and those that only the reduced model has.
     """
 
     frf_error: float
@@ -175,10 +223,44 @@ class ModelErrors:
     seconds: float | None = None
     peak_error: float | None = None
     frac_error: float | None = None
-    channel_error: NDArray[np.float64] | None = None
+    channel_errors: NDArray[np.float64] | None = None
     channel_peak: NDArray[np.float64] | None = None
     channel_shift: NDArray[np.float64] | None = None
     nrfd: float | None = None
+    heard: NDArray[np.bool_] | None = None
+    loud: NDArray[np.bool_] | None = None
+    lost: tuple[UnpairedMode, ...] = ()
+    extra: tuple[UnpairedMode, ...] = ()
+
+    @property
+    def worst_channel(self) -> tuple[int, int] | None:
+        """Output and input of the judged channel with the largest error; None without such a channel."""
+        if self.channel_errors is None:
+            return None
+        judged = np.where(np.isnan(self.channel_errors), -1.0, self.channel_errors)
+        judged = judged if self.loud is None else np.where(self.loud, judged, -1.0)
+        if judged.max(initial=-1.0) < 0:
+            return None
+        y, u = np.unravel_index(int(judged.argmax()), judged.shape)
+        return int(y), int(u)
+
+    @property
+    def channel_error(self) -> float | None:
+        """Relative error of the elastic response of the worst channel; None if it was not measured."""
+        at = self.worst_channel
+        if self.channel_errors is None:
+            return None
+        return float("nan") if at is None else float(self.channel_errors[at])
+
+    @property
+    def modes_lost(self) -> float:
+        """Number of modes in the band that the reduced model lacks."""
+        return float(len(self.lost))
+
+    @property
+    def modes_extra(self) -> float:
+        """Number of modes in the band that only the reduced model has."""
+        return float(len(self.extra))
 
     @property
     def shift(self) -> NDArray[np.float64]:
@@ -189,3 +271,27 @@ class ModelErrors:
     def damping_error(self) -> float | None:
         """Largest relative error of a damping ratio in the band; None for a system without damping."""
         return None if self.damped is None else self.damped.worst
+
+
+@dataclass(frozen=True)
+class BetweenErrors:
+    """Response errors at midpoint configurations.
+
+    Parameters
+    ----------
+    errors : mapping of str to float
+        frf_error by the name of the configuration.
+    midpoints : int
+        Number of all midpoint configurations of the scene.
+    left_out : tuple of str
+        Configurations that cannot be reached, with the reason.
+    """
+
+    errors: Mapping[str, float] = field(default_factory=dict)
+    midpoints: int = 0
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def unmeasured(self) -> int:
+        """Midpoint configurations that can be reached, or were not tried, and have no error."""
+        return self.midpoints - len(self.errors) - len(self.left_out)

@@ -19,6 +19,7 @@ _SECTIONS: dict[str, type | None] = {
     "highest_dof": None,
     "stiffness_contrast": list,
     "negative_motions": dict,
+    "frequency_error_bar": None,
 }
 
 

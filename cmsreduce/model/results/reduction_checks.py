@@ -277,14 +277,20 @@ class ReductionChecks:
             for load, lack in loads.items():
                 add("static_lack", lack, f"{body}, {load}")
         for system in self.systems:
-            rms = None if system.step is None else system.step.rms
-            for name, values in (("gain_error", system.gain_errors), ("step_error", rms)):
+            gains = system.gain_errors if system.full_gains is not None and system.full_gains.size.any() else None
+            rms = None if system.step is None or np.isnan(system.step.rms).all() else system.step.rms
+            # Where no channel responds, there is nothing to measure.
+            for name, values in (("gain_error", gains), ("step_error", rms)):
                 if values is not None and values.size:
                     y, u = np.unravel_index(int(np.nan_to_num(values).argmax()), values.shape)
                     where = f"{system.configuration}, {inputs[int(u)]} to {outputs[int(y)]}"
                     add(name, float(np.nan_to_num(values)[y, u]), where)
             for pair in system.zeros or ():
                 where = f"{system.configuration}, {inputs[pair.input]} to {outputs[pair.output]}"
-                add("zero_error", pair.worst, where)
+                # Without a partner of any zero, no shift was measured.
+                add("zero_error", float("nan") if 0 < pair.lost == pair.shift.size else pair.worst, where)
                 add("zeros_lost", float(pair.lost), where)
-        return {name: max(values, key=lambda each: each[0]) for name, values in found.items()}
+        return {
+            name: max(values, key=lambda each: np.inf if np.isnan(each[0]) else each[0])
+            for name, values in found.items()
+        }

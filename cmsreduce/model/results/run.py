@@ -20,7 +20,8 @@ from cmsreduce.model.results.component import (
     RoundingEffect,
 )
 from cmsreduce.model.results.drawing import SceneDrawing
-from cmsreduce.model.results.errors import ERRORS, Finding, ModelErrors
+from cmsreduce.model.results.errors import ERRORS, BetweenErrors, Finding, ModelErrors, UnpairedMode
+from cmsreduce.model.results.failures import Failure, failure_findings
 from cmsreduce.model.results.health import HealthFinding
 from cmsreduce.model.results.reduction_checks import ControllerMargin, GainSum, ReductionChecks
 from cmsreduce.model.results.verdict import Proof, Verdict, judge
@@ -37,6 +38,14 @@ __all__ = [
 
 # Limits of every controller of a scene: a ratio of one proves nothing, and the reduced loop must be stable.
 _CONTROLLER_LIMITS = {"controller_ratio": float(np.nextafter(1.0, 0.0)), "controller_unstable": 0.0}
+_UNPAIRED = ("modes_lost", "modes_extra")
+# Errors of the modes that both models have: a main resonance without a partner has none.
+_OF_PAIRS = ("frequency_error", "damping_error", "nrfd")
+# Limits on figures that need no response of the system.
+_OF_BODIES = ("static_lack",)
+_BETWEEN = "frf_error between the sampled configurations"
+# Modes named in a note; more do not fit a line.
+_NAMED = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +132,8 @@ class ComponentResult:
         Quantities measured on its matrices and its geometry before the reduction.
     proofs : tuple of Proof
         Facts that the verdict rests on: proven, trusted, unproven or refuted.
+    frequency_error_bars_hz : (k,) float64
+        Error bars of the elastic modes kept, in Hz, by the rounding of the body's files; empty if not computed.
     """
 
     name: str
@@ -141,6 +152,7 @@ class ComponentResult:
     rounding: RoundingEffect | None = None
     health: tuple[HealthFinding, ...] = ()
     proofs: tuple[Proof, ...] = ()
+    frequency_error_bars_hz: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     @property
     def highest_hz(self) -> float:
@@ -240,6 +252,10 @@ class RunResult:
         Margins of the scene's controller, configuration by configuration; empty without one.
     proofs : tuple of Proof
         Facts about the assembled system that the verdict rests on.
+    between : BetweenErrors, optional
+        Errors at midpoint configurations, if verify measured them; those of the project stage are in its record.
+    failures : tuple of Failure
+        Diagnostics, comparisons, pictures and files that failed alone.
     """
 
     name: str
@@ -266,6 +282,8 @@ class RunResult:
     checks: ReductionChecks | None = None
     margins: tuple[ControllerMargin, ...] = ()
     proofs: tuple[Proof, ...] = ()
+    between: BetweenErrors | None = None
+    failures: tuple[Failure, ...] = ()
 
     def __repr__(self) -> str:
         """Name, verdict, sizes and worst errors."""
@@ -279,19 +297,52 @@ class RunResult:
         return {name: finding.value for name, finding in found.items()}
 
     def error_findings(self, model: str, names: Iterable[str]) -> dict[str, Finding]:
-        """Largest value of each error of a model, with its configuration; an error that was not measured is missing."""
+        """Largest value of each error of a model, with its place; an error that was not measured is missing."""
         errors = [(c.configuration.name, c.errors[model]) for c in self.configurations if model in c.errors]
         found = {}
         for name in names:
-            values = [(value, where) for where, each in errors if (value := getattr(each, name)) is not None]
+            values = [(value, where, each) for where, each in errors if (value := getattr(each, name)) is not None]
             if values:
-                found[name] = self._finding(name, *max(values, key=lambda each: _badness(each[0])))
+                value, where, each = max(values, key=lambda one: _badness(one[0]))
+                found[name] = self._finding(name, value, where + self._more(name, each, value))
         return found
+
+    def _more(self, name: str, errors: ModelErrors, value: float) -> str:
+        """Channel, modes, or the reason why there is no value, behind the name of a configuration."""
+        if np.isnan(value):
+            count = len(errors.lost) + len(errors.extra)
+            if name in _OF_PAIRS and count:
+                return f": not measured: none of the {count} modes in the band has a partner in the other model"
+            silent = errors.loud is not None and not errors.loud.any()
+            return ": not measured: no channel has an elastic response" if silent else ""
+        if name == "channel_error" and (at := errors.worst_channel) is not None:
+            return f", {self._channel(at)}"
+        if name in _UNPAIRED and value:
+            return f": {self.named_modes(errors.lost if name == 'modes_lost' else errors.extra)}"
+        return ""
+
+    def _channel(self, at: tuple[int, int]) -> str:
+        return f"{self.inputs[at[1]]} to {self.outputs[at[0]]}"
+
+    def named_modes(self, modes: tuple[UnpairedMode, ...]) -> str:
+        """Modes without a partner in words: frequency, body, and how well the channels show them."""
+        order = sorted(modes, key=lambda each: -each.seen)
+        words = []
+        for each in order[:_NAMED]:
+            seen = (
+                f"{100 * each.seen:.2g} % of the highest peak of {self._channel(each.channel)}" if each.channel else ""
+            )
+            words.append(f"{each.hz:.5g} Hz ({each.share:.0%} in {each.body}; {seen or 'no channel sees it'})")
+        more = f" and {len(order) - _NAMED} more" if len(order) > _NAMED else ""
+        return f"{', '.join(words)}{more}"
 
     @property
     def findings(self) -> dict[str, Finding]:
-        """Largest value of every error and check of the run's own model, with its place and its limit, by name."""
-        found = self.error_findings(self.model, (*ERRORS, "peak_error", "frac_error", "nrfd"))
+        """Every error and check of the run's own model by name: largest value, its place and its limit.
+
+        A limit that was not measured is a finding of value NaN; its note gives the reason.
+        """
+        found = self.error_findings(self.model, (*ERRORS, *_UNPAIRED, "peak_error", "frac_error", "nrfd"))
         checks = {} if self.checks is None else self.checks.figures(self.inputs, self.outputs)
         if self.margins:
             worst = max(self.margins, key=lambda each: _badness(each.ratio))
@@ -299,27 +350,86 @@ class RunResult:
             growing = max(self.margins, key=lambda each: each.unstable or 0)
             if growing.unstable is not None:
                 checks["controller_unstable"] = float(growing.unstable), growing.configuration
-        return found | {name: self._finding(name, value, where) for name, (value, where) in checks.items()}
+        found |= {name: self._finding(name, value, where) for name, (value, where) in checks.items()}
+        if (between := self._between_finding) is not None:
+            found[_BETWEEN] = between
+        found |= {name: self._without_main_modes(found[name]) for name in _OF_PAIRS if name in found}
+        return found | {key: self._unmeasured(key) for key in self.limits if key not in found}
 
     def _finding(self, name: str, value: float, where: str) -> Finding:
         return Finding(name, value, self.limits.get(name, _CONTROLLER_LIMITS.get(name, float("inf"))), where)
 
     @property
+    def _between_finding(self) -> Finding | None:
+        """Largest error at midpoint configurations and at those that were not projected; None if not measured."""
+        record, errors = self.projection, {} if self.between is None else dict(self.between.errors)
+        if record is not None:
+            errors |= record.between
+        if not errors:
+            return None
+        name = max(errors, key=lambda each: _badness(errors[each]))
+        asked = None if record is None else record.limit
+        limit = self.limits.get("frf_error", float("inf")) if asked is None else asked
+        return Finding(_BETWEEN, errors[name], limit, name)
+
+    def _without_main_modes(self, found: Finding) -> Finding:
+        """An error of paired modes; not measured if a main resonance has no partner and no limit counts such modes."""
+        if not found.judged or "modes_lost" in self.limits:
+            return found
+        for result in self.configurations:
+            main = tuple(mode for mode in result.errors[self.model].lost if mode.main)
+            if main:
+                note = f"{result.configuration.name}: not measured: the reduced model lacks {self.named_modes(main)}"
+                return replace(found, value=float("nan"), note=note)
+        return found
+
+    def _unmeasured(self, key: str) -> Finding:
+        """A limit without a measured value."""
+        failed = next((failure.reason for failure in self.failures if key in failure.limits), None)
+        if failed is not None:
+            return self._finding(key, float("nan"), f"not measured: {failed}")
+        if key == "damping_error" and self.configurations:
+            return self._finding(key, 0.0, "neither model has damping")
+        left_out = () if self.checks is None else self.checks.left_out
+        none = [kind for kind, names in (("actuators", self.inputs), ("sensors", self.outputs)) if not names]
+        if none and key not in _OF_BODIES:
+            reason = f"the scene has no {' and no '.join(none)}"
+        elif key.startswith("controller"):
+            reason = "the scene has no controller"
+        elif left_out:
+            reason = "; ".join(left_out)
+        elif key in _OF_BODIES:
+            reason = "no load acts on a reduced body"
+        else:
+            reason = "no channel has an elastic response"
+        return self._finding(key, float("nan"), f"not measured: {reason}")
+
+    @property
+    def left_out_channels(self) -> dict[str, tuple[str, ...]]:
+        """Channels that no error judges, by the reason: in every configuration, of the run's own model."""
+        errors = [each.errors[self.model] for each in self.configurations if self.model in each.errors]
+        masks = [(each.heard, each.loud) for each in errors if each.heard is not None and each.loud is not None]
+        if not masks:
+            return {}
+        heard, loud = (np.any([each[k] for each in masks], axis=0) for k in (0, 1))
+        reasons = {
+            "no elastic response: below 1e-10 of what the actuator and the sensor could have": ~heard,
+            "silent: below 1e-6 (-120 dB) of the strongest channel, units made comparable": heard & ~loud,
+        }
+        return {
+            reason: tuple(self._channel((int(y), int(u))) for y, u in np.argwhere(mask))
+            for reason, mask in reasons.items()
+            if mask.any()
+        }
+
+    @property
     def verdict(self) -> Verdict:
         """Verdict on the run: its limits, the checks of its bodies, and what was proven of them."""
         found = self.findings
-        unmeasured = [
-            Finding(key, float("nan"), self.limits[key], "not measured")
-            for key in sorted(self.limits.keys() - found.keys())
-        ]
-        between = None if self.projection is None else self.projection.between_finding
+        failed = failure_findings(self.failures, _CONTROLLER_LIMITS | dict(self.limits), found)
         checks = [replace(check, subject=name) for name, part in self.components.items() for check in part.checks]
         proofs = [proof for part in self.components.values() for proof in part.proofs]
-        return judge(
-            [*found.values(), *unmeasured, *([between] if between else []), *checks],
-            [*proofs, *self.proofs],
-            limited=bool(self.limits),
-        )
+        return judge([*found.values(), *failed, *checks], [*proofs, *self.proofs], limited=bool(self.limits))
 
     @property
     def passed(self) -> bool:

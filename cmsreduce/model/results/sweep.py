@@ -37,7 +37,7 @@ class SweepRow:
         Elastic modes kept, and columns of the mode sets, of all bodies together.
     n_reduced, n_full : int
         Coordinates of the reduced and of the reference model, in the configuration with the most.
-    frf_error, db_error, frequency_error, damping_error : float
+    frf_error, channel_error, db_error, frequency_error, damping_error : float
         Largest value over all configurations.
     reduce_s : float
         Wall time of reducing all bodies. A point that reuses the result of another point has the time of that point.
@@ -57,6 +57,7 @@ class SweepRow:
     n_reduced: int = 0
     n_full: int = 0
     frf_error: float = float("nan")
+    channel_error: float = float("nan")
     db_error: float = float("nan")
     frequency_error: float = float("nan")
     damping_error: float = float("nan")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -65,16 +66,34 @@ class Verdict:
         Limits that are not met. A limit that was not measured has the value NaN and says why in its note.
     proofs : tuple of Proof
         Body by body, then of the assembled system.
+    met : tuple of Finding
+        Limits that are measured and met.
     """
 
     word: Word
     broken: tuple[Finding, ...] = ()
     proofs: tuple[Proof, ...] = ()
+    met: tuple[Finding, ...] = ()
 
     @property
     def passed(self) -> bool:
         """True for ``PASS`` alone."""
         return self.word == "PASS"
+
+    @property
+    def unmeasured(self) -> tuple[Finding, ...]:
+        """Broken limits without a value."""
+        return tuple(finding for finding in self.broken if math.isnan(finding.value))
+
+    @property
+    def proven(self) -> tuple[Proof, ...]:
+        """What was proven."""
+        return tuple(proof for proof in self.proofs if proof.state == "proven")
+
+    @property
+    def refuted(self) -> tuple[Proof, ...]:
+        """What is not so."""
+        return tuple(proof for proof in self.proofs if proof.state == "refuted")
 
     @property
     def trusted(self) -> tuple[Proof, ...]:
@@ -99,8 +118,8 @@ def judge(findings: Iterable[Finding], proofs: Iterable[Proof], *, limited: bool
     limited : bool
         True if the run sets a limit on an error of its model.
     """
-    proofs = tuple(proofs)
-    broken = tuple(finding for finding in findings if not finding.passed)
+    proofs, judged = tuple(proofs), [finding for finding in findings if finding.judged]
+    broken, met = (tuple(finding for finding in judged if finding.passed is passed) for passed in (False, True))
     if broken or any(proof.state == "refuted" for proof in proofs):
-        return Verdict("FAIL", broken, proofs)
-    return Verdict("PASS" if limited else "not checked", broken, proofs)
+        return Verdict("FAIL", broken, proofs, met)
+    return Verdict("PASS" if limited else "not checked", broken, proofs, met)

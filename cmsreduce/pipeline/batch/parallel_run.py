@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cmsreduce.config import Pipeline, load_pipeline
-from cmsreduce.errors import CmsReduceError
-from cmsreduce.model import ConfigurationResult
+from cmsreduce.model import ConfigurationResult, Failure
 from cmsreduce.pipeline.batch.dask_workers import chosen_workers
 from cmsreduce.pipeline.batch.workers import Workers, common_work
 from cmsreduce.pipeline.run import Run
-from cmsreduce.pipeline.store import CommonWork, Progress, Silent
+from cmsreduce.pipeline.store import CommonWork, Progress, Silent, collecting, report_failures
 from cmsreduce.pipeline.system import ReducedModel
 
 __all__ = ["ParallelRun", "opened_run"]
@@ -80,14 +79,16 @@ class ParallelRun(Run):
         if len(shares) < 2:
             return super().measured(models)
         found: dict[int, ConfigurationResult] = {}
-        for (numbers,), (results, reference_s, reduced_s) in self._outcomes(_measure, shares):
-            found |= dict(zip(numbers, results, strict=True))
+        for _, (results, failures, reference_s, reduced_s) in self._outcomes(_measure, shares):
+            found |= results
+            report_failures(failures)
             self.comparison.reference_seconds += reference_s
             self.comparison.reduced_seconds += reduced_s
         for number, configuration in enumerate(self.scene.configurations):
             if number not in found:
-                (found[number],) = self.comparison.at([configuration], models)
-        return tuple(found[number] for number in range(count))
+                for each in self.comparison.measured([configuration], models):
+                    found[number] = each
+        return tuple(found[number] for number in sorted(found))
 
     def _outcomes(self, work: Any, arguments: Sequence[tuple[Any, ...]]) -> Iterator[tuple[Any, Any]]:
         """Arguments and result of each piece of work that succeeded, in the order they are finished."""
@@ -100,7 +101,8 @@ class ParallelRun(Run):
         for number, future in enumerate(as_completed(futures), 1):
             try:
                 outcome = future.result()
-            except self._workers.lost:
+            except Exception:
+                # The process died, or met an error that this run meets again, and reports.
                 outcome = None
             self.stages.progress.advance(number, len(arguments))
             if outcome is not None:
@@ -166,20 +168,26 @@ def _finish_body(task: _Task, name: str) -> bool | None:
             run.modal(name)
         if run.pipeline.verify is not None and name not in run.mode_sets.unneeded:
             run.reference(name)
-    except CmsReduceError:
+    except Exception:
         # The run that gave the task meets the same error, and reports it.
         return None
     return True
 
 
-def _measure(task: _Task, numbers: Sequence[int]) -> tuple[tuple[ConfigurationResult, ...], float, float] | None:
-    """Results of some configurations, and the wall times of the two models' responses."""
+def _measure(
+    task: _Task, numbers: Sequence[int]
+) -> tuple[dict[int, ConfigurationResult], tuple[Failure, ...], float, float] | None:
+    """Results of some configurations, failures, and the wall times of the two models' responses."""
     try:
         run = _opened(task)
-        models, comparison = run.models(), run.comparison
+        comparison = run.comparison
         # Another task of this process may have used the same model.
         comparison.reference_seconds = comparison.reduced_seconds = 0.0
-        results = comparison.at([run.scene.configurations[number] for number in numbers], models)
-    except CmsReduceError:
+        with collecting() as failed:
+            models = run.models()
+            measured = comparison.measured([run.scene.configurations[number] for number in numbers], models)
+    except Exception:
         return None
-    return results, comparison.reference_seconds, comparison.reduced_seconds
+    names = {each.configuration.name: each for each in measured}
+    results = {number: names[name] for number in numbers if (name := run.scene.configurations[number].name) in names}
+    return results, tuple(failed), comparison.reference_seconds, comparison.reduced_seconds

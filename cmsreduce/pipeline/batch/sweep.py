@@ -24,7 +24,17 @@ from cmsreduce.pipeline.batch.sweep_points import SweepPoint, sweep_points
 from cmsreduce.pipeline.batch.workers import Workers, common_work
 from cmsreduce.pipeline.execute import execute
 from cmsreduce.pipeline.run import Run
-from cmsreduce.pipeline.store import STAGES_FOLDER, CommonWork, Progress, Silent, code_version, share_stages
+from cmsreduce.pipeline.store import (
+    STAGES_FOLDER,
+    CommonWork,
+    Failures,
+    Progress,
+    Silent,
+    code_version,
+    collecting,
+    diagnostic,
+    share_stages,
+)
 from cmsreduce.report import sweep_page, sweep_picture, trades
 from cmsreduce.write import atomic_path, write_sweep_csv, write_sweep_table
 
@@ -33,6 +43,8 @@ __all__ = ["sweep", "write_sweep"]
 POINTS_FOLDER = "points"
 """Folder of a sweep with a run directory for each point."""
 
+# Errors of diagnostics for which a point is run again by itself.
+_NO_MEMORY = (InsufficientMemoryError.__name__, MemoryError.__name__)
 # Mean number of batches of a process: small batches keep all processes busy to the end.
 _BATCHES = 8
 
@@ -212,6 +224,8 @@ def _run_point(point: SweepPoint, path: Path, folder: Path, common: CommonWork, 
         # An unexpected error of one point must not end hours of work on other points.
         return _Outcome(point, _failed(point, f"{type(error).__name__}: {error}", started))
     assert result is not None
+    if memory is not None and any(failure.error in _NO_MEMORY for failure in result.failures):
+        return _Outcome(point, None)
     damaged = "; ".join(run.stages.store.damaged)
     return _Outcome(point, replace(_measured(point, result), message=damaged, point_s=time.perf_counter() - started))
 
@@ -266,8 +280,16 @@ def _provenance(path: Path, overrides: Sequence[str], workers: Workers, settings
     }
 
 
-def write_sweep(sweep: SweepResult, folder: Path) -> tuple[Path, ...]:
-    """Write sweep.csv and sweep.h5, and sweep.svg and sweep.html where there are errors to draw; return the files."""
+def write_sweep(sweep: SweepResult, folder: Path, failures: Failures | None = None) -> tuple[Path, ...]:
+    """Write sweep.csv and sweep.h5, and sweep.svg and sweep.html where there are errors to draw; return the files.
+
+    Parameters
+    ----------
+    sweep : SweepResult
+    folder : Path
+    failures : Failures, optional
+        Receives a picture or a page that cannot be drawn.
+    """
     table, store = folder / "sweep.csv", folder / "sweep.h5"
     write_sweep_csv(table, sweep)
     write_sweep_table(store, sweep)
@@ -277,11 +299,23 @@ def write_sweep(sweep: SweepResult, folder: Path) -> tuple[Path, ...]:
         picture.unlink(missing_ok=True)
         page.unlink(missing_ok=True)
         return table, store
-    with atomic_path(picture) as temporary:
+    with collecting(failures):
+        files = [table, store, _write_picture(sweep, picture), _write_page(sweep, page)]
+    return tuple(path for path in files if path is not None)
+
+
+@diagnostic("the picture of the sweep")
+def _write_picture(sweep: SweepResult, path: Path) -> Path | None:
+    with atomic_path(path) as temporary:
         # The temporary name has no suffix of a picture format.
         drawn = temporary.with_suffix(".svg")
         sweep_picture(sweep, drawn)
         drawn.replace(temporary)
-    with atomic_path(page) as temporary:
-        temporary.write_text(sweep_page(sweep), encoding="utf-8")
-    return table, store, picture, page
+    return path
+
+
+@diagnostic("the page of the sweep")
+def _write_page(sweep: SweepResult, path: Path) -> Path | None:
+    with atomic_path(path) as temporary:
+        temporary.write_text(sweep_page(sweep), encoding="utf-8", errors="replace")
+    return path

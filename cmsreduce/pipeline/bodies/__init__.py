@@ -5,6 +5,7 @@ The joined system belongs in `pipeline.system`.
 """
 
 from cmsreduce.pipeline.bodies.bodies import FlexibleBody, probing_loads, read_flexible, read_rigid
+from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_proof, damping_remark
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effective_masses
 from cmsreduce.pipeline.bodies.draft import draft_body
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
@@ -15,11 +16,14 @@ from cmsreduce.pipeline.bodies.wireframe import cells_of, wireframe
 __all__ = [
     "ALL_MODES_LIMIT",
     "BodyHealth",
+    "DampingHealth",
     "FlexibleBody",
     "Reference",
     "body_health",
     "body_reduction",
     "cells_of",
+    "damping_proof",
+    "damping_remark",
     "effective_masses",
     "draft_body",
     "probing_loads",

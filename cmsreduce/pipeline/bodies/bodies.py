@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,9 +14,9 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble import Ports, body_points, body_ports, modal_substructure, physical_substructure
 from cmsreduce.config import Component, InterfaceKeys, MatrixFile, Pipeline
-from cmsreduce.errors import SceneError
+from cmsreduce.errors import DofMapError, SceneError
 from cmsreduce.linalg.eigen import motions_held, only_motions, rigid_body_modes
-from cmsreduce.mechanics import Determined, Tie, check_connected, hold_undetermined, rigid_mass, tie_nodes
+from cmsreduce.mechanics import Determined, Tie, check_connected, hold_undetermined, tie_nodes
 from cmsreduce.model import (
     Damping,
     FEModel,
@@ -34,20 +33,15 @@ from cmsreduce.model import (
     rigid_body_shapes,
     rigid_in_units,
 )
+from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_health
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
+from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
-from cmsreduce.read import InterfaceSpec, MatrixSource, RowOrderProof, deck_mass, prove_row_order, read_body
-from cmsreduce.verify import REALISABLE, inertia_excess, mass_disorder, rigid_mass_properties
+from cmsreduce.read import InterfaceSpec, MatrixSource, prove_mass_order, prove_row_order, read_body
+from cmsreduce.verify import rigid_motions_proof
 
-__all__ = ["FlexibleBody", "against_deck", "probing_loads", "read_flexible", "read_rigid"]
+__all__ = ["FlexibleBody", "probing_loads", "read_flexible", "read_rigid"]
 
-# Only a body that is free in all directions must show one mass in each of them.
-_ALL_MOTIONS = 6
-# The rounding of a file adds up over the mass of a body. A condensed body loses a few digits more; rows in a wrong
-# order lose all of them.
-_MASS_ALIKE, _MASS_FACTOR = 1e-6, 100.0
-# Areas, densities and coordinates of a deck have five digits or more.
-_DECK_DIGITS = 1e-4
 # Bodies up to this number of dofs are factorised for their health before every reduction, as `inspect` does.
 _THOROUGH = 3000
 # Below this number of dofs a search for mechanisms costs less than the proof that there are none.
@@ -74,6 +68,10 @@ class FlexibleBody:
         Geometric stiffness of the body, if the pipeline asks for it.
     proofs : tuple of Proof
         What was proven of the body, and what was not.
+    negative : mapping of ``stiffness`` and ``mass`` to int or None, optional
+        Motions of negative energy, where they are counted.
+    damping : DampingHealth, optional
+        Findings on its damping matrix, if it has one.
     """
 
     body: FEModel
@@ -83,6 +81,8 @@ class FlexibleBody:
     notes: tuple[str, ...]
     stiffening: GeometricStiffness | None = None
     proofs: tuple[Proof, ...] = ()
+    negative: Mapping[str, int | None] | None = None
+    damping: DampingHealth | None = None
 
     @property
     def undamped(self) -> FEModel:
@@ -92,7 +92,7 @@ class FlexibleBody:
     @cached_property
     def health(self) -> BodyHealth:
         """Health of the matrices and of the geometry; without factorisations if the body is large."""
-        return body_health(self.body, self.rigid, thorough=self.body.n <= _THOROUGH)
+        return body_health(self.body, self.rigid, thorough=self.body.n <= _THOROUGH, negative=self.negative)
 
     @cached_property
     def fingerprint(self) -> str:
@@ -100,7 +100,7 @@ class FlexibleBody:
         digest = hashlib.sha256()
         body, ports = self.body, self.ports
         arrays: list[NDArray[Any]] = [body.dofs.node, body.dofs.component, ports.interface, ports.static_loads]
-        arrays += [np.array(self.rigid.shape), np.array(body.rounding)]
+        arrays += [np.array(self.rigid.shape), np.array([body.rounding, body.noise])]
         for A in (body.K, body.M, body.D):
             if A is not None:
                 arrays += [A.indptr, A.indices, A.data]
@@ -139,18 +139,23 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     part = pipeline.components[name]
     as_read = _as_read(name, part, part.units_in(scene.units))
     # The rows are proven on the matrices as they are read; ties and units change them.
-    proof, tied = prove_row_order(as_read), _tied(as_read, part)
+    proof, order, tied = prove_row_order(as_read), prove_mass_order(as_read), _tied(as_read, part)
     converted = in_units(tied, scene.units)
     # One factorisation proves that a large body has stiffness and mass in every motion but its rigid ones.
     large = converted.n > _LARGE
-    proven = only_motions(converted.K, _rigid_shapes(converted), converted.rounding) if large else None
+    proven = only_motions(converted.K, _rigid_shapes(converted), converted.stiffness_rounding) if large else None
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
     determined = hold_undetermined(converted, named, proven)
     body = determined.body
     check_connected(body)
     if body is not converted:
         large, proven = False, None
-    rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), body.rounding, name, proven, prove=not large)
+    rounding = body.stiffness_rounding
+    rigid = rigid_body_modes(body.K, body.M, _rigid_shapes(body), rounding, name, proven, prove=not large)
+    _check_grounded(body, rigid)
+    negative = definite(body, proven)
+    geometry = None if part.geometry is None else part.geometry.file
+    proved = prove_body(as_read, converted, geometry, proof, order, negative)
     notes = []
     if proof.status != "proven":
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
@@ -165,8 +170,12 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         # No joint and no actuator holds the body: it has no constraint modes.
         ports = ports.as_loads()
     stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
-    checks = tuple(_checks(part, proof, tied, body))
-    return FlexibleBody(body, ports, rigid, checks, (*notes, *remarks), stiffening, (_row_order(proof),))
+    # A dof that is held because nothing moves it may take a rigid motion with it, such as the spin of a straight bar.
+    shown = proof.motions if proof.status == "proven" and proof.motions and not determined.held else None
+    every = (*proved.proofs, rigid_motions_proof(body, rigid.shape[1], shown))
+    proofs = tuple(replace(each, subject=name) for each in every)
+    damping = damping_health(body, rigid, reduced=keys is not None)
+    return FlexibleBody(body, ports, rigid, proved.checks, (*notes, *remarks), stiffening, proofs, negative, damping)
 
 
 def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
@@ -235,36 +244,6 @@ def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tupl
     return names, np.column_stack([load for _, load in found]) if found else np.empty((body.n, 0))
 
 
-def against_deck(path: Path, body: FEModel) -> list[Finding]:
-    """Compare mass and centre of mass with those of the elements of the deck.
-
-    Parameters
-    ----------
-    path : Path
-        Geometry file.
-    body : FEModel
-        As read from it, in its units; free in all directions.
-
-    Returns
-    -------
-    list of Finding
-        Relative to the mass, and to the largest radius of gyration; empty if the deck states no masses, or masses that
-        cannot be counted.
-    """
-    stated = None if body.nodes is None else deck_mass(path, body.nodes)
-    if stated is None:
-        return []
-    deck, centre = stated
-    found = rigid_mass_properties(rigid_mass(body))
-    mass = float(found.mass.max())
-    radius = float(np.sqrt(abs(found.inertia).max() / mass))
-    away = float(np.linalg.norm(found.cg - centre))
-    return [
-        Finding("mass against the deck", abs(deck - mass) / mass, _DECK_DIGITS),
-        Finding("centre of mass against the deck", away / radius if radius > 0 else float(away > 0), _DECK_DIGITS),
-    ]
-
-
 def _as_read(name: str, part: Component, units: Units) -> FEModel:
     """The body as its files have it."""
     assert part.stiffness is not None and part.mass is not None
@@ -275,6 +254,7 @@ def _as_read(name: str, part: Component, units: Units) -> FEModel:
         mass=_source(part.mass),
         geometry=None if part.geometry is None else part.geometry.file,
         rows=None if part.rows is None else part.rows.file or part.rows.set,
+        rows_trusted=part.rows is not None and part.rows.trusted,
         damping=None if part.damping is None else part.damping.law(),
         damping_matrix=None if matrix is None else _source(matrix),
         units=units,
@@ -304,28 +284,19 @@ def _tied(body: FEModel, part: Component) -> FEModel:
     return body
 
 
-def _checks(part: Component, proof: RowOrderProof, tied: FEModel, body: FEModel) -> list[Finding]:
-    """Checks of a body whose rows are proven."""
-    if proof.status != "proven":
-        return []
-    found = [Finding("row order: K times rigid motions", proof.residual, proof.tolerance)]
-    if proof.motions != _ALL_MOTIONS:
-        return found
-    limit = max(_MASS_ALIKE, _MASS_FACTOR * body.rounding)
-    found.append(Finding("mass matrix: the same mass along x, y, z", mass_disorder(body), limit))
-    R = _rigid_shapes(body)
-    excess = None if R is None else inertia_excess(R.T @ (body.M @ R))
-    if excess is not None:
-        limit = max(REALISABLE, _MASS_FACTOR * body.rounding)
-        found.append(Finding("inertia: beyond what mass can have", excess, limit))
-    return found if part.geometry is None else found + against_deck(part.geometry.file, tied)
-
-
-def _row_order(found: RowOrderProof) -> Proof:
-    if found.status != "proven":
-        return Proof("row order", "unproven", remark=found.remark)
-    digits = -math.log10(max(found.residual, found.tolerance))
-    return Proof("row order", "proven", digits, f"K times {found.motions} rigid motions vanishes")
+def _check_grounded(body: FEModel, rigid: NDArray[np.float64]) -> None:
+    """Refuse a body that is declared grounded and has as many motions without force as a free one."""
+    shapes = _rigid_shapes(body)
+    if not body.grounded or shapes is None:
+        return
+    free = int(np.linalg.matrix_rank(shapes))
+    if 0 < free <= rigid.shape[1]:
+        raise DofMapError(
+            f"body '{body.name}': `grounded: true` says that the ground holds the body, but its stiffness has "
+            f"{rigid.shape[1]} motions without force, as a free body has, and they are not the rigid motions of the "
+            "geometry. Likely cause: its rows are shuffled or of another set. Give the order of the rows as a list of "
+            "node.component under `rows:`, and remove `grounded: true` if nothing holds the body"
+        )
 
 
 def _check_ports(determined: Determined, ports: Ports) -> None:

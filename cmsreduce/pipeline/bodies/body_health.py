@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import certified_modes, motions_held
 from cmsreduce.model import FEModel, Finding, rigid_body_shapes
+from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.verify import (
     Contrast,
     EffectiveMass,
@@ -34,6 +35,7 @@ from cmsreduce.verify import (
 __all__ = ["BodyHealth", "body_health", "effective_masses"]
 
 _FREE = 6
+_NONE = np.empty(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +73,13 @@ class BodyHealth:
     checks: tuple[Finding, ...]
 
 
-def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = True) -> BodyHealth:
+def body_health(
+    body: FEModel,
+    rigid: NDArray[np.float64],
+    *,
+    thorough: bool = True,
+    negative: Mapping[str, int | None] | None = None,
+) -> BodyHealth:
     """Check a body as it was read.
 
     Parameters
@@ -82,9 +90,11 @@ def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = T
         Its rigid-body modes.
     thorough : bool
         Factorise its matrices, for their definiteness and for rigid motions by other sources.
+    negative : mapping of ``stiffness`` and ``mass`` to int or None, optional
+        Motions of negative energy, if they are known.
     """
-    matrices = {"stiffness": body.K, "mass": body.M}
-    negative = {what: negative_directions(A, body.rounding) if thorough else None for what, A in matrices.items()}
+    if negative is None:
+        negative = _negative(body) if thorough else dict.fromkeys(("stiffness", "mass"))
     checks = [
         Finding(f"{what}: motions of negative energy", float(n), 0.0) for what, n in negative.items() if n is not None
     ]
@@ -94,20 +104,20 @@ def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = T
         centre = body.nodes.xyz.mean(axis=0)
         R = rigid_body_shapes(body.dofs, body.nodes)
         M6 = R.T @ (body.M @ R)
-        mass["geometry"] = rigid_mass_properties(M6)
-        if inertia_excess(M6) is not None:
-            principal = principal_inertia(mass["geometry"])
+        mass |= _mass(body, "geometry", M6)
+        if inertia_excess(M6) is not None and "geometry" in mass:
+            principal = _principal(body, mass["geometry"])
         if rigid.shape[1] == _FREE:
-            held = grounding(body, rigid_body_shapes(body.dofs, body.nodes, centre))
+            held = _grounding(body, rigid_body_shapes(body.dofs, body.nodes, centre))
             # An indefinite stiffness has no static response that shows rigid motions.
-            motions = rigid_motions(body, R) if thorough and not negative["stiffness"] else None
+            motions = _motions(body, R) if thorough and not negative["stiffness"] else None
         if motions is not None:
             for source, X in (("stiffness", motions.stiffness), ("modes", motions.eigen)):
-                mass[source] = rigid_mass_properties(X.T @ (body.M @ X))
+                mass |= _mass(body, source, X.T @ (body.M @ X))
     return BodyHealth(
-        negative=negative,
-        light=light_dofs(body),
-        contrast=tuple(stiffness_contrast(body)),
+        negative=dict(negative),
+        light=_light(body),
+        contrast=_contrast(body),
         mass=mass,
         principal=principal,
         motions=motions,
@@ -116,6 +126,54 @@ def body_health(body: FEModel, rigid: NDArray[np.float64], *, thorough: bool = T
     )
 
 
+def _name(body: FEModel, *_: object) -> str:
+    return body.name
+
+
+@diagnostic(
+    "the count of motions of negative energy of '{}'",
+    lambda: {"stiffness": None, "mass": None},
+    about=_name,
+    required=True,
+)
+def _negative(body: FEModel) -> dict[str, int | None]:
+    return {
+        "stiffness": negative_directions(body.K, body.stiffness_rounding),
+        "mass": negative_directions(body.M, body.rounding),
+    }
+
+
+@diagnostic("the mass of '{}'", dict, about=lambda body, source, _: f"{body.name}, by its {source}")
+def _mass(body: FEModel, source: str, M6: NDArray[np.float64]) -> dict[str, MassProperties]:
+    return {source: rigid_mass_properties(M6)}
+
+
+@diagnostic("the search for light dofs of '{}'", lambda: LightDofs(_NONE, _NONE, 0.0, -1), about=_name)
+def _light(body: FEModel) -> LightDofs:
+    return light_dofs(body)
+
+
+@diagnostic("the contrast of the stiffness of '{}'", tuple, about=_name)
+def _contrast(body: FEModel) -> tuple[Contrast, ...]:
+    return tuple(stiffness_contrast(body))
+
+
+@diagnostic("the principal inertia of '{}'", about=_name)
+def _principal(body: FEModel, mass: MassProperties) -> PrincipalInertia | None:
+    return principal_inertia(mass)
+
+
+@diagnostic("the search for grounded dofs of '{}'", about=_name)
+def _grounding(body: FEModel, R: NDArray[np.float64]) -> Grounding | None:
+    return grounding(body, R)
+
+
+@diagnostic("the comparison of rigid motions of '{}'", about=_name)
+def _motions(body: FEModel, R: NDArray[np.float64]) -> RigidMotions | None:
+    return rigid_motions(body, R)
+
+
+@diagnostic("the table of effective masses of '{}'", about=_name)
 def effective_masses(
     body: FEModel, rigid: NDArray[np.float64], faces: Sequence[str], hz: float
 ) -> EffectiveMass | None:

@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmsreduce.config import BodyDraft
 from cmsreduce.errors import CmsReduceError, ReadError
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import FEModel, rigid_body_shapes
+from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import MatrixSource, detect_format, matrix_names, read_body
 from cmsreduce.verify import rigid_motions
 
@@ -131,6 +133,11 @@ def _first_elastic(body: FEModel) -> float | None:
     if body.n > _QUICK:
         return None
     shapes = rigid_body_shapes(body.dofs, body.nodes)
-    if rigid_body_modes(body.K, body.M, shapes, body.rounding, body.name).shape[1] != _FREE:
+    if rigid_body_modes(body.K, body.M, shapes, body.stiffness_rounding, body.name).shape[1] != _FREE:
         return None
+    return _beside_rigid_motions(body, shapes)
+
+
+@diagnostic("the first elastic frequency of '{}'", about=lambda body, shapes: body.name)
+def _beside_rigid_motions(body: FEModel, shapes: NDArray[np.float64]) -> float | None:
     return rigid_motions(body, shapes).elastic_hz

@@ -11,8 +11,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import minimum_spanning_tree
 
-from cmsreduce.errors import ReadError
 from cmsreduce.model import FEModel, Nodes
+from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import read_cells
 
 __all__ = ["Wireframe", "cells_of", "wireframe"]
@@ -68,17 +68,18 @@ def cells_of(body: FEModel) -> dict[str, NDArray[np.int64]]:
     for source in body.sources:
         if source.holds != "geometry":
             continue
-        try:
-            cells = read_cells(Path(source.path))
-        except ReadError:
-            # The file may have gone since the stages that needed it were finished; a run does not stop for a picture.
-            continue
-        for kind, nodes in cells.items():
+        for kind, nodes in _cells(source.path).items():
             known = nodes[(body.nodes.index(nodes.ravel()) >= 0).reshape(nodes.shape).all(axis=1)]
             every = np.vstack([found[kind], known]) if kind in found else known
             # A file and the file that includes it name the same elements.
             found[kind] = np.unique(every, axis=0)
     return {kind: nodes for kind, nodes in found.items() if len(nodes)}
+
+
+@diagnostic("the drawing of the elements of '{}'", dict, about=lambda path: path)
+def _cells(path: str) -> dict[str, NDArray[np.int64]]:
+    # The file may have gone since the stages that needed it were finished.
+    return dict(read_cells(Path(path)))
 
 
 def wireframe(body: FEModel, cells: Mapping[str, NDArray[np.int64]], most: int = MOST_POINTS) -> Wireframe | None:

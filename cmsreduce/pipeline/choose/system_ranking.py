@@ -89,7 +89,7 @@ def _scales(model: AssembledModel) -> list[tuple[NDArray[np.float64], NDArray[np
         resonances = model.resonances(configuration)
         grids.append(frequency_grid(scene.band, _POINTS, resonances.omega, resonances.zeta))
     return [
-        channel_scales(scene.actuators, scene.sensors, H - model.rigid_response(configuration, omega), H)
+        channel_scales(scene.actuators, scene.sensors, H - model.rigid_response(configuration, omega), H, omega)
         for configuration, omega, H in zip(
             scene.configurations, grids, model.responses(scene.configurations, grids), strict=True
         )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.config import ProjectKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import DOF_NAMES, Configuration, ExtraneousMode, ModalComponent, ProjectionRecord, Scene
+from cmsreduce.model import Configuration, ExtraneousMode, ModalComponent, ProjectionRecord, Scene
 from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.project.projected_bodies import Projected, attachment_amplitudes, projected_body
 from cmsreduce.pipeline.project.returned_modes import extraneous_in_band, sampled_modes
@@ -20,10 +20,10 @@ from cmsreduce.pipeline.project.system_modes import (
     SystemModes,
     feedback_gain,
 )
-from cmsreduce.pipeline.system import ReducedModel
+from cmsreduce.pipeline.system import ReducedModel, midpoint_configurations
 from cmsreduce.project import Projection
 
-__all__ = ["ProjectStage", "midpoint_configurations"]
+__all__ = ["ProjectStage"]
 
 # frf_error that `auto` reaches if neither the stage, nor balance, nor verify states one.
 _USUAL_ERROR = 0.01
@@ -258,32 +258,3 @@ class ProjectStage:
 def _spurious(found: Sequence[ExtraneousMode]) -> list[ExtraneousMode]:
     """Extraneous modes that resemble no mode of the system, the strongest first."""
     return sorted((mode for mode in found if mode.spurious), key=lambda mode: -mode.weight.max(initial=0.0))
-
-
-def midpoint_configurations(scene: Scene) -> list[Configuration]:
-    """Configurations midway between neighbouring ones of the scene that differ in one angle only.
-
-    Parameters
-    ----------
-    scene : Scene
-        Its configurations need not fill a grid.
-    """
-    found: dict[tuple[float, ...], Configuration] = {}
-    axes = sorted({axis for configuration in scene.configurations for axis in configuration.angles})
-    sampled = [tuple(each.angles.get(axis, 0.0) for axis in axes) for each in scene.configurations]
-    for here in sampled:
-        for k, _ in enumerate(axes):
-            others = [there[k] for there in sampled if there[:k] + there[k + 1 :] == here[:k] + here[k + 1 :]]
-            beyond = [angle for angle in others if angle > here[k]]
-            if beyond:
-                middle = (*here[:k], (here[k] + min(beyond)) / 2, *here[k + 1 :])
-                label = " ".join(_shown(axis, value) for axis, value in zip(axes, middle, strict=True))
-                angles = dict(zip(axes, middle, strict=True))
-                found.setdefault(middle, Configuration(f"halfway {label}", angles))
-    return list(found.values())
-
-
-def _shown(axis: tuple[str, int], value: float) -> str:
-    joint, dof = axis
-    size = f"{np.degrees(value):.4g}" if dof >= len(DOF_NAMES) // 2 else f"{value:.4g}"
-    return f"{joint}.{DOF_NAMES[dof]}={size}"

@@ -18,7 +18,8 @@ from cmsreduce.pipeline.results.mass_and_frame import (
     total_data,
     total_lines,
 )
-from cmsreduce.pipeline.results.result import component_checks, run_result
+from cmsreduce.pipeline.results.page import show_summary, write_report
+from cmsreduce.pipeline.results.result import component_checks, run_result, with_failures
 from cmsreduce.pipeline.results.run_difference import run_difference
 from cmsreduce.pipeline.results.step_advice import body_costly_modes, file_rounding
 
@@ -42,9 +43,12 @@ __all__ = [
     "read_limits",
     "run_difference",
     "run_result",
+    "show_summary",
     "total_data",
     "total_lines",
+    "with_failures",
     "write_junit",
     "write_markdown",
+    "write_report",
     "write_system_states",
 ]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ConfigError, ReadError
 from cmsreduce.model import Finding
 from cmsreduce.pipeline.results.limits import Tolerances
+from cmsreduce.pipeline.store import ORIGIN, read_origin
 from cmsreduce.report import place
 from cmsreduce.verify import ModePairing, integral_change, mass_change, pair_modes, scaled_rows
 from cmsreduce.write import ComponentFile, read_component
@@ -83,6 +84,9 @@ def open_result(path: Path) -> StoredResult:
     summary = path / "summary.json" if path.is_dir() else path
     if not summary.is_file():
         raise ReadError(f"{path}: there is no summary.json; give the output directory of a finished run")
+    if (summary.parent / ORIGIN).is_file():
+        # Results whose source is not known are not checked.
+        read_origin(summary.parent)
     try:
         facts: dict[str, Any] = json.loads(summary.read_text(encoding="utf-8"))
         whole = all(facts["components"][name].keys() >= _COMPONENT_KEYS for name in facts["components"])

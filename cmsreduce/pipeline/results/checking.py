@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cmsreduce.model import Finding
+from cmsreduce.model import Failure, Finding, Proof, Verdict, failure_findings, judge
 from cmsreduce.pipeline.results.baseline import StoredResult, compare, open_result
 from cmsreduce.pipeline.results.limits import Limits, limited
 from cmsreduce.pipeline.results.mass_and_frame import file_totals, total_findings
@@ -26,8 +27,10 @@ _MOMENTUM = 1e-8
 _FREE = 6
 
 
-def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> list[Finding]:
+def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> tuple[list[Finding], Verdict]:
     """Check a run directory, its summary.json, or a component file.
+
+    The verdict on a run is that of the run itself, with its files checked and with the limits given here.
 
     Parameters
     ----------
@@ -40,8 +43,10 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> li
 
     Returns
     -------
-    list of Finding
+    findings : list of Finding
         Errors of the run, checks of each component, checks of its file alone, changes from the baseline.
+    verdict : Verdict
+        ``not checked`` without a limit of the run, a limit given here, or a baseline.
 
     Raises
     ------
@@ -63,27 +68,47 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> li
             findings += total_findings(name, file_totals(result.files[name]))
     if baseline is not None:
         findings += compare(open_result(baseline), result, limits.tolerances)
-    return limited(findings, limits, unlisted, path)
+    found = limited(findings, limits, unlisted, path)
+    given = bool(limits.maxima) or baseline is not None or bool((result.summary or {}).get("limits"))
+    return found, judge(found, _proofs(result), limited=given)
 
 
-def write_junit(path: Path, findings: list[Finding], checked: Path) -> None:
-    """Write findings as JUnit XML; the file is whole or not there."""
+def write_junit(path: Path, findings: list[Finding], verdict: Verdict, checked: Path) -> None:
+    """Write findings and verdict as JUnit XML; the file is whole or not there."""
     with atomic_path(path) as temporary:
-        temporary.write_bytes(junit_xml(findings, str(checked)))
+        temporary.write_bytes(junit_xml(findings, verdict, str(checked)))
 
 
-def write_markdown(path: Path, findings: list[Finding], checked: Path) -> None:
-    """Write findings as a Markdown summary; the file is whole or not there."""
+def write_markdown(path: Path, findings: list[Finding], verdict: Verdict, checked: Path) -> None:
+    """Write findings and verdict as a Markdown summary; the file is whole or not there."""
     with atomic_path(path) as temporary:
-        temporary.write_text(markdown_summary(findings, str(checked)), encoding="utf-8")
+        temporary.write_text(markdown_summary(findings, verdict, str(checked)), encoding="utf-8")
+
+
+def _proofs(result: StoredResult) -> list[Proof]:
+    """Proofs that the run stored; none in a component file, and in a summary of an early version."""
+    stored = ((result.summary or {}).get("verdict") or {}).get("proofs") or []
+    return [Proof(each["what"], each["state"], each["digits"], each["remark"], each["subject"]) for each in stored]
 
 
 def _errors(result: StoredResult) -> Iterator[Finding]:
     facts = result.summary
     if facts is None:
         return
+    found: dict[str, Finding] = {}
     for name, figure in facts["figures"].items():
-        yield Finding(name, _number(figure["value"]), _number(figure["limit"]), place(figure["where"]))
+        value, where = figure["value"], figure["where"]
+        # JSON has no number for a value that was not measured, nor for an infinite one.
+        measured = math.nan if value is None else float(value)
+        note = where if where.startswith("not measured") else place(where)
+        found[name] = Finding(name, measured, _number(figure["limit"]), note)
+    yield from found.values()
+    limits = {name: _number(limit) for name, limit in (facts.get("limits") or {}).items()}
+    failures = [
+        Failure(each["what"], each["reason"], each["required"], tuple(each["limits"]))
+        for each in facts.get("failures", ())
+    ]
+    yield from failure_findings(failures, limits, found)
 
 
 def _checks(result: StoredResult, name: str) -> Iterator[Finding]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,9 @@ from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import DOF_NAMES, RunResult, System
 from cmsreduce.pipeline.bodies import cells_of
 from cmsreduce.pipeline.run import Run
+from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.pipeline.system import AssembledModel
-from cmsreduce.report import csv_tables, write_pictures
+from cmsreduce.report import csv_tables, file_name, run_pictures
 from cmsreduce.write import StateSpace, atomic_path, basic_shapes, write_matlab, write_vtu
 
 __all__ = ["export_pictures", "export_shapes", "export_tables", "write_system_states"]
@@ -24,20 +26,39 @@ __all__ = ["export_pictures", "export_shapes", "export_tables", "write_system_st
 
 def export_pictures(result: RunResult, folder: Path, suffix: str = ".png") -> list[Path]:
     """Pictures of a run in ``folder/pictures``."""
-    return write_pictures(result, folder / "pictures", suffix)
+    to = folder / "pictures"
+    to.mkdir(parents=True, exist_ok=True)
+    files = [_picture(name, draw, to / f"{file_name(name)}{suffix}") for name, draw in _pictures(result).items()]
+    return [path for path in files if path is not None]
+
+
+@diagnostic("the choice of pictures", dict, required=True)
+def _pictures(result: RunResult) -> dict[str, Callable[[Path], None]]:
+    return run_pictures(result)
+
+
+@diagnostic("the picture '{}'", about=lambda name, draw, path: path.name, required=True)
+def _picture(name: str, draw: Callable[[Path], None], path: Path) -> Path | None:
+    draw(path)
+    return path
 
 
 def export_tables(result: RunResult, folder: Path) -> list[Path]:
     """Tables of a run in ``folder/tables``, comma separated, numbers in full."""
-    made = []
-    for name, rows in csv_tables(result).items():
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows(rows)
-        path = folder / "tables" / f"{name}.csv"
-        with atomic_path(path) as temporary:
-            temporary.write_text(text.getvalue(), encoding="utf-8")
-        made.append(path)
-    return made
+    return [_table(rows, folder / "tables" / f"{name}.csv") for name, rows in _tables(result).items()]
+
+
+@diagnostic("the tables", dict, required=True)
+def _tables(result: RunResult) -> Mapping[str, Sequence[Sequence[Any]]]:
+    return csv_tables(result)
+
+
+def _table(rows: Sequence[Sequence[Any]], path: Path) -> Path:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    with atomic_path(path) as temporary:
+        temporary.write_text(text.getvalue(), encoding="utf-8", errors="replace")
+    return path
 
 
 def export_shapes(run: Run, result: RunResult, folder: Path) -> list[Path]:
@@ -52,26 +73,28 @@ def export_shapes(run: Run, result: RunResult, folder: Path) -> list[Path]:
     folder : Path
         Run directory.
     """
-    made = []
-    for name in run.reduced_names:
-        body, modes = run.bodies[name].body, run.final[name]
-        if body.nodes is None or not len(body.nodes):
-            continue
-        cells = cells_of(body)
-        moving = np.unique(body.recovery.dofs.node[body.recovery.dofs.component > 0])
-        node = np.union1d(moving, np.concatenate([moving[:0], *(corners.ravel() for corners in cells.values())]))
-        node = node[body.nodes.index(node) >= 0]
-        shapes = np.nan_to_num(basic_shapes(body, body.nodes, modes.Phi, node, "translation"), nan=0.0)
-        number = np.sort(result.components[name].kept) + 1
-        labels = [
-            f"mode {k:03d}, {'static' if np.isinf(w) else f'{w / (2 * np.pi):.5g} Hz'}, {kind}"
-            for k, w, kind in zip(number, modes.omega, modes.kind, strict=True)
-        ]
-        path = folder / "shapes" / f"{name}.vtu"
-        placed = {kind: np.searchsorted(node, corners) for kind, corners in cells.items()}
-        write_vtu(path, node, body.nodes.xyz[body.nodes.index(node)], placed, labels, shapes)
-        made.append(path)
-    return made
+    files = [_shapes(run, name, result, folder / "shapes" / f"{name}.vtu") for name in run.reduced_names]
+    return [path for path in files if path is not None]
+
+
+@diagnostic("the mode shapes of '{}'", about=lambda run, name, result, path: name, required=True)
+def _shapes(run: Run, name: str, result: RunResult, path: Path) -> Path | None:
+    body, modes = run.bodies[name].body, run.final[name]
+    if body.nodes is None or not len(body.nodes):
+        return None
+    cells = cells_of(body)
+    moving = np.unique(body.recovery.dofs.node[body.recovery.dofs.component > 0])
+    node = np.union1d(moving, np.concatenate([moving[:0], *(corners.ravel() for corners in cells.values())]))
+    node = node[body.nodes.index(node) >= 0]
+    shapes = np.nan_to_num(basic_shapes(body, body.nodes, modes.Phi, node, "translation"), nan=0.0)
+    number = np.sort(result.components[name].kept) + 1
+    labels = [
+        f"mode {k:03d}, {'static' if np.isinf(w) else f'{w / (2 * np.pi):.5g} Hz'}, {kind}"
+        for k, w, kind in zip(number, modes.omega, modes.kind, strict=True)
+    ]
+    placed = {kind: np.searchsorted(node, corners) for kind, corners in cells.items()}
+    write_vtu(path, node, body.nodes.xyz[body.nodes.index(node)], placed, labels, shapes)
+    return path
 
 
 def write_system_states(run: Run) -> Path:

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel, HealthFinding
 from cmsreduce.pipeline.bodies import BodyHealth
+from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.report import InspectedLine, number, numbers
 from cmsreduce.verify import EffectiveMass, MassProperties
 
-__all__ = ["effective_mass_data", "effective_mass_lines", "health_table"]
+__all__ = ["effective_mass_data", "effective_mass_lines", "error_bar", "health_table"]
 
 # Largest relative difference of the mass between two directions: files of six digits have as much.
 _ONE_MASS = 1e-6
@@ -30,6 +31,7 @@ _SHOWN = 0.05
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
+@diagnostic("the table of health of '{}'", tuple, about=lambda body, health: body.name)
 def health_table(body: FEModel, health: BodyHealth) -> tuple[HealthFinding, ...]:
     """Findings of a body as it was read, in the scene's units."""
     return (*_mass(health), *_motions(body, health), *_dofs(body, health))
@@ -166,6 +168,37 @@ def _dofs(body: FEModel, health: BodyHealth) -> Iterator[HealthFinding]:
             0.0,
             unknown if count is None else "the matrix is not definite",
         )
+
+
+def error_bar(hz: NDArray[np.float64], error_hz: NDArray[np.float64], limit: float) -> Iterator[HealthFinding]:
+    """Worst error bar of the modes of a body by the rounding of its files.
+
+    Parameters
+    ----------
+    hz, error_hz : (k,) float64
+        Frequencies and their error bars.
+    limit : float
+        Largest relative error bar that passes.
+
+    Yields
+    ------
+    HealthFinding
+        None without modes.
+    """
+    if not hz.size:
+        return
+    share = error_hz / hz
+    at = int(share.argmax())
+    value = {"hz": float(hz[at]), "error_hz": float(error_hz[at]), "modes": int(np.count_nonzero(share > limit))}
+    yield HealthFinding(
+        ("frequency_error_bar",),
+        "error bars of frequencies by the rounding of the files",
+        value,
+        f"{number(value['hz'], 6)} Hz is known to {number(value['error_hz'], 2)} Hz ({100 * share[at]:.2g} %)",
+        float(share[at]),
+        limit,
+        "the matrices have too few digits: write them with more, in double precision",
+    )
 
 
 def effective_mass_data(found: EffectiveMass, faces: str) -> dict[str, Any]:

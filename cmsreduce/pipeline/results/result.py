@@ -12,13 +12,17 @@ from cmsreduce.model import (
     ComponentResult,
     Configuration,
     Finding,
+    HealthFinding,
     ModalComponent,
+    ModeCertificate,
+    Proof,
     RunResult,
     Speed,
     SystemModes,
 )
 from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
-from cmsreduce.pipeline.results.health import health_table
+from cmsreduce.pipeline.bodies import damping_proof
+from cmsreduce.pipeline.results.health import error_bar, health_table
 from cmsreduce.pipeline.results.mass_and_frame import frame_checks, frame_of
 from cmsreduce.pipeline.results.step_advice import (
     advice_notes,
@@ -29,10 +33,14 @@ from cmsreduce.pipeline.results.step_advice import (
 )
 from cmsreduce.pipeline.results.views import effective_mass_curves, gain_curves, scene_drawing
 from cmsreduce.pipeline.run import MODEL, Run
+from cmsreduce.pipeline.store import collecting, diagnostic
 from cmsreduce.pipeline.system import AssembledModel
+from cmsreduce.verify import frequency_error_bars
 
-__all__ = ["component_checks", "run_result"]
+__all__ = ["component_checks", "mode_count", "run_result", "with_failures"]
 
+# Error bar of a frequency, relative, above which a run without a limit on frequencies says so.
+_KNOWN = 1e-3
 # Mass of a massless shape, in roundings of the file.
 _MASSLESS = 10.0
 _LEFT_OUT = "left out"
@@ -40,6 +48,7 @@ _LEFT_OUT = "left out"
 _REFERENCE = "reference"
 
 
+@diagnostic("the checks of '{}'", tuple, about=lambda run, name: name, required=True)
 def component_checks(run: Run, name: str) -> tuple[Finding, ...]:
     """Checks of one body: of its matrices as read, of its modes, and of its frame."""
     mass, stiffness = orthogonality_errors(run.final[name])
@@ -64,14 +73,37 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
     views : bool
         Add the drawing, the effective masses and the gains, which only pictures and the page show.
     """
+    with collecting(run.stages.failures):
+        found = _result(run)
+        if views:
+            found = replace(
+                found,
+                drawing=scene_drawing(run),
+                effective_mass=effective_mass_curves(run),
+                gains=gain_curves(run),
+            )
+        return with_failures(run, found)
+
+
+def with_failures(run: Run, result: RunResult) -> RunResult:
+    """The result with all notes and failures of a run up to now."""
+    failures = tuple(run.stages.failures)
+    advice = [note for note in result.notes if note not in run.stages.notes]
+    lines = [failure.line for failure in failures if failure.line not in advice]
+    return replace(result, notes=(*run.stages.notes, *advice, *lines), failures=failures)
+
+
+def _result(run: Run) -> RunResult:
     verified = run.verified if run.pipeline.verify is not None else None
     seconds = run.stages.seconds
     cutoffs = run.cutoffs
-    components = {}
+    limits = run.pipeline.verify.limits.model_dump(exclude_none=True) if run.pipeline.verify else {}
+    components, known = {}, {}
     for name in run.reduced_names:
         flexible = run.bodies[name]
         modes, kept = _modes_shown(run, name)
         factorised = run.stages.factorised.get(name, {})
+        bars, known[name] = _error_bars(run.final[name], limits.get("frequency_error", _KNOWN))
         components[name] = ComponentResult(
             name=name,
             full_dofs=flexible.body.n,
@@ -82,17 +114,24 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
             checks=component_checks(run, name),
             sources=flexible.body.sources,
             bound=run.choice.bounds.get(name),
-            scaling=run.balancing.scaling(name),
+            scaling=_scaling(run, name),
             cutoff=cutoffs.get(name),
             factorised=tuple(each for stage, done in factorised.items() if stage != _REFERENCE for each in done),
             costly=body_costly_modes(run, name),
             rounding=body_rounding(run.final[name]),
-            health=health_table(flexible.body, flexible.health),
-            proofs=flexible.proofs,
+            health=(*health_table(flexible.body, flexible.health), *known[name]),
+            proofs=(
+                *(replace(proof, subject=proof.subject or name) for proof in flexible.proofs),
+                damping_proof(flexible.body, flexible.damping, run.modal(name)),
+                mode_count(name, run.modal(name).certificate),
+            ),
+            frequency_error_bars_hz=bars,
         )
+    coarse = [
+        f"{name}: {each.words}; {each.advice}" for name, found in known.items() for each in found if not each.passed
+    ]
     treated = treated_model(run, {name: part.costly for name, part in components.items() if part.costly is not None})
     systems = tuple(_system_modes(run, configuration, treated) for configuration in run.scene.configurations)
-    limits = run.pipeline.verify.limits.model_dump(exclude_none=True) if run.pipeline.verify else {}
     configurations = verified.configurations if verified else ()
     stages = ("reduce", "orthogonalise")
     reduce_s = sum(seconds.get(name, {}).get(stage, 0.0) for name in run.bodies for stage in stages)
@@ -101,7 +140,7 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
         version=__version__,
         components=components,
         configurations=configurations,
-        limits=limits if configurations else {key: limits[key] for key in limits if key == "static_lack"},
+        limits=limits,
         model=MODEL,
         inputs=tuple(channel.name for channel in run.scene.actuators),
         outputs=tuple(channel.name for channel in run.scene.sensors),
@@ -110,17 +149,44 @@ def run_result(run: Run, *, views: bool = False) -> RunResult:
         reference=verified.reference if verified else {},
         settings=run.pipeline.model_dump(mode="json", exclude_none=True),
         systems=systems,
-        notes=(*run.stages.notes, *advice_notes(components, systems, run.scene.band[1])),
+        notes=(*run.stages.notes, *coarse, *advice_notes(components, systems, run.scene.band[1])),
         projection=None if run.projected is None else run.projected.record,
         search=run.choice.search,
         sensitivity=run.sensitivity,
         completeness=run.completeness if verified is not None else (),
-        drawing=scene_drawing(run) if views else None,
-        effective_mass=effective_mass_curves(run) if views else {},
-        gains=gain_curves(run) if views else {},
         checks=verified.checks if verified is not None else None,
         margins=run.margins if verified is not None else (),
+        between=verified.between if verified is not None else None,
+        proofs=(run.stability,),
     )
+
+
+def mode_count(name: str, certificate: ModeCertificate | None) -> Proof:
+    """Proof that the mode set of a body misses no normal mode below its cutoff.
+
+    Examples
+    --------
+    >>> found = mode_count("rotor", ModeCertificate(20.0, 2, np.array([5.0, 12.0]), np.array([1e-9, 1e-8])))
+    >>> found.state, found.digits, found.remark
+    ('proven', 8.0, '2 modes up to 20 Hz, counted by Sturm')
+    """
+    if certificate is None:
+        return Proof("mode count", "unproven", remark="its mode set computes no normal modes", subject=name)
+    found, upto = certificate.frequency_hz.size, f"up to {certificate.cutoff_hz:.6g} Hz"
+    if certificate.counted is not None and certificate.counted != found:
+        remark = f"{found} modes found {upto}, {certificate.counted} counted by Sturm"
+        return Proof("mode count", "refuted", remark=remark, subject=name)
+    how = "of all modes of the body" if certificate.counted is None else "counted by Sturm"
+    bound = certificate.worst_bound
+    digits = None if np.isnan(bound) else float(-np.log10(np.clip(bound, np.finfo(float).eps, 1.0)))
+    return Proof("mode count", "proven", digits, f"{found} modes {upto}, {how}", name)
+
+
+def _error_bars(modes: ModalComponent, limit: float) -> tuple[NDArray[np.float64], tuple[HealthFinding, ...]]:
+    """Error bars of the elastic modes of a body in Hz, and the finding on the worst of them."""
+    elastic = np.arange(modes.omega.size)[modes.elastic]
+    bars = frequency_error_bars(modes, elastic)
+    return bars, tuple(error_bar(modes.frequencies_hz[elastic], bars, limit))
 
 
 def _modes_shown(run: Run, name: str) -> tuple[ModalComponent, NDArray[np.int64]]:
@@ -141,7 +207,18 @@ def _modes_shown(run: Run, name: str) -> tuple[ModalComponent, NDArray[np.int64]
     return replace(ranked, why=tuple(why)), np.asarray(kept, dtype=np.int64)
 
 
+@diagnostic("the scaling of the channels of '{}'", str, about=lambda run, name: name)
+def _scaling(run: Run, name: str) -> str:
+    return run.balancing.scaling(name)
+
+
 def _system_modes(run: Run, configuration: Configuration, treated: AssembledModel | None) -> SystemModes:
+    found = _frequencies(run, configuration, treated)
+    return SystemModes(configuration, 0, np.empty(0)) if found is None else found
+
+
+@diagnostic("the table of frequencies in '{}'", about=lambda run, configuration, treated: configuration.name)
+def _frequencies(run: Run, configuration: Configuration, treated: AssembledModel | None) -> SystemModes | None:
     model = run.model.assembled
     hertz = model.resonances(configuration).omega / (2 * np.pi)
     system = model.system(configuration)

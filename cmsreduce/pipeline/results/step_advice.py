@@ -12,6 +12,7 @@ from cmsreduce.assemble import system_modes
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import ComponentResult, CostlyModes, ModalComponent, RoundingEffect, System, SystemModes
 from cmsreduce.pipeline.run import Run
+from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.pipeline.system import AssembledModel
 from cmsreduce.verify import costly_modes, single_precision
 from cmsreduce.write import ComponentFile
@@ -30,6 +31,7 @@ _LONGER_STEP = 1.5
 _NAMED = 3
 
 
+@diagnostic("the highest frequency of '{}'", about=lambda system: system.configuration.name)
 def highest_frequency(system: System) -> float | None:
     """Highest frequency of an assembled system in Hz; None if it is too large for all its modes."""
     if system.N > _DENSE:
@@ -38,12 +40,14 @@ def highest_frequency(system: System) -> float | None:
     return float(omega.max(initial=0.0)) / (2 * np.pi)
 
 
-def body_costly_modes(run: Run, name: str) -> CostlyModes:
+@diagnostic("the search for costly modes of '{}'", about=lambda run, name: name)
+def body_costly_modes(run: Run, name: str) -> CostlyModes | None:
     """Modes of a body that do not serve the band at the points of the scene, and limit the time step."""
     points = dense(run.model.assembled.stack.motions(name))
     return costly_modes(run.final[name], points, run.scene.band[1])
 
 
+@diagnostic("the effect of single precision of '{}'", about=lambda component: component.body.name)
 def body_rounding(component: ModalComponent) -> RoundingEffect | None:
     """Effect of single precision on a reduced body; None for a body with many modes."""
     if component.omega.size > _FEW:
@@ -79,6 +83,7 @@ def file_rounding(file: ComponentFile) -> RoundingEffect | None:
     )
 
 
+@diagnostic("the system with static treatment")
 def treated_model(run: Run, costly: Mapping[str, CostlyModes]) -> AssembledModel | None:
     """The system of a run with its costly modes treated statically; None without costly modes."""
     named = {name: found for name, found in costly.items() if found.modes}
@@ -92,9 +97,10 @@ def treated_model(run: Run, costly: Mapping[str, CostlyModes]) -> AssembledModel
     return AssembledModel(substructures, run.scene)
 
 
+@diagnostic("the advice on time steps", tuple)
 def advice_notes(
     components: Mapping[str, ComponentResult], systems: Sequence[SystemModes], band_hz: float
-) -> Iterator[str]:
+) -> tuple[str, ...]:
     """Name costly modes, with the key that treats them statically, and bodies that single precision would change.
 
     Parameters
@@ -106,6 +112,10 @@ def advice_notes(
     band_hz : float
         Upper end of the band.
     """
+    return tuple(_advice(components, systems, band_hz))
+
+
+def _advice(components: Mapping[str, ComponentResult], systems: Sequence[SystemModes], band_hz: float) -> Iterator[str]:
     keys = []
     for name, part in components.items():
         found = part.costly

@@ -30,6 +30,7 @@ from cmsreduce.model import (
 )
 from cmsreduce.pipeline.bodies import cells_of, wireframe
 from cmsreduce.pipeline.run import Run
+from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.pipeline.system import channel_gains
 from cmsreduce.verify import effective_mass
 from cmsreduce.write import basic_shapes
@@ -44,6 +45,7 @@ _MOVES = 1e-9
 _RIGID = 1e-6
 
 
+@diagnostic("the drawing of the scene")
 def scene_drawing(run: Run) -> SceneDrawing | None:
     """Drawing of the scene of a run; None where no body has a geometry."""
     bodies: dict[str, BodyDrawing] = {}
@@ -52,7 +54,9 @@ def scene_drawing(run: Run) -> SceneDrawing | None:
         if drawn is not None:
             bodies[name] = drawn
     for name, body in run.rigid_bodies.items():
-        bodies[name] = _rigid(body)
+        star = _rigid(body)
+        if star is not None:
+            bodies[name] = star
     if not any(body.flexible for body in bodies.values()):
         return None
     joints = _joints(run, bodies)
@@ -65,6 +69,7 @@ def scene_drawing(run: Run) -> SceneDrawing | None:
     )
 
 
+@diagnostic("the drawing of '{}'", about=lambda run, name: name)
 def _flexible(run: Run, name: str) -> BodyDrawing | None:
     body = run.bodies[name].body
     found = wireframe(body, cells_of(body))
@@ -85,7 +90,8 @@ def _flexible(run: Run, name: str) -> BodyDrawing | None:
     return BodyDrawing(name, found.xyz, found.lines, shapes, kept, True, found.meshed, found.left_out)
 
 
-def _rigid(body: RigidBody) -> BodyDrawing:
+@diagnostic("the drawing of the rigid body '{}'", about=lambda body: body.name)
+def _rigid(body: RigidBody) -> BodyDrawing | None:
     """A star from the centre of mass to the interfaces."""
     ends = [np.atleast_2d(face.position).mean(axis=0) for face in body.interfaces.values()]
     xyz = np.vstack([body.cg, *ends])
@@ -157,15 +163,17 @@ def _system(run: Run, configuration: Configuration, bodies: dict[str, BodyDrawin
 
 def effective_mass_curves(run: Run) -> dict[str, EffectiveMassCurve]:
     """Running effective mass of every body with a geometry, with all its interfaces held."""
-    found = {}
-    for name in run.reduced_names:
-        body = run.bodies[name].body
-        if body.nodes is None or not body.interfaces:
-            continue
-        whole, kept = (_running(body, modes) for modes in (run.modal(name), run.final[name]))
-        if whole is not None and kept is not None:
-            found[name] = EffectiveMassCurve(", ".join(body.interfaces), *whole, *kept)
-    return found
+    curves = {name: _effective_mass(run, name) for name in run.reduced_names}
+    return {name: curve for name, curve in curves.items() if curve is not None}
+
+
+@diagnostic("the effective mass of '{}'", about=lambda run, name: name)
+def _effective_mass(run: Run, name: str) -> EffectiveMassCurve | None:
+    body = run.bodies[name].body
+    if body.nodes is None or not body.interfaces:
+        return None
+    whole, kept = (_running(body, modes) for modes in (run.modal(name), run.final[name]))
+    return None if whole is None or kept is None else EffectiveMassCurve(", ".join(body.interfaces), *whole, *kept)
 
 
 def _held_modes(component: ModalComponent, rows: NDArray[np.int64]) -> tuple[Array, Array] | None:
@@ -195,6 +203,7 @@ def _held_modes(component: ModalComponent, rows: NDArray[np.int64]) -> tuple[Arr
     return omega / (2 * np.pi), np.asarray(free @ V * omega)
 
 
+@diagnostic("the gains of the modes", dict)
 def gain_curves(run: Run) -> dict[str, tuple[GainSum, GainSum]]:
     """Modal gains of the modes kept and of all modes, by configuration; empty without channels or if too large."""
     if not run.has_response:

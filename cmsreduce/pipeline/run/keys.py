@@ -71,7 +71,9 @@ def system_key(stage: str, pipeline: Pipeline, points: int, bodies: Mapping[str,
     settings = pipeline.model_dump(mode="json", exclude=files | elsewhere)
     compared = settings.pop("verify") or {}
     keys = pipeline.verify
-    checks = ([], True) if keys is None else (sorted(keys.required_checks), keys.checks is None)
+    checks: tuple[Any, ...] = ([], True, 0)
+    if keys is not None:
+        checks = sorted(keys.required_checks), keys.checks is None, keys.between
     asked: list[Any] = [points, [compared.get("compare"), *checks] if stage == "verify" else None]
     if settings["balance"] is not None:
         # Looking at other choices changes nothing in this one.

@@ -10,18 +10,21 @@ import numpy as np
 
 from cmsreduce.assemble import rigid_substructure
 from cmsreduce.balance import Selection, keep_all
-from cmsreduce.config import ModeSetKeys, Pipeline, VerifyKeys, build_scene
-from cmsreduce.errors import ConfigError, ConstraintError
+from cmsreduce.config import CompareKeys, LimitKeys, ModeSetKeys, Pipeline, VerifyKeys, build_scene
+from cmsreduce.errors import ConfigError, ConstraintError, StageError
 from cmsreduce.linalg.machine import SolverSettings
 from cmsreduce.model import (
     AxisCompleteness,
+    BetweenErrors,
     Configuration,
     ConfigurationResult,
     Controller,
     ControllerMargin,
     CutoffChoice,
+    Failure,
     FEModel,
     ModalComponent,
+    Proof,
     ReducedComponent,
     ReductionChecks,
     RigidBody,
@@ -29,19 +32,41 @@ from cmsreduce.model import (
     SensitivityRecord,
 )
 from cmsreduce.orthogonalise import orthogonalise
-from cmsreduce.pipeline.bodies import FlexibleBody, Reference, read_flexible, read_rigid, reference, spin_notes
+from cmsreduce.pipeline.bodies import (
+    FlexibleBody,
+    Reference,
+    damping_remark,
+    read_flexible,
+    read_rigid,
+    reference,
+    spin_notes,
+)
 from cmsreduce.pipeline.choose import Balancing, Choice, CutoffSearch, ModeSets, asked_error, cutoff_key
 from cmsreduce.pipeline.project import Projected, ProjectStage
 from cmsreduce.pipeline.run.keys import projected_error, read_key, reference_key, reference_model_key, system_key
-from cmsreduce.pipeline.store import CommonWork, Progress, Stages, once, stage
+from cmsreduce.pipeline.store import (
+    CommonWork,
+    Progress,
+    Stages,
+    collecting,
+    diagnostic,
+    once,
+    report_failures,
+    stage,
+)
 from cmsreduce.pipeline.system import (
     AssembledModel,
     Comparison,
     ReducedModel,
+    SystemRoots,
     axis_completeness,
     completeness_note,
     controller_margins,
+    errors_between,
     reduction_checks,
+    stability_proof,
+    system_roots,
+    without_energy,
 )
 from cmsreduce.read import read_controller
 from cmsreduce.reduce import Examined
@@ -82,6 +107,10 @@ class Verified:
         Wall times of the responses of the reference model and of the reduced model over the same grids.
     checks : ReductionChecks
         Checks of the run's own model.
+    between : BetweenErrors, optional
+        Errors at midpoint configurations; None if the project stage measured them.
+    failures : tuple of Failure
+        Configurations, comparisons and checks that failed.
     """
 
     configurations: tuple[ConfigurationResult, ...]
@@ -89,6 +118,8 @@ class Verified:
     full_s: float
     reduced_s: float
     checks: ReductionChecks = field(default_factory=ReductionChecks)
+    between: BetweenErrors | None = None
+    failures: tuple[Failure, ...] = ()
 
 
 class Run:
@@ -116,6 +147,8 @@ class Run:
         only: str | None = None,
         common: CommonWork | None = None,
     ) -> None:
+        if MODEL in (pipeline.verify.compare if pipeline.verify else {}):
+            raise ConfigError(f"verify.compare: '{MODEL}' is the run's own model; choose another label")
         self.pipeline, self.folder = pipeline, folder
         self.stages = Stages(folder, progress, only, SolverSettings(**pipeline.solver.model_dump()), common)
         self.scene: Scene = build_scene(pipeline)
@@ -250,6 +283,8 @@ class Run:
         sets = self.mode_sets
         key = sets.reduce_key(name, other)
         yield from sets.notes(name, self.stages.recall("reduce", sets.label(name, other), key, "missed") or {}, other)
+        if other is None and (remark := damping_remark(found, self.scene.band[1])) is not None:
+            yield remark
 
     @stage(
         "orthogonalise",
@@ -371,11 +406,17 @@ class Run:
         needs=["choice"],
         notes=lambda run, found: [] if found is None else [found.note],
     )
-    def sensitivity(self) -> SensitivityRecord | None:
-        """Modes that the run would keep with another damping, and without each sensor; None unless asked for."""
+    def _sensitivity(self) -> SensitivityRecord | None:
         if not self._tries_changes:
             return None
         return self.balancing.sensitivity(self.selection, self.stages.progress.advance)
+
+    @property
+    @once
+    @diagnostic("the sensitivity of the choice of modes")
+    def sensitivity(self) -> SensitivityRecord | None:
+        """Modes that the run would keep with another damping, and without each sensor; None unless asked for."""
+        return self._sensitivity
 
     @property
     @once
@@ -443,6 +484,7 @@ class Run:
 
     @property
     @once
+    @diagnostic("the completeness at the hinges", tuple)
     def completeness(self) -> tuple[AxisCompleteness, ...]:
         """Share of the inertia at each hinge that the modes hold; empty if hinges move each other, as in a loop."""
         try:
@@ -455,10 +497,15 @@ class Run:
         models = {MODEL: self.model}
         keys = self.pipeline.verify
         for label, ranking in (keys.compare if keys else {}).items():
-            if label == MODEL:
-                raise ConfigError(f"verify.compare: '{MODEL}' is the run's own model; choose another label")
-            models[label] = self.joined(self.balancing.kept_by(ranking, ranking.reduce))
+            model = self._other(label, ranking)
+            if model is not None:
+                models[label] = model
         return models
+
+    @diagnostic("the comparison with the model '{}'", about=lambda run, label, _: label, passes=(StageError,))
+    def _other(self, label: str, ranking: CompareKeys) -> ReducedModel | None:
+        """A model that the run's own is compared with."""
+        return self.joined(self.balancing.kept_by(ranking, ranking.reduce))
 
     def measured(self, models: Mapping[str, ReducedModel]) -> tuple[ConfigurationResult, ...]:
         """Errors and curves of reduced models in every configuration."""
@@ -472,6 +519,7 @@ class Run:
             return
         for missing in found.checks.left_out if self.pipeline.verify and self.pipeline.verify.required_checks else ():
             yield f"not checked: {missing}"
+        yield from _between_notes(found.between)
         for name, label in found.reference.items():
             if label.startswith("modes"):
                 yield (
@@ -485,9 +533,28 @@ class Run:
         key=lambda run: run._system_key("verify") if run.has_response else None,
         needs=["model", "comparison"],
         notes=_verify_notes,
+        again=lambda found: bool(found.failures),
+    )
+    def _verified(self) -> Verified:
+        with collecting() as failed:
+            found = self._measured()
+        return replace(found, failures=tuple(failed))
+
+    @property
+    @once
+    @diagnostic(
+        "the verification",
+        lambda: Verified((), {}, 0.0, 0.0),
+        limits=tuple(LimitKeys.model_fields),
+        passes=(StageError,),
     )
     def verified(self) -> Verified:
-        """Errors and curves of the reduced models in every configuration."""
+        """Errors and curves of the reduced models in every configuration; a configuration that failed is missing."""
+        found = self._verified
+        report_failures(found.failures)
+        return found
+
+    def _measured(self) -> Verified:
         if not self.has_response:
             return Verified((), {}, 0.0, 0.0, self._checked())
         comparison = self.comparison
@@ -495,8 +562,22 @@ class Run:
         comparison.reference_seconds = comparison.reduced_seconds = 0.0
         results = self.measured(self.models())
         labels = {name: found.label for name, found in self.references.items()}
-        return Verified(results, labels, comparison.reference_seconds, comparison.reduced_seconds, self._checked())
+        times = comparison.reference_seconds, comparison.reduced_seconds
+        return Verified(results, labels, *times, self._checked(), self._between())
 
+    @diagnostic("the errors between the sampled configurations", limits=("frf_error",))
+    def _between(self) -> BetweenErrors | None:
+        """Errors at midpoint configurations; None without a verify stage, or if the project stage measured them."""
+        keys, project = self.pipeline.verify, self.pipeline.project
+        if keys is None or (project is not None and project.between):
+            return None
+        return errors_between(self.comparison, self.model, None if keys.between == "all" else keys.between)
+
+    @diagnostic(
+        "the checks of the reduction",
+        ReductionChecks,
+        limits=("static_lack", "gain_error", "zero_error", "zeros_lost", "step_error"),
+    )
     def _checked(self) -> ReductionChecks:
         keys, reduced = self.pipeline.verify or VerifyKeys(), {name: self.final[name] for name in self.reduced_names}
         return reduction_checks(
@@ -516,8 +597,48 @@ class Run:
         return self.verified.checks if self.pipeline.verify is not None else self._checked()
 
     @property
+    @once
+    @diagnostic("the margins of the controller", tuple, limits=("controller_ratio", "controller_unstable"))
     def margins(self) -> tuple[ControllerMargin, ...]:
         """Margins of the scene's controller in every configuration; empty without a controller or without verify."""
         if self.controller is None or self.pipeline.verify is None:
             return ()
-        return controller_margins(self.controller, self.verified.configurations, self.model.assembled, MODEL)
+        return controller_margins(self.controller, self.verified.configurations, self.roots, MODEL)
+
+    @property
+    @once
+    def _without_energy(self) -> str:
+        """Reason why energies do not prove the reduced system stable; empty if they do."""
+        # A damping matrix of a body that could give energy was refused when the body was read or its modes were made.
+        return "the controller" if self.controller else without_energy(self.model.assembled.substructures, self.bodies)
+
+    @property
+    @once
+    def roots(self) -> Mapping[str, SystemRoots | None]:
+        """Roots of the reduced system in each configuration, its loop closed; None where they are not known."""
+        model = self.model.assembled
+        return {each.name: system_roots(model, each, self.controller) for each in self.scene.configurations}
+
+    @property
+    @once
+    @diagnostic(
+        "the stability of the reduced system",
+        lambda: Proof("stability", "unproven", remark="the roots of the reduced system could not be found"),
+    )
+    def stability(self) -> Proof:
+        """Proof that no motion of the reduced system grows, in any configuration."""
+        suspect = self._without_energy
+        return stability_proof(self.roots if suspect else {}, suspect)
+
+
+def _between_notes(found: BetweenErrors | None) -> Iterator[str]:
+    """Midpoint configurations without an error, and the reason."""
+    if found is None:
+        return
+    if found.unmeasured:
+        yield (
+            f"between the angles sampled, frf_error was measured at {len(found.errors)} of {found.midpoints} midpoint "
+            "configurations (verify.between)"
+        )
+    for reason in found.left_out:
+        yield f"between the angles sampled, frf_error was not measured at '{reason}'"

@@ -5,23 +5,31 @@ Two runs never work in one directory at a time: they would write results of diff
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from cmsreduce.errors import ReadError
 from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER
+from cmsreduce.write import atomic_path
 
 __all__ = [
+    "ORIGIN",
     "CacheEntry",
     "cache_entries",
     "clear_cache",
+    "read_origin",
     "sole_use",
+    "write_origin",
 ]
 
 _KEY_SHOWN = 12
+# Pipeline and overrides of a run directory, so that its report can be written again.
+ORIGIN = f"{STAGES_FOLDER}/origin.json"
 
 
 @dataclass(frozen=True)
@@ -92,7 +100,43 @@ def clear_cache(folder: Path) -> tuple[int, int]:
     return count, size
 
 
+def write_origin(folder: Path, pipeline: Path, overrides: Sequence[str]) -> None:
+    """Write the pipeline and the overrides that a run directory is from."""
+    origin = json.dumps({"pipeline": str(pipeline.resolve()), "overrides": list(overrides)}, indent=2)
+    with atomic_path(folder / ORIGIN) as temporary:
+        temporary.write_text(origin, encoding="utf-8")
+
+
+def read_origin(folder: Path) -> dict[str, Any]:
+    """Pipeline and overrides of a run directory: the keys ``pipeline`` and ``overrides``.
+
+    Raises
+    ------
+    ReadError
+        If the folder is no run directory, or the file is damaged.
+    """
+    path = folder / ORIGIN
+    if not path.is_file():
+        raise ReadError(
+            f"{folder}: this is no run directory ({ORIGIN} is missing); give the `output:` of a finished run"
+        )
+    try:
+        facts = json.loads(path.read_bytes())
+        whole = isinstance(facts["pipeline"], str) and all(isinstance(each, str) for each in facts["overrides"])
+    except (ValueError, KeyError, TypeError, RecursionError):
+        whole = False
+    if not whole:
+        raise ReadError(
+            f"{path}: the record of the pipeline that this run is from is damaged; run the pipeline again with this "
+            "folder, which writes the record anew and reuses the finished stages"
+        )
+    return dict(facts)
+
+
 def _files(folder: Path) -> Iterator[Path]:
+    if (folder / ORIGIN).is_file():
+        # A damaged folder is not listed or cleared as if it were whole.
+        read_origin(folder)
     own = folder / STAGES_FOLDER
     points = sorted(folder.glob(f"points/*/{STAGES_FOLDER}"))
     if not own.is_dir() and not points:

@@ -16,13 +16,17 @@ import numpy as np
 from cmsreduce.errors import MatrixError, StageError
 from cmsreduce.linalg.machine import SolverSettings, solver_settings
 from cmsreduce.model import Factorisation, mapped_in
+from cmsreduce.pipeline.store.diagnostics import Failures, diagnostic
 from cmsreduce.pipeline.store.stage_data import Arrays, Given, decode, encode
 from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER, StageStore
 
-__all__ = ["REPORT", "CommonWork", "Progress", "Silent", "Stages", "once", "stage"]
+__all__ = ["FAILURES_LOG", "REPORT", "CommonWork", "Progress", "Silent", "Stages", "once", "stage"]
 
 REPORT = "report"
 """Not a stage: where it is the only one allowed, nothing is computed."""
+
+FAILURES_LOG = "failures.log"
+"""File of a run directory with the tracebacks of diagnostics that failed."""
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -91,6 +95,7 @@ class _Entry(NamedTuple):
     key: str
     stored: bool
     common: int
+    again: Callable[[Any], bool] | None = None
 
 
 class Stages:
@@ -126,6 +131,7 @@ class Stages:
         self.peak_mib: dict[str, float] = {}
         self.written: list[Path] = []
         self.notes: list[str] = []
+        self.failures = Failures(progress.note, folder / FAILURES_LOG)
 
     def note(self, text: str) -> None:
         """Record something that a reader must know, and report it once."""
@@ -224,10 +230,14 @@ class Stages:
         if found is None:
             return _MISSING
         arrays, facts = found
+        given: Given = run.given
+        value = decode(arrays, facts["value"], given)
+        # Only the stage itself knows whether its result is complete.
+        if entry.again is not None and self.only != REPORT and entry.again(value):
+            return _MISSING
         self._count_stored(entry.stage, entry.what, facts)
         self.progress.reused(entry.stage, entry.what)
-        given: Given = run.given
-        return decode(arrays, facts["value"], given)
+        return value
 
     def _count_stored(self, stage: str, what: str, facts: dict[str, Any]) -> None:
         done = [Factorisation(**each) for each in facts["factorised"]]
@@ -271,6 +281,12 @@ def once(
     return cast(Callable[Concatenate[Any, P], T], remembered)
 
 
+@diagnostic("the notes of '{}'", tuple, about=lambda stage, *_, **__: stage or "a stage")
+def _noted(stage: str, notes: Callable[..., Iterable[str]], *args: Any, **named: Any) -> tuple[str, ...]:
+    """Notes on the result of a stage."""
+    return tuple(notes(*args, **named))
+
+
 def stage(
     name: str,
     *,
@@ -280,6 +296,7 @@ def stage(
     notes: Callable[..., Iterable[str]] | None = None,
     stored: Literal["always", "in common", "never"] = "always",
     common: int = 0,
+    again: Callable[[Any], bool] | None = None,
 ) -> Callable[[Callable[Concatenate[Any, P], T]], Callable[Concatenate[Any, P], T]]:
     """Make a method of a run a stage that is done once.
 
@@ -304,6 +321,8 @@ def stage(
         ``always``, ``never``, or ``in common``: on disk only where work is shared with other runs.
     common : int
         Number of results that runs of a sweep hold together in memory.
+    again : callable, optional
+        Takes a stored result, tells whether a part of it failed, so that a run makes it again; a report shows it.
     """
 
     def about(run: Any, *args: Any, **named: Any) -> str:
@@ -319,7 +338,7 @@ def stage(
             else:
                 of = about(run, *args, **named)
                 on_disk = stored == "always" or (stored == "in common" and stages.common is not None)
-                entry = _Entry(work.__name__, name, of, digest, on_disk and key is not None, common)
+                entry = _Entry(work.__name__, name, of, digest, on_disk and key is not None, common, again)
                 with ExitStack() as claim:
                     result = stages.find(entry, run, claim)
                     if result is _MISSING:
@@ -329,8 +348,9 @@ def stage(
                         with stages.timed(name, of) if name else nullcontext():
                             result = work(run, *args, **named)
                         result = stages.keep(entry, run, result)
-            for text in () if notes is None else notes(run, result, *args, **named):
-                stages.note(text)
+            if notes is not None:
+                for text in _noted(name, notes, run, result, *args, **named):
+                    stages.note(text)
             return result  # type: ignore[no-any-return]
 
         return once(cast(Callable[Concatenate[Any, P], T], finished), about)

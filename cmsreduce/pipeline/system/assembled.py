@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -44,6 +44,8 @@ _UNDAMPED_BANDS = 1.25
 _DAMPED_BANDS = 1.1
 # Coordinates of a system whose modes are all held in memory: three megabytes a configuration.
 _HELD_IN_MEMORY = 600
+# Damping ratio given to the peak of a mode without damping: the nearest point of the refined grid is this far from it.
+_NO_DAMPING = 5e-6
 # Grids of one band end at the same frequency to rounding.
 _SAME_BAND = 1e-9
 
@@ -209,6 +211,56 @@ class AssembledModel:
         Y = self.receptances(np.concatenate([np.empty(0), *grids])) if flexibility is None else flexibility
         wirings = [self.held.wiring(self.wiring(configuration)) for configuration in configurations]
         return couple(Y, self.held.stack, wirings, grids)
+
+    def collocated(
+        self,
+        configuration: Configuration,
+        omega: NDArray[np.float64],
+        flexibility: Mapping[str, Receptance] | None = None,
+    ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+        """Response, and the largest response that its actuators and sensors could have on this structure.
+
+        Returns
+        -------
+        H : (f, outputs, inputs) complex128
+            Frequency response, rigid-body part included.
+        reach : (f, outputs, inputs) float64
+            sqrt(|H_uu| |H_yy|): motion at the actuator under its own effort, and at the sensor under an effort along
+            its own motion. Static gains cannot be larger (Cauchy, Schwarz). A response that is much smaller is what
+            rounding leaves of parts that cancel.
+        """
+        Y = self.receptances(omega) if flexibility is None else flexibility
+        wiring = self.held.wiring(self.wiring(configuration))
+        C = wiring.C1 + wiring.C2
+        y, u = C.shape[0], wiring.B.shape[0]
+        both = replace(
+            wiring,
+            B=np.vstack([wiring.B, C]),
+            C1=np.vstack([wiring.C1, C, wiring.B]),
+            C2=np.vstack([wiring.C2, np.zeros((y + u, C.shape[1]))]),
+        )
+        H = couple(Y, self.held.stack, [both], [omega])[0]
+        at_y = abs(H[:, np.arange(y, 2 * y), np.arange(u, u + y)])
+        at_u = abs(H[:, np.arange(2 * y, 2 * y + u), np.arange(u)])
+        per_rate = np.where(wiring.C2.any(axis=1), omega[:, None], 1.0)
+        return H[:, :y, :u], np.sqrt(at_y[:, :, None] * at_u[:, None, :]) * per_rate[:, :, None]
+
+    def modal_peaks(self, configuration: Configuration) -> NDArray[np.float64]:
+        """Height of the peak of each elastic mode up to a little above the band (k, outputs, inputs)."""
+        system, (w, Phi) = self.system(configuration), self._modes(configuration)
+        zeta = np.maximum(self.resonances(configuration).zeta, _NO_DAMPING)
+        outputs = abs(system.C1 @ Phi + 1j * (system.C2 @ Phi) * w)
+        inputs = abs(system.B.T @ Phi) / (2 * zeta * w**2)
+        return np.asarray(np.einsum("yk,uk->kyu", outputs, inputs))
+
+    def kinetic_shares(self, configuration: Configuration, modes: Sequence[int]) -> list[dict[str, float]]:
+        """Share of the kinetic energy in each body, for some of the elastic modes up to a little above the band."""
+        found: list[dict[str, float]] = [{} for _ in modes]
+        for name, shapes in self.resonances(configuration).shapes.items():
+            some = shapes[:, list(modes)]
+            for each, energy in zip(found, _weights(self.substructures[name].M, some), strict=True):
+                each[name] = float(energy)
+        return found
 
     def rigid_response(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Rigid-body part of the response (f, outputs, inputs)."""

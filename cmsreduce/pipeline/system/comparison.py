@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble import Receptance
 from cmsreduce.model import (
+    ERRORS,
     Configuration,
     ConfigurationResult,
     DampedPairs,
@@ -21,8 +23,9 @@ from cmsreduce.model import (
     ModelErrors,
     Response,
     Scene,
+    UnpairedMode,
 )
-from cmsreduce.pipeline.store import Progress, once
+from cmsreduce.pipeline.store import Progress, diagnostic, once
 from cmsreduce.pipeline.system.assembled import AssembledModel, cross_orthogonality, mass_products
 from cmsreduce.verify import (
     FrequencyPairs,
@@ -33,6 +36,7 @@ from cmsreduce.verify import (
     frac,
     frequency_grid,
     frf_error,
+    heard_channels,
     loud_channels,
     pair_complex_modes,
     pair_frequencies,
@@ -50,6 +54,13 @@ Complex = NDArray[np.complex128]
 _TOGETHER = 16
 # Points nearer than this share of a resonance's half-width add nothing to an integral over it.
 _THINNING = 0.02
+# One in so many points around a resonance is taken where an error needs two digits: it differs by a few per cent.
+_COARSE = 3
+# Frequencies of the band, of those of the decibel error, at which a channel is heard or not.
+_LISTENED = 8
+# A reduced model has a response in a channel that the reference model does not have if it is above -120 dB of what the
+# channel could have; smaller ones come from rounding of its modes.
+_FALSE = 1e-6
 
 
 class ReducedModel:
@@ -86,6 +97,8 @@ class Target:
         Response without its rigid-body part, and the rigid-body part.
     row, column : float64
         Scales of the channels.
+    heard : (outputs, inputs) bool
+        Channels whose elastic response is more than rounding; it is zero in the others.
     """
 
     configuration: Configuration
@@ -94,6 +107,7 @@ class Target:
     rigid: Complex
     row: Real
     column: Real
+    heard: NDArray[np.bool_]
 
 
 class Comparison:
@@ -124,15 +138,29 @@ class Comparison:
         self.reference, self.reference_shapes, self.bodies, self.scene = reference, reference_shapes, bodies, scene
         self.points = points
         self._decibel = decibel_grid(scene.band)
+        self._few = self._decibel[np.linspace(0, self._decibel.size - 1, _LISTENED).astype(np.int64)]
         self.reference_seconds = 0.0
         self.reduced_seconds = 0.0
 
-    def grid(self, configuration: Configuration, models: Sequence[ReducedModel]) -> NDArray[np.float64]:
-        """Frequencies in rad/s, refined at the resonances of the reference model and of every reduced one."""
-        found = [model.resonances(configuration) for model in (self.reference, *(m.assembled for m in models))]
+    def grid(
+        self, configuration: Configuration, models: Sequence[ReducedModel], *, quick: bool = False
+    ) -> NDArray[np.float64]:
+        """Frequencies in rad/s, refined at resonances.
+
+        Parameters
+        ----------
+        configuration : Configuration
+        models : sequence of ReducedModel
+            Their resonances count, and those of the reference model.
+        quick : bool
+            Leave out the resonances of the reference model, whose modes take most of the time, and take one in three
+            points around the others. A peak that the reduced models lack then has the points of the grid alone.
+        """
+        every = [model.assembled for model in models]
+        found = [model.resonances(configuration) for model in (every if quick else [self.reference, *every])]
         omega = np.concatenate([r.omega for r in found])
         zeta = np.concatenate([r.zeta for r in found])
-        grid = frequency_grid(self.scene.band, self.points, omega, zeta)
+        grid = frequency_grid(self.scene.band, self.points, omega, zeta, _COARSE if quick else 1)
         return _thinned(grid, omega, zeta)
 
     def errors(self, models: Mapping[str, ReducedModel], progress: Progress) -> tuple[ConfigurationResult, ...]:
@@ -147,20 +175,60 @@ class Comparison:
         """
         results: list[ConfigurationResult] = []
         for some in self._groups():
-            results += self.at(some, models)
+            results += self.measured(some, models)
             progress.advance(len(results), len(self.scene.configurations))
         return tuple(results)
 
-    def targets(self, configurations: Sequence[Configuration], model: ReducedModel) -> tuple[Target, ...]:
+    def measured(
+        self, configurations: Sequence[Configuration], models: Mapping[str, ReducedModel]
+    ) -> list[ConfigurationResult]:
+        """Errors and curves in some configurations; one that fails is missing."""
+        if len(configurations) > 1:
+            # If one of them fails, the others are measured one by one.
+            with suppress(Exception):
+                return list(self.at(configurations, models))
+        found = [self._alone(configuration, models) for configuration in configurations]
+        return [each for each in found if each is not None]
+
+    @diagnostic("the verification in '{}'", about=lambda own, configuration, models: configuration.name, limits=ERRORS)
+    def _alone(self, configuration: Configuration, models: Mapping[str, ReducedModel]) -> ConfigurationResult | None:
+        (found,) = self.at([configuration], models)
+        return found
+
+    def targets(
+        self, configurations: Sequence[Configuration], model: ReducedModel, *, quick: bool = False
+    ) -> tuple[Target, ...]:
         """Reference responses on grids refined at the resonances of the reference model and of one reduced model."""
-        grids = [self.grid(configuration, [model]) for configuration in configurations]
+        grids = [self.grid(configuration, [model], quick=quick) for configuration in configurations]
         full = self.reference.responses(configurations, grids)
         return tuple(self._target(*each) for each in zip(configurations, grids, full, strict=True))
 
     def _target(self, configuration: Configuration, omega: Real, H: Complex) -> Target:
         rigid = self.reference.rigid_response(configuration, omega)
-        row, column = channel_scales(self.scene.actuators, self.scene.sensors, H - rigid, H)
-        return Target(configuration, omega, H - rigid, rigid, row, column)
+        heard, _ = self._heard(configuration)
+        elastic = np.where(heard, H - rigid, 0.0)
+        row, column = channel_scales(self.scene.actuators, self.scene.sensors, elastic, H, omega)
+        return Target(configuration, omega, elastic, rigid, row, column, heard)
+
+    @property
+    @once
+    def _few_tables(self) -> Mapping[str, Receptance]:
+        return self.reference.tables(self._few)
+
+    @once
+    def _heard(self, configuration: Configuration) -> tuple[NDArray[np.bool_], Real]:
+        """Channels with an elastic response, and the reach of all at a few frequencies."""
+        H, reach = self.reference.collocated(configuration, self._few, self._few_tables)
+        return heard_channels(H - self.reference.rigid_response(configuration, self._few), reach), reach
+
+    def _false(self, configuration: Configuration, model: ReducedModel) -> NDArray[np.bool_]:
+        """Channels (outputs, inputs) with an elastic response in the reduced model alone."""
+        heard, reach = self._heard(configuration)
+        if heard.all():
+            return np.zeros(heard.shape, dtype=bool)
+        H_r = model.assembled.response(configuration, self._few)
+        elastic = H_r - model.assembled.rigid_response(configuration, self._few)
+        return np.asarray(~heard & heard_channels(elastic, reach, _FALSE))
 
     def candidate_error(self, model: ReducedModel) -> float:
         """Worst response error of a reduced model over all configurations, on grids of its own."""
@@ -174,8 +242,15 @@ class Comparison:
         every = self.scene.configurations
         return (every[start : start + _TOGETHER] for start in range(0, len(every), _TOGETHER))
 
-    def _errors(self, configurations: Sequence[Configuration], model: ReducedModel) -> list[float]:
-        targets = self.targets(configurations, model)
+    def quick_errors(self, configurations: Sequence[Configuration], model: ReducedModel) -> list[float]:
+        """Response errors in configurations that need not be of the scene, on quick grids."""
+        groups = (configurations[start : start + _TOGETHER] for start in range(0, len(configurations), _TOGETHER))
+        return [error for some in groups for error in self._errors(some, model, quick=True)]
+
+    def _errors(
+        self, configurations: Sequence[Configuration], model: ReducedModel, *, quick: bool = False
+    ) -> list[float]:
+        targets = self.targets(configurations, model, quick=quick)
         responses = model.assembled.responses(configurations, [target.omega for target in targets])
         # Every reduced model keeps the rigid modes, so that its rigid part is that of the reference model.
         return [
@@ -187,6 +262,12 @@ class Comparison:
         self, configurations: Sequence[Configuration], models: Mapping[str, ReducedModel]
     ) -> tuple[ConfigurationResult, ...]:
         """Errors and curves of several models in some configurations, the run's own model first."""
+        own_label = next(iter(models))
+        models = {
+            label: model
+            for label, model in models.items()
+            if label == own_label or self._has_modes(label, model, configurations)
+        }
         grids = [self.grid(configuration, list(models.values())) for configuration in configurations]
         started = time.perf_counter()
         full = self.reference.responses(configurations, grids)
@@ -196,17 +277,12 @@ class Comparison:
         errors: list[dict[str, ModelErrors]] = [{} for _ in configurations]
         curves: list[dict[str, Complex]] = [{} for _ in configurations]
         for number, (label, model) in enumerate(models.items()):
-            started = time.perf_counter()
-            responses = model.assembled.responses(configurations, grids)
-            seconds = time.perf_counter() - started
+            measure = self._compared if number else self._of_model
+            found, seconds = measure(label, model, targets, full_db)
             if number == 0:
                 self.reduced_seconds += seconds
-            each = seconds / sum(omega.size for omega in grids)
-            reduced_db = self._decibels(model.assembled, configurations)
-            for k, (target, H_r) in enumerate(zip(targets, responses, strict=True)):
-                in_db = db_error(full_db[k], reduced_db[k], target.row, target.column)
-                errors[k][label] = self._model_errors(target, model, H_r, in_db, each * target.omega.size)
-                curves[k][label] = H_r
+            for k, (error, H_r) in enumerate(found):
+                errors[k][label], curves[k][label] = error, H_r
         own = next(iter(models.values())).assembled
         band = 2 * np.pi * self.scene.band[1]
         return tuple(
@@ -222,35 +298,76 @@ class Comparison:
             for k, configuration in enumerate(configurations)
         )
 
+    @diagnostic("the modes of the compared model '{}'", lambda: False, about=lambda own, label, *_: label)
+    def _has_modes(self, label: str, model: ReducedModel, configurations: Sequence[Configuration]) -> bool:
+        """True if the resonances of a model, which refine the grids, can be computed."""
+        for configuration in configurations:
+            model.assembled.resonances(configuration)
+        return True
+
+    @diagnostic("the comparison with '{}'", lambda: ([], 0.0), about=lambda own, label, *_: label, whole=True)
+    def _compared(
+        self, label: str, model: ReducedModel, targets: Sequence[Target], full_db: Sequence[Complex]
+    ) -> tuple[list[tuple[ModelErrors, Complex]], float]:
+        return self._of_model(label, model, targets, full_db)
+
+    def _of_model(
+        self, label: str, model: ReducedModel, targets: Sequence[Target], full_db: Sequence[Complex]
+    ) -> tuple[list[tuple[ModelErrors, Complex]], float]:
+        """Errors and response of a model in each configuration, and the wall time of its responses."""
+        configurations, grids = [target.configuration for target in targets], [target.omega for target in targets]
+        started = time.perf_counter()
+        responses = model.assembled.responses(configurations, grids)
+        seconds = time.perf_counter() - started
+        each = seconds / sum(omega.size for omega in grids)
+        reduced_db = self._decibels(model.assembled, configurations)
+        found = []
+        for k, (target, H_r) in enumerate(zip(targets, responses, strict=True)):
+            in_db = db_error(full_db[k], reduced_db[k], target.row, target.column)
+            found.append((self._model_errors(target, model, H_r, in_db, each * target.omega.size), H_r))
+        return found, seconds
+
     def _model_errors(
         self, target: Target, model: ReducedModel, H_r: Complex, in_db: float, seconds: float
     ) -> ModelErrors:
         """Errors of a model by its response on the grid of the target, beside those in decibels."""
         configuration, omega, H = target.configuration, target.omega, target.elastic
         row, column = target.row, target.column
-        elastic = H_r - model.assembled.rigid_response(configuration, omega)
+        false = self._false(configuration, model)
+        heard = target.heard | false
+        # In a channel that neither model hears, both responses are rounding.
+        elastic = np.where(heard, H_r - model.assembled.rigid_response(configuration, omega), 0.0)
+        loud = loud_channels(H, row, column, omega) | false
         pairs, mac = self._pairs(configuration, model)
         shape, peak = frac(H, elastic), peak_errors(H, elastic)
         shift = peak_shifts(omega / (2 * np.pi), H, pairs.full_hz, pairs.reduced_hz)
-        loud = loud_channels(H, row, column)
+        sure = loud & ~false
+        nothing = float("nan")
         return ModelErrors(
-            frf_error=frf_error(omega, H, elastic, row, column),
-            db_error=in_db,
+            # Without a channel there is nothing to measure.
+            frf_error=_frf_error(target, elastic, false) if loud.any() else nothing,
+            db_error=in_db if loud.any() else nothing,
             frequency_error=pairs.worst,
             frac=shape,
             full_hz=pairs.full_hz,
             reduced_hz=pairs.reduced_hz,
             mac=pairs.mac,
             damped=self._damped_pairs(configuration, model),
-            peak_error=float(peak[loud].max(initial=0.0)),
-            frac_error=float((1 - shape[loud]).max(initial=0.0)),
-            channel_error=channel_errors(omega, H, elastic),
+            peak_error=float(peak[sure].max(initial=0.0)) if sure.any() else nothing,
+            frac_error=float((1 - shape[sure]).max(initial=0.0)) if sure.any() else nothing,
+            channel_errors=channel_errors(omega, H, elastic),
             channel_peak=peak,
             channel_shift=shift,
-            nrfd=float(np.nanmax(shift[loud], initial=0.0)),
+            nrfd=float(np.nanmax(shift[loud], initial=0.0)) if loud.any() else nothing,
             mac_matrix=mac,
             coordinates=model.assembled.system(configuration).N,
             seconds=seconds,
+            heard=heard,
+            loud=loud,
+            lost=_alone(self.reference, configuration, pairs.lost, np.where(loud, abs(H).max(axis=0, initial=0.0), 0)),
+            extra=_alone(
+                model.assembled, configuration, pairs.extra, np.where(loud, abs(elastic).max(axis=0, initial=0.0), 0)
+            ),
         )
 
     @property
@@ -269,14 +386,57 @@ class Comparison:
         cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(self))
         # Both sets are orthonormal in mass.
         mac = MacMatrix(full.omega / (2 * np.pi), reduced.omega / (2 * np.pi), cross**2)
-        return pair_frequencies(full.omega, reduced.omega, cross, self.scene.band[1]), mac
+        low, high = self.scene.band
+        return pair_frequencies(full.omega, reduced.omega, cross, high, low), mac
 
+    @diagnostic(
+        "the damping of the modes in '{}'",
+        about=lambda own, configuration, _: configuration.name,
+        limits=("damping_error",),
+    )
     def _damped_pairs(self, configuration: Configuration, model: ReducedModel) -> DampedPairs | None:
         full, reduced = self.reference.damped_modes(configuration), model.assembled.damped_modes(configuration)
         if full is None or reduced is None:
             return None
         cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(self))
         return pair_complex_modes(full.s, reduced.s, cross, self.scene.band[1])
+
+
+def _frf_error(target: Target, elastic: Complex, false: NDArray[np.bool_]) -> float:
+    """Error of the elastic response; infinite where the reduced model answers in a unit that is silent otherwise."""
+    unscaled = false & ((target.row[:, None] == 0) | (target.column[None, :] == 0))
+    if unscaled.any():
+        return float("inf")
+    return frf_error(target.omega, target.elastic, elastic, target.row, target.column)
+
+
+def _alone(
+    model: AssembledModel, configuration: Configuration, modes: NDArray[np.int64], highest: Real
+) -> tuple[UnpairedMode, ...]:
+    """Modes of one model without a partner: the body that moves most, and the channel that shows them best.
+
+    Parameters
+    ----------
+    model : AssembledModel
+    configuration : Configuration
+    modes : (l,) int64
+        Positions among its resonances.
+    highest : (outputs, inputs) float64
+        Highest elastic response of each judged channel over the band; 0 of the others.
+    """
+    if not modes.size:
+        return ()
+    hz = model.resonances(configuration).omega[modes] / (2 * np.pi)
+    peaks = model.modal_peaks(configuration)[modes]
+    seen = np.where(highest > 0, peaks / np.where(highest > 0, highest, 1.0), 0.0)
+    found = []
+    for each, share, energy in zip(hz, seen, model.kinetic_shares(configuration, modes.tolist()), strict=True):
+        body = max(energy, key=lambda name: energy[name])
+        largest = float(share.max(initial=0.0))
+        y, u = np.unravel_index(int(share.argmax()), share.shape) if share.size else (0, 0)
+        channel = (int(y), int(u)) if largest > 0 else None
+        found.append(UnpairedMode(float(each), body, energy[body] / sum(energy.values()), largest, channel))
+    return tuple(found)
 
 
 def _thinned(grid: NDArray[np.float64], omega: NDArray[np.float64], zeta: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from cmsreduce.model import (
     SystemChecks,
 )
 from cmsreduce.pipeline.bodies import FlexibleBody, probing_loads
+from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.pipeline.system.assembled import AssembledModel
 from cmsreduce.verify import (
     gain_sum,
@@ -64,18 +66,21 @@ class AllModes:
         Modal inputs and outputs; of a rate, the displacement.
     static : (outputs, inputs) float64
         Gain of the shapes without mass.
+    reach : (outputs, inputs) float64
+        Largest static gain that the channels could have: the geometric mean of those at either end.
     """
 
     omega: Array
     B: Array
     C: Array
     static: Array
+    reach: Array
 
     @property
     def gains(self) -> GainSum:
         """Gains of the elastic modes."""
         elastic = self.omega > 0
-        return gain_sum(self.omega[elastic], self.B[elastic], self.C[:, elastic], self.static)
+        return gain_sum(self.omega[elastic], self.B[elastic], self.C[:, elastic], self.static, self.reach)
 
 
 def reduction_checks(
@@ -114,7 +119,9 @@ def reduction_checks(
         if n > _QUICK_BODY and "static" not in required:
             left_out[f"static completeness of {name}: it needs a factorisation of {n} dofs"] = None
             continue
-        static[name] = static_lack(bodies[name], modes, scene)
+        lack = _static(name, bodies[name], modes, scene)
+        if lack is not None:
+            static[name] = lack
     systems = []
     channels = wanted - {"static"}
     for configuration in scene.configurations if channels and full is not None else ():
@@ -134,17 +141,50 @@ def _of_system(
 ) -> tuple[SystemChecks, list[str]]:
     """Gains, zeros and steps in one configuration, and the reasons of those left out."""
     gains: tuple[GainSum | None, GainSum | None] = None, None
-    zeros, step, why = None, None, []
-    if {"gains", "zeros"}.intersection(wanted):
-        both = all_modes(full, configuration), all_modes(model, configuration)
+    zeros, step, why = None, None, list[str]()
+    both = _both_modes(full, model, configuration) if {"gains", "zeros"}.intersection(wanted) else None
+    if both is not None:
         gains = (both[0].gains, both[1].gains) if "gains" in wanted else gains
-        zeros = zeros_apart(*both, model, configuration) if "zeros" in wanted else None
+        zeros = _zeros(both, model, configuration) if "zeros" in wanted else None
     if "step" in wanted:
-        try:
-            step = step_compared(full, model, configuration)
-        except MatrixError as error:
-            why.append(f"step: {error}")
+        step, reasons = _step(full, model, configuration)
+        why += reasons
     return SystemChecks(configuration.name, *gains, zeros, step), why
+
+
+def _in(*args: Any) -> str:
+    """Name of the configuration, the last argument of a check."""
+    return str(args[-1].name)
+
+
+@diagnostic("the static completeness of '{}'", about=lambda name, *_: name, limits=("static_lack",))
+def _static(name: str, flexible: FlexibleBody, modes: ModalComponent, scene: Scene) -> dict[str, float] | None:
+    return static_lack(flexible, modes, scene)
+
+
+@diagnostic("the check of gains and zeros in '{}'", about=_in, limits=("gain_error", "zero_error", "zeros_lost"))
+def _both_modes(
+    full: AssembledModel, model: AssembledModel, configuration: Configuration
+) -> tuple[AllModes, AllModes] | None:
+    return all_modes(full, configuration), all_modes(model, configuration)
+
+
+@diagnostic("the comparison of zeros in '{}'", about=_in, limits=("zero_error", "zeros_lost"))
+def _zeros(
+    both: tuple[AllModes, AllModes], model: AssembledModel, configuration: Configuration
+) -> tuple[ChannelZeros, ...] | None:
+    return zeros_apart(*both, model, configuration)
+
+
+@diagnostic("the step response in '{}'", lambda: (None, []), about=_in, limits=("step_error",))
+def _step(
+    full: AssembledModel, model: AssembledModel, configuration: Configuration
+) -> tuple[StepErrors | None, list[str]]:
+    try:
+        return step_compared(full, model, configuration), []
+    except MatrixError as error:
+        # The damping of this system has no step response of its elastic part.
+        return None, [f"step: {error}"]
 
 
 def static_lack(flexible: FlexibleBody, modes: ModalComponent, scene: Scene) -> dict[str, float]:
@@ -164,9 +204,11 @@ def all_modes(model: AssembledModel, configuration: Configuration) -> AllModes:
     system = model.system(configuration)
     omega, Phi, N = model.every_mode(configuration)
     X, C = np.hstack([system.rigid, Phi]), system.C1 + system.C2
-    return AllModes(
-        np.concatenate([np.zeros(system.rigid.shape[1]), omega]), X.T @ system.B, C @ X, (C @ N) @ (N.T @ system.B)
-    )
+    # Static gains of modes and of shapes without mass, as columns of unit strain energy.
+    elastic = np.hstack([Phi / omega, N])
+    reach = np.outer(np.linalg.norm(C @ elastic, axis=1), np.linalg.norm(elastic.T @ system.B, axis=0))
+    frequencies = np.concatenate([np.zeros(system.rigid.shape[1]), omega])
+    return AllModes(frequencies, X.T @ system.B, C @ X, (C @ N) @ (N.T @ system.B), reach)
 
 
 def channel_gains(model: AssembledModel, configuration: Configuration) -> GainSum | None:
@@ -231,6 +273,6 @@ def step_compared(full: AssembledModel, reduced: AssembledModel, configuration: 
     count = int(min(_MOST, np.ceil(_PERIODS * _INSTANTS * max(high / lowest, 1.0)))) + 1
     step = 1 / (_INSTANTS * high)
     y, y_r = (step_response(each.A, each.B, each.C, each.D, step, count) for each in states)
-    peak, rms = step_errors(y, y_r)
+    peak, rms = step_errors(y, y_r, all_modes(full, configuration).gains.size > 0)
     shown = np.unique(np.linspace(0, count - 1, min(count, _SHOWN)).astype(np.int64))
     return StepErrors(np.asarray(step * shown, dtype=np.float64), y[shown], y_r[shown], peak, rms)

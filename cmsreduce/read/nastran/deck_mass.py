@@ -1,54 +1,78 @@
-"""Mass and centre of mass that a NASTRAN deck states: bars, rods, plates, solids and point masses."""
+"""Mass, centre, inertia and masses of the nodes that a NASTRAN deck states."""
 
 from __future__ import annotations
 
 import itertools
-import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
-from cmsreduce.read.nastran.bars import offsets_of
-from cmsreduce.read.nastran.cards import Card, Cards, read_cards
+from cmsreduce.read.nastran.cards import Cards
+from cmsreduce.read.nastran.deck_elements import (
+    Faces,
+    NotCountedError,
+    bars_of,
+    materials_of,
+    node_index,
+    plates_of,
+    solids_of,
+    stated_cards,
+)
 
-__all__ = ["deck_mass"]
+__all__ = ["StatedMass", "deck_mass", "mass_of", "solid_volumes"]
 
 Array = NDArray[np.float64]
+Part = tuple[NDArray[np.int64], Array, Array, Array, Array]
+"""Nodes (e, k), their masses (e, k), centres (e, 3), second moments int x x dm (e, 3, 3), and the inertia (e, 3, 3)
+that lumping may change."""
 
-_BARS = {"CBAR": "PBAR", "CBEAM": "PBEAM", "CROD": "PROD", "CONROD": ""}
-# Fields of a property: area, and non-structural mass per length.
-_AREA, _PER_LENGTH = 2, {"PBAR": 6, "PBEAM": 7, "PROD": 5}
-_DENSITY = 4  # on MAT1
 # Elements and properties without a counted mass: the mass of a deck that has any is unknown.
 _OTHERS = (
     *("CQUAD8", "CQUADR", "CQUAD", "CTRIA6", "CTRIAR", "CSHEAR", "CTRIAX", "CTRIAX6", "CQUADX", "PCOMP", "PCOMPG"),
     *("CPYRAM", "CTUBE", "CBEND", "CBEAM3", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "MAT2", "MAT8", "MAT9"),
     *("PBCOMP", "PBRSECT", "PBMSECT", "BAROR", "BEAMOR", "NSM", "NSM1", "NSML", "NSML1", "DMIG"),
 )
-_SHAPED = {"PBARL": "PBAR", "PBEAML": "PBEAM"}
-_PLATES, _SOLIDS = {"CTRIA3": 3, "CQUAD4": 4}, {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
-_MORE = ("PSHELL", "PSOLID", "MAT1", "CONM1", "CONM2", "PARAM")
 # Of the size of an element: corners printed with five digits.
 _EVEN = 1e-4
 # Of a CONM1: masses printed with seven digits.
 _ONE_MASS = 1e-6
-_PLAIN_BEAM = 8  # fields of a PBEAM without stations along it
 _AT_POINT = -1  # frame of a CONM2 whose offset is a place in basic
 
 _HEXAHEDRON = ((-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1))
 # A tetrahedron and a wedge are hexahedra with corners that coincide.
 _CORNERS = {4: (0, 1, 2, 2, 3, 3, 3, 3), 6: (0, 1, 2, 2, 3, 4, 5, 5), 8: (0, 1, 2, 3, 4, 5, 6, 7)}
-_DIMENSIONS = {"ROD": 1, "TUBE": 2, "BAR": 2, "BOX": 4}
-
-_OTHER = re.compile(rb"^(" + "|".join(_OTHERS).encode() + rb")\b", re.MULTILINE | re.IGNORECASE)
-_COUNTED = re.compile(rb"^(CONM1|CONM2|MAT1)\b", re.MULTILINE | re.IGNORECASE)
 
 
-def deck_mass(path: Path, nodes: Nodes) -> tuple[float, Array] | None:
+class StatedMass(NamedTuple):
+    """Mass of the elements of a deck, in its units.
+
+    Parameters
+    ----------
+    mass : float
+        Mass of all bars, rods, plates, solids and point masses.
+    centre : (3,) float64
+        Centre of mass in basic.
+    inertia : (3, 3) float64
+        About the centre, with the mass of each element spread over it.
+    lumping : (3, 3) float64
+        Largest difference that lumping, and rotary inertia of sections, make to each entry.
+    nodal : (N,) float64
+        Mass at each node.
+    """
+
+    mass: float
+    centre: Array
+    inertia: Array
+    lumping: Array
+    nodal: Array
+
+
+def deck_mass(path: Path, nodes: Nodes) -> StatedMass | None:
     """Add up the masses of the elements of a deck.
 
     Parameters
@@ -60,76 +84,80 @@ def deck_mass(path: Path, nodes: Nodes) -> tuple[float, Array] | None:
 
     Returns
     -------
-    (float, (3,) float64) or None
-        Mass of all bars, rods, plates, solids and point masses, and their centre in basic, in the units of the deck.
+    StatedMass or None
         None if the file is no deck, states no mass, or has elements that are not counted: plates in layers or with an
         offset or a thickness of their own, skew plates and solids (their centre depends on the lumping of mass),
         elements with nodes between corners, scalar masses (CMASS has no place), sections with stations or with other
         shapes than BAR, BOX, ROD and TUBE, a CONM1 that is no point mass.
     """
+    return mass_of(stated_cards(path), nodes)
+
+
+def mass_of(cards: Cards | None, nodes: Nodes) -> StatedMass | None:
+    """Add up the masses of the elements on some cards, as `deck_mass` does."""
+    if cards is None or any(cards.get(name) for name in _OTHERS):
+        return None
     try:
-        # A search of the bytes is fast, also in large decks of solids.
-        content = path.read_bytes()
-        if not _COUNTED.search(content) or _OTHER.search(content):
-            return None
-        wanted = {*_BARS, *_BARS.values(), *_SHAPED, *_PLATES, *_SOLIDS, *_OTHERS, *_MORE} - {""}
-        sections = read_cards(path, wanted).sections
-        cards = sections.get(0, {})
-        if len(sections) > 1 or any(cards.get(name) for name in _OTHERS):
-            return None
         parts = [*_bars(cards, nodes), *_plates(cards, nodes), *_solids(cards, nodes), *_points(cards, nodes)]
-    except (OSError, ReadError, _NotCountedError):
+    except (ReadError, NotCountedError):
         return None
-    masses = np.array([mass for mass, _ in parts])
-    if not masses.sum() > 0:
+    if not parts or not (total := float(sum(mass.sum() for _, mass, *_ in parts))) > 0:
         return None
-    centre = masses @ np.array([place for _, place in parts]) / masses.sum()
+    centre = sum(np.einsum("ek,ei->i", mass, at) for _, mass, at, *_ in parts) / total
+    nodal = np.zeros(len(nodes))
+    second, lumping = np.zeros((3, 3)), np.zeros((3, 3))
+    for of, mass, _, spread, more in parts:
+        np.add.at(nodal, of, mass)
+        second, lumping = second + spread.sum(axis=0), lumping + more.sum(axis=0)
+    second = second - total * np.outer(centre, centre)
     # PARAM, WTMASS: factor of weights.
     scale = next((card.real(1) for card in cards.get("PARAM", ()) if card.text(0).upper() == "WTMASS"), 1.0)
-    return float(masses.sum()) * scale, centre
+    inertia = np.trace(second) * np.eye(3) - second
+    return StatedMass(total * scale, centre, inertia * scale, lumping * scale, nodal * scale)
 
 
-class _NotCountedError(Exception):
-    """The deck has a mass that is not counted."""
+def _density(number: int, cards: Cards) -> float:
+    found = materials_of(cards)
+    if number not in found:
+        raise NotCountedError
+    return found[number].density
 
 
-def _bars(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, Array]]:
-    density = _densities(cards)
-    sections = {}
-    for name, kind in _SHAPED.items():
-        for card in cards.get(name, ()):
-            area, per_length = _section_by_shape(card)
-            sections[kind, card.integer(0)] = (card.integer(1), area, per_length)
-    for name in filter(None, _BARS.values()):
-        for card in cards.get(name, ()):
-            if name == "PBEAM" and any(card.text(k) for k in range(_PLAIN_BEAM + 8, len(card.fields))):
-                raise _NotCountedError
-            sections[name, card.integer(0)] = (card.integer(1), card.real(_AREA), card.real(_PER_LENGTH[name]))
-    for name, kind in _BARS.items():
-        for card in cards.get(name, ()):
-            key, first = (kind, card.integer(1, card.integer(0))), 2
-            if name == "CONROD":
-                (material, area, per_length), first = (card.integer(3), card.real(4), card.real(7)), 1
-            elif key in sections:
-                material, area, per_length = sections[key]
-            else:
-                raise _NotCountedError
-            if material not in density:
-                raise _NotCountedError
-            ends = np.array([_place(nodes, card.integer(first + k)) for k in range(2)])
-            if name in ("CBAR", "CBEAM"):
-                ends += [nodes.frame[_index(nodes, card.integer(2 + k))].T @ w for k, w in enumerate(offsets_of(card))]
-            length = float(np.linalg.norm(ends[1] - ends[0]))
-            yield (density[material] * area + per_length) * length, ends.mean(axis=0)
+def _outer(x: Array) -> Array:
+    return np.asarray(x[..., :, None] * x[..., None, :])
 
 
-def _points(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, Array]]:
+def _bars(cards: Cards, nodes: Nodes) -> Iterator[Part]:
+    bars, materials = list(bars_of(cards, nodes)), materials_of(cards)
+    if any(bar.section.material not in materials for bar in bars):
+        raise NotCountedError
+    if not bars:
+        return
+    ends = np.array([bar.ends for bar in bars])
+    along = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    density = np.array([materials[bar.section.material].density for bar in bars])
+    per_length = density * [bar.section.area for bar in bars] + [bar.section.per_length for bar in bars]
+    mass, centre = per_length * length, ends.mean(axis=1)
+    # Halves at the ends have three times the moment of a straight line.
+    twist = density * length * [np.trace(bar.section.moments) for bar in bars]
+    lumped = _as_inertia(_outer(along) * (mass / 6)[:, None, None]) + twist[:, None, None]
+    spread = mass[:, None, None] * (_outer(centre) + _outer(along) / 12)
+    # The halves are at the grids, offsets or not.
+    yield np.array([bar.nodes for bar in bars]), np.repeat(mass[:, None] / 2, 2, axis=1), centre, spread, lumped
+
+
+def _points(cards: Cards, nodes: Nodes) -> Iterator[Part]:
     for card in cards.get("CONM2", ()):
         frame, offset = card.integer(2, 0), np.array([card.real(k) for k in (4, 5, 6)])
         if frame > 0 and offset.any():
-            raise _NotCountedError
-        place = offset if frame == _AT_POINT else _place(nodes, card.integer(1)) + offset
-        yield card.real(3), place
+            raise NotCountedError
+        at = node_index(nodes, card.integer(1))
+        place = offset if frame == _AT_POINT else nodes.xyz[at] + offset
+        # Moments are along the card's frame; their size bounds their share in every frame.
+        own = np.zeros((3, 3))
+        own[np.tril_indices(3)] = [card.real(k) for k in range(8, 14)]
+        yield _at_point(at, card.real(3), place, float(abs(own).sum()))
     for card in cards.get("CONM1", ()):
         # EID, G, CID, then the lower triangle M11 M21 M22 M31 .. M66; a point mass is equal in all directions.
         triangle = np.zeros((6, 6))
@@ -137,108 +165,89 @@ def _points(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, Array]]:
         mass = float(triangle[0, 0])
         translation, coupling = triangle[:3, :3], triangle[3:, :3]
         if abs(translation - mass * np.eye(3)).max() > _ONE_MASS * abs(mass) or coupling.any():
-            raise _NotCountedError
-        yield mass, _place(nodes, card.integer(1))
+            raise NotCountedError
+        at = node_index(nodes, card.integer(1))
+        yield _at_point(at, mass, nodes.xyz[at], float(abs(triangle[3:, 3:]).sum()))
 
 
-def _densities(cards: Cards) -> dict[int, float]:
-    return {card.integer(0): card.real(_DENSITY) for card in cards.get("MAT1", ())}
+def _at_point(at: int, mass: float, place: Array, own: float) -> Part:
+    more = np.full((1, 3, 3), own)
+    return np.array([[at]]), np.array([[mass]]), place[None], mass * _outer(place)[None], more
 
 
-def _plates(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, Array]]:
-    density = _densities(cards)
-    made = {card.integer(0): card for card in cards.get("PSHELL", ())}
-    for name, count in _PLATES.items():
-        for card in cards.get(name, ()):
-            property = made.get(card.integer(1, card.integer(0)))
-            # After the corners: an angle of the material, then the element's own offset and thicknesses.
-            own = any(card.real(k) for k in range(3 + count, len(card.fields)))
-            if property is None or own or property.integer(1, 0) not in density:
-                raise _NotCountedError
-            corners = np.array([_place(nodes, card.integer(2 + k)) for k in range(count)])
-            area, centre = _plate_area(corners)
-            _refuse_skew(corners, centre)
-            yield (density[property.integer(1)] * property.real(2) + property.real(7)) * area, centre
+def _plates(cards: Cards, nodes: Nodes) -> Iterator[Part]:
+    for faces in plates_of(cards, nodes):
+        per_area = np.array([_density(p.integer(1, 0), cards) * p.real(2) + p.real(7) for p in faces.property])
+        corners = nodes.xyz[faces.nodes]
+        area, centre, second = _plate_areas(corners)
+        yield _spread(faces, corners, per_area, area, centre, second)
 
 
-def _solids(cards: Cards, nodes: Nodes) -> Iterator[tuple[float, Array]]:
-    density = _densities(cards)
-    material = {card.integer(0): card.integer(1) for card in cards.get("PSOLID", ())}
-    for name, count in _SOLIDS.items():
-        for card in cards.get(name, ()):
-            of = material.get(card.integer(1, card.integer(0)))
-            if of not in density or any(card.text(k) for k in range(2 + count, len(card.fields))):
-                raise _NotCountedError
-            corners = np.array([_place(nodes, card.integer(2 + k)) for k in range(count)])
-            volume, centre = _solid_volume(corners)
-            _refuse_skew(corners, centre)
-            yield density[of] * volume, centre
+def _solids(cards: Cards, nodes: Nodes) -> Iterator[Part]:
+    for faces in solids_of(cards, nodes):
+        if faces.between.shape[1]:
+            raise NotCountedError
+        density = np.array([_density(p.integer(1), cards) for p in faces.property])
+        corners = nodes.xyz[faces.nodes]
+        volume, centre, second = solid_volumes(corners)
+        yield _spread(faces, corners, density, volume, centre, second)
 
 
-def _refuse_skew(corners: Array, centre: Array) -> None:
-    """Refuse an element whose centre is not the mean of its corners: lumped and consistent masses differ there."""
-    mean = corners.mean(axis=0)
-    if np.linalg.norm(centre - mean) > _EVEN * float(np.linalg.norm(corners - mean, axis=1).max()):
-        raise _NotCountedError
+def _spread(faces: Faces, corners: Array, density: Array, size: Array, centre: Array, second: Array) -> Part:
+    """Elements whose corners have equal shares; skew ones are refused, because their shares differ."""
+    mean = corners.mean(axis=1)
+    reach = np.linalg.norm(corners - mean[:, None], axis=2).max(axis=1)
+    if (np.linalg.norm(centre - mean, axis=1) > _EVEN * reach).any():
+        raise NotCountedError
+    mass = density * size
+    share = np.repeat(mass[:, None] / faces.corners, faces.corners, axis=1)
+    spread = density[:, None, None] * second
+    lumped = np.einsum("ek,eki,ekj->eij", share, corners, corners)
+    return faces.nodes, share, centre, spread, _as_inertia(lumped - spread)
 
 
-def _place(nodes: Nodes, node: int) -> Array:
-    return np.asarray(nodes.xyz[_index(nodes, node)])
+def _as_inertia(second: Array) -> Array:
+    """Size of the inertia (e, 3, 3) of second moments of mass."""
+    return np.asarray(abs(np.trace(second, axis1=1, axis2=2)[:, None, None] * np.eye(3) - second))
 
 
-def _index(nodes: Nodes, node: int) -> int:
-    at = int(nodes.index(node)[0])
-    if at < 0:
-        raise _NotCountedError
-    return at
-
-
-def _section_by_shape(card: Card) -> tuple[float, float]:
-    """Area and non-structural mass per length of a PBARL or PBEAML of a simple shape without taper.
-
-    ROD: radius. TUBE: outer and inner radius. BAR: width, height. BOX: width, height, walls above and beside.
-    """
-    shape = card.text(3)
-    count = _DIMENSIONS.get(shape)
-    # Fields after the dimensions and the non-structural mass are a second station of a beam.
-    if count is None or any(card.text(k) for k in range(8 + count + 1, len(card.fields))):
-        raise _NotCountedError
-    d = [card.real(8 + k) for k in range(count)]
-    areas = {
-        "ROD": lambda: np.pi * d[0] ** 2,
-        "TUBE": lambda: np.pi * (d[0] ** 2 - d[1] ** 2),
-        "BAR": lambda: d[0] * d[1],
-        "BOX": lambda: d[0] * d[1] - (d[0] - 2 * d[3]) * (d[1] - 2 * d[2]),
-    }
-    return float(areas[shape]()), card.real(8 + count)
-
-
-def _plate_area(corners: Array) -> tuple[float, Array]:
-    """Area and centre (3,) of a triangle or a quadrilateral (3 or 4, 3), cut along a diagonal.
+def _plate_areas(corners: Array) -> tuple[Array, Array, Array]:
+    """Areas (e,), centres (e, 3) and second moments (e, 3, 3) of flat triangles or quadrilaterals (e, 3 or 4, 3).
 
     Examples
     --------
-    >>> area, centre = _plate_area(np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]]))
-    >>> area, centre.tolist()
-    (2.0, [1.0, 0.5, 0.0])
+    >>> area, centre, second = _plate_areas(np.array([[[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]]]))
+    >>> area.tolist(), centre.tolist(), second[0].diagonal().tolist()
+    ([2.0], [[1.0, 0.5, 0.0]], [2.6666666666666665, 0.6666666666666666, 0.0])
     """
-    triangles = [corners[[0, k, k + 1]] for k in range(1, len(corners) - 1)]
-    areas = np.array([np.linalg.norm(np.cross(t[1] - t[0], t[2] - t[0])) / 2 for t in triangles])
-    centres = np.array([t.mean(axis=0) for t in triangles])
-    return float(areas.sum()), areas @ centres / max(float(areas.sum()), np.finfo(float).tiny)
+    area, moment, second = 0.0, 0.0, 0.0
+    for k in range(1, corners.shape[1] - 1):
+        t = corners[:, [0, k, k + 1]]
+        part = np.linalg.norm(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]), axis=1) / 2
+        middle = t.mean(axis=1)
+        area, moment = area + part, moment + part[:, None] * middle
+        # Of a triangle: a twelfth of its corners, and three quarters of its centre.
+        second = second + part[:, None, None] * (np.einsum("eki,ekj->eij", t, t) / 12 + 0.75 * _outer(middle))
+    return np.asarray(area), np.asarray(moment / np.maximum(area, np.finfo(float).tiny)[:, None]), np.asarray(second)
 
 
-def _solid_volume(corners: Array) -> tuple[float, Array]:
-    """Volume and centre (3,) of a tetrahedron, wedge or hexahedron with straight edges (4, 6 or 8, 3).
+def solid_volumes(corners: Array) -> tuple[Array, Array, Array]:
+    """Volumes (e,), centres (e, 3) and second moments (e, 3, 3) of solids with straight edges (e, 4, 6 or 8, 3).
 
-    Two Gauss points each way integrate its trilinear map exactly.
+    Two Gauss points each way integrate the volume and the centre of a trilinear map exactly, and the second moment of
+    a parallelepiped; three are exact for a tetrahedron and a wedge.
     """
-    x, at = corners[list(_CORNERS[len(corners)])], np.array(_HEXAHEDRON, dtype=np.float64)
-    volume, moment = 0.0, np.zeros(3)
-    for point in itertools.product((-(3**-0.5), 3**-0.5), repeat=3):
-        terms = 1 + at * point
+    x, at = corners[:, list(_CORNERS[corners.shape[1]])], np.array(_HEXAHEDRON, dtype=np.float64)
+    places, weights = np.polynomial.legendre.leggauss(3)
+    volume, moment, second = 0.0, 0.0, 0.0
+    for ijk in itertools.product(range(3), repeat=3):
+        terms = 1 + at * places[list(ijk)]
         shape = terms.prod(axis=1) / 8
         slope = np.array([at[:, k] * terms[:, (k + 1) % 3] * terms[:, (k + 2) % 3] / 8 for k in range(3)])
-        size = float(np.linalg.det(slope @ x))
-        volume, moment = volume + size, moment + size * (shape @ x)
-    return abs(volume), moment / (volume or 1.0)
+        size = np.linalg.det(np.einsum("ck,ekj->ecj", slope, x)) * weights[list(ijk)].prod()
+        here = np.einsum("k,ekj->ej", shape, x)
+        volume, moment = volume + size, moment + size[:, None] * here
+        second = second + size[:, None, None] * _outer(here)
+    sign = np.where(np.asarray(volume) < 0, -1.0, 1.0)
+    safe = np.where(volume == 0, 1.0, volume)
+    return np.asarray(abs(volume)), np.asarray(moment / safe[:, None]), np.asarray(second * sign[:, None, None])

@@ -1,9 +1,10 @@
 """Proof that the rows of a matrix are the dofs that the geometry names.
 
-Forces against rigid motion and the likely causes of a mismatch belong here.
+Forces against rigid motion, node pairs of the mass, and the likely causes of a mismatch belong here.
 The readers of files belong in their own rooms, the labels of rows in `read.body`.
 """
 
+from cmsreduce.read.row_order.mass_order import MassOrder, prove_mass_order
 from cmsreduce.read.row_order.proof import RowOrderProof, is_condensed, prove_row_order
 
-__all__ = ["RowOrderProof", "is_condensed", "prove_row_order"]
+__all__ = ["MassOrder", "RowOrderProof", "is_condensed", "prove_mass_order", "prove_row_order"]

@@ -6,7 +6,7 @@ Each cause is tried, and named only if it explains the forces.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
@@ -14,12 +14,16 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import SCALAR, DofTable, FEModel, Nodes
+from cmsreduce.read.row_order.held_body import held_rows
 from cmsreduce.read.row_order.mislabelled_nodes import mislabelled_nodes
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
 __all__ = ["RowOrderProof", "is_condensed", "prove_row_order"]
 
 _NAMED = 5
+_ALL_MOTIONS = 6
+# The order of a held body counts as proven if the ground leaves at least this share of its nodes without force.
+_FREE_SHARE = 0.5
 # A spring to ground loads only its own node; a mislabelled node also loads all its neighbours.
 _FEW_NODES, _FEW_SHARE = 3, 0.1
 # Coordinates that are wrong by more than this part of the body's size are other coordinates, not rounded ones.
@@ -38,17 +42,19 @@ class RowOrderProof:
     Parameters
     ----------
     status : str
-        ``proven``; ``grounded`` (nothing to prove: the body is held), ``no geometry`` or ``scalar`` (no geometry is
-        needed: the body has no dofs of points).
+        ``proven``; ``trusted`` (not proven, and the user vouches for it); ``grounded`` (the ground holds too many nodes
+        for a proof), ``no geometry`` or ``scalar`` (no geometry is needed: the body has no dofs of points).
     motions : int
-        Rigid motions that were tried.
+        Rigid motions of the whole body that were tried; 0 if the ground holds it.
     residual : float
         Largest force against rigid motion relative to sqrt(K_ii K_jj) times the motion, in the row nearest to its
         tolerance.
     tolerance : float
         Force that rounding of the matrix and of the coordinates may leave in that row.
     remark : str
-        Reason why there is no proof; empty if there is.
+        Reason why there is no proof, or how a held body was proven; empty if all motions vanish.
+    rounding, noise : float
+        Errors of K that explain the forces, as in ``FEModel``; 0 without a proof.
     """
 
     status: str
@@ -56,6 +62,13 @@ class RowOrderProof:
     residual: float = 0.0
     tolerance: float = 0.0
     remark: str = ""
+    rounding: float = 0.0
+    noise: float = 0.0
+
+    def estimated(self, body: FEModel) -> FEModel:
+        """The body with the errors of K that the proof found."""
+        found = (max(body.rounding, self.rounding), max(body.noise, self.noise))
+        return body if found == (body.rounding, body.noise) else replace(body, rounding=found[0], noise=found[1])
 
 
 def is_condensed(body: FEModel) -> bool:
@@ -71,8 +84,9 @@ def is_condensed(body: FEModel) -> bool:
 def prove_row_order(body: FEModel) -> RowOrderProof:
     """Prove that the rows are in order: K times the rigid motions of the geometry must vanish.
 
-    Only motions that leave the constrained dofs at rest are tried. The tolerance of each row follows from the rounding
-    of the matrix file, of the printed coordinates and of double precision arithmetic.
+    Only motions that leave the constrained dofs at rest are tried. If the ground holds the body, the forces are judged
+    node by node (`held_rows`). The tolerance of each row follows from the rounding of the matrix file, of the printed
+    coordinates and of double precision arithmetic, and from noise that is spread over the whole body.
 
     Parameters
     ----------
@@ -82,15 +96,25 @@ def prove_row_order(body: FEModel) -> RowOrderProof:
     Returns
     -------
     RowOrderProof
+        ``trusted`` in place of any other status but ``proven``, and in place of an error, if the user vouches for the
+        rows.
 
     Raises
     ------
     DofMapError
         If a force is larger than its tolerance; the message names the nodes with the largest forces and the likely
-        cause.
+        cause. Also if a body that is declared grounded is not held at all.
     """
-    if body.grounded:
-        return RowOrderProof("grounded", remark="the body is declared grounded, so its row order cannot be proven")
+    if not body.rows_trusted:
+        return _proven_rows(body)
+    try:
+        proof = _proven_rows(body)
+    except DofMapError as error:
+        return RowOrderProof("trusted", remark=str(error).partition(". Likely cause")[0])
+    return proof if proof.status == "proven" else RowOrderProof("trusted", remark=proof.remark)
+
+
+def _proven_rows(body: FEModel) -> RowOrderProof:
     if (body.dofs.component == SCALAR).all():
         return RowOrderProof("scalar", remark="all dofs are scalar, so rigid motion proves nothing")
     if body.nodes is None:
@@ -98,23 +122,76 @@ def prove_row_order(body: FEModel) -> RowOrderProof:
     condensed = is_condensed(body)
     found = rigid_residual(body.K, body.dofs, body.nodes, body.constrained, body.rounding, condensed)
     motions = found.motions.shape[1]
-    if motions == 0:
-        return RowOrderProof(
-            "grounded", remark="single-point constraints hold the body, so its row order cannot be proven"
-        )
+    if motions == 0 or (body.grounded and not found.vanishes):
+        return _held_proof(body, body.nodes, condensed)
     row = found.worst
     if found.vanishes:
-        return RowOrderProof("proven", motions, float(found.relative[row]), float(found.allowed[row]))
+        if body.grounded and motions == _ALL_MOTIONS:
+            raise DofMapError(
+                f"body '{body.name}': `grounded: true` says that the ground holds the body, but its stiffness resists "
+                "no rigid motion. Remove `grounded: true`, or give the matrices that include the supports"
+            )
+        residual, tolerance = float(found.relative[row]), float(found.allowed[row])
+        return RowOrderProof("proven", motions, residual, tolerance, "", found.rounding, found.noise)
     nodes, share = _loaded_nodes(body, found)
+    head = _not_proven(body, nodes, share, float(found.allowed[row]))
+    raise DofMapError(f"{head}. Likely cause: {_likely_cause(_Failure(body, body.nodes, found, condensed, nodes))}")
+
+
+def _not_proven(body: FEModel, nodes: NDArray[np.int64], share: NDArray[np.float64], allowed: float) -> str:
     listed = ", ".join(f"{node} ({value:.1e})" for node, value in zip(nodes[:_NAMED], share[:_NAMED], strict=True))
     total = np.unique(body.dofs.node).size
     files = ", ".join(dict.fromkeys(source.path for source in body.sources if "stiffness" in source.holds))
-    raise DofMapError(
+    return (
         f"body '{body.name}': the row order of the stiffness matrix{f' ({files})' if files else ''} is not proven: "
         f"rigid motion must cost no force, but {nodes.size} of {total} nodes resist; the worst are "
-        f"{listed} (force relative to the stiffness; round-off explains {found.allowed[row]:.1e}). "
-        f"Likely cause: {_likely_cause(_Failure(body, body.nodes, found, condensed, nodes))}"
+        f"{listed} (force relative to the stiffness; round-off explains {allowed:.1e})"
     )
+
+
+def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
+    """Proof of a body that the ground holds: the nodes away from the ground must resist no rigid motion."""
+    held = held_rows(body, nodes, condensed)
+    found, total = held.found, held.proven.size + held.held.size + held.wrong.size
+    loaded, share = _loaded_nodes(body, found)
+    why = "single-point constraints hold" if not body.grounded else "the ground holds"
+    if held.wrong.size:
+        order = np.flatnonzero(np.isin(loaded, held.wrong))
+        at = found.excess[np.isin(body.dofs.node, held.wrong)].argmax()
+        head = _not_proven(
+            body, loaded[order], share[order], float(found.allowed[np.isin(body.dofs.node, held.wrong)][at])
+        )
+        raise DofMapError(
+            f"{head}. Likely cause: {why} the body, but these nodes resist rotation and no translation, which no "
+            "support does: rows are shuffled among nodes, the coordinates are of another model, or springs join "
+            "points that do not coincide. Give the order of the rows as a list of node.component under `rows:`"
+        )
+    if not held.proven.size or held.proven.size < _FREE_SHARE * total:
+        if loaded.size and (cause := _other_order(_Failure(body, nodes, found, condensed, loaded))):
+            raise DofMapError(
+                f"{_not_proven(body, loaded, share, float(found.allowed[found.worst]))}. Likely cause: {cause}"
+            )
+        return RowOrderProof(
+            "grounded",
+            remark=f"{why} the body: {held.held.size} of {total} nodes are next to the ground or condensed, so that "
+            "nothing proves the order of their rows",
+        )
+    quiet = np.isin(body.dofs.node, held.proven) & (found.excess <= 1)
+    row = np.flatnonzero(quiet)[found.excess[quiet].argmax()] if quiet.any() else 0
+    beside = f"; the other {held.held.size} are next to the ground" if held.held.size else ""
+    return RowOrderProof(
+        "proven",
+        0,
+        float(found.relative[row]) if quiet.any() else 0.0,
+        float(found.allowed[row]),
+        f"{why} the body: {held.proven.size} of {total} nodes resist rigid motion only as a support of their own "
+        f"does{beside}",
+    )
+
+
+def _other_order(case: _Failure) -> str | None:
+    """Another order of the rows of a held body, if it leaves fewer than half of the nodes with force."""
+    return _order_of_appearance(case) or _component_by_component(case)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +210,9 @@ class _Failure:
         other = rigid_residual(
             body.K, dofs or body.dofs, nodes or self.nodes, body.constrained, body.rounding, self.condensed
         )
+        if self.body.grounded or self.found.motions.shape[1] == 0:
+            rows = other.excess > 1
+            return 2 * np.unique(body.dofs.node[rows]).size < self.loaded.size
         return other.motions.shape[1] >= self.found.motions.shape[1] and other.vanishes
 
     @property
@@ -257,8 +337,7 @@ def _springs_between_apart_nodes(case: _Failure) -> str | None:
         return None
     return (
         f"springs (CELAS, CBUSH) or constraints at node {_some(case.loaded)} join points that do not coincide, so that "
-        "they resist rotation of the whole body; or the coordinates of these nodes are wrong. Join coincident points, "
-        "or say `grounded: true` if the body is meant to be held"
+        "they resist rotation of the whole body; or the coordinates of these nodes are wrong. Join coincident points"
     )
 
 
@@ -271,8 +350,8 @@ def _held_to_ground(case: _Failure) -> str | None:
     return (
         f"node {_some(case.loaded)} is held to the ground, by a spring (CELAS with one blank end; a motion of the body "
         f"by one unit of length costs {force:.3g} units of force there) or because nodes next to it are fixed by an "
-        "SPC that is not in the geometry file. Add the SPC cards to the geometry, remove the spring, or say "
-        "`grounded: true` if the body is meant to be held"
+        "SPC that is not in the geometry file. Add the SPC cards to the geometry, or remove the spring; a body that is "
+        "meant to be held is `grounded: true` (its other nodes are still proven)"
     )
 
 
@@ -301,8 +380,8 @@ def _unexplained(case: _Failure) -> str:
         )
     return (
         "the rows are shuffled or of another set than assumed, displacement frames (CD) are missing, or the body is "
-        "held to the ground. Give the set or a list of node.component under `rows:`, the deck that made the matrices "
-        "as `geometry:`, or say `grounded: true` if the body is meant to be held"
+        "held to the ground. Give the set or a list of node.component under `rows:`, or the deck that made the "
+        "matrices as `geometry:`"
     )
 
 

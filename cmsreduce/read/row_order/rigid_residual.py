@@ -8,20 +8,23 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.model import DofTable, Nodes, rigid_body_shapes
+from cmsreduce.model import ARITHMETIC, CONDENSATION, PRINTED, DofTable, Nodes, rigid_body_shapes, spread_noise
 
 __all__ = ["RigidResidual", "rigid_residual"]
 
-# Each stored entry is wrong by at most its rounding, so each row is wrong by at most rounding * |K| |R|. The factor is
-# ten for the spread between a leading 1 and a leading 9 of printed digits, times two for the order of summation.
-_DIGITS = 20.0
+Array = NDArray[np.float64]
+
+# Each stored entry is wrong by at most its rounding, so each row is wrong by at most rounding * |K| |R|, for either
+# order of summation.
+_DIGITS = 2 * PRINTED
 # All three coordinates of a point may be wrong, in the worst direction.
 _COORDINATES = 2.0
-# Round-off of assembly, relative to sqrt(K_ii K_jj), which bounds every entry of a semidefinite matrix and is
-# the form of the error bound of Cholesky factorisation (Higham, Accuracy and Stability, theorem 10.3).
-_ARITHMETIC = 200 * 2.0**-53
-# Static condensation of a slender body subtracts entries that are up to 1e6 times the result (EA/h against EI/L^3).
-_CONDENSATION = 1e-9
+# The error that explains a force is estimated with this margin. A force of single precision is half its rounding.
+_MARGIN = 2.0
+# Kinds of errors of K: relative to its entries, or to sqrt(K_ii K_jj).
+_CANCELLED = 1
+# A body without constraints has these motions, translations first.
+_ALL = 6
 # Singular values of the motions of constrained dofs below this are round-off of printed coordinates.
 _AT_REST = 1e-6
 
@@ -48,16 +51,20 @@ class RigidResidual:
         That force relative to sqrt(K_ii) max_j sqrt(K_jj) |R_j c|.
     allowed : (n,) float64
         Force that round-off may leave there, relative in the same way.
+    rounding, noise : float
+        Errors of K that explain the forces, as in ``FEModel``: at least the rounding that was given.
     """
 
-    motions: NDArray[np.float64]
+    motions: Array
     length: float
-    centre: NDArray[np.float64]
-    shapes: NDArray[np.float64]
-    force: NDArray[np.float64]
-    excess: NDArray[np.float64]
-    relative: NDArray[np.float64]
-    allowed: NDArray[np.float64]
+    centre: Array
+    shapes: Array
+    force: Array
+    excess: Array
+    relative: Array
+    allowed: Array
+    rounding: float = 0.0
+    noise: float = 0.0
 
     @property
     def vanishes(self) -> bool:
@@ -95,37 +102,72 @@ def rigid_residual(
     motions = _admissible(constrained, nodes, centre, length)
     shapes = _scaled(rigid_body_shapes(dofs, nodes, centre), length) @ motions
     force = np.asarray(K @ shapes)
+    if not motions.shape[1]:
+        zero = np.zeros(len(dofs))
+        return RigidResidual(motions, length, centre, shapes, force, zero, zero, zero, rounding)
     size = abs(K)
     own = np.sqrt(np.abs(K.diagonal()))
     scale = own[:, None] * np.max(own[:, None] * np.abs(shapes), axis=0, initial=0.0)
-    allowed = (
-        _DIGITS * rounding * (size @ np.abs(shapes))
+    terms = size @ np.abs(shapes)
+    explained = (
+        _DIGITS * rounding * terms
         + _COORDINATES * (size @ _displacement_error(dofs, nodes, motions, arms, length))
-        + (_CONDENSATION if condensed else _ARITHMETIC) * scale
+        + ARITHMETIC * scale
     )
-    if not motions.shape[1]:
-        zero = np.zeros(len(dofs))
-        return RigidResidual(motions, length, centre, shapes, force, zero, zero, zero)
     at = np.abs(force)
+    # Coordinates that are printed coarsely resist turning alone, so translations show the errors of K.
+    shown = slice(0, 3 if motions.shape[1] == _ALL else None)
+    sizes = (terms, scale)
+    limits = [] if (at <= explained).all() else _noise(force, shapes, sizes, dofs, shown)
+    if condensed:
+        limits.append((CONDENSATION * scale, _CANCELLED))
+    allowed, rounding, noise = _explained(at, explained, sizes, limits, rounding)
     excess = np.divide(at, allowed, out=np.where(at > 0, np.inf, 0.0), where=allowed > 0)
     rows, worst = np.arange(len(dofs)), excess.argmax(axis=1)
     # A row with an empty diagonal has no scale; the forces that should cancel in it give one.
-    scale = np.where(scale > 0, scale, size @ np.abs(shapes))
+    scale = np.where(scale > 0, scale, terms)
     relative = np.divide(at, scale, out=np.zeros_like(at), where=scale > 0)
     tolerance = np.divide(allowed, scale, out=np.zeros_like(at), where=scale > 0)
-    return RigidResidual(
-        motions, length, centre, shapes, force, excess[rows, worst], relative[rows, worst], tolerance[rows, worst]
+    worst_of_row = (excess[rows, worst], relative[rows, worst], tolerance[rows, worst])
+    return RigidResidual(motions, length, centre, shapes, force, *worst_of_row, rounding, noise)
+
+
+def _noise(
+    force: Array, shapes: Array, sizes: tuple[Array, Array], dofs: DofTable, shown: slice
+) -> list[tuple[Array, int]]:
+    """Forces that noise spread over the body explains, and the kind of noise; empty if they are not spread."""
+    rows = dofs.component > 0
+    spread = spread_noise(
+        force[rows, shown], tuple(size[rows, shown] for size in sizes), shapes[rows, shown], dofs.node[rows]
     )
+    return [] if spread is None else [(spread[0] * sizes[spread[1]], spread[1])]
 
 
-def _scaled(R: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+def _explained(
+    force: Array, explained: Array, sizes: tuple[Array, Array], limits: list[tuple[Array, int]], rounding: float
+) -> tuple[Array, float, float]:
+    """Forces that errors of K explain, with these errors: of its entries, and relative to sqrt(K_ii K_jj).
+
+    The errors are as large as the forces ask for, if the forces keep within one of the limits.
+    """
+    over = np.maximum(force - explained, 0.0)
+    if not over.any():
+        return explained, rounding, 0.0
+    for limit, kind in limits:
+        if (over <= limit).all():
+            level = _MARGIN * float(np.divide(over, sizes[kind], out=np.zeros_like(over), where=over > 0).max())
+            allowed = explained + level * sizes[kind]
+            return (allowed, rounding, level) if kind == _CANCELLED else (allowed, max(rounding, level), 0.0)
+    # Only the forces beyond the noise need another cause.
+    return explained + sum((limit for limit, _ in limits), np.zeros_like(force)), rounding, 0.0
+
+
+def _scaled(R: Array, length: float) -> Array:
     """Rigid shapes with rotations per ``length``, so that all columns are displacements of order one."""
     return np.asarray(R / np.repeat([1.0, length], 3))
 
 
-def _admissible(
-    constrained: DofTable | None, nodes: Nodes, centre: NDArray[np.float64], length: float
-) -> NDArray[np.float64]:
+def _admissible(constrained: DofTable | None, nodes: Nodes, centre: Array, length: float) -> Array:
     """Rigid motions that leave the constrained dofs at rest, (6, m), orthonormal."""
     if constrained is None:
         return np.eye(6)
@@ -137,13 +179,11 @@ def _admissible(
     R[table.component > 3] *= length
     # With six empty rows, fewer than six constraints have a full set of right singular vectors, too.
     _, size, motions = np.linalg.svd(np.vstack([R, np.zeros((6, 6))]), full_matrices=False)
-    free: NDArray[np.float64] = motions[size <= _AT_REST * max(size[0], 1.0)].T
+    free: Array = motions[size <= _AT_REST * max(size[0], 1.0)].T
     return free
 
 
-def _displacement_error(
-    dofs: DofTable, nodes: Nodes, motions: NDArray[np.float64], arms: NDArray[np.float64], length: float
-) -> NDArray[np.float64]:
+def _displacement_error(dofs: DofTable, nodes: Nodes, motions: Array, arms: Array, length: float) -> Array:
     """Largest error of each dof's displacement that comes from printed coordinates and frames, (n, m)."""
     turn = np.linalg.norm(motions[3:], axis=0) / length
     error = np.zeros((len(dofs), motions.shape[1]))

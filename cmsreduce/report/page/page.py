@@ -24,7 +24,8 @@ from cmsreduce.report.page.tables import (
     sensitivity_rows,
     timings,
 )
-from cmsreduce.report.wording import broken, checked, compared, headline, measured, number, seconds, worst
+from cmsreduce.report.verdict import meaning, proof_rows, verdict_lines
+from cmsreduce.report.wording import channels_left_out, checked, compared, headline, measured, number, seconds, worst
 
 __all__ = [
     "embedded",
@@ -56,6 +57,7 @@ _SECTIONS = (
     ("projection", "Projection"),
     ("sensitivity", "Sensitivity"),
     ("health", "Health"),
+    ("proofs", "Proofs"),
     ("checks", "Checks"),
     ("timings", "Timings"),
     ("provenance", "Provenance"),
@@ -85,7 +87,7 @@ def render_report(run: RunResult) -> str:
         lstrip_blocks=True,
     )
     environment.filters |= {"number": number, "seconds": seconds}
-    models = (run.model, *compared(run))
+    models, verdict = (run.model, *compared(run)), run.verdict
     store = ArrayStore()
     data = page_data(run, store)
     script = "\n".join([*(part(f"page_{name}.js") for name in _SCRIPTS), part("page.js")])
@@ -94,7 +96,10 @@ def render_report(run: RunResult) -> str:
         drawing=run.drawing,
         cards=cards(run),
         headline=headline(run),
-        broken=broken(run),
+        meaning=meaning(verdict),
+        rests_on=verdict_lines(verdict),
+        proofs=proof_rows(verdict.proofs),
+        left_out=channels_left_out(run),
         figures=measured(run),
         damped=any(result.errors[run.model].damped is not None for result in run.configurations),
         models=models,
@@ -147,6 +152,7 @@ def _sections(run: RunResult, data: dict[str, Any]) -> list[tuple[str, str]]:
         "projection": run.projection is not None,
         "sensitivity": run.sensitivity is not None,
         "health": bool(run.components),
+        "proofs": bool(run.verdict.proofs),
     }
     return [(section, name) for section, name in _SECTIONS if there.get(section, True)]
 

@@ -101,7 +101,7 @@ def channel_rows(run: RunResult) -> list[Row]:
     ``where`` is the configuration with the worst response error.
     """
     results = [(c.configuration.name, c.errors[run.model]) for c in run.configurations if run.model in c.errors]
-    own = [(name, each, each.channel_error, each.channel_peak) for name, each in results]
+    own = [(name, each, each.channel_errors, each.channel_peak) for name, each in results]
     if not own or any(error is None or peak is None for _, _, error, peak in own):
         return []
     found = []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +21,7 @@ from cmsreduce.report.wording import FIGURES, Figure, compared, file_name, worst
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["response_picture", "write_pictures"]
+__all__ = ["response_picture", "run_pictures", "write_pictures"]
 
 _INCHES = (8.0, 5.2)
 # Smaller than any error visible in the upper panel; keeps the logarithmic axis finite.
@@ -71,7 +73,7 @@ def response_picture(run: RunResult, path: Path, configuration: int = 0, channel
             largest = float(np.max(error, initial=_FLOOR_DB, where=np.isfinite(error)))
             top, own = max(top, largest), largest if k == 0 else own
         if limit is not None:
-            _draw_limit(below, limit, FIGURES[1])
+            _draw_limit(below, limit, next(each for each in FIGURES if each.name == "db_error"))
         above.set(ylabel="magnitude, dB", xscale="log")
         title = literal(f"{run.inputs[i]} → {run.outputs[o]}, {result.configuration.name}")
         above.set_title(title, loc="left")
@@ -105,36 +107,40 @@ def write_pictures(run: RunResult, folder: Path, suffix: str = ".png") -> list[P
         Format.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    made: list[Path] = []
-
-    def to(name: str) -> Path:
+    made = []
+    for name, draw in run_pictures(run).items():
         made.append(folder / f"{file_name(name)}{suffix}")
-        return made[-1]
+        draw(made[-1])
+    return made
 
+
+def run_pictures(run: RunResult) -> dict[str, Callable[[Path], None]]:
+    """Every picture of a run, by its name: functions that draw into a file."""
+    found: dict[str, Callable[[Path], None]] = {}
     names = [result.configuration.name for result in run.configurations]
     rows = worst(run, run.model)
     at = names.index(rows[0][1].note) if rows else 0
     if run.drawing is not None:
         where = names[at] if names else next(iter(run.drawing.systems))
-        scene_picture(run.drawing, where, to("scene"))
+        found["scene"] = partial(scene_picture, run.drawing, where)
         if run.drawing.systems[where].hz.size:
-            shapes_picture(run.drawing, where, to("shapes"))
+            found["shapes"] = partial(shapes_picture, run.drawing, where)
     if run.configurations:
-        error_picture(run, to("errors"))
+        found["errors"] = partial(error_picture, run)
         for o, output in enumerate(run.outputs):
             for i, given in enumerate(run.inputs):
-                response_picture(run, to(f"response_{given}_{output}"), at, (o, i))
-        found = run.configurations[at].errors.get(run.model)
-        if found is not None and found.mac_matrix is not None and found.mac_matrix.mac.size:
-            mac_picture(found.mac_matrix, names[at], to("mac"))
+                found[f"response_{given}_{output}"] = partial(response_picture, run, configuration=at, channel=(o, i))
+        errors = run.configurations[at].errors.get(run.model)
+        if errors is not None and errors.mac_matrix is not None and errors.mac_matrix.mac.size:
+            found["mac"] = partial(mac_picture, errors.mac_matrix, names[at])
     for name, part in run.components.items():
         if np.isfinite(part.modes.sigma).any():
-            sigma_picture(part, to(f"sigma_{name}"))
+            found[f"sigma_{name}"] = partial(sigma_picture, part)
         if name in run.effective_mass:
-            effective_mass_picture(name, run.effective_mass[name], to(f"effective_mass_{name}"))
+            found[f"effective_mass_{name}"] = partial(effective_mass_picture, name, run.effective_mass[name])
     if run.gains:
-        gain_picture(run, names[at] if names else next(iter(run.gains)), to("gains"))
-    return made
+        found["gains"] = partial(gain_picture, run, names[at] if names else next(iter(run.gains)))
+    return found
 
 
 def error_picture(run: RunResult, path: Path) -> None:

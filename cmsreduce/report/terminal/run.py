@@ -12,10 +12,11 @@ from cmsreduce.mechanics import advised_steps
 from cmsreduce.model import AxisCompleteness, Finding, ProjectionRecord, RunResult
 from cmsreduce.report.terminal.output import print_line, standard_console
 from cmsreduce.report.terminal.tables import figures, table, words
+from cmsreduce.report.verdict import meaning, verdict_lines
 from cmsreduce.report.wording import (
     FIGURES,
     Figure,
-    broken,
+    channels_left_out,
     checked,
     compared,
     headline,
@@ -41,6 +42,7 @@ _INTEGRATORS = {
     "rk4": "Runge-Kutta 4",
     "ab2": "AB-2",
 }
+_STATES = {"FAIL": "red", "trusted": "yellow", "unproven": "yellow"}
 _COLOURS = {"PASS": "bold green", "FAIL": "bold red", "not checked": "bold yellow"}
 
 
@@ -67,9 +69,11 @@ def print_summary(
         Wall time of the command in seconds, for the last line.
     """
     console = console or standard_console()
-    word = run.verdict.word
-    colour = _COLOURS[word]
-    print_line(console, f"{run.name}: {word}", colour)
+    verdict = run.verdict
+    word, colour = verdict.word, _COLOURS[verdict.word]
+    print_line(console, f"{run.name}: {word}: {meaning(verdict)}", colour)
+    for state, words_ in verdict_lines(verdict):
+        print_line(console, f"{state}  {words_}", _STATES.get(state, ""))
     print_line(console, headline(run).replace("→", "->"))
     if run.components:
         console.print(_components(run))
@@ -77,8 +81,8 @@ def print_summary(
         console.print(_errors(run))
     if found := checked(run):
         console.print(table(_judged("check", where="where"), [_row(*row) for row in found]))
-    for reason in broken(run):
-        print_line(console, f"FAIL  {reason}", "red")
+    for line in channels_left_out(run):
+        print_line(console, line, "yellow")
     if run.speed is not None:
         print_line(
             console,

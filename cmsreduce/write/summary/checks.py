@@ -17,7 +17,7 @@ from cmsreduce.model import (
     SystemChecks,
 )
 
-__all__ = ["basis", "channels", "controller", "figures", "pole_pairs", "static_lack", "system_checks"]
+__all__ = ["basis", "channels", "controller", "figures", "pole_pairs", "static_lack", "system_checks", "unpaired"]
 
 # Steps of a running sum below this share of the total are not visible in a plot. With more pairs of channels, the sums
 # are left out, because a summary is read by people and small programs.
@@ -56,16 +56,17 @@ def static_lack(loads: Mapping[str, float] | None) -> list[dict[str, Any]] | Non
 
 def channels(run: RunResult, errors: ModelErrors | None) -> list[dict[str, Any]] | None:
     """Errors of each channel."""
-    if errors is None or errors.channel_error is None or errors.channel_peak is None:
+    if errors is None or errors.channel_errors is None or errors.channel_peak is None:
         return None
     return [
         {
             "output": run.outputs[y],
             "input": run.inputs[u],
-            "frf_error": errors.channel_error[y, u],
+            "frf_error": errors.channel_errors[y, u],
             "peak_error": errors.channel_peak[y, u],
             "frac": errors.frac[y, u],
             "nrfd": None if errors.channel_shift is None else errors.channel_shift[y, u],
+            "judged": None if errors.loud is None else errors.loud[y, u],
         }
         for y, u in np.ndindex(errors.frac.shape)
     ]
@@ -78,6 +79,25 @@ def pole_pairs(errors: ModelErrors | None) -> list[dict[str, float]] | None:
     columns = (errors.full_hz, errors.reduced_hz, errors.mac, errors.shift)
     names = ("full_hz", "reduced_hz", "mac", "nrfd")
     return [dict(zip(names, row, strict=True)) for row in np.column_stack(columns).tolist()]
+
+
+def unpaired(run: RunResult, errors: ModelErrors | None) -> dict[str, Any]:
+    """Modes in the band that one of the two models lacks."""
+    every = {"modes_lost": () if errors is None else errors.lost, "modes_extra": () if errors is None else errors.extra}
+    return {
+        name: [
+            {
+                "hz": each.hz,
+                "body": each.body,
+                "energy_share": each.share,
+                "peak_share": each.seen,
+                "output": None if each.channel is None else run.outputs[each.channel[0]],
+                "input": None if each.channel is None else run.inputs[each.channel[1]],
+            }
+            for each in modes
+        ]
+        for name, modes in every.items()
+    }
 
 
 def system_checks(run: RunResult, result: ConfigurationResult) -> dict[str, Any] | None:

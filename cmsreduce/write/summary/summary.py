@@ -26,7 +26,16 @@ from cmsreduce.model import (
     health_data,
 )
 from cmsreduce.write.files import atomic_path
-from cmsreduce.write.summary.checks import basis, channels, controller, figures, pole_pairs, static_lack, system_checks
+from cmsreduce.write.summary.checks import (
+    basis,
+    channels,
+    controller,
+    figures,
+    pole_pairs,
+    static_lack,
+    system_checks,
+    unpaired,
+)
 
 __all__ = ["angles", "summary", "write_summary"]
 
@@ -43,8 +52,8 @@ def summary(run: RunResult) -> dict[str, Any]:
     dict
         The keys ``name``, ``version``, ``components``, ``configurations``, ``worst``, ``speed``, ``passed``
         and ``verdict``, and ``comparisons``, ``limits``, ``reference``, ``band_hz``, ``system``, ``projection``,
-        ``search``, ``sensitivity``, ``completeness``, ``figures``, ``controller``, ``not_checked`` and ``notes``. A
-        value that is not finite is None.
+        ``search``, ``sensitivity``, ``completeness``, ``figures``, ``controller``, ``between``, ``channels_left_out``,
+        ``not_checked``, ``notes`` and ``failures``. A value that is not finite is None.
     """
     labels = dict.fromkeys(label for result in run.configurations for label in result.errors)
     verdict = run.verdict
@@ -60,6 +69,9 @@ def summary(run: RunResult) -> dict[str, Any]:
             "verdict": {
                 "word": verdict.word,
                 "broken": [each.label for each in verdict.broken],
+                "not_measured": {each.label: each.note for each in verdict.unmeasured},
+                "trusted": [f"{proof.what}: {proof.subject}".rstrip(": ") for proof in verdict.trusted],
+                "unproven": [f"{proof.what}: {proof.subject}".rstrip(": ") for proof in verdict.unproven],
                 "proofs": [asdict(proof) for proof in verdict.proofs],
             },
             "comparisons": {
@@ -86,8 +98,11 @@ def summary(run: RunResult) -> dict[str, Any]:
             "completeness": [_record(axis, "missing") for axis in run.completeness],
             "figures": figures(run),
             "controller": controller(run),
+            "between": None if run.between is None else asdict(run.between),
+            "channels_left_out": {reason: list(names) for reason, names in run.left_out_channels.items()},
             "not_checked": [] if run.checks is None else list(run.checks.left_out),
             "notes": list(run.notes),
+            "failures": [asdict(failure) for failure in run.failures],
         }
     )
     return facts
@@ -132,6 +147,7 @@ def _component(part: ComponentResult, run: RunResult) -> dict[str, Any]:
         "kept_modes": part.kept_modes,
         "method": modes.method,
         "frequencies_hz": (modes.omega[np.intersect1d(part.kept, elastic)] / (2 * np.pi)).tolist(),
+        "frequency_error_bars_hz": part.frequency_error_bars_hz.tolist(),
         "seconds": dict(part.seconds),
         "peak_mib": part.peak_mib,
         "certificate": _certificate(modes.certificate),
@@ -246,6 +262,7 @@ def _configurations(run: RunResult, label: str, *, sizes: bool) -> list[dict[str
         row: dict[str, Any] = {"name": result.configuration.name, "angles": angles(result.configuration, every)}
         errors = result.errors.get(label)
         row |= {name: None if errors is None else getattr(errors, name) for name in ERRORS}
+        row |= unpaired(run, errors)
         if sizes:
             row |= {
                 "complex_modes": _complex_modes(errors),

@@ -94,8 +94,8 @@ def test_channels_at_their_worst(make_run) -> None:
     run = make_run()
     first, second = run.configurations
     nan = np.nan
-    worse = {"channel_error": [[0.1, nan]], "channel_peak": [[0.02, nan]], "channel_shift": [[3e-4, nan]]}
-    better = {"channel_error": [[0.01, nan]], "channel_peak": [[0.05, nan]], "channel_shift": [[nan, nan]]}
+    worse = {"channel_errors": [[0.1, nan]], "channel_peak": [[0.02, nan]], "channel_shift": [[3e-4, nan]]}
+    better = {"channel_errors": [[0.01, nan]], "channel_peak": [[0.05, nan]], "channel_shift": [[nan, nan]]}
     results = [
         replace(c, errors={"reduced": replace(c.errors["reduced"], **{k: np.array(v) for k, v in values.items()})})
         for c, values in ((first, better), (second, worse))

@@ -1,0 +1,123 @@
+"""Masses of the nodes of a body: evidence for the order of its mass matrix that no sum over the body has."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.model import FEModel, Finding, cross_matrix, rigid_body_shapes
+
+__all__ = ["exchanges_hidden", "lumps", "mass_order_by_deck"]
+
+Array = NDArray[np.float64]
+
+# Masses of elements in a deck have four digits or more.
+_SAME = 1e-3
+# Of a condensed body: masses this different are of another node, if they are this much like those of the other.
+_OTHER, _LIKE = 0.5, 0.2
+# Nodes named in a message.
+_NAMED = 5
+# All pairs of nodes are tried: 600 nodes are 180 000 pairs.
+_MOST_NODES = 600
+# An exchange shows if it changes the symmetric part of the first moments by more than ten times the limit of that
+# check (1e-6 of mass times size), and a hundred roundings of the file.
+_SHOWS, _ROUNDINGS = 1e-5, 1e3
+
+
+def lumps(body: FEModel) -> Array | None:
+    """Least eigenvalue of each node's block of a lumped mass, scaled to a unit diagonal; None if nodes are coupled."""
+    M = body.M
+    column = np.repeat(np.arange(body.n), np.diff(M.indptr))
+    if (body.dofs.node[M.indices] != body.dofs.node[column]).any():
+        return None
+    _, node = np.unique(body.dofs.node, return_inverse=True)
+    order = np.argsort(node, kind="stable")
+    place = np.empty(body.n, dtype=np.int64)
+    first = np.concatenate([[0], np.cumsum(np.bincount(node))])
+    place[order] = np.arange(body.n) - first[node[order]]
+    width = int(place.max(initial=0)) + 1
+    blocks = np.zeros((first.size - 1, width, width))
+    own = abs(M.diagonal())
+    scale = 1 / np.sqrt(np.where(own > 0, own, max(float(own.max(initial=0.0)), np.finfo(float).tiny)))
+    blocks[node[column], place[M.indices], place[column]] = M.data * scale[M.indices] * scale[column]
+    return np.asarray(np.linalg.eigvalsh(blocks)[:, 0])
+
+
+def _momentum(body: FEModel) -> tuple[NDArray[np.int64], Array]:
+    """Nodes, and the momentum (N, 3, 3) of the translations of each node under unit translations of the body."""
+    assert body.nodes is not None
+    R = rigid_body_shapes(body.dofs, body.nodes)[:, :3]
+    rows = np.flatnonzero((body.dofs.component > 0) & (body.dofs.component <= 3))
+    ids, of = np.unique(body.dofs.node[rows], return_inverse=True)
+    P = np.zeros((ids.size, 3, 3))
+    np.add.at(P, of, R[rows, :, None] * np.asarray(body.M @ R)[rows, None, :])
+    return ids, P
+
+
+def mass_order_by_deck(body: FEModel, nodal: Array, comparable: bool) -> Finding | None:
+    """Compare the mass at each node with that of the deck.
+
+    Parameters
+    ----------
+    body : FEModel
+        As read, with the deck's nodes.
+    nodal : (N,) float64
+        Mass of the deck at each node.
+    comparable : bool
+        True if no mass is lost at nodes that are held.
+
+    Returns
+    -------
+    Finding or None
+        Largest difference at a node relative to its mass. None if no exchange of nodes explains a difference, as where
+        masses are spread over nodes, or if heavy nodes have no rows and no exchange is found.
+    """
+    assert body.nodes is not None
+    ids, P = _momentum(body)
+    at = body.nodes.index(ids)
+    found, stated = np.trace(P, axis1=1, axis2=2) / 3, nodal[at]
+    whole = comparable and bool(np.isin(np.flatnonzero(nodal > 0), at).all())
+    # Condensation moves a part of the mass of each node to its neighbours.
+    wrong_by, like = (_SAME, _SAME) if whole else (_OTHER, _LIKE)
+    off = _apart(found, stated, stated.max(initial=0.0))
+    name = "mass of each node against the deck"
+    wrong = np.flatnonzero(off > wrong_by)
+    if not wrong.size:
+        return Finding(name, float(off.max(initial=0.0)), _SAME) if whole else None
+    wrong = wrong[np.argsort(-off[wrong], kind="stable")][:_MOST_NODES]
+    here = _apart(found[wrong][:, None], stated[wrong], stated.max()) <= like
+    exchanged = [(k, int(here[k].argmax())) for k in range(wrong.size) if here[k].any() and here[:, k].any()]
+    if not exchanged or (whole and len(exchanged) < wrong.size):
+        return None
+    named = ", ".join(f"node {ids[wrong[k]]} has that of node {ids[wrong[j]]}" for k, j in exchanged[:_NAMED])
+    return Finding(name, float(off.max()), _SAME, f"{len(exchanged)} nodes have each other's mass: {named}")
+
+
+def _apart(found: Array, stated: Array, largest: float) -> Array:
+    """Relative difference of masses; one of less than a thousandth of the largest is compared with that."""
+    return np.asarray(abs(found - stated) / np.maximum(np.maximum(found, stated), max(_SAME * largest, 1e-300)))
+
+
+def exchanges_hidden(body: FEModel) -> int | None:
+    """Pairs of nodes whose exchange in the mass would leave one centre of mass; None if there are too many nodes.
+
+    The masses that a condensed body has at a node differ by direction. An exchange of two nodes then gives a coupling
+    of translations with rotations that is not skew, as no centre of mass gives.
+    """
+    assert body.nodes is not None
+    ids, P = _momentum(body)
+    if not 1 < ids.size <= _MOST_NODES:
+        return None
+    at = body.nodes.index(ids)
+    kind = np.array([np.sum(1 << body.dofs.component[body.dofs.node == node].astype(np.int64)) for node in ids])
+    first, second = np.triu_indices(ids.size, 1)
+    same = kind[first] == kind[second]
+    first, second = first[same], second[same]
+    if not first.size:
+        return 0
+    size = float(np.ptp(body.nodes.xyz, axis=0).max()) or 1.0
+    mass = float(np.trace(P.sum(axis=0)) / 3)
+    arm = cross_matrix(body.nodes.xyz[at[first]] - body.nodes.xyz[at[second]])
+    change = arm @ (P[second] - P[first])
+    shown = abs(change + change.transpose(0, 2, 1)).max(axis=(1, 2)) / (mass * size)
+    return int((shown <= max(_SHOWS, _ROUNDINGS * body.rounding)).sum())

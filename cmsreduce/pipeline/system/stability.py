@@ -1,0 +1,228 @@
+"""Stability of the reduced system in every configuration, by its energies or by its roots."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.blocks import dense
+from cmsreduce.model import Configuration, Controller, Matrix, Proof, Substructure
+from cmsreduce.pipeline.system.assembled import AssembledModel
+from cmsreduce.verify import negative_directions
+
+__all__ = ["SystemRoots", "stability_proof", "system_roots", "without_energy"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Energies of modes carry the rounding of sums over many dofs; no passive body has a negative one above this share.
+_SEMIDEFINITE, _DIGITS = 1e-9, 10.0
+# Below this size all eigenvalues of a matrix are cheaper than a sparse factor.
+_DENSE_LIMIT = 600
+# All roots of a system of this many coordinates take half a minute.
+_LARGEST = 1000
+# Damping of a massless shape is none if its force is below this share of the spring's at the highest frequency.
+_NO_DAMPING = 1e-6
+# A product below this share of the size of its factors is rounding.
+_ROUND_OFF = 1e-12
+# Rounding of the dense algebra moves a root by a few roundings of the matrix times the root's condition.
+_ROUNDINGS = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class SystemRoots:
+    """Roots of a system in one configuration, with the loop of its controller closed if it has one.
+
+    Parameters
+    ----------
+    s : (k,) complex128
+        In rad per unit of time.
+    uncertain : (k,) float64
+        Change of each root that rounding may cause; infinite for a repeated root, as that of a free motion at zero.
+    """
+
+    s: Complex
+    uncertain: Array
+
+    @property
+    def growing(self) -> Complex:
+        """Roots whose motion grows by more than rounding, the one that grows most per oscillation first."""
+        s = self.s[self.s.real > self.uncertain]
+        return np.asarray(s[np.argsort(-s.real / abs(s), kind="stable")])
+
+
+def without_energy(substructures: Mapping[str, Substructure], damped: Collection[str]) -> str:
+    """Find a body whose mass or stiffness may have negative energy, or whose damping may give energy.
+
+    Parameters
+    ----------
+    substructures : mapping of name to Substructure
+        Bodies, those of the joints included.
+    damped : collection of str
+        Bodies whose damping is proven, with the rounding of its own matrix.
+
+    Returns
+    -------
+    str
+        Its name and matrix; empty if there is none. Then no root of a system of these bodies grows, however they are
+        joined: the matrices of the system are T^T A T of theirs, and semidefinite too.
+    """
+    words = {"M": "mass", "K": "stiffness", "D": "damping", "loss": "structural damping"}
+    for name, sub in substructures.items():
+        for letter, what in words.items():
+            A = getattr(sub, letter)
+            if A is None or (letter == "D" and name in damped) or _semidefinite(A, sub.rounding):
+                continue
+            return f"the {what} of '{name}'"
+    return ""
+
+
+def _semidefinite(A: Matrix, rounding: float) -> bool:
+    """True if no motion has negative energy, up to rounding."""
+    if sp.issparse(A):
+        own = A.diagonal()
+        if A.count_nonzero() == np.count_nonzero(own):
+            return bool((own >= 0).all())
+        if A.shape[0] > _DENSE_LIMIT:
+            return negative_directions(sp.csc_array(A), rounding) == 0
+    full = dense(A)
+    own = full.diagonal()
+    if (own < 0).any() or full[own == 0].any():
+        return False
+    scale = 1 / np.sqrt(np.where(own > 0, own, 1.0))
+    least = la.eigvalsh(full * np.outer(scale, scale)).min(initial=0.0)
+    return bool(least >= -max(_SEMIDEFINITE, _DIGITS * rounding))
+
+
+def system_roots(
+    model: AssembledModel, configuration: Configuration, controller: Controller | None = None
+) -> SystemRoots | None:
+    """All roots of a reduced system, by dense algebra in its modes.
+
+    Parameters
+    ----------
+    model : AssembledModel
+        The reduced system.
+    configuration : Configuration
+        Positions of the joints.
+    controller : Controller, optional
+        u = -v for its efforts v.
+
+    Returns
+    -------
+    SystemRoots or None
+        None if the system is large or has no real state space: a complex stiffness, a rate that is measured where an
+        actuator moves a shape without mass, or an algebraic loop that is singular.
+
+    Notes
+    -----
+    With x the amplitudes of rigid motions and modes and n those of damped massless shapes, whose D is diag(d):
+
+        x'' + D_xx x' + W^2 x + D_xn n' = B_x u,        d n' + D_nx x' + n = B_n u,
+        y = C_x x + R_x x' + C_n n + R_n n' + F u
+    """
+    system = model.system(configuration)
+    if system.loss is not None or system.N > _LARGEST:
+        return None
+    w, Phi, static = model.every_mode(configuration)
+    X, D = np.hstack([system.rigid, Phi]), np.zeros((system.N, system.N)) if system.D is None else dense(system.D)
+    drag, Y = la.eigh(static.T @ D @ static) if static.shape[1] else (np.empty(0), np.empty((0, 0)))
+    lags = drag * w.max(initial=1.0) > _NO_DAMPING
+    slow, quick, d = static @ Y[:, lags], static @ Y[:, ~lags], drag[lags]
+    rates, loads = system.C2 @ quick, quick.T @ system.B
+    size = np.linalg.norm(system.C2, axis=1)[:, None] * np.sum(quick**2) * np.linalg.norm(system.B, axis=0)
+    if controller is not None and (abs(rates @ loads) > _ROUND_OFF * size).any():
+        return None
+    if controller is None:
+        p, q = len(system.inputs), len(system.outputs)
+        controller = Controller(np.empty((0, 0)), np.empty((0, q)), np.empty((p, 0)), np.zeros((p, q)))
+    k, m, c = X.shape[1], slow.shape[1], controller.states
+    stiffness = np.concatenate([np.zeros(system.rigid.shape[1]), w**2])
+    D_xx, D_xn = X.T @ D @ X, X.T @ D @ slow
+    # n' over (x, x', n, controller) and over u.
+    n_z = np.hstack([np.zeros((m, k)), -D_xn.T, -np.eye(m), np.zeros((m, c))]) / d[:, None]
+    n_u = (slow.T @ system.B) / d[:, None]
+    v_z = np.hstack([-np.diag(stiffness), -D_xx, np.zeros((k, m + c))]) - D_xn @ n_z
+    v_u = X.T @ system.B - D_xn @ n_u
+    y_z = np.hstack([system.C1 @ X, system.C2 @ X, system.C1 @ slow, np.zeros((system.C1.shape[0], c))])
+    y_z, y_u = y_z + system.C2 @ slow @ n_z, (system.C1 @ quick) @ loads + system.C2 @ slow @ n_u
+    states = np.hstack([np.zeros((controller.C.shape[0], 2 * k + m)), controller.C])
+    loop = np.eye(states.shape[0]) + controller.D @ y_u
+    if np.linalg.cond(loop) > 1 / _ROUND_OFF:
+        return None
+    u_z = -np.linalg.solve(loop, states + controller.D @ y_z)
+    own = np.hstack([np.zeros((c, 2 * k + m)), controller.A])
+    closed = np.vstack(
+        [
+            np.hstack([np.zeros((k, k)), np.eye(k), np.zeros((k, m + c))]),
+            v_z + v_u @ u_z,
+            n_z + n_u @ u_z,
+            own + controller.B @ (y_z + y_u @ u_z),
+        ]
+    )
+    return _roots(closed)
+
+
+def _roots(A: Array) -> SystemRoots:
+    """Eigenvalues of a matrix and the change of each that rounding may cause."""
+    if not A.size:
+        return SystemRoots(np.empty(0, dtype=np.complex128), np.empty(0))
+    balanced = la.matrix_balance(A)[0]
+    s, left, right = la.eig(balanced, left=True, right=True)  # type: ignore[misc]
+    overlap = abs(np.einsum("ij,ij->j", left.conj(), right))
+    change = _ROUNDINGS * float(np.finfo(float).eps) * la.norm(balanced, 1)
+    with np.errstate(divide="ignore"):
+        return SystemRoots(np.asarray(s, dtype=np.complex128), change / overlap)
+
+
+def stability_proof(roots: Mapping[str, SystemRoots | None], suspect: str) -> Proof:
+    """What is proven of the stability of the reduced system.
+
+    Parameters
+    ----------
+    roots : mapping of configuration to SystemRoots or None
+        Roots in each configuration; empty if the energies prove the system stable.
+    suspect : str
+        Reason why the energies do not prove it; empty if they do.
+    """
+    if not suspect:
+        digits = -math.log10(_SEMIDEFINITE)
+        return Proof(
+            "stability", "proven", digits, "mass and stiffness hold energy and damping takes it, in every body"
+        )
+    growing = {name: found.growing for name, found in roots.items() if found is not None and found.growing.size}
+    if growing:
+        name = max(growing, key=lambda each: float(growing[each][0].real / abs(growing[each][0])))
+        s = growing[name][0]
+        text = (
+            f"the root at {abs(s) / (2 * np.pi):.6g} Hz grows, with damping ratio {-s.real / abs(s):.3g} in "
+            f"configuration '{name}'; roots grow in {len(growing)} of {len(roots)} configurations"
+        )
+        return Proof("stability", "refuted", remark=text)
+    unknown = [name for name, found in roots.items() if found is None]
+    if unknown:
+        text = f"{suspect} may give energy, and the roots are not known in configuration '{unknown[0]}'"
+        return Proof("stability", "unproven", remark=text)
+    least = [(_slowest(found), name) for name, found in roots.items() if found is not None]
+    (zeta, hz), name = min(least, default=((math.inf, 0.0), ""))
+    text = "every root decays or stands still"
+    if math.isfinite(zeta):
+        text += f"; the least damped one, {hz:.6g} Hz, has damping ratio {zeta:.3g} in configuration '{name}'"
+    return Proof("stability", "proven", remark=text)
+
+
+def _slowest(found: SystemRoots) -> tuple[float, float]:
+    """Damping ratio and frequency in Hz of the least damped root that oscillates."""
+    oscillates = found.s.imag > found.uncertain
+    s, uncertain = found.s[oscillates], found.uncertain[oscillates]
+    if not s.size:
+        return math.inf, 0.0
+    zeta = np.where(abs(s.real) > uncertain, -s.real / abs(s), 0.0)
+    at = int(zeta.argmin())
+    return float(zeta[at]), float(abs(s[at]) / (2 * np.pi))

@@ -1,0 +1,300 @@
+"""Elements that a NASTRAN deck states: their corners, sections and materials, as arrays.
+
+`deck_mass` adds up their masses, `deck_energy` their strain energies.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import ReadError
+from cmsreduce.model import Nodes
+from cmsreduce.read.nastran.bars import offsets_of
+from cmsreduce.read.nastran.cards import Card, Cards, read_cards
+
+__all__ = [
+    "Bar",
+    "Faces",
+    "Material",
+    "NotCountedError",
+    "Section",
+    "bars_of",
+    "materials_of",
+    "node_index",
+    "plates_of",
+    "solids_of",
+    "stated_cards",
+]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_BARS = {"CBAR": "PBAR", "CBEAM": "PBEAM", "CROD": "PROD", "CONROD": ""}
+_SHAPED = {"PBARL": "PBAR", "PBEAML": "PBEAM"}
+_PLATES, _SOLIDS = {"CTRIA3": 3, "CQUAD4": 4}, {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
+_CARDS = (
+    *(*_BARS, "PBAR", "PBEAM", "PROD", *_SHAPED, *_PLATES, *_SOLIDS, "PSHELL", "PSOLID", "MAT1", "PARAM"),
+    # Masses, and elements and properties that only `deck_mass` or `deck_energy` counts.
+    *("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "NSM", "NSM1", "NSML", "NSML1"),
+    *("CELAS1", "CELAS2", "CELAS3", "CELAS4", "CBUSH", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM"),
+    *("CQUAD8", "CQUADR", "CQUAD", "CTRIA6", "CTRIAR", "CSHEAR", "CTRIAX", "CTRIAX6", "CQUADX", "PCOMP", "PCOMPG"),
+    *("CPYRAM", "CTUBE", "CBEND", "CBEAM3", "MAT2", "MAT8", "MAT9", "PBCOMP", "PBRSECT", "PBMSECT"),
+    *("BAROR", "BEAMOR", "GENEL", "DMIG"),
+)
+_STATED = re.compile(rb"^(CONM1|CONM2|MAT1)\b", re.MULTILINE | re.IGNORECASE)
+# Fields of PBAR, PBEAM and PROD: area, moments I1, I2, I12 and non-structural mass per length.
+_FIELDS = {"PBAR": (2, 3, 4, 18, 6), "PBEAM": (2, 3, 4, 5, 7), "PROD": (2, None, None, None, 5)}
+# Factors of the shear area: of a PBAR none, so that shear is not counted; of a PBEAM 1 by default.
+_SHEAR = {"PBAR": (16, 17, 0.0), "PBEAM": (16, 17, 1.0)}
+_PLAIN_BEAM = 8  # fields of a PBEAM before its stations
+_DIMENSIONS = {"ROD": 1, "TUBE": 2, "BAR": 2, "BOX": 4}
+
+
+class NotCountedError(Exception):
+    """The deck has an element that is not counted."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """Isotropic material of a MAT1: Young's and shear modulus, Poisson's ratio, density."""
+
+    E: float
+    G: float
+    nu: float
+    density: float
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Section of a bar.
+
+    Parameters
+    ----------
+    material : int
+        Number of its MAT1.
+    area : float
+        Area.
+    moments : (2, 2) float64
+        I1, I12; I12, I2.
+    shear : (2,) float64
+        Factors of the area in shear; 0 for a bar without shear deflection.
+    per_length : float
+        Mass per length that is no structure.
+    """
+
+    material: int
+    area: float
+    moments: Array
+    shear: Array
+    per_length: float
+
+
+@dataclass(frozen=True, eq=False)
+class Bar:
+    """A bar, beam or rod.
+
+    Parameters
+    ----------
+    nodes : (2,) int64
+        Positions of its grids among the nodes.
+    ends : (2, 3) float64
+        Its ends, with offsets, in basic.
+    section : Section
+        Section.
+    pinned : bool
+        True if an end is released in some component.
+    """
+
+    nodes: Indices
+    ends: Array
+    section: Section
+    pinned: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Plates or solids of one kind of card.
+
+    Parameters
+    ----------
+    nodes : (e, k) int64
+        Positions of their corners among the nodes.
+    between : (e, m) int64
+        Positions of the nodes between corners; m = 0 for elements of corners alone.
+    property : tuple of Card
+        PSHELL or PSOLID of each.
+    corners : int
+        Number of corners.
+    """
+
+    nodes: Indices
+    between: Indices
+    property: tuple[Card, ...]
+    corners: int
+
+
+def stated_cards(path: Path) -> Cards | None:
+    """Cards of a deck that state masses and materials; None if the file is no deck, or holds superelements."""
+    try:
+        # A search of the bytes is fast, also in large decks without materials.
+        if not _STATED.search(path.read_bytes()):
+            return None
+        sections = read_cards(path, set(_CARDS)).sections
+    except (OSError, ReadError):
+        return None
+    return sections.get(0, {}) if len(sections) <= 1 else None
+
+
+def materials_of(cards: Cards) -> dict[int, Material]:
+    """Materials by number; a blank modulus follows from the others."""
+    found = {}
+    for card in cards.get("MAT1", ()):
+        E, G, nu = card.real(1), card.real(2), card.real(3)
+        if not card.text(1):
+            E = 2 * (1 + nu) * G
+        if not card.text(2):
+            G = E / (2 * (1 + nu))
+        if not card.text(3) and G:
+            nu = E / (2 * G) - 1
+        found[card.integer(0)] = Material(E, G, nu, card.real(4))
+    return found
+
+
+def node_index(nodes: Nodes, node: int) -> int:
+    """Position of a grid.
+
+    Raises
+    ------
+    NotCountedError
+        If the deck lacks it.
+    """
+    at = int(nodes.index(node)[0])
+    if at < 0:
+        raise NotCountedError
+    return at
+
+
+def bars_of(cards: Cards, nodes: Nodes) -> Iterator[Bar]:
+    """Bars, beams and rods.
+
+    Raises
+    ------
+    NotCountedError
+        If a property is missing, tapered or of another shape than BAR, BOX, ROD and TUBE.
+    """
+    sections = {(kind, number): made for kind, number, made in _sections(cards)}
+    for name, kind in _BARS.items():
+        for card in cards.get(name, ()):
+            first = 2
+            if name == "CONROD":
+                rod = np.zeros((2, 2)), np.zeros(2)
+                made, first = Section(card.integer(3), card.real(4), *rod, card.real(7)), 1
+            else:
+                key = (kind, card.integer(1, card.integer(0)))
+                if key not in sections:
+                    raise NotCountedError
+                made = sections[key]
+            at = np.array([node_index(nodes, card.integer(first + k)) for k in range(2)])
+            ends, pinned = nodes.xyz[at].copy(), False
+            if name in ("CBAR", "CBEAM"):
+                ends += [nodes.frame[k].T @ w for k, w in zip(at, offsets_of(card), strict=True)]
+                pinned = any(card.text(k).strip("0") for k in (8, 9))
+            yield Bar(at, ends, made, pinned)
+
+
+def plates_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
+    """Triangles and quadrilaterals.
+
+    Raises
+    ------
+    NotCountedError
+        If a property is missing, or an element has an offset or a thickness of its own.
+    """
+    made = {card.integer(0): card for card in cards.get("PSHELL", ())}
+    for name, count in _PLATES.items():
+        found: list[tuple[list[int], list[int], Card]] = []
+        for card in cards.get(name, ()):
+            property = made.get(card.integer(1, card.integer(0)))
+            # After the corners: an angle of the material, then the element's own offset and thicknesses.
+            if property is None or any(card.real(k) for k in range(3 + count, len(card.fields))):
+                raise NotCountedError
+            found.append(([card.integer(2 + k) for k in range(count)], [], property))
+        if found:
+            yield _faces(found, nodes, count)
+
+
+def solids_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
+    """Tetrahedra, wedges and hexahedra, with or without nodes between corners.
+
+    Raises
+    ------
+    NotCountedError
+        If a property is missing, or an element has some of its nodes between corners only.
+    """
+    made = {card.integer(0): card for card in cards.get("PSOLID", ())}
+    all_edges = {4: 6, 6: 9, 8: 12}
+    for name, count in _SOLIDS.items():
+        found = []
+        for card in cards.get(name, ()):
+            property = made.get(card.integer(1, card.integer(0)))
+            more = [card.integer(k) for k in range(2 + count, len(card.fields)) if card.text(k)]
+            if property is None or len(more) not in (0, all_edges[count]):
+                raise NotCountedError
+            found.append(([card.integer(2 + k) for k in range(count)], more, property))
+        for between in (0, all_edges[count]):
+            if some := [one for one in found if len(one[1]) == between]:
+                yield _faces(some, nodes, count)
+
+
+def _faces(found: list[tuple[list[int], list[int], Card]], nodes: Nodes, corners: int) -> Faces:
+    ids, more, cards = zip(*found, strict=True)
+    at, between = nodes.index(np.ravel(ids)), nodes.index(np.ravel(np.array(more, dtype=np.int64)))
+    if (at < 0).any() or (len(more[0]) and (between < 0).any()):
+        raise NotCountedError
+    return Faces(at.reshape(len(ids), -1), between[: len(ids) * len(more[0])].reshape(len(ids), -1), cards, corners)
+
+
+def _sections(cards: Cards) -> Iterator[tuple[str, int, Section]]:
+    for name, kind in _SHAPED.items():
+        for card in cards.get(name, ()):
+            area, moments, per_length = _section_by_shape(card)
+            shear = np.full(2, _SHEAR[kind][2])
+            yield kind, card.integer(0), Section(card.integer(1), area, moments, shear, per_length)
+    for name, (area, first, second, mixed, more) in _FIELDS.items():
+        for card in cards.get(name, ()):
+            last = _PLAIN_BEAM + 8
+            if name == "PBEAM" and any(card.text(k) for k in range(last, len(card.fields))):
+                raise NotCountedError
+            I1, I2, I12 = (0.0 if k is None else card.real(k) for k in (first, second, mixed))
+            at = _SHEAR.get(name)
+            shear = np.zeros(2) if at is None else np.array([card.real(k, at[2]) for k in at[:2]])
+            moments = np.array([[I1, I12], [I12, I2]])
+            yield name, card.integer(0), Section(card.integer(1), card.real(area), moments, shear, card.real(more))
+
+
+def _section_by_shape(card: Card) -> tuple[float, Array, float]:
+    """Area, moments and non-structural mass per length of a PBARL or PBEAML of a simple shape without taper.
+
+    ROD: radius. TUBE: outer and inner radius. BAR: width, height. BOX: width, height, walls above and beside.
+    """
+    shape = card.text(3)
+    count = _DIMENSIONS.get(shape)
+    # Fields after the dimensions and the non-structural mass are a second station of a beam.
+    if count is None or any(card.text(k) for k in range(8 + count + 1, len(card.fields))):
+        raise NotCountedError
+    d = [card.real(8 + k) for k in range(count)]
+    if shape in ("ROD", "TUBE"):
+        inner = d[1] if shape == "TUBE" else 0.0
+        area = np.pi * (d[0] ** 2 - inner**2)
+        bending = (np.pi / 4 * (d[0] ** 4 - inner**4),) * 2
+    else:
+        w, h = (d[0] - 2 * d[3], d[1] - 2 * d[2]) if shape == "BOX" else (0.0, 0.0)
+        area = d[0] * d[1] - w * h
+        bending = ((d[0] * d[1] ** 3 - w * h**3) / 12, (d[1] * d[0] ** 3 - h * w**3) / 12)
+    return float(area), np.diag(bending), card.real(8 + count)

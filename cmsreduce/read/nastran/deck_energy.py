@@ -1,0 +1,275 @@
+"""Strain energy that a NASTRAN deck states for a uniform strain, for every element that it has.
+
+Under displacements u = G x with a symmetric G, and without rotations, a solid that passes the patch test has exactly
+the energy V eps C eps. Plates and bars have this energy in their plane and along their axis; the part by shear and
+bending lies between bounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import ReadError
+from cmsreduce.model import Nodes
+from cmsreduce.read.nastran.cards import Cards
+from cmsreduce.read.nastran.deck_elements import (
+    Bar,
+    Faces,
+    Material,
+    NotCountedError,
+    bars_of,
+    materials_of,
+    plates_of,
+    solids_of,
+    stated_cards,
+)
+from cmsreduce.read.nastran.deck_mass import StatedMass, mass_of, solid_volumes
+
+__all__ = ["STRAINS", "StatedEnergy", "deck_energy", "deck_statement"]
+
+Array = NDArray[np.float64]
+Part = tuple[NDArray[np.int64], Array, Array, Array, bool]
+"""Positions of nodes, three bounds of the energy (6, 6) as in `StatedEnergy`, and whether the nodes can turn."""
+
+STRAINS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
+"""Entries of G, in the order of the six strains."""
+
+# Elements whose stiffness is not counted: only a lower bound is known.
+_OTHERS = (
+    *("CQUAD8", "CQUADR", "CQUAD", "CTRIA6", "CTRIAR", "CSHEAR", "CTRIAX", "CTRIAX6", "CQUADX", "PCOMP", "PCOMPG"),
+    *("CPYRAM", "CTUBE", "CBEND", "CBEAM3", "CELAS1", "CELAS2", "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP"),
+    *("CBUSH", "CWELD", "CFAST", "CSEAM", "GENEL", "DMIG", "MAT2", "MAT8", "MAT9", "PBCOMP", "PBRSECT", "PBMSECT"),
+    *("BAROR", "BEAMOR"),
+)
+# Springs between points at one place take no energy from a uniform strain.
+_SPRINGS = {"CELAS1": (2, 4), "CELAS2": (2, 4), "CBUSH": (2, 3)}
+# Of the size of an element: places printed with five digits.
+_SAME_PLACE = 1e-5
+# Moduli that contradict each other by more make no isotropic material.
+_ISOTROPIC = 1e-3
+_EDGES = {
+    4: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+    6: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 4), (2, 5), (3, 4), (4, 5), (5, 3)),
+    8: ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 5), (2, 6), (3, 7), (4, 5), (5, 6), (6, 7), (7, 4)),
+}
+# Share of a plate's thickness in shear, by default.
+_SHEAR_SHARE = 0.8333333
+# An element that bends where it has no shear: its stiffness over that of a strip as wide as its shortest edge.
+_BENT = 4.0
+
+
+class StatedEnergy(NamedTuple):
+    """Twice the strain energy of a deck under uniform strain, u K u, as a quadratic form of `STRAINS`.
+
+    Parameters
+    ----------
+    least : (6, 6) float64
+        Lower bound if the nodes may turn.
+    low, high : (6, 6) float64
+        Bounds if no node turns; equal where all elements are solids. ``high`` is None if some elements are not counted.
+    nodes : (k,) int64
+        Positions of the nodes of all elements that are counted.
+    turning : (t,) int64
+        Those of them that plates, bars and beams turn.
+    """
+
+    least: Array
+    low: Array
+    high: Array | None
+    nodes: NDArray[np.int64]
+    turning: NDArray[np.int64]
+
+    @property
+    def exact(self) -> bool:
+        """True if both bounds are one."""
+        return self.high is not None and bool(abs(self.high - self.low).max() <= 1e-9 * abs(self.low).max())
+
+
+def deck_energy(path: Path, nodes: Nodes) -> StatedEnergy | None:
+    """Add up the strain energies of the elements of a deck.
+
+    Parameters
+    ----------
+    path : Path
+        Deck, with or without executive and case control.
+    nodes : Nodes
+        Its grids.
+
+    Returns
+    -------
+    StatedEnergy or None
+        In the units of the deck. None if the file is no deck, states no material, or has elements whose properties
+        are missing or not isotropic.
+    """
+    return energy_of(stated_cards(path), nodes)
+
+
+def energy_of(cards: Cards | None, nodes: Nodes) -> StatedEnergy | None:
+    """Add up the strain energies of the elements on some cards, as `deck_energy` does."""
+    if cards is None or not cards.get("MAT1"):
+        return None
+    try:
+        materials = materials_of(cards)
+        parts = [
+            *_solids(cards, nodes, materials),
+            *_plates(cards, nodes, materials),
+            *_bars(cards, nodes, materials),
+        ]
+        whole = not any(cards.get(name) for name in _OTHERS if name not in _SPRINGS)
+        whole &= all(_at_one_place(cards, name, nodes) for name in _SPRINGS)
+    except (ReadError, NotCountedError):
+        return None
+    if not parts:
+        return None
+    least, low, high = (np.asarray(sum(forms)) for forms in zip(*(part[1:4] for part in parts), strict=True))
+    return StatedEnergy(
+        least, low, high if whole else None, _places(parts), _places([part for part in parts if part[4]])
+    )
+
+
+def deck_statement(path: Path, nodes: Nodes) -> tuple[StatedMass | None, StatedEnergy | None]:
+    """Mass and strain energy of a deck, as `deck_mass` and `deck_energy` give them, from one reading."""
+    cards = stated_cards(path)
+    return mass_of(cards, nodes), energy_of(cards, nodes)
+
+
+def _places(parts: list[Part]) -> NDArray[np.int64]:
+    """Positions of the nodes of some parts."""
+    return np.unique(np.concatenate([np.empty(0, np.int64), *(np.ravel(part[0]) for part in parts)]))
+
+
+def _isotropic(number: int, materials: dict[int, Material]) -> Material:
+    found = materials.get(number)
+    if found is None or not found.E > 0 or abs(2 * found.G * (1 + found.nu) / found.E - 1) > _ISOTROPIC:
+        raise NotCountedError
+    return found
+
+
+def _strain_of(direction: Array, other: Array) -> Array:
+    """Row (..., 6) that gives direction . G . other."""
+    rows = [direction[..., i] * other[..., j] for i, j in STRAINS]
+    for k in range(3, 6):
+        i, j = STRAINS[k]
+        rows[k] = rows[k] + direction[..., j] * other[..., i]
+    return np.stack(rows, axis=-1)
+
+
+def _quadratic(weight: Array, row: Array) -> Array:
+    return np.asarray(np.einsum("e,ei,ej->ij", weight, row, row))
+
+
+def _solids(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterator[Part]:
+    for faces in solids_of(cards, nodes):
+        made = [_isotropic(p.integer(1), materials) for p in faces.property]
+        if any(p.text(6) == "PFLUID" for p in faces.property):
+            raise NotCountedError
+        corners = nodes.xyz[faces.nodes]
+        _refuse_curved(faces, corners, nodes)
+        volume = solid_volumes(corners)[0]
+        G = np.array([each.G for each in made])
+        lame = np.array([each.E * each.nu / (1 + each.nu) / (1 - 2 * each.nu) for each in made])
+        trace = np.array([1.0, 1, 1, 0, 0, 0])
+        # eps : C : eps; an entry of G off the diagonal stands for two.
+        energy = (volume @ lame) * np.outer(trace, trace) + 2 * (volume @ G) * np.diag([1.0, 1, 1, 2, 2, 2])
+        yield np.concatenate([faces.nodes.ravel(), faces.between.ravel()]), energy, energy, energy, False
+
+
+def _refuse_curved(faces: Faces, corners: Array, nodes: Nodes) -> None:
+    """Refuse solids with nodes between corners that are not in the middle of straight edges."""
+    if not faces.between.shape[1]:
+        return
+    edges = np.array(_EDGES[faces.corners])
+    middle = corners[:, edges].mean(axis=2)
+    length = np.linalg.norm(corners[:, edges[:, 0]] - corners[:, edges[:, 1]], axis=2)
+    # Their order differs between programs; every one must be in the middle of some edge.
+    away = np.linalg.norm(nodes.xyz[faces.between][:, :, None] - middle[:, None], axis=3).min(axis=2)
+    if (away > _SAME_PLACE * length.max(axis=1, keepdims=True)).any():
+        raise NotCountedError
+
+
+def _plates(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterator[Part]:
+    for faces in plates_of(cards, nodes):
+        corners = nodes.xyz[faces.nodes]
+        across = np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1])
+        # Of a triangle this is half of the same product by its edges.
+        area = np.linalg.norm(across, axis=1) / 2
+        n = across / np.maximum(np.linalg.norm(across, axis=1), np.finfo(float).tiny)[:, None]
+        x = corners[:, 1] - corners[:, 0]
+        shortest = np.min([np.linalg.norm(corners[:, k] - corners[:, k - 1], axis=1) for k in range(faces.corners)], 0)
+        x = x - n * np.einsum("ei,ei->e", x, n)[:, None]
+        x = x / np.maximum(np.linalg.norm(x, axis=1), np.finfo(float).tiny)[:, None]
+        y = np.cross(n, x)
+        thick = np.array([p.real(2) for p in faces.property])
+        none = Material(0.0, 0.0, 0.0, 0.0)
+        if any(p.integer(1, 0) < 0 or p.integer(3, 0) < 0 for p in faces.property):
+            raise NotCountedError
+        membrane, bending, shear = (
+            [_isotropic(p.integer(k), materials) if p.text(k) else none for p in faces.property] for k in (1, 3, 5)
+        )
+        xx, yy, xy = _strain_of(x, x), _strain_of(y, y), 2 * _strain_of(x, y)
+        E, nu = (np.array([getattr(m, name) for m in membrane]) for name in ("E", "nu"))
+        G = np.array([m.G for m in membrane])
+        plane = E * thick * area / (1 - nu**2)
+        low = _quadratic(plane * (1 - nu), xx) + _quadratic(plane * (1 - nu), yy) + _quadratic(plane * nu, xx + yy)
+        low = low + _quadratic(G * thick * area, xy)
+        share = np.array([p.real(6, _SHEAR_SHARE) for p in faces.property])
+        slope = np.array([m.G for m in shear]) * thick * share
+        D = np.array([m.E / (1 - m.nu**2) * p.real(4, 1.0) for m, p in zip(bending, faces.property, strict=True)])
+        stiff = np.where(slope > 0, slope, _BENT * D * thick**3 / shortest**2) * area * (D > 0)
+        # The nodes do not turn with the plate: it is sheared across, and bends where it has no shear.
+        high = low + _quadratic(stiff, _strain_of(n, x)) + _quadratic(stiff, _strain_of(n, y))
+        yield faces.nodes, low, low, high, True
+
+
+def _bars(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterator[Part]:
+    bars = list(bars_of(cards, nodes))
+    if not bars:
+        return
+    made = [materials.get(bar.section.material) for bar in bars]
+    if any(each is None or not each.E > 0 for each in made):
+        raise NotCountedError
+    at = np.array([bar.nodes for bar in bars])
+    ends = np.array([bar.ends for bar in bars])
+    along = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    if not (length > 0).all():
+        raise NotCountedError
+    e = along / length[:, None]
+    # Rigid offsets do not turn, so that the ends move as their grids do.
+    apart = nodes.xyz[at[:, 1]] - nodes.xyz[at[:, 0]]
+    E, G = (np.array([getattr(each, name) for each in made]) for name in ("E", "G"))
+    axial = _quadratic(E * [bar.section.area for bar in bars] / length, _strain_of(e, apart))
+    across = [_strain_of(np.tile(axis, (len(bars), 1)), apart) for axis in np.eye(3)]
+    stretch = _strain_of(e, apart)
+    across = [row - e[:, [k]] * stretch for k, row in enumerate(across)]
+    soft, stiff = _bending(bars, E, G, length)
+    low, high = (axial + sum(_quadratic(k, row) for row in across) for k in (soft, stiff))
+    yield at, axial, np.asarray(low), np.asarray(high), bool(stiff.any())
+
+
+def _bending(bars: list[Bar], E: Array, G: Array, length: Array) -> tuple[Array, Array]:
+    """Least and largest force of each bar for a unit offset of its ends across, if they do not turn."""
+    moments = np.array([np.linalg.eigvalsh(bar.section.moments) for bar in bars])
+    area = np.array([bar.section.area for bar in bars])
+    share = np.array([bar.section.shear for bar in bars])
+    plain = 12 * E[:, None] * moments / length[:, None] ** 3
+    weakest = np.where((share > 0).any(axis=1), np.where(share > 0, share, np.inf).min(axis=1), np.inf)
+    by_shear = np.where(np.isfinite(weakest), G * area * np.where(np.isfinite(weakest), weakest, 1.0) / length, np.inf)
+    soft = 1 / (1 / np.maximum(plain[:, 0], np.finfo(float).tiny) + 1 / np.maximum(by_shear, np.finfo(float).tiny))
+    return np.where([bar.pinned for bar in bars], 0.0, soft), plain[:, 1]
+
+
+def _at_one_place(cards: Cards, name: str, nodes: Nodes) -> bool:
+    """True if all springs of a kind join points at one place."""
+    for card in cards.get(name, ()):
+        ids = [card.integer(k, 0) for k in _SPRINGS[name]]
+        at = nodes.index(ids)
+        size = float(np.ptp(nodes.xyz, axis=0).max())
+        if (at < 0).any() or np.linalg.norm(nodes.xyz[at[0]] - nodes.xyz[at[1]]) > _SAME_PLACE * size:
+            return False
+    return True

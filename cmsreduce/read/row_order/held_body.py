@@ -1,0 +1,104 @@
+"""Row order of a body that the ground holds: the forces against rigid motion at each node alone.
+
+A node away from the ground resists no rigid motion. A node on a spring to ground resists as the spring does. A node
+next to dofs without rows resists translation and rotation. Rows of another node resist rotation alone, because an
+exchange of whole nodes changes no sum over the nodes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.model import FEModel, Nodes
+from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
+
+__all__ = ["HeldRows", "held_rows"]
+
+# Relative to the other forces at a node: a smaller one is round-off.
+_NO_FORCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class HeldRows:
+    """Nodes by their forces against rigid motion.
+
+    Parameters
+    ----------
+    found : RigidResidual
+        Forces of all six motions.
+    proven : (k,) int64
+        Nodes without force, and nodes on a spring to ground of their own.
+    held : (h,) int64
+        Nodes next to the ground, whose rows nothing proves.
+    wrong : (w,) int64
+        Nodes that resist rotation of the body and no translation, far from dofs without rows.
+    """
+
+    found: RigidResidual
+    proven: NDArray[np.int64]
+    held: NDArray[np.int64]
+    wrong: NDArray[np.int64]
+
+
+def held_rows(body: FEModel, nodes: Nodes, condensed: bool) -> HeldRows:
+    """Sort the nodes of a body that the ground holds.
+
+    Parameters
+    ----------
+    body : FEModel
+        Body as read.
+    nodes : Nodes
+        Its geometry.
+    condensed : bool
+        True if K comes from condensation.
+    """
+    found = rigid_residual(body.K, body.dofs, nodes, None, body.rounding, condensed)
+    moving = body.dofs.component > 0
+    ids, of = np.unique(body.dofs.node[moving], return_inverse=True)
+    rows, turning = np.flatnonzero(moving), body.dofs.component[moving] > 3
+    force, excess = abs(found.force[rows]), found.excess[rows]
+    # The worst force of a row over its excess is the force that round-off may leave there.
+    limit = np.where(excess > 0, force.max(axis=1) / np.maximum(excess, 1e-300), np.inf)
+    limit = np.maximum(limit, _NO_FORCE * _largest(force.max(axis=1), of, ids.size)[of])
+    resists = _any(excess > 1, of, ids.size)
+    pushed = _any((excess > 1) & (force[:, :3].max(axis=1) > limit), of, ids.size)
+    across = _any((excess > 1) & ~turning, of, ids.size)
+    # Forces under rotations about the node's own place: its own spring to ground has none.
+    at = nodes.index(ids)
+    arm = (nodes.xyz[at] - found.centre) / found.length
+    by_arm = np.cross(np.eye(3), arm[:, None, :])
+    own = found.force[rows, 3:] - np.einsum("rt,rjt->rj", found.force[rows, :3], by_arm[of])
+    sprung = ~_any(~turning & (abs(own).max(axis=1) > limit), of, ids.size)
+    whole = _whole(body, ids)
+    wrong = resists & ~pushed & across & whole
+    proven = ~resists | (pushed & sprung) | (~pushed & ~across)
+    return HeldRows(found, ids[proven & ~wrong], ids[~proven & ~wrong], ids[wrong])
+
+
+def _any(rows: NDArray[np.bool_], of: NDArray[np.int64], count: int) -> NDArray[np.bool_]:
+    """Nodes with a row in a set of rows."""
+    return np.asarray(np.bincount(of[rows], minlength=count) > 0)
+
+
+def _largest(value: NDArray[np.float64], of: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+    top = np.zeros(count)
+    np.maximum.at(top, of, value)
+    return top
+
+
+def _whole(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Nodes that have the same components as all nodes that the stiffness couples them with, and no constraint."""
+    kind = np.zeros(ids.size, dtype=np.int64)
+    moving = body.dofs.component > 0
+    of = np.searchsorted(ids, body.dofs.node[moving])
+    np.add.at(kind, of, 1 << body.dofs.component[moving].astype(np.int64))
+    if body.constrained is not None:
+        kind[np.isin(ids, body.constrained.node)] = -1
+    rows = np.flatnonzero(moving)
+    K = sp.csc_array(body.K[rows][:, rows])
+    first, second = of[K.indices], of[np.repeat(np.arange(rows.size), np.diff(K.indptr))]
+    return (kind >= 0) & ~_any((kind[first] != kind[second]) & (K.data != 0), first, ids.size)

@@ -1,0 +1,107 @@
+"""Effect of the rounding of a body's files: its rigid motions as far as they are proven, and error bars of modes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.blocks import column_blocks, symmetric_product
+from cmsreduce.model import ARITHMETIC, PRINTED, FEModel, ModalComponent, Proof, entry_errors, pattern_errors
+
+__all__ = ["frequency_error_bars", "rigid_motions_proof"]
+
+Array = NDArray[np.float64]
+
+# Deviations of a sum of roundings that it exceeds once in four hundred times.
+_DEVIATIONS = 3.0
+# Entries times modes up to which repeated numbers are told from different ones, in a second or two.
+_REPEATED = 5e7
+
+
+def rigid_motions_proof(body: FEModel, rigid: int, shown: int | None) -> Proof:
+    """State how the rigid motions of a body were counted, and to how many digits.
+
+    Parameters
+    ----------
+    body : FEModel
+        The body, with the errors of its K.
+    rigid : int
+        Motions that K does not resist.
+    shown : int, optional
+        Rigid motions that the proof of the row order found free; None if it proves nothing for this body.
+    """
+    digits = -math.log10(PRINTED * body.stiffness_rounding)
+    if shown is None:
+        text = f"K alone leaves {rigid} motions free" if rigid else "K resists every motion"
+        return Proof("rigid motions", "proven", digits, text)
+    if rigid < shown:
+        text = f"the geometry leaves {shown} motions free, and K leaves {rigid}"
+        return Proof("rigid motions", "refuted", digits, text)
+    text = f"{shown} rigid motions by geometry"
+    if rigid == shown:
+        return Proof("rigid motions", "proven", digits, f"{text}; K resists all others")
+    more = f"{text}, and {rigid - shown} more that K resists by no more than its rounding"
+    # A mechanism has no energy at all; in few digits a soft motion has none, either.
+    return Proof("rigid motions", "proven" if body.stiffness_rounding <= ARITHMETIC else "unproven", digits, more)
+
+
+def frequency_error_bars(component: ModalComponent, columns: NDArray[np.int64]) -> Array:
+    """Error bars of natural frequencies: how far the rounding of K and M can move them.
+
+    Parameters
+    ----------
+    component : ModalComponent
+        Modes of a body, orthonormal in M.
+    columns : (k,) int64
+        Its elastic modes in question.
+
+    Returns
+    -------
+    (k,) float64
+        In Hz. The error of a frequency exceeds its bar once in four hundred times.
+
+    Notes
+    -----
+    First order: d(w^2) = phi^T (dK - w^2 dM) phi. Each number in K has an error of uniform distribution up to half a
+    unit of its last digit; equal numbers have equal errors. The parts of the strain energy may cancel, so that it has
+    fewer digits than K. Those of the kinetic energy do not.
+    """
+    body, omega = component.body, component.omega[columns]
+    if not columns.size:
+        return np.empty(0)
+    found, left = np.zeros(columns.size), body.rounding
+    if body.K.nnz * columns.size <= _REPEATED:
+        found, left = _of_repeated(body, component.Phi, columns), 0.0
+    if left or body.noise:
+        found = found + _of_independent(pattern_errors(body.K, left, body.noise), component.Phi, columns)
+    moved = _DEVIATIONS * np.sqrt(found / 3) + PRINTED * body.rounding * omega**2
+    return np.asarray(moved / (2 * omega) / (2 * np.pi))
+
+
+def _of_repeated(body: FEModel, Phi: Array, columns: NDArray[np.int64]) -> Array:
+    """Sum of squares of the largest changes of w^2 by each different number in K (k,)."""
+    entries = sp.coo_array(body.K)
+    value, at = np.unique(abs(entries.data), return_inverse=True)
+    squares, sign = entry_errors(value, body.rounding) ** 2, np.sign(entries.data)
+    shapes = (np.asarray(Phi[:, column]) for column in columns)
+    return np.array(
+        [
+            squares @ np.bincount(at, sign * phi[entries.row] * phi[entries.col], minlength=value.size) ** 2
+            for phi in shapes
+        ]
+    )
+
+
+def _of_independent(errors: sp.csc_array, Phi: Array, columns: NDArray[np.int64]) -> Array:
+    """Sum of squares of the largest changes of w^2 by each entry of K and its mirror image (k,)."""
+    squares = sp.csc_array((errors.data**2, errors.indices, errors.indptr), shape=errors.shape)
+    product, diagonal = symmetric_product(squares), squares.diagonal()
+    found = np.zeros(columns.size)
+    for part in column_blocks(columns.size):
+        phi = np.asarray(Phi[:, columns[part]]) ** 2
+        # Twice each pair of entries, and once the diagonal.
+        found[part] = 2 * np.einsum("ij,ij->j", phi, product(phi)) - diagonal @ phi**2
+    return found

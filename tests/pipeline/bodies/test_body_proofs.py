@@ -1,0 +1,224 @@
+"""Stiffness and mass proven against the deck and by themselves; each proof is reported with its state."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from click.testing import CliRunner
+
+from cmsreduce.cli import main
+from cmsreduce.config import build_scene, load_pipeline
+from cmsreduce.errors import DofMapError
+from cmsreduce.model import FEModel
+from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible
+from tests.frames import frame
+from tests.pipeline.bodies.decks import bar_cards, brick_cards, write_deck_body
+from tests.solids import block
+
+CELLS = (6, 2, 3)
+BRICK = block("part", [1.5, 0.5, 0.75], CELLS)
+XYZ = [[0, 0, 0], [0.5, 0, 0], [1, 0.2, 0], [1.2, 0.7, 0.3], [0.6, 0.9, 0.5], [0.1, 0.5, 0.8], [1.6, 0.3, 0.2]]
+BARS = [(1, 2), (2, 3), (3, 4), (4, 5), (5, 6), (6, 1), (3, 7), (4, 7)]
+FRAME = frame("part", XYZ, BARS)
+
+
+def opened(folder: Path, body: FEModel, cards: list[str], keys: str = "") -> FlexibleBody:
+    pipeline = load_pipeline(write_deck_body(folder, body, cards, keys))
+    return read_flexible(pipeline, "part", build_scene(pipeline))
+
+
+def proof_of(found: FlexibleBody, what: str):
+    return next(proof for proof in found.proofs if proof.what == what)
+
+
+def permuted(A: sp.csc_array, body: FEModel, to: dict[int, int]) -> sp.csc_array:
+    order = np.arange(body.n)
+    for here, there in to.items():
+        order[body.dofs.node == here] = np.flatnonzero(body.dofs.node == there)
+    return A[order][:, order]
+
+
+@pytest.mark.parametrize(
+    ("body", "cards", "digits"),
+    [(BRICK, brick_cards(CELLS), 3.0), (FRAME, bar_cards(BARS), 1.0)],
+    ids=["bricks", "bars"],
+)
+def test_a_body_that_agrees_with_its_deck(tmp_path: Path, body: FEModel, cards: list[str], digits: float) -> None:
+    found = opened(tmp_path, body, cards)
+    assert all(check.passed for check in found.checks)
+    assert {(proof.what, proof.state) for proof in found.proofs} >= {
+        ("row order", "proven"),
+        ("stiffness", "proven"),
+        ("mass", "proven"),
+    }
+    assert proof_of(found, "stiffness").digits == pytest.approx(digits)
+    assert proof_of(found, "mass").digits == pytest.approx(6.0)
+    against = {check.name: check.value for check in found.checks}
+    assert against["mass of each node against the deck"] < 1e-9
+    if body is BRICK:
+        assert against["stiffness against the deck, uniform strain"] < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("body", "cards"), [(BRICK, brick_cards(CELLS)), (FRAME, bar_cards(BARS))], ids=["bricks", "bars"]
+)
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        (1e3, "GPa against MPa"),
+        (1e-3, "MPa against GPa"),
+        (1e6, "MPa against Pa"),
+        (9.80665, "kilograms force"),
+        (175.12684, "N/m against lbf/in"),
+        (2.1e11 / 7e10, ""),
+    ],
+)
+def test_a_stiffness_in_other_units_or_of_another_material(
+    tmp_path: Path, body: FEModel, cards: list[str], factor: float, said: str
+) -> None:
+    found = opened(tmp_path, replace(body, K=body.K * factor), cards)
+    proof = proof_of(found, "stiffness")
+    assert proof.state == "refuted" and said in proof.remark
+    assert [check.name for check in found.checks if not check.passed] == ["stiffness against the deck, uniform strain"]
+
+
+def test_a_held_body_is_compared_under_the_strains_that_its_supports_allow(tmp_path: Path) -> None:
+    body = block("part", [1.5, 0.5, 0.75], CELLS, held=range(1, 13))
+    fixed = "SPC1,1,123456,1,THRU,12"
+    for factor, state in ((1.0, "proven"), (1e3, "refuted")):
+        folder = tmp_path / state
+        folder.mkdir()
+        found = opened(folder, replace(body, K=body.K * factor, grounded=False), [*brick_cards(CELLS), fixed])
+        assert proof_of(found, "stiffness").state == state
+        assert proof_of(found, "row order").state == "proven"
+
+
+def test_a_tetrahedron_with_nodes_between_its_corners_and_a_plate(tmp_path: Path) -> None:
+    from cmsreduce.model import Nodes
+    from cmsreduce.read import deck_energy
+
+    corners = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4.0]])
+    edges = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
+    nodes = Nodes.in_basic(range(1, 11), np.vstack([corners, [corners[list(e)].mean(axis=0) for e in edges]]))
+    path = tmp_path / "deck.bdf"
+    solid = ["CTETRA,1,1,1,2,3,4,5,6", ",7,8,9,10", "PSOLID,1,1", "MAT1,1,10.,,.25"]
+    path.write_text("\n".join(["BEGIN BULK", *solid, "ENDDATA"]))
+    found = deck_energy(path, nodes)
+    assert found is not None and found.exact and found.nodes.size == 10
+    # V = 4, lambda = 4, G = 4: V (lambda + 2 G) by stretching, 4 V G by an entry of G off the diagonal.
+    np.testing.assert_allclose(found.low.diagonal(), [48, 48, 48, 64, 64, 64])
+    np.testing.assert_allclose(found.low[0, 1], 16)
+    plate = ["CTRIA3,1,1,1,2,3", "PSHELL,1,1,.1,1,,1", "MAT1,1,10.,,.25"]
+    path.write_text("\n".join(["BEGIN BULK", *plate, "ENDDATA"]))
+    found = deck_energy(path, nodes)
+    assert found is not None and found.high is not None
+    # A t E / (1 - nu^2) along x, 4 A t G by shear in the plane, 5/6 A t G across it.
+    np.testing.assert_allclose(found.low.diagonal(), [3.2, 3.2, 0, 4.8, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(found.high.diagonal()[4:], 5 / 6 * 3 * 0.1 * 4, rtol=1e-6)
+
+
+def test_lumped_masses_exchanged_between_nodes_are_found_by_the_deck(tmp_path: Path) -> None:
+    lumped = np.asarray(BRICK.M.sum(axis=0)).ravel()
+    body = replace(BRICK, M=sp.diags_array(lumped, format="csc"))
+    assert proof_of(opened(tmp_path, body, brick_cards(CELLS)), "mass").state == "proven"
+    wrong = replace(body, M=permuted(body.M, body, {1: 30, 30: 1}))
+    proof = proof_of(opened(tmp_path, wrong, brick_cards(CELLS)), "mass")
+    assert proof.state == "refuted" and "node 1 has that of node" in proof.remark
+    # Without materials nobody can see it: the figures are there to compare.
+    proof = proof_of(opened(tmp_path, wrong, []), "mass")
+    assert proof.state == "unproven" and "lumped" in proof.remark and "compare mass 1518.75, centre" in proof.remark
+
+
+def test_a_consistent_mass_in_another_order_stops_the_run(tmp_path: Path) -> None:
+    wrong = replace(FRAME, M=permuted(FRAME.M, FRAME, {2: 5, 5: 2}))
+    path = write_deck_body(tmp_path, wrong, [])
+    found = CliRunner().invoke(main, ["run", str(path), "--quiet"])
+    said = " ".join(found.output.split())
+    assert found.exit_code == 2 and "the rows labelled node 2 are those of node 5" in said
+
+
+def test_a_condensed_mass_in_another_order_has_no_centre(tmp_path: Path) -> None:
+    i = np.flatnonzero(np.isin(FRAME.dofs.node, [2, 5, 7]))
+    j = np.setdiff1d(np.arange(FRAME.n), i)
+    K, M = FRAME.K.toarray(), FRAME.M.toarray()
+    T = np.vstack([np.eye(i.size), -np.linalg.solve(K[np.ix_(j, j)], K[np.ix_(j, i)])])
+    order = np.concatenate([i, j])
+    K, M = (sp.csc_array(T.T @ A[np.ix_(order, order)] @ T) for A in (K, M))
+    K, M = (sp.csc_array((A + A.T) / 2) for A in (K, M))
+    small = FEModel("part", K, M, FRAME.dofs[i], FRAME.nodes)
+    proof = proof_of(opened(tmp_path, small, []), "mass")
+    assert proof.state == "proven" and "an exchange of any two nodes" in proof.remark
+    wrong = opened(tmp_path, replace(small, M=permuted(M, small, {2: 7, 7: 2})), [])
+    assert proof_of(wrong, "mass").state == "refuted"
+
+
+@pytest.mark.parametrize("consistent", [True, False])
+def test_a_mass_with_negative_energy_is_refuted(tmp_path: Path, consistent: bool) -> None:
+    M = BRICK.M if consistent else sp.diags_array(np.asarray(BRICK.M.sum(axis=0)).ravel(), format="csc")
+    rows = BRICK.dofs.rows(17, [1, 2])
+    extra = sp.csc_array(([3.0 * M[rows[0], rows[0]]] * 2, (rows, rows[::-1])), shape=M.shape)
+    found = opened(tmp_path, replace(BRICK, M=sp.csc_array(M + extra)), [])
+    proof = proof_of(found, "mass")
+    assert proof.state == "refuted" and "negative energy" in proof.remark
+
+
+def test_a_planar_body_is_compared_along_its_rows_only(tmp_path: Path) -> None:
+    xyz = [[0, 0, 0], [0.5, 0, 0], [1, 0.2, 0], [1.2, 0.7, 0], [0.6, 0.9, 0]]
+    whole = frame("part", xyz, [(1, 2), (2, 3), (3, 4), (4, 5), (5, 1)])
+    kept = np.flatnonzero(np.isin(whole.dofs.component, [1, 2, 6]))
+    body = FEModel("part", whole.K[kept][:, kept], whole.M[kept][:, kept], whole.dofs[kept], whole.nodes)
+    path = write_deck_body(tmp_path, body, [])
+    text = path.read_text().replace("force: [0, 0, 1]", "force: [0, 1, 0]").replace("[z]", "[y]")
+    path.write_text(text)
+    pipeline = load_pipeline(path)
+    found = read_flexible(pipeline, "part", build_scene(pipeline))
+    check = next(check for check in found.checks if "same mass" in check.name)
+    assert check.passed and check.value < 1e-12 and check.note == "only x and y move"
+    # Other rows in the mass still show.
+    wrong = replace(body, M=permuted(body.M, body, {1: 4, 4: 1}))
+    write_deck_body(tmp_path, wrong, [])
+    path.write_text(text)
+    with pytest.raises(DofMapError):
+        read_flexible(pipeline, "part", build_scene(pipeline))
+
+
+def test_grounded_does_not_hide_shuffled_rows_of_a_free_body(tmp_path: Path) -> None:
+    order = np.lexsort((FRAME.dofs.node % 3, FRAME.dofs.component % 4))
+    wrong = replace(FRAME, K=FRAME.K[order][:, order], M=FRAME.M[order][:, order])
+    with pytest.raises(DofMapError):
+        opened(tmp_path, wrong, [], "    grounded: true\n")
+
+
+def test_trusted_rows_go_on_and_every_other_check_stays(tmp_path: Path) -> None:
+    # The order of K and M is one order, but not that of the geometry.
+    wrong = replace(FRAME, K=permuted(FRAME.K, FRAME, {2: 5, 5: 2}), M=permuted(FRAME.M, FRAME, {2: 5, 5: 2}))
+    with pytest.raises(DofMapError) as refused:
+        opened(tmp_path, wrong, [])
+    assert "`grounded" not in str(refused.value) and "trusted:" not in str(refused.value)
+    path = write_deck_body(tmp_path, wrong, [])
+    for rows in ("{file: rows.txt, trusted: true}",):
+        path.write_text(path.read_text().replace("{file: rows.txt}", rows))
+        pipeline = load_pipeline(path)
+        found = read_flexible(pipeline, "part", build_scene(pipeline))
+        proof = proof_of(found, "row order")
+        assert proof.state == "trusted" and "nodes resist" in proof.remark
+        assert proof_of(found, "stiffness").state == "proven"
+        assert any("same mass" in check.name for check in found.checks)
+    # Trust in the rows is no trust in the order of the mass.
+    sp.save_npz(tmp_path / "M.npz", sp.csc_array(FRAME.M))
+    with pytest.raises(DofMapError, match="the rows of the mass matrix"):
+        read_flexible(pipeline, "part", build_scene(pipeline))
+
+
+def test_the_word_trusted_alone(tmp_path: Path) -> None:
+    from cmsreduce.config.keys.files import RowOrder
+
+    keys = RowOrder.model_validate("trusted")
+    assert keys.trusted and keys.file is None and keys.set is None
+    assert RowOrder.model_validate({"set": "a", "trusted": True}).trusted
+    with pytest.raises(ValueError, match="rows takes one of"):
+        RowOrder.model_validate({"trusted": False})

@@ -1,0 +1,94 @@
+"""`grounded: true` and `rows: trusted`: what is proven of a body that the ground holds, and what is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.errors import DofMapError
+from cmsreduce.model import DofTable, FEModel
+from cmsreduce.read import prove_row_order
+from tests.frames import frame
+from tests.solids import block, face
+
+CELLS = (8, 2, 2)
+
+
+def exchanged(body: FEModel, a: int, b: int) -> FEModel:
+    order = np.arange(body.n)
+    order[body.dofs.node == a], order[body.dofs.node == b] = (
+        np.flatnonzero(body.dofs.node == b),
+        np.flatnonzero(body.dofs.node == a),
+    )
+    return replace(body, K=body.K[order][:, order], M=body.M[order][:, order])
+
+
+def held() -> FEModel:
+    """Block whose first face has no rows, though the geometry does not say that it is held."""
+    return block("held", [4, 1, 1], CELLS, held=face(CELLS, 0))
+
+
+def sprung() -> FEModel:
+    """Block on springs to ground at the corners of its first face."""
+    body = block("sprung", [4, 1, 1], CELLS)
+    rows = np.concatenate([body.dofs.rows(node, [1, 2, 3]) for node in (1, 3, 7, 9)])
+    k = np.zeros(body.n)
+    k[rows] = 1e9
+    return replace(body, K=sp.csc_array(body.K + sp.diags_array(k)), grounded=True)
+
+
+@pytest.mark.parametrize("body", [held(), sprung()], ids=["clamped", "on springs"])
+def test_nodes_away_from_the_ground_are_proven(body: FEModel) -> None:
+    proof = prove_row_order(body)
+    assert proof.status == "proven" and "the ground holds the body" in proof.remark
+    assert ("next to the ground" in proof.remark) == (body.name == "held")
+
+
+@pytest.mark.parametrize("body", [held(), sprung()], ids=["clamped", "on springs"])
+@pytest.mark.parametrize(("a", "b"), [(40, 70), (41, 50), (33, 34)])
+def test_exchanged_nodes_of_a_held_body_are_refused(body: FEModel, a: int, b: int) -> None:
+    with pytest.raises(DofMapError, match="resist rotation and no translation, which no support does"):
+        prove_row_order(exchanged(body, a, b))
+
+
+def test_a_held_body_with_rows_by_component_is_refused() -> None:
+    body = sprung()
+    order = np.lexsort((body.dofs.node, body.dofs.component))
+    wrong = replace(body, K=body.K[order][:, order], M=body.M[order][:, order])
+    with pytest.raises(DofMapError, match="sorted by component"):
+        prove_row_order(wrong)
+
+
+def test_a_floating_body_is_not_grounded() -> None:
+    floating = block("free", [4, 1, 1], CELLS)
+    with pytest.raises(DofMapError, match="`grounded: true` says that the ground holds the body, but"):
+        prove_row_order(replace(floating, grounded=True))
+
+
+def test_a_spring_between_rotations_and_the_ground_is_a_support() -> None:
+    xyz = [[0.0, 0, 0], [1, 0, 0], [2, 0.3, 0], [3, 0, 0.2], [4, 0, 0]]
+    body = frame("mast", xyz, [(1, 2), (2, 3), (3, 4), (4, 5)])
+    k = np.zeros(body.n)
+    k[body.dofs.rows(1, [1, 2, 3, 4, 5, 6])] = 1e5
+    proof = prove_row_order(replace(body, K=sp.csc_array(body.K + sp.diags_array(k)), grounded=True))
+    assert proof.status == "proven" and "5 of 5 nodes" in proof.remark
+
+
+def test_a_body_mostly_next_to_the_ground_is_unproven_by_name() -> None:
+    proof = prove_row_order(block("stub", [1, 1, 1], (1, 1, 1), held=[1, 2, 3, 4]))
+    assert proof.status == "grounded" and "4 of 4 nodes are next to the ground" in proof.remark
+
+
+def test_trust_replaces_the_proof_and_says_what_is_wrong() -> None:
+    body = exchanged(block("free", [4, 1, 1], CELLS), 40, 70)
+    with pytest.raises(DofMapError):
+        prove_row_order(body)
+    proof = prove_row_order(replace(body, rows_trusted=True))
+    assert proof.status == "trusted" and "nodes resist" in proof.remark
+    # A body that can be proven is proven, trusted or not.
+    assert prove_row_order(replace(block("free", [4, 1, 1], CELLS), rows_trusted=True)).status == "proven"
+    plain = FEModel("s", sp.csc_array(np.eye(2)), sp.csc_array(np.eye(2)), DofTable([1, 2], [0, 0]), rows_trusted=True)
+    assert prove_row_order(plain).status == "trusted"

@@ -1,0 +1,157 @@
+"""Rounding of K by any source is no fault of the row order; a fault is found in any rounding."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.errors import DofMapError
+from cmsreduce.linalg.eigen import rigid_body_modes
+from cmsreduce.model import FEModel, rigid_body_shapes, rounding_of_values
+from cmsreduce.read import MatrixSource, prove_row_order, read_body
+from tests.hard.numbers import PAIRS, TRUSS
+from tests.hard.structures import bars
+from tests.solids import block
+
+BODIES: dict[str, Callable[[], FEModel]] = {
+    "solid": lambda: block("solid", [1.1, 0.23, 0.17], [11, 3, 2]),
+    "frame": lambda: bars("frame", TRUSS, PAIRS),
+    "mast": lambda: bars("mast", np.linspace([0, 0, 0], [3.1, 1.3, 0.7], 41), [(k, k + 1) for k in range(1, 41)]),
+}
+
+
+def with_values(K: sp.csc_array, values: np.ndarray) -> sp.csc_array:
+    return sp.csc_array((values, K.indices, K.indptr), shape=K.shape)
+
+
+def decimal(K: sp.csc_array) -> sp.csc_array:
+    return with_values(K, np.array([float(f"{x:.9e}") for x in K.data]))
+
+
+def cancelled(level: float) -> Callable[[sp.csc_array], sp.csc_array]:
+    """Noise of single entries relative to sqrt(K_ii K_jj), symmetric."""
+
+    def spoil(K: sp.csc_array) -> sp.csc_array:
+        own = np.sqrt(K.diagonal())
+        column = np.repeat(np.arange(K.shape[0]), np.diff(K.indptr))
+        draw = level * np.random.default_rng(5).standard_normal(K.nnz) * own[K.indices] * own[column]
+        noisy = with_values(K, K.data + draw)
+        return sp.csc_array((noisy + noisy.T) / 2)
+
+    return spoil
+
+
+def own_noise(K: sp.csc_array) -> sp.csc_array:
+    """Noise that leaves every row a force of one sign: all elements of a mesh are rounded alike."""
+    return sp.csc_array(K + 3.4e-13 * sp.diags_array(K.diagonal()))
+
+
+NOISES: dict[str, tuple[Callable[[sp.csc_array], sp.csc_array], float]] = {
+    "single precision": (lambda K: with_values(K, np.float64(np.float32(K.data))), 6e-8),
+    "ten digits": (decimal, 5e-10),
+    "a solver's noise": (cancelled(3.4e-13), 3.4e-13),
+    "equal elements": (own_noise, 3.4e-13),
+    "condensation": (cancelled(1e-9), 1e-9),
+}
+
+
+def as_stored(body: FEModel, K: sp.csc_array) -> FEModel:
+    """The body with another K and the rounding that its reader sees."""
+    return replace(body, K=K, rounding=rounding_of_values(K.data))
+
+
+EACH_BODY = pytest.mark.parametrize("make", BODIES.values(), ids=BODIES)
+EACH_NOISE = pytest.mark.parametrize(("spoil", "size"), NOISES.values(), ids=NOISES)
+
+
+@EACH_BODY
+@EACH_NOISE
+def test_noise_that_no_file_states_is_measured(make, spoil, size):
+    body = make()
+    noisy = as_stored(body, spoil(body.K))
+    proof = prove_row_order(noisy)
+    assert (proof.status, proof.motions) == ("proven", 6)
+    found = proof.estimated(noisy)
+    assert size / 30 < found.stiffness_rounding < 30 * size
+    assert proof.noise <= 30 * size
+    assert proof.residual <= proof.tolerance < 1e-5
+
+
+@EACH_BODY
+@EACH_NOISE
+def test_the_count_of_rigid_motions_agrees_with_the_proof(make, spoil, size):
+    body = make()
+    noisy = as_stored(body, spoil(body.K))
+    found = prove_row_order(noisy).estimated(noisy)
+    R = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+    assert rigid_body_modes(found.K, found.M, R, found.stiffness_rounding, "b").shape[1] == 6
+
+
+@EACH_BODY
+@EACH_NOISE
+@pytest.mark.parametrize("pair", [(1, 9), (4, 5)])
+def test_exchanged_nodes_are_found_in_any_noise(make, spoil, size, pair):
+    body = make()
+    rows = np.arange(body.n)
+    a, b = (np.flatnonzero(body.dofs.node == node) for node in pair)
+    rows[a], rows[b] = b, a
+    with pytest.raises(DofMapError, match="rigid motion must cost no force"):
+        prove_row_order(as_stored(body, spoil(body.K)[rows][:, rows]))
+
+
+@EACH_BODY
+@EACH_NOISE
+def test_a_shuffled_matrix_is_found_in_any_noise(make, spoil, size):
+    body = make()
+    rows = np.random.default_rng(2).permutation(body.n)
+    with pytest.raises(DofMapError, match="rigid motion must cost no force"):
+        prove_row_order(as_stored(body, spoil(body.K)[rows][:, rows]))
+
+
+@EACH_BODY
+@EACH_NOISE
+def test_a_spring_to_ground_is_found_above_the_noise(make, spoil, size):
+    body = make()
+    row = int(body.dofs.rows(3, [2])[0])
+    spring = sp.csc_array(([1e4 * size * body.K[row, row]], ([row], [row])), shape=body.K.shape)
+    with pytest.raises(DofMapError, match=r"1 of .* nodes resist.*node 3 is held to the ground"):
+        prove_row_order(replace(as_stored(body, spoil(body.K)), K=spoil(body.K) + spring))
+
+
+@EACH_BODY
+@pytest.mark.parametrize("level", [1e-8, 1e-7, 1e-4])
+def test_springs_under_all_nodes_are_no_noise(make, level):
+    body = make()
+    ground = level * sp.diags_array(np.where(body.dofs.component == 3, body.K.diagonal(), 0.0))
+    with pytest.raises(DofMapError, match="rigid motion must cost no force"):
+        prove_row_order(replace(body, K=sp.csc_array(body.K + ground)))
+
+
+@EACH_BODY
+def test_files_show_their_digits_whatever_their_type(make, tmp_path: Path):
+    body = make()
+    rows = tmp_path / "rows.txt"
+    rows.write_text("".join(f"{label}\n" for label in body.dofs.labels))
+    for name, spoil, rounding in (
+        ("single", NOISES["single precision"][0], 2.0**-24),
+        ("ten", decimal, 5e-11),
+        ("double", lambda K: K, 2.0**-53),
+    ):
+        sp.save_npz(tmp_path / f"{name}.npz", spoil(body.K))
+        source = MatrixSource(tmp_path / f"{name}.npz")
+        assert read_body("b", stiffness=source, mass=source, rows=rows).rounding == rounding, name
+
+
+def test_exact_numbers_are_not_rounded(tmp_path: Path):
+    """Powers of two, integers and typed numbers are exact in single precision and in few digits."""
+    rows = tmp_path / "rows.txt"
+    rows.write_text("".join(f"{node}.0\n" for node in range(1, 13)))
+    for values in (2.0 ** np.arange(12), 1000.0 * np.arange(1, 13), np.linspace(0.1, 1.2, 12), 1e9 + np.arange(12.0)):
+        np.save(tmp_path / "K.npy", np.diag(values))
+        source = MatrixSource(tmp_path / "K.npy")
+        assert read_body("b", stiffness=source, mass=source, rows=rows).rounding == 2.0**-53

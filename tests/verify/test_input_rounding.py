@@ -1,0 +1,108 @@
+"""Error bars of frequencies, and the count of rigid motions, for bodies whose stiffness is what cancellation left."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from cmsreduce.linalg.eigen import rigid_body_modes
+from cmsreduce.model import DofTable, FEModel, ModalComponent, rigid_body_shapes
+from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.read import prove_row_order
+from cmsreduce.reduce import MacNealRubin
+from cmsreduce.verify import frequency_error_bars, negative_directions, rigid_motions_proof
+from tests.hard.structures import bars
+
+# Modes compared.
+FIRST = 6
+
+
+@lru_cache
+def wing(elements: int, kept: int, seed: int | None = None) -> FEModel:
+    """A slender bar of many elements, condensed to a few nodes; its nodes are spaced evenly or at random."""
+    share = np.linspace(0, 1, elements + 1)
+    if seed is not None:
+        share[1:-1] += np.random.default_rng(seed).uniform(-0.3, 0.3, elements - 1) / elements
+    xyz = share[:, None] * np.array([31.0, 1.3, 0.7])
+    whole = bars("wing", xyz, [(k, k + 1) for k in range(1, elements + 1)])
+    K, M = whole.K.toarray(), whole.M.toarray()
+    a = np.isin(whole.dofs.node, 1 + np.arange(0, elements + 1, elements // kept))
+    T = np.zeros((whole.n, a.sum()))
+    T[a] = np.eye(a.sum())
+    T[~a] = -la.solve(K[np.ix_(~a, ~a)], K[np.ix_(~a, a)], assume_a="sym")
+    condensed = K[np.ix_(a, a)] + K[np.ix_(a, ~a)] @ T[~a], T.T @ M @ T
+    table = DofTable(whole.dofs.node[a], whole.dofs.component[a])
+    return FEModel("wing", *(sp.csc_array((A + A.T) / 2) for A in condensed), table, nodes=whole.nodes)
+
+
+def printed(A: sp.csc_array, digits: int) -> sp.csc_array:
+    values = np.array([float(f"{x:.{digits - 1}e}") for x in A.data])
+    return sp.csc_array((values, A.indices, A.indptr), shape=A.shape)
+
+
+def elastic(body: FEModel) -> tuple[ModalComponent, np.ndarray]:
+    modes = orthogonalise(MacNealRubin(50.0).reduce(body, np.arange(6)))
+    return modes, np.arange(modes.omega.size)[modes.elastic][:FIRST]
+
+
+@pytest.mark.parametrize("seed", [None, 1, 2])
+@pytest.mark.parametrize(("elements", "kept"), [(40, 10), (200, 40)])
+@pytest.mark.parametrize("digits", [10, 8])
+def test_the_bars_cover_the_last_digit_and_are_not_absurdly_wide(elements, kept, digits, seed):
+    exact = wing(elements, kept, seed)
+    coarse = replace(exact, K=printed(exact.K, digits), M=printed(exact.M, digits), rounding=0.5 * 10.0**-digits)
+    (true, first), (found, same) = elastic(exact), elastic(prove_row_order(coarse).estimated(coarse))
+    assert found.rigid_count == true.rigid_count == 6
+    moved = abs(found.frequencies_hz[same] - true.frequencies_hz[first])
+    wide = frequency_error_bars(found, same)
+    assert (moved <= wide).all()
+    assert np.median(wide / moved) < 100
+    # The digits of the file would move a frequency without cancellation by this share.
+    assert wide[0] > 100 * 10.0**-digits * found.frequencies_hz[same[0]]
+    assert frequency_error_bars(true, first).max() < 1e-3 * wide.max()
+
+
+def test_a_body_without_cancellation_keeps_the_digits_of_its_file():
+    n = 12
+    K = np.diag(np.linspace(1.1, 3.3, n) ** 2)
+    table = DofTable(np.arange(1, n + 1), np.zeros(n, dtype=int))
+    body = FEModel("springs", printed(sp.csc_array(K), 8), sp.eye_array(n, format="csc"), table, rounding=5e-9)
+    modes, columns = elastic(replace(body, grounded=True))
+    bars_hz = frequency_error_bars(modes, columns) / modes.frequencies_hz[columns]
+    assert (bars_hz > 1e-9).all() and (bars_hz < 1e-7).all()
+
+
+@pytest.mark.parametrize("level", [1e-11, 1e-10, 4e-10])
+@pytest.mark.parametrize("seed", range(3))
+def test_condensation_leaves_six_rigid_motions(level, seed):
+    body = wing(200, 4)
+    own = np.sqrt(body.K.diagonal())
+    X = np.random.default_rng(seed).standard_normal(body.K.shape)
+    noisy = replace(body, K=sp.csc_array(body.K.toarray() + level * (X + X.T) / 6 * np.outer(own, own)))
+    proof = prove_row_order(noisy)
+    found = proof.estimated(noisy)
+    assert (proof.status, proof.motions) == ("proven", 6)
+    assert level / 3 < found.noise < 30 * level
+    R = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+    assert rigid_body_modes(found.K, found.M, R, found.stiffness_rounding, "wing").shape[1] == 6
+    assert negative_directions(found.K, found.stiffness_rounding) == 0
+    modes, columns = elastic(found)
+    true, first = elastic(body)
+    moved = abs(modes.frequencies_hz[columns] - true.frequencies_hz[first])
+    assert (moved <= frequency_error_bars(modes, columns)).all()
+
+
+def test_the_proof_of_rigid_motions():
+    body = wing(40, 10)
+    good = rigid_motions_proof(body, 6, 6)
+    assert good.state == "proven" and good.digits > 14
+    assert rigid_motions_proof(replace(body, noise=1e-9), 6, 6).digits == pytest.approx(8)
+    assert rigid_motions_proof(body, 5, 6).state == "refuted"
+    assert rigid_motions_proof(body, 7, 6).state == "proven"
+    assert rigid_motions_proof(replace(body, rounding=5e-7), 7, 6).state == "unproven"
+    assert "K resists every motion" in rigid_motions_proof(body, 0, None).remark
