@@ -19,6 +19,7 @@ from tests.hard.random_scenes.compared import faults  # noqa: E402
 
 
 def main() -> int:
+    """Run the scenes; the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0)

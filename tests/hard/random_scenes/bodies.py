@@ -7,7 +7,7 @@ displacement frames, and taken into a dense model.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import product
+from itertools import combinations, product
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +54,7 @@ class Body:
 def beams(name: str, rng: np.random.Generator, *, more: list[np.ndarray] | None = None) -> Body:
     """A chain of beams in space, perhaps with a branch; ``more`` are nodes to reach from the last one."""
     count = int(rng.integers(3, 5))
-    steps = rng.uniform(0.2, 0.5, (count, 1)) * _unit(rng.normal(size=(count, 3)) + [1.5, 0, 0])
+    steps = rng.uniform(0.2, 0.5, (count, 1)) * _unit(rng.normal([1.5, 0, 0], 1.0, (count, 3)))
     xyz = np.round(np.cumsum(steps, axis=0) - steps[0], 4)
     bars = [(k, k + 1) for k in range(count - 1)]
     for node in more or []:
@@ -80,7 +80,7 @@ def springs(name: str, rng: np.random.Generator, *, more: list[np.ndarray] | Non
     xyz = np.round(np.vstack([xyz - xyz[0], *(more or [])]), 11)
     n = 3 * len(xyz)
     K, M = np.zeros((n, n)), np.diag(np.repeat(rng.uniform(0.5, 3.0, len(xyz)), 3))
-    for i, j in ((i, j) for i in range(len(xyz)) for j in range(i)):
+    for i, j in combinations(range(len(xyz)), 2):
         line = (xyz[j] - xyz[i]) / np.linalg.norm(xyz[j] - xyz[i])
         stretch = np.zeros(n)
         stretch[3 * i : 3 * i + 3], stretch[3 * j : 3 * j + 3] = -line, line

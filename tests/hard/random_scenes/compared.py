@@ -56,6 +56,7 @@ class Compared:
     errors: float
     below: float
     counts: tuple[int, int, int, int]
+    unpaired: int
     frf_error: float
 
 
@@ -99,6 +100,7 @@ def compared(seed: int, folder: Path) -> Compared:
         _errors_apart(scene, omega, H - rigid, H_r - rigid, floor, errors),
         float(below),
         (found.modes_full, int((w <= band).sum()), found.modes_reduced, int((w_r <= band).sum())),
+        errors.full_hz.size + len(errors.lost) - int((w <= band).sum()),
         errors.frf_error,
     )
 
@@ -190,7 +192,7 @@ def _errors_apart(
     if not loud.any():
         return 0.0
     each = np.sqrt(miss / np.where(loud, size, 1.0))
-    worst = float(np.max(np.where(loud, abs(errors.channel_error - each) / (1e-3 + each), 0.0)))
+    worst = float(np.max(np.where(loud, abs(errors.channel_errors - each) / (1e-3 + each), 0.0)))
     kinds_in = {_turns(a) for a in scene.actuators}
     kinds_out = {(_turns(s), s["rate"]) for s in scene.sensors}
     if len(kinds_in) == len(kinds_out) == 1:
@@ -221,4 +223,6 @@ def faults(seed: int, folder: Path) -> list[str]:
     full, dense, reduced, dense_reduced = found.counts
     if full != dense or reduced != dense_reduced:
         wrong.append(f"{seed}, {found.method}: modes in the band {full}, {reduced}; {dense}, {dense_reduced} are right")
+    if found.unpaired:
+        wrong.append(f"{seed}, {found.method}: {found.unpaired} modes in the band too many are paired or lost")
     return wrong

@@ -194,7 +194,6 @@ def _of_kind(rng: np.random.Generator, kind: str, name: str, more: list[np.ndarr
 
 def _new_face(rng: np.random.Generator, part: Part, label: str, node: int | None = None) -> str:
     """Make an interface: a node, a tie of an end of a solid, or a point of a rigid body."""
-    keys: dict[str, Any]
     frame = random_turn(rng) if rng.random() < 0.4 else None
     axes = np.eye(3) if frame is None else frame[2].T
     if part.body is None:
