@@ -159,8 +159,11 @@ def check(
 def convert(source: Path, destination: Path, target: str | None, dialect: str | None, output: Output) -> None:
     """Turn the component file IN into another code's: the file OUT, or one in the folder OUT."""
     from cmsreduce.write import convert as write_target
+    from cmsreduce.write import is_sealed
 
     written = write_target(source, destination, target, dialect)
+    if not is_sealed(source):
+        output.line(f"{source} is not sealed: an earlier version wrote it, without a checksum of its content")
     output.made(written, where=written[0].parent)
     output.result({"source": source, "written": written, "seconds": output.seconds})
 
@@ -277,7 +280,9 @@ def cache_clear(run_dir: Path) -> None:
     """Remove finished stages; results stay, and the next run computes everything anew."""
     from cmsreduce.pipeline.store import clear_cache
 
-    count, size = clear_cache(run_dir)
+    count, size, kept = clear_cache(run_dir)
+    for path in kept:
+        click.echo(f"{path} stays: it is damaged, or cmsreduce did not write it")
     click.echo(f"removed {count} files, {size / 2**20:.2f} MiB")
 
 

@@ -15,7 +15,7 @@ from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.system import wire
 from cmsreduce.errors import ConstraintError, SceneError
 from cmsreduce.linalg.blocks import dense
-from cmsreduce.linalg.eigen import null_space
+from cmsreduce.linalg.eigen import energy_parts, null_space, strain_pairs
 from cmsreduce.mechanics import best_fit
 from cmsreduce.model import (
     Configuration,
@@ -138,7 +138,7 @@ def neighbour_loading(here: Substructure, others: Iterable[Substructure], scene:
     Hruda (1971); theory section 2.
     """
     i = here.m
-    K, M = np.zeros((i, i)), np.zeros((i, i))
+    K, M, parts = np.zeros((i, i)), np.zeros((i, i)), np.zeros(i)
     names = []
     joints_to = joined_to(scene, here.name)
     for there in others:
@@ -152,7 +152,8 @@ def neighbour_loading(here: Substructure, others: Iterable[Substructure], scene:
                 f"'{there.name}' cannot load '{here.name}': their joint locks a motion for which the neighbour has no "
                 "dofs. Free it in the joint, or use craig-bampton or macneal-rubin"
             )
-        free = _with_energy(there, null_space(A_there)[0])
+        size = np.sqrt(energy_parts(dense(there.K), np.eye(there.m)) if there.parts is None else there.parts)
+        free = _with_energy(there, null_space(A_there)[0], size)
         z = K.shape[0] - i
         shapes = np.zeros((there.m, K.shape[0] + free.shape[1]))
         shapes[:, :i], shapes[:, i + z :] = follow, free
@@ -162,8 +163,9 @@ def neighbour_loading(here: Substructure, others: Iterable[Substructure], scene:
         )
         for stiffness, inertia, row in _elements(here, there, joints_to[there.name], shapes, scene):
             K, M = K + stiffness * np.outer(row, row), M + inertia * np.outer(row, row)
+        parts = np.pad(parts, (0, free.shape[1])) + (abs(shapes).T @ size) ** 2
         names.append(there.name)
-    return InterfaceLoading(K, M, tuple(names), _AS_BUILT.name)
+    return InterfaceLoading(K, M, tuple(names), _AS_BUILT.name, parts=parts)
 
 
 def outboard_loading(
@@ -268,11 +270,15 @@ def _locked(joint: Joint, here: Substructure, there: Substructure) -> Joint:
     return joint.locked() if complete else joint
 
 
-def _with_energy(there: Substructure, motions: Array) -> Array:
-    """Motions of a neighbour with mass or stiffness: the spin of a rod about its own axis has neither."""
+def _with_energy(there: Substructure, motions: Array, size: Array) -> Array:
+    """Motions of a neighbour with mass or stiffness: the spin of a rod about its own axis has neither.
+
+    The rounding of its stiffness is a share of ``size`` (p,), the root of the parts of each coordinate's strain energy.
+    """
     energy = np.zeros((motions.shape[1], motions.shape[1]))
-    for A in (there.K, there.M):
-        part = motions.T @ (dense(A) @ motions)
+    strain, X = strain_pairs(motions.T @ (dense(there.K) @ motions), (abs(motions).T @ size) ** 2)
+    back = la.inv(X) if X.size else X
+    for part in (back.T @ (strain[:, None] * back), motions.T @ (dense(there.M) @ motions)):
         energy += part / (float(np.trace(part)) or 1.0)
     weight, V = la.eigh(energy) if energy.size else (np.empty(0), energy)
     return np.asarray(motions @ V[:, weight > _RESISTS])

@@ -1,4 +1,4 @@
-"""Ports of one body in the scene: where forces act on it, and which motions are measured."""
+"""Ports of one body in the scene: the loads of its actuators and the motions that its sensors measure."""
 
 from __future__ import annotations
 
@@ -30,12 +30,14 @@ class Ports:
     Parameters
     ----------
     interface : (i,) int64
-        Rows of the i-set: every interface of the body and every dof on which an actuator acts (Spanos-Tsuha's rule).
+        Rows of the i-set: every interface of the body, and every dof of a point on which an actuator acts
+        (Spanos-Tsuha's rule).
     loads : (n, l) float64
-        Loads whose static shapes the basis must hold, one column each: struts inside the body, and forces on nodes
-        that follow others.
+        Loads whose static shapes the basis must hold, one column for each actuator that acts on several points of the
+        body (`rows`, struts) or on a node that follows others.
     displacements, rates : (p, n), (q, n) sparse array
-        Rows of the sensors on the body.
+        Rows of the sensors on the body, one for each sensor however many points it measures. A strut to another body
+        has one for each direction, since its line turns.
     residuals : (n, k) float64
         Further loads whose static shapes the basis must hold, which are no inputs: unit loads along the motions that
         sensors measure, or at dofs that the user names.
@@ -85,14 +87,14 @@ def body_ports(body: FEModel, scene: Scene, residuals: Collection[str] = ()) -> 
         If an actuator, a sensor or a residual sits on a node that the body does not have.
     """
     at_joints = [row for name in body.interfaces for row in body.interface_rows(name)]
-    inside, at_points = _channels(body, scene.actuators)
+    acting = _channels(body, scene.actuators)
     # A force on a node that follows many others is one load, not many interface dofs.
-    spread = [np.count_nonzero(row) > _NODE_DOFS for row in at_points]
-    by_load = [row for row, wide in zip(at_points, spread, strict=True) if wide or "actuators" in residuals]
-    held = [row for row, wide in zip(at_points, spread, strict=True) if not wide and "actuators" not in residuals]
-    acted_on = [row for direction in held for row in np.flatnonzero(direction)]
+    by_load = [force.spread or np.count_nonzero(force.row) > _NODE_DOFS for force in acting]
+    held = [np.flatnonzero(force.row) for force, load in zip(acting, by_load, strict=True) if not load]
+    loads = [force.row for force, load in zip(acting, by_load, strict=True) if load or "actuators" in residuals]
+    acted_on = [] if "actuators" in residuals else [row for rows in held for row in rows]
     measured = [_channels(body, [sensor for sensor in scene.sensors if sensor.rate is rate]) for rate in (False, True)]
-    displacements, rates = ([*struts, *points] for struts, points in measured)
+    displacements, rates = ([motion.row for motion in motions] for motions in measured)
     wanted = [row for text in residuals if text not in _ALL_OF_A_KIND for row in _named(body, text)]
     if "sensors" in residuals:
         wanted += displacements + rates
@@ -100,29 +102,45 @@ def body_ports(body: FEModel, scene: Scene, residuals: Collection[str] = ()) -> 
         wanted += _damper_forces(body)
     return Ports(
         np.array(list(dict.fromkeys(int(row) for row in [*at_joints, *acted_on])), dtype=np.int64),
-        _columns([*inside, *by_load], body.n),
+        _columns(loads, body.n),
         _stacked(displacements, body.n),
         _stacked(rates, body.n),
         _columns(wanted, body.n),
     )
 
 
-def _channels(body: FEModel, channels: Iterable[Channel]) -> tuple[list[Array], list[Array]]:
-    """Rows of struts inside the body, and of motions of its points, on which channels act or which they measure."""
-    inside: list[Array] = []
-    at_points: list[Array] = []
+@dataclass(frozen=True, eq=False)
+class _OnBody:
+    """Row of a channel over the dofs of one body; ``spread`` if it takes more than one point."""
+
+    row: Array
+    spread: bool
+
+
+def _channels(body: FEModel, channels: Iterable[Channel]) -> list[_OnBody]:
+    """Forces or motions of channels on a body, one for each channel; those of several points first.
+
+    The directions of a channel turn with the body, so that its points on one body have one sum in every configuration.
+    """
+    found: list[_OnBody] = []
     for channel in channels:
+        rows: list[Array] = []
+        nodes: set[int] = set()
         for term in channel.terms:
             if isinstance(term, PointTerm) and term.at.body == body.name:
-                at_points.append(_row(body, term.at, term.direction))
+                rows.append(_row(body, term.at, term.direction))
+                nodes.add(_node(body, term.at))
             elif isinstance(term, StrutTerm):
-                if term.a.body == term.b.body == body.name:
-                    inside.append(_strut(body, term))
+                ends = [point for point in (term.a, term.b) if point.body == body.name]
+                if len(ends) == 2:
+                    rows.append(_strut(body, term))
+                    nodes.update(_node(body, point) for point in ends)
                 else:
                     # The line to another body turns with the joints: every direction at this end counts.
-                    ends = [point for point in (term.a, term.b) if point.body == body.name]
-                    at_points += [_row(body, point, axis) for point in ends for axis in np.eye(6)[:3]]
-    return inside, at_points
+                    found += [_OnBody(_row(body, point, axis), False) for point in ends for axis in np.eye(6)[:3]]
+        if rows:
+            found.append(_OnBody(np.sum(rows, axis=0), len(nodes) > 1))
+    return sorted(found, key=lambda each: not each.spread)
 
 
 def _named(body: FEModel, text: str) -> list[Array]:

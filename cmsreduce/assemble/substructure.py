@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DampingError, SceneError
 from cmsreduce.linalg.blocks import observed
+from cmsreduce.linalg.eigen import energy_parts
 from cmsreduce.model import (
     SCALAR,
     FEModel,
@@ -106,7 +107,7 @@ def modal_substructure(component: ModalComponent, points: Iterable[str]) -> Subs
 
 
 def reduced_substructure(component: ReducedComponent, points: Iterable[str]) -> Substructure:
-    """Build a body in the coordinates of its basis, without its damping."""
+    """Build a body in the coordinates of its basis, without its damping; with the parts of its strain energy."""
     return Substructure(
         component.name,
         component.M,
@@ -116,6 +117,7 @@ def reduced_substructure(component: ReducedComponent, points: Iterable[str]) -> 
         component.rigid,
         *_motions(component.body, component.modes.Phi, points),
         component.body.interfaces,
+        parts=energy_parts(component.body.K, component.modes.Phi),
     )
 
 

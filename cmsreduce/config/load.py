@@ -44,7 +44,7 @@ def load_pipeline(path: Path, overrides: Sequence[str] = ()) -> Pipeline:
         One line for each error: file, line, key, what was found, what is expected.
     """
     included: list[Path] = []
-    root = _read(Path(path), (), included)
+    root = _read(Path(path), (), included, {})
     for text in overrides:
         root = merge(root, _override(root, text), _adapt)
     if included and isinstance(root.value, dict):
@@ -84,8 +84,11 @@ def _checked(root: Entry) -> Pipeline:
     return pipeline
 
 
-def _read(path: Path, chain: tuple[Path, ...], included: list[Path]) -> Entry:
-    """Tree of a file with its includes merged in; ``chain`` are the files that lead to it."""
+def _read(path: Path, chain: tuple[Path, ...], included: list[Path], trees: dict[Path, Entry]) -> Entry:
+    """Tree of a file with its includes merged in; ``chain`` are the files that lead to it.
+
+    ``trees`` holds finished files: one that many others include is read once.
+    """
     root = parse(_text_of(path), str(path), path.parent)
     if root.value is None:
         raise ConfigError(f"{path}: the file is empty; `cmsreduce new NAME` writes one to start from")
@@ -102,7 +105,10 @@ def _read(path: Path, chain: tuple[Path, ...], included: list[Path]) -> Entry:
         file = _included_file(entry, chain)
         if file not in included:
             included.append(file)
-        tree = _read(file, chain, included)
+        at = file.resolve()
+        if at not in trees:
+            trees[at] = _read(file, chain, included, trees)
+        tree = trees[at]
         base = tree if base is None else merge(base, tree, _adapt)
     return own if base is None else merge(base, own, _adapt)
 

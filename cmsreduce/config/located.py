@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
@@ -19,6 +20,12 @@ _TAG = "tag:yaml.org,2002:"
 # Dates and the lone '=' have tags of their own in YAML; a pipeline means the characters.
 _TEXT_TAGS = {_TAG + name for name in ("str", "timestamp", "value")}
 _NUMBER_TAGS = {_TAG + name for name in ("int", "float", "bool")}
+# A pipeline nests about ten levels; the parser and this reader recurse once a level.
+_DEEPEST = 50
+# Entries after aliases and merges are written out: a few lines with aliases of aliases make billions.
+_MOST_ENTRIES = 200_000
+# Characters: the parser reads some ten thousand a second, and a pipeline has a few thousand.
+_LONGEST_FILE, _LONGEST_SCALAR = 500_000, 2_000
 
 
 @dataclass(frozen=True)
@@ -101,7 +108,13 @@ def parse(text: str, source: str, folder: Path, in_override: bool = False) -> En
     ConfigError
         Naming file, line, column and what is wrong.
     """
+    if not in_override and len(text) > _LONGEST_FILE:
+        raise ConfigError(
+            f"{source}: the file has {len(text)} characters, a pipeline has {_LONGEST_FILE} at most: large "
+            "data belongs in files that the pipeline names"
+        )
     yaml = YAML(typ="safe", pure=True)
+    yaml.Composer = _ShallowComposer
     try:
         node = yaml.compose(text)
     except MarkedYAMLError as error:
@@ -128,7 +141,24 @@ def _refuse_syntax(error: MarkedYAMLError, source: str, in_override: bool) -> No
     raise ConfigError(f"{where}: YAML syntax: {problem}{remedy}") from None
 
 
-@dataclass(frozen=True)
+class _ShallowComposer(Composer):
+    """Refuses a document that nests deeper than the parser can recurse."""
+
+    _depth = 0
+
+    def compose_node(self, parent: object, index: object) -> Node:
+        self._depth += 1
+        if self._depth > _DEEPEST:
+            mark = self.parser.peek_event().start_mark
+            raise MarkedYAMLError(None, None, f"more than {_DEEPEST} lists or mappings inside each other", mark)
+        try:
+            found: Node = super().compose_node(parent, index)
+            return found
+        finally:
+            self._depth -= 1
+
+
+@dataclass
 class _Reader:
     """Turns the nodes of one document into entries."""
 
@@ -136,6 +166,7 @@ class _Reader:
     source: str
     folder: Path
     in_override: bool
+    entries: int = 0
 
     def location(self, line: int) -> Location:
         return Location(self.source, None if self.in_override else line + 1, self.folder)
@@ -143,6 +174,13 @@ class _Reader:
     def value(self, node: Node, path: str, above: tuple[int, ...]) -> Value:
         if id(node) in above:
             raise ConfigError(f"{self.location(node.start_mark.line)}: key '{path}' contains itself through an alias")
+        self.entries += 1
+        # Aliases may nest deeper than the text does.
+        if self.entries > _MOST_ENTRIES or len(above) > _DEEPEST:
+            raise ConfigError(
+                f"{self.location(node.start_mark.line)}: with its aliases and merges written out, the file has more "
+                f"than {_MOST_ENTRIES} entries or {_DEEPEST} levels: write fewer aliases of aliases"
+            )
         above = (*above, id(node))
         if isinstance(node, MappingNode):
             return self.mapping(node, path, above)
@@ -166,6 +204,8 @@ class _Reader:
                 merged = {**merged, **self.merged(item, path, above)}
                 continue
             name = str(key.value)
+            if len(name) > _LONGEST_SCALAR:
+                raise ConfigError(f"{where}: a key of '{path or 'the file'}' has {len(name)} characters")
             inner = f"{path}.{name}" if path else name
             if name in own:
                 raise ConfigError(f"{where}: key '{inner}' is given twice, first in line {own[name].where.line}")
@@ -190,6 +230,9 @@ class _Reader:
 
     def scalar(self, node: Node, path: str) -> str | int | float | bool | None:
         text = str(node.value)
+        if len(text) > _LONGEST_SCALAR and not self.in_override:
+            where = self.location(node.start_mark.line)
+            raise ConfigError(f"{where}: key '{path}' has {len(text)} characters, {_LONGEST_SCALAR} at most are read")
         if node.tag in _TEXT_TAGS:
             return Text.at(text, self.folder)
         if node.tag == _TAG + "null":

@@ -103,13 +103,21 @@ class Problem:
         return f"{self.where}: {self.text}"
 
 
+# Characters of one line of a message: a file may have a key of any length.
+_LONGEST_LINE = 600
+
+
 def config_error(problems: Sequence[Problem]) -> ConfigError:
     """Exception that lists problems, one a line, in the order of the lines of each file."""
     files = list(dict.fromkeys(problem.where.source for problem in problems))
     ordered = sorted(problems, key=lambda problem: (files.index(problem.where.source), problem.where.line or 0))
-    lines = list(dict.fromkeys(str(problem) for problem in ordered))
+    lines = list(dict.fromkeys(_cut(str(problem)) for problem in ordered))
     more = len(lines) - _MOST_REPORTED
     return ConfigError("\n".join([*lines[:_MOST_REPORTED], *([f"... and {more} more"] if more > 0 else [])]))
+
+
+def _cut(line: str) -> str:
+    return line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]} ..."
 
 
 def path_text(keys: Sequence[str | int]) -> str:

@@ -1,7 +1,8 @@
 """Plain data that flows between stages: frozen, with shapes and units.
 
 Bodies, mode sets, reduced bodies, scenes and systems belong here; findings of a run belong in `model.results`.
-Nothing here reads a file, solves or prints, except for arrays that are mapped because they outgrow memory.
+Nothing here reads a file, solves or prints, except for arrays that are mapped because they outgrow memory, and for the
+check of HDF5 files that every reader of them needs.
 """
 
 from cmsreduce.model import results
@@ -26,6 +27,7 @@ from cmsreduce.model.geometric_stiffness import (
     UnitLoad,
     loads_in_words,
 )
+from cmsreduce.model.hdf5_items import HARMLESS_BYTES, LARGEST_GROWTH, check_dataset, hdf5_items
 from cmsreduce.model.integrals import (
     LUMPINGS,
     FloatingFrame,
@@ -102,6 +104,7 @@ __all__ = [
     "FrameCondition",
     "FrameKind",
     "GeometricStiffness",
+    "HARMLESS_BYTES",
     "INERTIA_LOADS",
     "IntegralFrame",
     "Interface",
@@ -110,6 +113,7 @@ __all__ = [
     "JointElement",
     "JointTerm",
     "KEY_STEP",
+    "LARGEST_GROWTH",
     "LUMPINGS",
     "Lumping",
     "Matrix",
@@ -149,9 +153,11 @@ __all__ = [
     "checksum",
     "chosen_columns",
     "components_from_digits",
+    "check_dataset",
     "cross_matrix",
     "dof_index",
     "entry_errors",
+    "hdf5_items",
     "in_units",
     "load_stiffness_in_units",
     "loads_in_words",

@@ -50,6 +50,9 @@ class Substructure:
         modes, which have no mass and unit stiffness.
     rounding : float
         Relative rounding of the entries of M and K.
+    parts : (m,) float64, optional
+        Sum of the absolute parts of the strain energy of each coordinate in the unreduced body. They cancel in K, whose
+        rounding is a share of them.
     """
 
     name: str
@@ -65,6 +68,7 @@ class Substructure:
     interfaces: Mapping[str, Interface] = field(default_factory=dict)
     omega: NDArray[np.float64] | None = None
     rounding: float = 2.0**-53
+    parts: NDArray[np.float64] | None = None
 
     @property
     def m(self) -> int:
@@ -91,6 +95,9 @@ class InterfaceLoading:
         Name of the configuration.
     grounded : (h,) int64
         Positions of the rows of the i-set that the ground holds.
+    parts : (i + f,) float64, optional
+        Sum of the absolute parts of the strain energy of each row in the unreduced neighbours. The stiffness loading of
+        a statically determinate interface is rounding of these parts, and nothing else.
 
     Raises
     ------
@@ -103,6 +110,7 @@ class InterfaceLoading:
     neighbours: tuple[str, ...] = ()
     configuration: str = "as built"
     grounded: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    parts: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         K, M = (np.asarray(A, dtype=np.float64) for A in (self.K, self.M))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from cmsreduce.pipeline.results import (
 from cmsreduce.pipeline.run import STAGES, Run
 from cmsreduce.pipeline.store import REPORT, Silent, collecting, diagnostic, read_origin, sole_use, write_origin
 from cmsreduce.report import start_packing
-from cmsreduce.write import TARGETS, convert, write_component, write_summary, write_system
+from cmsreduce.write import TARGETS, convert, refuse_foreign, write_component, write_summary, write_system
 
 __all__ = ["execute", "reopen", "write_report"]
 
@@ -72,6 +72,7 @@ def execute(
         due = {only} if only else set(STAGES[: STAGES.index(last) + 1])
         if only == "project" and run.pipeline.project is None:
             raise StageError("the pipeline has no `project:`; add it, or take `--only project` out")
+        refuse_foreign(_outputs(run, due, report), _inputs(run))
         if report and last == "write":
             _begin_packing()
         for name in run.flexible_names:
@@ -134,6 +135,41 @@ def _begin_packing() -> None:
     start_packing()
 
 
+def _outputs(run: Run, due: Collection[str], report: bool) -> Iterator[Path]:
+    """Files that the run will write, besides its stages."""
+    keys = run.pipeline.write if "write" in due else None
+    if "assemble" in due and "write" not in due:
+        yield run.folder / "system.h5"
+    if "write" not in due:
+        return
+    yield run.folder / "summary.json"
+    if report:
+        yield run.folder / "report.html"
+    formats = () if keys is None else keys.formats
+    if "hdf5" in formats:
+        yield run.folder / "system.h5"
+        yield from (run.folder / f"{name}.h5" for name in run.flexible_names)
+    if "matlab" in formats:
+        yield run.folder / "system.mat"
+    for target in formats:
+        if target in TARGETS:
+            yield from (run.folder / f"{name}{TARGETS[target].suffix}" for name in run.flexible_names)
+
+
+def _inputs(run: Run) -> list[Path]:
+    """Files that the pipeline names."""
+    found, waiting = list[Path](), [run.pipeline.model_dump()]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, Path):
+            found.append(value)
+        elif isinstance(value, dict):
+            waiting += value.values()
+        elif isinstance(value, (list, tuple)):
+            waiting += value
+    return found
+
+
 def _write(run: Run) -> None:
     """Write the files that the pipeline asks for; one that cannot be written is left out by name, and the run fails."""
     if run.pipeline.write is None:
@@ -141,7 +177,7 @@ def _write(run: Run) -> None:
     formats = run.pipeline.write.formats
     targets = [target for target in formats if target in TARGETS]
     run.stages.progress.stage("write", "component files")
-    for name in run.final if "hdf5" in formats or targets else ():
+    for name in run.flexible_names if "hdf5" in formats or targets else ():
         # Files of other codes are made from the component file alone, which is removed if the user did not ask for it.
         kept = run.folder / f"{name}.h5"
         path = _write_body(run, name, kept if "hdf5" in formats else run.folder / f"stages/{name}.h5")
@@ -163,9 +199,9 @@ def _write(run: Run) -> None:
 def _write_body(run: Run, name: str, path: Path) -> Path | None:
     """Write the component file of a body."""
     assert run.pipeline.write is not None
-    model, component = run.model.assembled, run.final[name]
+    model, component = run.model.assembled, run.written(name)
     wiring = model.wiring(Configuration("as built"))
-    columns, L = model.stack.body_columns(name), np.asarray(model.stack.motions(name))
+    columns, L = model.stack.body_columns(name), run.written_motions(name)
 
     def on_body(rows: np.ndarray[Any, np.dtype[np.float64]]) -> Any:
         return rows[:, columns] @ L

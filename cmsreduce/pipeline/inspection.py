@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.config import Pipeline, build_scene, load_pipeline
-from cmsreduce.errors import CmsReduceError, ReadError
+from cmsreduce.errors import ReadError
 from cmsreduce.mechanics import ACCURACIES, INTEGRATORS
 from cmsreduce.model import FEModel, Finding, Scene, SystemChecks, health_data, loads_in_words
 from cmsreduce.pipeline.bodies import FlexibleBody, body_health, effective_masses, read_flexible
@@ -30,9 +30,9 @@ from cmsreduce.pipeline.results import (
 )
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import collecting, diagnostic
-from cmsreduce.read import detect_format, matrix_names, read_geometry
+from cmsreduce.read import detect_format, matrix_names, read_geometry, read_head
 from cmsreduce.report import InspectedLine, check_line, health_lines
-from cmsreduce.write import ComponentFile, read_component, summary
+from cmsreduce.write import COMPONENT_FORMAT, SYSTEM_FORMAT, ComponentFile, read_component, summary, verify_seal
 
 __all__ = ["Inspected", "inspected"]
 
@@ -51,7 +51,7 @@ class Inspected:
     rows : sequence of InspectedLine
         In words; the first row names the file.
     data : dict
-        As plain values; ``kind`` is one of matrices, geometry, component, pipeline and run.
+        As plain values; ``kind`` is one of matrices, geometry, component, system, pipeline and run.
     """
 
     rows: Sequence[InspectedLine]
@@ -77,8 +77,10 @@ def inspected(path: Path) -> Inspected:
         raise ReadError(f"{path}: there is no such file")
     elif path.suffix in _PIPELINES:
         found = _bodies(path)
-    elif path.open("rb").read(8) == _HDF5 and _is_component(path):
+    elif (kind := _hdf5_format(path)) == COMPONENT_FORMAT:
         found = _component(path)
+    elif kind == SYSTEM_FORMAT:
+        found = _system(path)
     else:
         found = _model_file(path)
     return Inspected([InspectedLine(f"{path}:"), *_indented(found.rows)], {"path": str(path), **found.data})
@@ -88,12 +90,23 @@ def _indented(rows: Sequence[InspectedLine]) -> list[InspectedLine]:
     return [replace(row, depth=row.depth + 1) for row in rows]
 
 
-def _is_component(path: Path) -> bool:
+def _hdf5_format(path: Path) -> str:
+    """Format that an HDF5 file names; empty for other files."""
+    import h5py
+
+    if read_head(path, len(_HDF5)) != _HDF5:
+        return ""
     try:
-        read_component(path)
-    except CmsReduceError:
-        return False
-    return True
+        with h5py.File(path, "r") as file:
+            return str(file.attrs.get("format", ""))
+    except (OSError, RuntimeError, ValueError, TypeError):
+        return ""
+
+
+def _system(path: Path) -> Inspected:
+    sealed = verify_seal(path)
+    said = ["assembled reduced system", "sealed" if sealed else "not sealed: it was written by an earlier version"]
+    return Inspected([*map(InspectedLine, said)], {"kind": "system", "sealed": sealed})
 
 
 def _component(path: Path) -> Inspected:
@@ -104,6 +117,11 @@ def _component(path: Path) -> Inspected:
         f"component '{file.name}', {file.method}",
         f"{file.rigid_count} rigid and {elastic} elastic modes to {highest_hz:.6g} Hz",
     ]
+    said.append(
+        "sealed: all of its content has the checksum that it was written with"
+        if file.sealed
+        else "not sealed: it was written by an earlier version, without a checksum of its content"
+    )
     if file.static_count:
         said.append(f"{file.static_count} static modes, which carry no mass")
     if "geometric_stiffness/load" in file.texts:
@@ -121,6 +139,7 @@ def _component(path: Path) -> Inspected:
         "kind": "component",
         "name": file.name,
         "method": file.method,
+        "sealed": file.sealed,
         "rigid_modes": file.rigid_count,
         "static_modes": file.static_count,
         "frequencies_hz": (omega / (2 * np.pi)).tolist(),

@@ -7,7 +7,7 @@ Ties and other mechanics belong in `mechanics`; the keys that name files belong 
 from cmsreduce.read.body import read_body
 from cmsreduce.read.controller import read_controller
 from cmsreduce.read.differential_stiffness import read_differential_stiffness
-from cmsreduce.read.files import sha256_of
+from cmsreduce.read.files import read_head, sha256_of
 from cmsreduce.read.formats import Geometry, GeometryFormat, MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.geometry import GEOMETRY_FORMATS, read_cells, read_geometry
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource
@@ -62,6 +62,7 @@ __all__ = [
     "read_differential_stiffness",
     "read_followers",
     "read_geometry",
+    "read_head",
     "read_matrix",
     "read_members",
     "sha256_of",

@@ -15,6 +15,7 @@ from cmsreduce.read.matrix import matrix_names, read_matrix
 __all__ = ["read_controller"]
 
 _LETTERS = ("A", "B", "C", "D")
+_MOST_STATES = 5000
 _COMMENTS = "#%"
 _CONTENTS = (
     "give A (n x n), B (n x sensors), C (actuators x n) and D (actuators x sensors; zero if left out), as variables of "
@@ -72,7 +73,13 @@ def _from_matrices(path: Path) -> Matrices:
     if not chosen:
         there = f"it holds {', '.join(sorted(filter(None, names)))}" if any(names) else "it holds no named matrix"
         raise ReadError(f"{path}: this is no controller, {there}; {_CONTENTS}")
-    return {letter: read_matrix(path, letter, rectangular=True).A.toarray() for letter in chosen}
+    found = {letter: read_matrix(path, letter, rectangular=True).A for letter in chosen}
+    for letter, matrix in found.items():
+        # A header may claim rows that the file leaves out; the matrix is made dense here.
+        if max(matrix.shape) > _MOST_STATES:
+            rows, cols = matrix.shape
+            raise ReadError(f"{path}: {letter} is {rows} x {cols}; a controller has {_MOST_STATES} states at most")
+    return {letter: matrix.toarray() for letter, matrix in found.items()}
 
 
 def _from_text(path: Path) -> Matrices:

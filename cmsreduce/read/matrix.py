@@ -10,7 +10,7 @@ from pathlib import Path
 from cmsreduce.errors import ReadError
 from cmsreduce.model import rounding_of_values
 from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, dof_list_beside, read_dof_list
-from cmsreduce.read.files import read_head, require_file
+from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrices import MATLAB, MATRIX_MARKET, NPY, NPZ
@@ -101,7 +101,8 @@ def read_matrix(
     """
     path = Path(path)
     chosen = _format_of(path, format)
-    found = _choose(path, chosen.read(path), matrix, chosen)
+    with reading(path, f"the file ({chosen.words})"):
+        found = _choose(path, chosen.read(path), matrix, chosen)
     if found.numbers.startswith("complex"):
         raise ReadError(f"{path}: matrix '{found.name}' is complex; stiffness, mass and damping must be real")
     if chosen is DMIG and found.form == "rectangular" and not rectangular:
@@ -109,7 +110,8 @@ def read_matrix(
             f"{path}: DMIG matrix '{found.name}' is rectangular; stiffness and mass are square (form 1) or symmetric "
             "(form 6): name the matrix of the body, such as KAAX"
         )
-    loaded = found.load()
+    with reading(path, f"matrix '{found.name}'"):
+        loaded = found.load()
     # The type of a file may have more digits than its numbers.
     loaded = replace(loaded, rounding=max(loaded.rounding, rounding_of_values(loaded.A.data)))
     beside = dof_list_beside(path) if chosen.dof_list and loaded.dofs is None else None
@@ -141,7 +143,9 @@ def matrix_names(path: Path, format: str | None = None) -> list[MatrixInfo]:
         As ``read_matrix``, for errors that the headers show.
     """
     path = Path(path)
-    return [stored.info for stored in _format_of(path, format).read(path) if stored.usable]
+    chosen = _format_of(path, format)
+    with reading(path, f"the file ({chosen.words})"):
+        return [stored.info for stored in chosen.read(path) if stored.usable]
 
 
 def _format_of(path: Path, name: str | None) -> MatrixFormat:

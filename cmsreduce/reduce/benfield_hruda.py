@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import column_blocks, congruence, new_basis, side_by_side
-from cmsreduce.linalg.eigen import HELD, modes_below, orthonormal
+from cmsreduce.linalg.eigen import HELD, energy_parts, modes_below, orthonormal, strain_pairs
 from cmsreduce.model import FEModel, InterfaceLoading, ModeBlock, ModeSet, chosen_columns
 from cmsreduce.reduce.basis import Basis
 from cmsreduce.reduce.reduction import Reduction
@@ -23,11 +23,9 @@ __all__ = ["AugmentedBody", "BenfieldHruda"]
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-# A motion of body and neighbours is rigid when the loading's strain energy in it is below this share of the absolute
-# parts of the energy: condensation leaves 1e-15.
-_UNRESISTED = 1e-12
-# The same against the absolute parts in the body, whose own rounding hides anything weaker.
-_BODY_LEAVES = 1e-16
+# Strain energy of the loading below 1e-16 of the absolute parts of the energy in the body is hidden by the body's own
+# rounding. As a share of the parts within which the loading counts as rounding, 1e-12:
+_BODY_LEAVES = 1e-4
 # A loaded mode in which the body has less than this share of the energy moves the neighbours only and adds nothing;
 # round-off leaves 1e-20.
 _STILL = 1e-16
@@ -142,12 +140,12 @@ class BenfieldHruda(Reduction):
             return K, M, rigid
         # Rigid motions of the body and free motions of the neighbours are rigid together if they strain no neighbour.
         motions = _beside(rigid[interface], free)
-        parts = _parts(sp.csc_array(added_K), motions)
-        parts[: rigid.shape[1]] += _BODY_LEAVES / _UNRESISTED * _parts(body.K, rigid)
-        size = np.sqrt(np.where(parts > 0, parts, 1.0))
-        strain, V = la.eigh((motions.T @ added_K @ motions) / np.outer(size, size))
-        together = V[:, strain <= _UNRESISTED] / size[:, None]
-        everywhere = _beside(rigid, free) @ together
+        parts = energy_parts(added_K, motions)
+        if self.stiffness_loading and load.parts is not None:
+            parts = np.maximum(parts, (abs(motions).T @ np.sqrt(load.parts)) ** 2)
+        parts[: rigid.shape[1]] += _BODY_LEAVES * energy_parts(body.K, rigid)
+        strain, together = strain_pairs(motions.T @ added_K @ motions, parts)
+        everywhere = _beside(rigid, free) @ together[:, strain == 0]
         return K, M, orthonormal(everywhere, everywhere.T @ (M @ everywhere))
 
 
@@ -182,11 +180,6 @@ def _beside(shapes: Array, free: int) -> Array:
     both = np.pad(shapes, ((0, free), (0, free)))
     both[np.arange(-free, 0), np.arange(-free, 0)] = 1.0
     return both
-
-
-def _parts(A: sp.csc_array, X: Array) -> Array:
-    """Sum of the absolute parts of the energy of each column."""
-    return np.asarray(np.einsum("ij,ij->j", abs(X), abs(A) @ abs(X)))
 
 
 def _spread(A: sp.csc_array, added: Array, rows: Rows, size: int) -> sp.csc_array:

@@ -14,11 +14,14 @@ from numpy.typing import NDArray
 from cmsreduce.linalg.eigen import elastic_pairs
 from cmsreduce.model import DOF_NAMES, Joint, Matrix, System, Units
 from cmsreduce.write.files import hdf5_file, put, put_json, put_texts, put_units
+from cmsreduce.write.seal import put_seal
 
-__all__ = ["write_system"]
+__all__ = ["SYSTEM_FORMAT", "write_system"]
 
 SYSTEM_FORMAT = "cmsreduce-system"
-SYSTEM_FORMAT_VERSION = 1
+"""Attribute ``format`` of the file."""
+
+SYSTEM_FORMAT_VERSION = 2
 
 _MATRICES = {
     "M": "mass",
@@ -86,6 +89,7 @@ def write_system(
                     _put_matrix(group, name, matrix, about)
             if not sp.issparse(system.K):
                 put(group, "frequency_hz", _frequencies(system), "Hz", "undamped, the zero ones first")
+        put_seal(file)
 
 
 def _put_joints(group: Any, joints: Iterable[Joint]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import time
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.write import read_component
+from cmsreduce.write import system as system_module
 from cmsreduce.write.component import component as component_module
 
 
@@ -46,6 +48,24 @@ def test_the_same_run_writes_the_same_bytes(
         # The time stamp's last digit, and the checksum of the header it stands in, if it has one.
         differ = np.flatnonzero(np.frombuffer(content, np.uint8) != np.frombuffer(first[name], np.uint8))
         assert 1 <= differ.size <= 5
+
+
+def test_measured_times_are_in_no_hdf5_file(
+    opened: Callable[..., Run], study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def contents() -> dict[str, bytes]:
+        shutil.rmtree(study.parent / "out", ignore_errors=True)
+        execute(opened("balance.keep={frf_error: 0.05}"), study, report=False)
+        return {path.name: path.read_bytes() for path in sorted((study.parent / "out").glob("*.h5"))}
+
+    for module in (component_module, system_module):
+        monkeypatch.setattr(module, "datetime", clock(1))
+    first = contents()
+    assert first.keys() == {"arm.h5", "panel.h5", "system.h5"}
+    # Every measured time differs from that of the first run.
+    began = time.perf_counter
+    monkeypatch.setattr(time, "perf_counter", lambda: 3 * began())
+    assert contents() == first
 
 
 def test_a_component_file_is_the_component_in_memory(opened: Callable[..., Run], study: Path) -> None:

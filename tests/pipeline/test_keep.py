@@ -95,7 +95,7 @@ def test_a_search_says_what_it_did(opened: Callable[..., Run], study: Path) -> N
     # No ranking cut off by itself needs fewer.
     assert all(found.modes <= count for count in found.truncated.values()) and "gregory" in found.truncated
     (note,) = (note for note in result.notes if note.startswith("search"))
-    assert f"{found.modes} of {found.of} elastic modes" in note and f"{found.candidates} candidates in" in note
+    assert f"{found.modes} of {found.of} elastic modes" in note and f"{found.candidates} candidates" in note
     summary = json.loads((run.folder / "summary.json").read_text())
     assert summary["search"]["modes"] == found.modes and summary["search"]["seconds"] == found.seconds
     # A run that goes on from a finished search says the same.

@@ -18,7 +18,19 @@ from tests.read.nastran.test_op4 import op4_bytes
 __all__ = ["damaged", "samples"]
 
 # Numbers that sizes, places and ends are most often got wrong by.
-_NUMBERS = (b"0", b"-1", b"1", b"2147483647", b"-2147483648", b"4294967296", b"9223372036854775807", b"1e308", b"nan")
+_NUMBERS = (
+    b"0",
+    b"-1",
+    b"1",
+    b"2147483647",
+    b"-2147483648",
+    b"4294967296",
+    b"9223372036854775807",
+    b"1e308",
+    b"nan",
+    b"inf",
+    b"9" * 5000,
+)
 _INTEGERS = (0, 1, 0x7F, 0xFF, 0x7FFFFFFF, 0xFFFFFFFF, 0x80000000, 0x7FFFFFFFFFFFFFFF)
 
 _DECK = """SOL 103
@@ -143,4 +155,33 @@ def _insert(content: bytearray, chance: random.Random) -> None:
     content[at:at] = chance.choice((b"\x00", b"\n", b",", b"*", b"\xff\xfe", b" " * 90, chance.randbytes(12)))
 
 
-_DAMAGES = (_overwrite, _set_integer, _set_number, _cut, _drop, _repeat, _insert)
+def _lines(content: bytearray, chance: random.Random) -> None:
+    """Lose, double or exchange a line."""
+    lines = bytes(content).split(b"\n")
+    first, second = chance.randrange(len(lines)), chance.randrange(len(lines))
+    action = chance.randrange(3)
+    if action == 0:
+        del lines[first]
+    elif action == 1:
+        lines.insert(second, lines[first])
+    else:
+        lines[first], lines[second] = lines[second], lines[first]
+    content[:] = b"\n".join(lines)
+
+
+def _digit(content: bytearray, chance: random.Random) -> None:
+    places = [place.start() for place in re.finditer(rb"[0-9]", bytes(content))]
+    if places:
+        content[chance.choice(places)] = ord(chance.choice("0123456789"))
+
+
+def _encoding(content: bytearray, chance: random.Random) -> None:
+    """Store the file in another encoding, as an editor may."""
+    text = bytes(content).decode("latin-1")
+    content[:] = text.encode(chance.choice(("utf-16", "utf-8-sig", "utf-8", "utf-32")))
+
+
+_DAMAGES = (
+    *(_overwrite, _set_integer, _set_number, _cut, _drop, _repeat, _insert),
+    *(_lines, _lines, _digit, _digit, _encoding),
+)

@@ -45,7 +45,7 @@ def test_system_reads_back(tmp_path):
     second = pendulum(configuration=Configuration("spin=0"), loss=0.01 * pendulum().K)
     write_system(path, [pendulum(), second], provenance={"notes": []}, units=Units.parse("mm-t-s"))
     with h5py.File(path) as file:
-        assert (file.attrs["format"], file.attrs["format_version"]) == ("cmsreduce-system", 1)
+        assert (file.attrs["format"], file.attrs["format_version"]) == ("cmsreduce-system", 2)
         assert file["units"].attrs["length_in_si"] == 1e-3
         first = file["configuration_0"]
         assert first.attrs["name"] == "spin=45"

@@ -20,10 +20,12 @@ from cmsreduce.linalg.eigen.pencil import (
     UndeterminedError,
     elastic_and_massless,
     elastic_pairs,
+    energy_parts,
     orthonormal,
     refine,
     repeated_groups,
     split_massless,
+    strain_pairs,
 )
 
 __all__ = [
@@ -38,6 +40,7 @@ __all__ = [
     "count_below",
     "elastic_and_massless",
     "elastic_pairs",
+    "energy_parts",
     "modes_below",
     "motions_held",
     "null_space",
@@ -49,4 +52,5 @@ __all__ = [
     "row_basis",
     "split_massless",
     "stiffness_null_space",
+    "strain_pairs",
 ]

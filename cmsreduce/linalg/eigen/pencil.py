@@ -22,6 +22,7 @@ __all__ = [
     "refine",
     "repeated_groups",
     "split_massless",
+    "strain_pairs",
 ]
 
 Array = NDArray[np.float64]
@@ -36,6 +37,9 @@ _TRUSTED = 1e-4
 # a number.
 _LEFT_BY_ARITHMETIC = 20.0
 _LEFT_BY_FILE = 10.0
+# A motion is not resisted when its strain energy is below this share of the absolute parts of the energy: condensation
+# leaves 1e-15.
+_UNRESISTED = 1e-12
 # A negative kinetic energy larger than this share of its terms is an error of the matrix, not rounding.
 _NEGATIVE = 1e-6
 
@@ -230,6 +234,29 @@ def energy_parts(A: Matrix, X: Array) -> Array:
     """Sum of the absolute terms of the energy x^T A x of each column (k,)."""
     sizes: Any = abs(A)
     return np.asarray(np.einsum("ij,ij->j", abs(X), sizes @ abs(X)))
+
+
+def strain_pairs(K: Array, parts: Array) -> tuple[Array, Array]:
+    """Motions that a stiffness resists and motions that it does not.
+
+    Parameters
+    ----------
+    K : (k, k) float64
+        Strain energy of k motions and of their sums.
+    parts : (k,) float64
+        Sum of the absolute parts of the strain energy of each motion, before they cancel: rounding is a share of these,
+        and K alone may hold nothing else.
+
+    Returns
+    -------
+    strain : (k,) float64
+        Strain energy of each combination, relative to the parts; zero where it is rounding.
+    X : (k, k) float64
+        The combinations as columns; each has parts of about one.
+    """
+    size = np.sqrt(np.where(parts > 0, parts, 1.0))
+    strain, V = la.eigh(K / np.outer(size, size)) if size.size else (size, K)
+    return np.where(strain > _UNRESISTED, strain, 0.0), V / size[:, None]
 
 
 def _limit(rounding: float) -> float:

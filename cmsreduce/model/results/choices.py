@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -77,14 +77,13 @@ class CutoffChoice:
     limit: float
     tried: tuple[tuple[float, float], ...] = ()
 
-    @property
-    def note(self) -> str:
-        """Cutoff in words, with its reason."""
+    def note(self, remedies: Sequence[str] = ("method macneal-rubin", "residuals")) -> str:
+        """Cutoff in words, with its reason; ``remedies`` add static shapes, and the body does not use them yet."""
         cost = f"its modes above cost an estimated frf_error of {self.error:.1e}, {self.limit:.1e} is allowed"
         if self.error > self.limit:
-            remedy = "static shapes are what it lacks: try method macneal-rubin, or residuals, or allow a larger error"
             vain = bool(self.tried) and self.error > _IN_VAIN * self.tried[0][1]
-            rest = remedy if vain else "state a higher cutoff, or allow a larger error"
+            shapes = f"static shapes are what it lacks: try {', or '.join(remedies)}, or allow a larger error"
+            rest = shapes if vain and remedies else "state a higher cutoff, or allow a larger error"
             return f"{self.body}: cutoff auto stopped at {self.cutoff_bands:.3g} x the band; {cost}; {rest}"
         if not self.tried:
             return f"{self.body}: cutoff auto stays at {self.cutoff_bands:.3g} x the band; {cost}"

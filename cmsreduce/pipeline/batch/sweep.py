@@ -36,9 +36,11 @@ from cmsreduce.pipeline.store import (
     share_stages,
 )
 from cmsreduce.report import sweep_page, sweep_picture, trades
-from cmsreduce.write import atomic_path, write_sweep_csv, write_sweep_table
+from cmsreduce.write import atomic_path, refuse_foreign, write_sweep_csv, write_sweep_table
 
 __all__ = ["sweep", "write_sweep"]
+
+_FILES = ("sweep.csv", "sweep.h5", "sweep.svg", "sweep.html")
 
 POINTS_FOLDER = "points"
 """Folder of a sweep with a run directory for each point."""
@@ -100,6 +102,7 @@ def sweep(
     points = sweep_points(path, axes, overrides)
     good = next(point.pipeline for point in points if point.pipeline is not None)
     folder = default_folder(good.output) if folder is None else folder
+    refuse_foreign(folder / name for name in _FILES)
     with chosen_workers(jobs, cluster, path) as workers:
         progress.stage("sweep", f"{len(points)} points")
         for row in _rows(points, path, folder, workers):
@@ -290,10 +293,9 @@ def write_sweep(sweep: SweepResult, folder: Path, failures: Failures | None = No
     failures : Failures, optional
         Receives a picture or a page that cannot be drawn.
     """
-    table, store = folder / "sweep.csv", folder / "sweep.h5"
+    table, store, picture, page = (folder / name for name in _FILES)
     write_sweep_csv(table, sweep)
     write_sweep_table(store, sweep)
-    picture, page = folder / "sweep.svg", folder / "sweep.html"
     if not trades(sweep):
         # Pictures of an earlier sweep would not show this one.
         picture.unlink(missing_ok=True)

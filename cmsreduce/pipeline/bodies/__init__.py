@@ -9,7 +9,7 @@ from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_proof,
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effective_masses
 from cmsreduce.pipeline.bodies.draft import draft_body
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
-from cmsreduce.pipeline.bodies.reference import ALL_MODES_LIMIT, Reference, reference
+from cmsreduce.pipeline.bodies.reference import ALL_MODES_LIMIT, WRITTEN_LIMIT, Reference, all_modes, reference
 from cmsreduce.pipeline.bodies.spinning import spin_notes
 from cmsreduce.pipeline.bodies.wireframe import cells_of, wireframe
 
@@ -19,6 +19,8 @@ __all__ = [
     "DampingHealth",
     "FlexibleBody",
     "Reference",
+    "WRITTEN_LIMIT",
+    "all_modes",
     "body_health",
     "body_reduction",
     "cells_of",

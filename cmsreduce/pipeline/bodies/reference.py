@@ -12,10 +12,14 @@ from cmsreduce.model import FEModel, ModalComponent, ModeKind, ModeSet, ReducedC
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import MacNealRubin
 
-__all__ = ["ALL_MODES_LIMIT", "Reference", "reference"]
+__all__ = ["ALL_MODES_LIMIT", "WRITTEN_LIMIT", "Reference", "all_modes", "reference"]
 
+ALL_MODES = "all modes"
+"""Label of a body that is represented by all its modes."""
 ALL_MODES_LIMIT = 2000
 """Dofs up to which all modes of a body, n dense columns and n^3 operations, take seconds."""
+WRITTEN_LIMIT = 600
+"""Dofs up to which an unreduced body is written in all its modes: its modal integrals have 9 n^2 numbers."""
 # A sparse factorisation per frequency takes seconds beyond this.
 SPARSE_LIMIT = 20000
 # The reference model of a body too large for either holds modes up to this multiple of the cutoff, all static shapes,
@@ -39,6 +43,13 @@ class Reference:
 
     modes: ModalComponent | None
     label: str
+
+    @property
+    def words(self) -> str:
+        """The representation in words, as it enters a system."""
+        if self.modes is None:
+            return "as it was read"
+        return "in all its modes" if self.label == ALL_MODES else f"in its {self.label} and all static shapes"
 
 
 def reference(body: FEModel, ports: Ports, rigid: NDArray[np.float64], cutoff_hz: float) -> Reference:
@@ -67,15 +78,24 @@ def reference(body: FEModel, ports: Ports, rigid: NDArray[np.float64], cutoff_hz
     if not by_modes and body.n <= SPARSE_LIMIT:
         return Reference(None, "sparse dofs")
     if by_modes and body.n <= ALL_MODES_LIMIT:
-        return Reference(_all_modes(body, rigid), "all modes")
+        return Reference(all_modes(body, rigid), ALL_MODES)
     method = MacNealRubin(_BEYOND_CUTOFF * cutoff_hz)
     modes = orthogonalise(method.reduce(body, ports.interface, ports.static_loads, rigid, enriched=True))
     return Reference(modes, f"modes to {_BEYOND_CUTOFF:g} x cutoff")
 
 
-def _all_modes(body: FEModel, rigid: NDArray[np.float64]) -> ModalComponent:
-    # The unit matrix is the basis; n is bounded by ALL_MODES_LIMIT.
+def all_modes(body: FEModel, rigid: NDArray[np.float64]) -> ModalComponent:
+    """Every mode of a small body, with its damping: another choice of coordinates, not a reduction.
+
+    Parameters
+    ----------
+    body : FEModel
+        n dofs; n dense columns.
+    rigid : (n, r) float64
+        Rigid-body modes, orthonormal in M.
+    """
     n = body.n
     free: ModeKind = "free"
-    identity = ModeSet("all modes", np.eye(n), (free,) * n, np.full(n, np.nan), tuple(map(str, range(1, n + 1))))
-    return orthogonalise(ReducedComponent(body, identity, body.M.toarray(), body.K.toarray(), None, rigid))
+    identity = ModeSet(ALL_MODES, np.eye(n), (free,) * n, np.full(n, np.nan), tuple(map(str, range(1, n + 1))))
+    D = None if body.D is None else body.D.toarray()
+    return orthogonalise(ReducedComponent(body, identity, body.M.toarray(), body.K.toarray(), D, rigid))

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from cmsreduce import __version__
+from cmsreduce.assemble import joined_to
 from cmsreduce.config import ModeSetKeys, Pipeline, ReduceKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import Channel, CutoffChoice, JointTerm, PointTerm, RigidBody, Scene
+from cmsreduce.model import Channel, CutoffChoice, JointTerm, Point, PointTerm, RigidBody, Scene
 from cmsreduce.pipeline.bodies import FlexibleBody, body_reduction, probing_loads
 from cmsreduce.pipeline.choose.cutoff import START
 from cmsreduce.pipeline.store import once, stage_key
@@ -176,15 +177,46 @@ class ModeSets:
             yield f"{name}: {self.unneeded[name]}; it is kept rigid, which costs no response anything (error 0)"
             return
         for load, share in missed.items():
+            if self._at_rest(name, load):
+                continue
+            missing = self._missing_residual(name, load)
+            if missing is None:
+                yield f"{name}: its basis lacks {share:.0%} of the static flexibility at {load}, as `residuals` left it"
+                continue
+            # A compared model has the residuals of the run: there is no key to add them to this model alone.
+            remedy = f"; add {missing} to its `residuals`" if other is None else ""
             yield (
                 f"{name}: its basis has no static shape for {load} and lacks {share:.0%} of the static flexibility "
-                "there; name it in `residuals` to add it"
+                f"there{remedy}"
             )
         method = self.stated(name, other).method
-        if issubclass(METHODS[method], BenfieldHruda):
+        if issubclass(METHODS[method], BenfieldHruda) and joined_to(self.scene, name):
             turned = any(any(each.angles.values()) for each in self.scene.configurations)
-            elsewhere = "; at the other configurations the loading differs" if turned else ""
+            elsewhere = "; at the other configurations the loading may differ" if turned else ""
             yield f"{name}: {method} loads it by its neighbours as they stand 'as built'{elsewhere}"
+
+    def remedies(self, name: str) -> list[str]:
+        """Ways to give a body more static shapes that its keys do not use yet."""
+        keys = self.stated(name)
+        methods = [] if keys.method == "macneal-rubin" else ["method macneal-rubin"]
+        return methods + ([] if "sensors" in keys.residuals else ["`residuals: [sensors]`"])
+
+    def _at_rest(self, name: str, load: str) -> bool:
+        """The load acts on an interface that the ground holds: the modes at rest there answer it."""
+        kind, _, face = load.partition(" ")
+        return kind == "interface" and Point(name, face.strip("'")) in self.scene.ground
+
+    def _missing_residual(self, name: str, load: str) -> str | None:
+        """Entry of `residuals` that gives a basis the static shapes of a load; None if it is there already."""
+        kind, _, named = load.partition(" ")
+        face = named.strip("'")
+        if kind == "interface":
+            nodes = self.bodies[name].body.interfaces[face].node
+            entries = [face] if nodes.size == 1 else [str(node) for node in nodes]
+        else:
+            entries = [f"{kind}s"]
+        missing = [entry for entry in entries if entry not in self.stated(name).residuals]
+        return ", ".join(f"`{entry}`" for entry in missing) or None
 
     def _tested(self, name: str, keys: ReduceKeys) -> tuple[tuple[str, ...], NDArray[np.float64]]:
         return probing_loads(self.bodies[name], self.scene, joints=issubclass(METHODS[keys.method], BenfieldHruda))

@@ -185,6 +185,9 @@ class ProjectStage:
         """The bodies with static shapes of their interfaces added, unless these make the response worse."""
         shapes = {name: attachment_amplitudes(c, self.bodies[name].ports.interface) for name, c in self.kept.items()}
         fuller, _ = self._bodies(chosen, shapes)
+        if all(fuller[name].omega.size == components[name].omega.size for name in fuller):
+            notes.append("project: the shapes hold the static shapes of the interfaces already: none was added")
+            return components, model, {}
         other = self._model(fuller)
         left = _spurious(extraneous_in_band(other, self._modes, chosen, self.scene))
         added = {name: fuller[name].omega.size - components[name].omega.size for name in fuller}

@@ -17,7 +17,7 @@ from cmsreduce.pipeline.results.limits import Tolerances
 from cmsreduce.pipeline.store import ORIGIN, read_origin
 from cmsreduce.report import place
 from cmsreduce.verify import ModePairing, integral_change, mass_change, pair_modes, scaled_rows
-from cmsreduce.write import ComponentFile, read_component
+from cmsreduce.write import ComponentFile, read_component, verify_seal
 
 __all__ = ["StoredResult", "compare", "open_result"]
 
@@ -97,6 +97,8 @@ def open_result(path: Path) -> StoredResult:
         whole = False
     if not whole:
         raise ReadError(f"{summary}: this is no summary of a run; run the pipeline again")
+    if (system := summary.parent / "system.h5").is_file():
+        verify_seal(system)
     beside = {name: summary.parent / f"{name}.h5" for name in facts["components"]}
     return StoredResult(path, facts, {name: read_component(file) for name, file in beside.items() if file.is_file()})
 

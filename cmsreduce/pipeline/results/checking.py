@@ -25,6 +25,7 @@ __all__ = ["check_result", "write_junit", "write_markdown"]
 _MOMENTUM = 1e-8
 # Rigid modes of a body that is free in all directions.
 _FREE = 6
+_UNSEALED = "written by an earlier version, without a checksum of its content"
 
 
 def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> tuple[list[Finding], Verdict]:
@@ -63,6 +64,8 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> tu
         findings += _checks(result, name)
         unlisted += _sizes(result, name)
         if name in result.files:
+            seal = Finding("unsealed", float(not result.files[name].sealed), note=_UNSEALED, subject=name)
+            (unlisted if result.files[name].sealed else findings).append(seal)
             findings += _file_alone(name, result.files[name])
             findings += _rounding(name, result.files[name])
             findings += total_findings(name, file_totals(result.files[name]))

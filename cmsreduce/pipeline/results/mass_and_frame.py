@@ -112,7 +112,7 @@ def frame_of(run: Run, name: str) -> FloatingFrame | None:
     keys = run.pipeline.write_of(name)
     if keys.frame is None:
         return None
-    component = run.final[name]
+    component = run.written(name)
     return floating_frame(
         component.body, component.Phi, component.rigid_count, keys.frame.condition(), keys.integrals.mass
     )
@@ -130,7 +130,7 @@ def integral_frame_of(run: Run, name: str, frame: FloatingFrame | None) -> Integ
 
     Without a point or axes in the keys they are those of the floating frame.
     """
-    body, keys = run.final[name].body, run.pipeline.write_of(name).integrals
+    body, keys = run.written(name).body, run.pipeline.write_of(name).integrals
     plain = IntegralFrame.basic(keys.mass)
     if body.nodes is None:
         return plain

@@ -51,9 +51,9 @@ _REFERENCE = "reference"
 @diagnostic("the checks of '{}'", tuple, about=lambda run, name: name, required=True)
 def component_checks(run: Run, name: str) -> tuple[Finding, ...]:
     """Checks of one body: of its matrices as read, of its modes, and of its frame."""
-    mass, stiffness = orthogonality_errors(run.final[name])
+    mass, stiffness = orthogonality_errors(run.written(name))
     # The mass of a static mode is rounding of the file.
-    rounding = _MASSLESS * run.bodies[name].body.rounding if run.final[name].static_count else 0.0
+    rounding = _MASSLESS * run.bodies[name].body.rounding if run.written(name).static_count else 0.0
     return (
         *run.bodies[name].checks,
         *run.bodies[name].health.checks,

@@ -27,6 +27,8 @@ _DENSE = 1500
 _FEW = 600
 # Ratio of two time steps from which a note is worth its line.
 _LONGER_STEP = 1.5
+# Ratio of two frequencies from which one is higher, and not the same.
+_HIGHER = 1.01
 # Modes named one by one in a note; summary.json has them all.
 _NAMED = 3
 
@@ -43,8 +45,7 @@ def highest_frequency(system: System) -> float | None:
 @diagnostic("the search for costly modes of '{}'", about=lambda run, name: name)
 def body_costly_modes(run: Run, name: str) -> CostlyModes | None:
     """Modes of a body that do not serve the band at the points of the scene, and limit the time step."""
-    points = dense(run.model.assembled.stack.motions(name))
-    return costly_modes(run.final[name], points, run.scene.band[1])
+    return costly_modes(run.written(name), run.written_motions(name), run.scene.band[1])
 
 
 @diagnostic("the effect of single precision of '{}'", about=lambda component: component.body.name)
@@ -134,19 +135,24 @@ def _advice(components: Mapping[str, ComponentResult], systems: Sequence[SystemM
         for values in ([each.highest_hz for each in systems], [each.treated_hz for each in systems])
     )
     if keys and highest and treated:
-        effect = (
-            f"static treatment ({', '.join(keys)}) changes the assembly's highest frequency from {highest:.4g} Hz to"
-        )
+        treatment = f"static treatment ({', '.join(keys)})"
         if highest >= _LONGER_STEP * treated:
             yield (
-                f"{effect} {treated:.4g} Hz, for steps {highest / treated:.3g} times as long. It costs accuracy: "
-                "flexibility without mass responds at once, and response errors in the band may grow several times; "
-                "the run measures them, so compare frf_error before and after"
+                f"{treatment} lowers the assembly's highest frequency from {highest:.4g} Hz to {treated:.4g} Hz, for "
+                f"steps {highest / treated:.3g} times as long. It costs accuracy: flexibility without mass responds at "
+                "once, and response errors in the band may grow several times; `verify` measures them, so compare "
+                "frf_error before and after"
+            )
+        elif treated > _HIGHER * highest:
+            yield (
+                f"{treatment} would raise the assembly's highest frequency from {highest:.4g} Hz to {treated:.4g} Hz, "
+                "and shorten its steps: joints would act on springs without mass. Keep the mass of these modes, or "
+                "leave the modes out (`balance.keep`)"
             )
         else:
             yield (
-                f"{effect} {treated:.4g} Hz: joints then act on springs without mass, and the step is not longer; keep "
-                "the modes and the step, or leave such modes out (`balance.keep`)"
+                f"{treatment} would hardly change the assembly's highest frequency ({treated:.4g} Hz after "
+                f"{highest:.4g} Hz), which other motions set: keep the mass of these modes"
             )
     for name, part in components.items():
         yield from _rounding_notes(name, part.rounding)

@@ -7,11 +7,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmsreduce.assemble import rigid_substructure
 from cmsreduce.balance import Selection, keep_all
 from cmsreduce.config import CompareKeys, LimitKeys, ModeSetKeys, Pipeline, VerifyKeys, build_scene
 from cmsreduce.errors import ConfigError, ConstraintError, StageError
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.machine import SolverSettings
 from cmsreduce.model import (
     AxisCompleteness,
@@ -33,8 +35,10 @@ from cmsreduce.model import (
 )
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.bodies import (
+    WRITTEN_LIMIT,
     FlexibleBody,
     Reference,
+    all_modes,
     damping_remark,
     read_flexible,
     read_rigid,
@@ -199,6 +203,7 @@ class Run:
         found = {}
         for name in self.flexible_names:
             found[name] = self.flexible(name)
+            self._refuse_unwritable(found[name].body)
             # Checked before anything is reduced, so that a faulty body shows in the results.
             _ = found[name].health
         bare = {name: replace(each, body=each.undamped).substructure(self.scene) for name, each in found.items()}
@@ -208,6 +213,16 @@ class Run:
             for note in model.wiring(configuration).notes:
                 self.stages.note(note)
         return found
+
+    def _refuse_unwritable(self, body: FEModel) -> None:
+        """Refuse files of an unreduced body that is too large for all its modes, before anything is computed."""
+        if self.pipeline.write is None or self.pipeline.reduce_of(body.name) or body.n <= WRITTEN_LIMIT:
+            return
+        raise ConfigError(
+            f"component '{body.name}': `write.formats` asks for its files, but it has no `reduce:`, and its {body.n} "
+            f"dofs are too many to write it in all its modes (at most {WRITTEN_LIMIT}). Give it "
+            f"`components.{body.name}.reduce`, or take `write:` out"
+        )
 
     @property
     def given(self) -> Mapping[str, Mapping[str, object]]:
@@ -252,7 +267,7 @@ class Run:
         key=_cutoffs_key,
         # The search counts its time under the bodies that it reduces.
         needs=["_searched_cutoffs"],
-        notes=lambda run, found: [each.note for each in found.values()],
+        notes=lambda run, found: [each.note(run.mode_sets.remedies(each.body)) for each in found.values()],
     )
     def cutoffs(self) -> dict[str, CutoffChoice]:
         """Cutoffs found for the bodies whose cutoff is ``auto``."""
@@ -282,9 +297,17 @@ class Run:
     def _mode_set_notes(self, found: ModalComponent, name: str, other: ModeSetKeys | None = None) -> Iterator[str]:
         sets = self.mode_sets
         key = sets.reduce_key(name, other)
-        yield from sets.notes(name, self.stages.recall("reduce", sets.label(name, other), key, "missed") or {}, other)
+        notes = sets.notes(name, self.stages.recall("reduce", sets.label(name, other), key, "missed") or {}, other)
+        of = "" if other is None or sets.label(name, other) == name else f"{self._compared_by(other)}: "
+        yield from (of + note for note in notes)
         if other is None and (remark := damping_remark(found, self.scene.band[1])) is not None:
             yield remark
+
+    def _compared_by(self, mode_set: ModeSetKeys) -> str:
+        """The compared models of a mode set, by name."""
+        keys = self.pipeline.verify
+        named = [f"'{label}'" for label, each in (keys.compare if keys else {}).items() if each.reduce == mode_set]
+        return f"compared model{'s' if len(named) > 1 else ''} {', '.join(named)}"
 
     @stage(
         "orthogonalise",
@@ -305,7 +328,7 @@ class Run:
         for name in self.bodies:
             if name not in components:
                 shapes[name] = self.references[name].modes
-                self.stages.note(f"{name}: not reduced; it enters the system as it was read")
+                self.stages.note(f"{name}: not reduced; it enters the system {self.references[name].words}")
         return self._assembled(shapes)
 
     def _assembled(self, shapes: Mapping[str, ModalComponent | None]) -> ReducedModel:
@@ -467,6 +490,26 @@ class Run:
     def final(self) -> dict[str, ModalComponent]:
         """The bodies as they are assembled and written."""
         return self.kept if self.projected is None else self.projected.components
+
+    def written(self, name: str) -> ModalComponent:
+        """A flexible body as it is written: reduced, or in all its modes where the pipeline does not reduce it."""
+        return self.final[name] if name in self.final else self._unreduced[name]
+
+    @property
+    @once
+    def _unreduced(self) -> dict[str, ModalComponent]:
+        found = {}
+        for name in (name for name in self.flexible_names if name not in self.final):
+            flexible, own = self.bodies[name], self.references[name].modes
+            found[name] = all_modes(flexible.body, flexible.rigid) if own is None else own
+            self.stages.note(f"{name}: not reduced; its files hold all its {found[name].omega.size} modes")
+        return found
+
+    def written_motions(self, name: str) -> NDArray[np.float64]:
+        """Motions of the points of a body from the amplitudes of its modes as written (6 points, m)."""
+        motions = dense(self.model.assembled.stack.motions(name))
+        in_dofs = name not in self.final and self.references[name].modes is None
+        return motions @ self.written(name).Phi if in_dofs else motions
 
     @property
     @stage(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cmsreduce.errors import ReadError
-from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER
+from cmsreduce.pipeline.store.stage_store import STAGES_FOLDER, is_stage
 from cmsreduce.write import atomic_path
 
 __all__ = [
@@ -30,6 +31,8 @@ __all__ = [
 _KEY_SHOWN = 12
 # Pipeline and overrides of a run directory, so that its report can be written again.
 ORIGIN = f"{STAGES_FOLDER}/origin.json"
+# Names of locks, of files that were not finished, and of shapes on disk.
+_LEFT = re.compile(r"\..+\.h5\.lock|\..+\.[0-9a-f]{8}-\d+-[0-9a-f]+\.tmp|\.basis-\d+-[0-9a-f]+\.tmp")
 
 
 @dataclass(frozen=True)
@@ -78,13 +81,15 @@ def cache_entries(folder: Path) -> list[CacheEntry]:
     return found
 
 
-def clear_cache(folder: Path) -> tuple[int, int]:
+def clear_cache(folder: Path) -> tuple[int, int, list[Path]]:
     """Remove finished stages, and parts that killed runs left of others; the results of the runs stay.
 
     Returns
     -------
     count, size : int
         Number of files removed, and their bytes.
+    kept : list of Path
+        Files that have the name of a stage, but that no run wrote, or that are damaged; they stay.
 
     Raises
     ------
@@ -92,12 +97,15 @@ def clear_cache(folder: Path) -> tuple[int, int]:
         If the folder is no run directory and no sweep.
     """
     count = size = 0
+    kept = []
     for path in _files(folder):
-        if path.suffix in (".h5", ".lock", ".tmp"):
+        if path.suffix == ".h5" and not is_stage(path):
+            kept.append(path)
+        elif path.suffix == ".h5" or _LEFT.fullmatch(path.name):
             size += path.stat().st_size
             count += 1
             path.unlink(missing_ok=True)
-    return count, size
+    return count, size, kept
 
 
 def write_origin(folder: Path, pipeline: Path, overrides: Sequence[str]) -> None:

@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import json
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
@@ -25,6 +26,7 @@ __all__ = [
     "STAGES_FOLDER",
     "StageStore",
     "code_version",
+    "is_stage",
     "share_stages",
     "stage_key",
 ]
@@ -36,6 +38,9 @@ SHARED = ("reduce", "reference", "orthogonalise")
 STAGES_FOLDER = "stages"
 """Folder of a run directory with its finished stages."""
 
+STAGE_FORMAT = "cmsreduce-stage"
+"""Attribute ``format`` of the file of a finished stage."""
+
 # Dataset with the facts that are no arrays; no array has this name.
 _FACTS = "facts."
 # File in the folder of a run's stages with the path of the shared folder.
@@ -43,6 +48,7 @@ _POINTER = "shared.json"
 # Hexadecimal digits of a key in the name of a file: 80 bits; the file holds the whole key.
 _DIGITS = 20
 _MATRIX = 2
+_KEY = re.compile(r"[0-9a-f]{64}")
 # Errors of HDF5, and of later steps, on damaged bytes.
 _DAMAGE = (OSError, KeyError, ValueError, RuntimeError, TypeError, IndexError, AttributeError, OverflowError)
 _BASE = ("model", "linalg", "multifrontal", "mechanics")
@@ -105,6 +111,19 @@ def share_stages(folder: Path, shared: Path) -> None:
             temporary.write_text(text, encoding="utf-8")
 
 
+def is_stage(path: Path) -> bool:
+    """True for the file of a finished stage, by its content; versions before the mark wrote a key and facts alone."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            key = str(file.attrs["key"])
+            marked = file.attrs.get("format", STAGE_FORMAT) == STAGE_FORMAT
+            return marked and _FACTS in file and _KEY.fullmatch(key) is not None
+    except _DAMAGE:
+        return False
+
+
 class StageStore:
     """The ``stages`` folder of a run directory, and the one it shares with other runs, if any.
 
@@ -155,6 +174,7 @@ class StageStore:
         # Arrays on disk are copied from file to file, without passing through memory.
         large = {name: array for name, array in arrays.items() if mapped_in(array) is not None}
         with hdf5_file(path, large) as file:
+            file.attrs["format"] = STAGE_FORMAT
             file.attrs["key"] = key
             file.attrs["names"] = json.dumps(sorted(arrays))
             # A dataset, because HDF5 bounds the size of attributes.

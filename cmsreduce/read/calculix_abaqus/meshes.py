@@ -90,7 +90,9 @@ def _read_frd(path: Path) -> Geometry:
                 ids.append(int(line[_FRD_KEY:start]))
                 xyz.append([float(line[at : at + _FRD_REAL]) for at in range(start, start + 3 * _FRD_REAL, _FRD_REAL)])
             except ValueError:
-                raise ReadError(f"{path}, line {number}: '{line.rstrip()}' is no node; the file is damaged") from None
+                raise ReadError(
+                    f"{path}, line {number}: '{line.rstrip()[:60]}' is no node; the file is damaged"
+                ) from None
     announced = header.split()[1]
     if announced.isdigit() and int(announced) != len(ids):
         raise ReadError(f"{path}: {announced} nodes are announced and {len(ids)} are there; the file is truncated")
@@ -99,14 +101,14 @@ def _read_frd(path: Path) -> Geometry:
 
 
 def _frd_cells(path: Path) -> Iterator[tuple[str, list[int]]]:
-    inside, kind = False, ""
+    inside, kind, nodes = False, "", list[int]()
     with path.open(encoding="utf-8", errors="replace") as stream:
         for line in stream:
             if line.startswith("    3C"):
                 inside = True
             elif inside and line.startswith(" -1"):
                 kind = _FRD_CELLS.get(int(line.split()[2]), "")
-                nodes: list[int] = []
+                nodes = []
             elif inside and line.startswith(" -2"):
                 fresh = not nodes
                 nodes += [int(text) for text in line.split()[1:]]
@@ -224,7 +226,7 @@ def _node_lines(block: _Block) -> Coordinates:
             xyz = tuple(float(text.upper().replace("D", "E") or 0) for text in (*fields[1:4], "", "", ""))[:3]
             out[int(fields[0])] = xyz
         except ValueError:
-            raise ReadError(f"{path}, line {number}: '{line.strip()}' is no node: id, x, y, z") from None
+            raise ReadError(f"{path}, line {number}: '{line.strip()[:60]}' is no node: id, x, y, z") from None
     return out
 
 

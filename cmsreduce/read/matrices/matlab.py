@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
-from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +11,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from cmsreduce.errors import ReadError
+from cmsreduce.model import HARMLESS_BYTES, LARGEST_GROWTH, check_dataset
 from cmsreduce.read.files import reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrices.matlab_layout import check_layout, is_level_4
-from cmsreduce.read.matrices.numpy_files import LARGEST_RATIO, from_array, kind_of
+from cmsreduce.read.matrices.numpy_files import from_array, kind_of
 
 __all__ = ["MATLAB"]
 
@@ -82,7 +82,11 @@ def _hdf5_matrices(path: Path) -> list[StoredMatrix]:
 
     stored = []
     with reading(path, "the HDF5 file"), h5py.File(path, "r") as file:
-        classes = {name: item.attrs.get("MATLAB_class") for name, item in file.items() if not name.startswith("#")}
+        names = [name for name in file if not name.startswith("#")]
+        for name in names:
+            if not isinstance(file.get(name, getlink=True), h5py.HardLink):
+                raise ReadError(f"{path}: variable '{name}' is a link to another place or file, which is not followed")
+        classes = {name: file[name].attrs.get("MATLAB_class") for name in names}
         if not any(kind is not None for kind in classes.values()):
             raise ReadError(
                 f"{path}: is an HDF5 file that MATLAB did not write; save the matrices to a .npz or .mat file"
@@ -97,6 +101,7 @@ def _hdf5_stored(path: Path, name: str, kind: str, item: Any) -> StoredMatrix:
     """A variable of a version 7.3 file: a data set, or a group for a sparse matrix."""
     sparse_rows = item.attrs.get("MATLAB_sparse")
     if sparse_rows is not None:
+        _refuse_unstored(path, {f"{name}/{part}": item[part] for part in item})
         columns = int(item["jc"].shape[0]) - 1
         entries = int(item["data"].shape[0]) if "data" in item else 0
         size = (int(sparse_rows), columns, entries)
@@ -105,13 +110,21 @@ def _hdf5_stored(path: Path, name: str, kind: str, item: Any) -> StoredMatrix:
     if kind not in _NUMERIC or len(shape) != 2:
         return StoredMatrix(name, kind, "", (0, 0, None), partial(_refuse, path, name, kind, shape), usable=False)
     numbers = "complex double" if item.dtype.names else kind_of(item.dtype) or str(item.dtype)
-    claimed = prod(shape) * item.dtype.itemsize
-    if claimed > LARGEST_RATIO * max(item.id.get_storage_size(), 1):
-        raise ReadError(
-            f"{path}: variable '{name}' claims {shape[0]} x {shape[1]} numbers, but {item.id.get_storage_size()} bytes "
-            "are stored for it; the file is damaged: save it again"
-        )
+    _refuse_unstored(path, {name: item})
     return StoredMatrix(name, numbers, "", (shape[0], shape[1], None), partial(_load_hdf5_dense, path, name))
+
+
+def _refuse_unstored(path: Path, datasets: Mapping[str, Any]) -> None:
+    """Refuse data of other files, and sizes that a file of this size cannot hold."""
+    try:
+        declared = sum(check_dataset(name, dataset) for name, dataset in datasets.items())
+    except ReadError as error:
+        raise ReadError(f"{path}: {error}; save the file again") from None
+    if declared > (most := max(HARMLESS_BYTES, LARGEST_GROWTH * path.stat().st_size)):
+        raise ReadError(
+            f"{path}: variable '{next(iter(datasets))}' claims {declared} bytes, more than {most} that a file of this "
+            "size can rightly hold; it is damaged, or a sparse matrix that was saved with its zeros: save it as sparse"
+        )
 
 
 def _load_hdf5_dense(path: Path, name: str) -> LabelledMatrix:

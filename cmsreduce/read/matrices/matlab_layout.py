@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from cmsreduce.errors import ReadError
+from cmsreduce.read.matrices.numpy_files import most_unpacked
 
 __all__ = ["check_layout", "is_level_4"]
 
@@ -99,7 +100,12 @@ def _check_level_5(path: Path, file: IO[bytes], size: int) -> None:
         try:
             if kind == _COMPRESSED:
                 inside = _Parts(_Inflated(file, length), order)
+                packed = length
                 kind, length = inside.integers(2)
+                if length > most_unpacked(packed):
+                    raise ValueError(
+                        f"{packed} bytes cannot rightly hold {length}; a sparse matrix must be saved as sparse"
+                    )
             else:
                 inside = _Parts(file, order)
             if kind == _MATRIX:

@@ -15,14 +15,15 @@ import scipy.sparse as sp
 from numpy.lib import format as npy
 
 from cmsreduce.errors import ReadError
+from cmsreduce.model import HARMLESS_BYTES, LARGEST_GROWTH
 from cmsreduce.read.files import reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import DOUBLE, LabelledMatrix, canonical, check_size
 
-__all__ = ["LARGEST_RATIO", "NPY", "NPZ", "from_array", "kind_of"]
+__all__ = ["NPY", "NPZ", "from_array", "kind_of", "most_unpacked"]
 
-LARGEST_RATIO = 1032
-"""Largest factor by which deflate shrinks data; an array that claims more is damaged, or meant to exhaust memory."""
+# Largest factor by which deflate shrinks data; an array that claims more is damaged, or meant to exhaust memory.
+_LARGEST_RATIO = 1032
 
 # Bytes of a header; numpy writes some hundred.
 _LONGEST_HEADER = 1 << 16
@@ -42,6 +43,11 @@ def kind_of(dtype: np.dtype[Any]) -> str | None:
         return None
     short = f"{dtype.kind}{dtype.itemsize}"
     return _NAMES.get(short, "complex" if dtype.kind == "c" else str(dtype))
+
+
+def most_unpacked(packed: int) -> int:
+    """Bytes that so many compressed bytes may become; more would fill the memory from a small file."""
+    return min(_LARGEST_RATIO * max(packed, 1), max(HARMLESS_BYTES, LARGEST_GROWTH * packed))
 
 
 def from_array(path: Path, name: str, format: str, array: Any) -> LabelledMatrix:
@@ -130,11 +136,14 @@ def _npz_matrices(path: Path) -> list[StoredMatrix]:
             with archive.open(info) as file:
                 shape, dtype = _header(file)
             name = info.filename.removesuffix(".npy")
-            holds = min(info.file_size, LARGEST_RATIO * max(info.compress_size, 1))
+            # A member that is not compressed has its own size.
+            packed = info.compress_type != zipfile.ZIP_STORED
+            holds = min(info.file_size, most_unpacked(info.compress_size) if packed else info.compress_size)
             if prod(shape) * dtype.itemsize > holds and not dtype.hasobject:
                 raise ReadError(
-                    f"{path}: array '{name}' claims {_size(shape)} {dtype}, more than the {info.compress_size} bytes "
-                    "of the file that hold it can give; the file is damaged: write it again"
+                    f"{path}: array '{name}' claims {_size(shape)} {dtype}, which {info.compress_size} bytes of the "
+                    "file cannot rightly hold; it is damaged, or a sparse matrix that was saved with its zeros: save "
+                    "it with scipy.sparse.save_npz"
                 )
             headers[name] = shape, dtype
     if headers.keys() >= _SPARSE:

@@ -314,7 +314,7 @@ def _from_seconct(cards: Cards) -> tuple[Nodes, Keys]:
 def _pairs(card: Card) -> list[tuple[int, int]]:
     """Pairs of ids, with all ids of ranges: ``a b``, or ``a1 THRU a2 b1 THRU b2``."""
     fields = [text for text in card.fields[_SECONCT_START:] if text]
-    spans = [span.ids() for span in id_ranges(card.with_fields(fields), 0)]
+    spans = [span.ids(card) for span in id_ranges(card.with_fields(fields), 0)]
     if len(spans) % 2 or any(a.size != b.size for a, b in zip(spans[::2], spans[1::2], strict=True)):
         raise ReadError(f"{card.where}: ids do not come in pairs; the card is damaged")
     return [(int(a), int(b)) for A, B in zip(spans[::2], spans[1::2], strict=True) for a, b in zip(A, B, strict=True)]

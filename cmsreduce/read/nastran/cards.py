@@ -21,9 +21,13 @@ FIELDS_PER_LINE = 8
 """Data fields on one line of a card with fields of eight characters."""
 
 _WIDE_FIELDS_PER_LINE = 4
-_INTEGER = re.compile(r"[+-]?\d+\Z")
+_SHOWN = 40  # characters of a bad field in a message
+# Node ids become keys of dofs in 64-bit integers.
+_INTEGER = re.compile(r"[+-]?0*\d{1,15}\Z")
 _INCLUDE = re.compile(r"\s*INCLUDE(?=[\s'\"=])\s*=?\s*(.*)", re.IGNORECASE)
-_BEGIN = re.compile(r"\s*BEGIN\b\s*(BULK)?\s*(?:SUPER\s*=?\s*(\d+)|(AUX|ARBMODEL|MASSID|UDS))?", re.IGNORECASE)
+_BEGIN = re.compile(
+    r"\s*BEGIN\b\s*(BULK)?\s*(?:SUPER\s*=?\s*(\d{1,15})(?!\d)|(AUX|ARBMODEL|MASSID|UDS))?", re.IGNORECASE
+)
 _ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
 _CEND = re.compile(r"\s*CEND\b", re.IGNORECASE)
 _ELSEWHERE = -1  # section of auxiliary models, which are no part of the body
@@ -76,7 +80,7 @@ class Card:
         if not text and default is not None:
             return default
         if not _INTEGER.match(text):
-            raise ReadError(f"{self.where}: {_field(index)} should be an integer, it is '{text}'")
+            raise ReadError(f"{self.where}: {_field(index)} should be an integer, it is '{text[:_SHOWN]}'")
         return int(text)
 
     def real(self, index: int, default: float = 0.0) -> float:
@@ -92,7 +96,7 @@ class Card:
             return default
         value = real_number(text)
         if value is None:
-            raise ReadError(f"{self.where}: {_field(index)} should be a number, it is '{text}'")
+            raise ReadError(f"{self.where}: {_field(index)} should be a number, it is '{text[:_SHOWN]}'")
         return value
 
 

@@ -31,6 +31,9 @@ __all__ = [
 Keys = NDArray[np.int64]
 """Dofs as integers (``KEY_STEP``)."""
 
+# Points that one range may define: a slip in a digit must not fill the memory.
+_MOST_IDS = 1_000_000
+_LONGEST_ID = 15
 _SUBCASE = re.compile(r"SUBCASE\b|SUBCOM\b|SYM\b", re.IGNORECASE)
 _LISTED = {"ASET1": "a", "BSET1": "b", "BNDFIX1": "b", "CSET1": "c", "BNDFRE1": "c", "OMIT1": "o", "QSET1": "q"}
 _PAIRED = {"ASET": "a", "BSET": "b", "BNDFIX": "b", "CSET": "c", "BNDFREE": "c", "OMIT": "o", "QSET": "q"}
@@ -54,8 +57,19 @@ class IdRange:
         """True if the range is one id."""
         return self.first == self.last
 
-    def ids(self) -> NDArray[np.int64]:
-        """Every id of the range."""
+    def ids(self, card: Card) -> NDArray[np.int64]:
+        """Every id of the range.
+
+        Raises
+        ------
+        ReadError
+            If there are absurdly many; ``card`` is named.
+        """
+        if (self.last - self.first) // self.step >= _MOST_IDS:
+            raise ReadError(
+                f"{card.where}: '{self.first} THRU {self.last}' is more than {_MOST_IDS} points; the file is damaged, "
+                "or the range is a slip"
+            )
         return np.setdiff1d(np.arange(self.first, self.last + 1, self.step, dtype=np.int64), self.without)
 
     def among(self, known: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -93,7 +107,7 @@ def id_ranges(card: Card, start: int, stop: int | None = None) -> list[IdRange]:
                 at += 2
             if word("EXCEPT"):
                 at += 1
-                while at < len(fields) and fields[at][1].isdigit() and first <= int(fields[at][1]) <= last:
+                while at < len(fields) and _is_id(fields[at][1]) and first <= int(fields[at][1]) <= last:
                     without.append(int(fields[at][1]))
                     at += 1
         out.append(IdRange(first, last, step, tuple(without)))
@@ -105,6 +119,11 @@ def _after(card: Card, fields: list[tuple[int, str]], at: int) -> int:
     if at + 1 >= len(fields):
         raise ReadError(f"{card.where}: nothing follows '{fields[at][1]}'")
     return fields[at + 1][0]
+
+
+def _is_id(text: str) -> bool:
+    # Python refuses to convert thousands of digits.
+    return text.isdecimal() and len(text) <= _LONGEST_ID
 
 
 def _id(card: Card, index: int) -> int:
@@ -220,7 +239,7 @@ def cards_in_force(cards: Cards, case: Sequence[str] | None, *names: str) -> tup
     sums, numbers = cards.get(f"{keyword}ADD", ()), {number}
     for card in sums:
         if card.integer(0) == number:
-            numbers.update(int(i) for span in id_ranges(card, 1) for i in span.ids())
+            numbers.update(int(i) for span in id_ranges(card, 1) for i in span.ids(card))
     if not numbers & {card.integer(0) for card in (*found, *sums)}:
         remarks.append(f"case control selects {keyword} = {number}, which the deck does not have")
     return [card for card in found if card.integer(0) in numbers], remarks
@@ -248,7 +267,7 @@ def _selected_set(lines: Sequence[str], keyword: str) -> tuple[int | None, str |
     >>> _selected_set(["SPC = 3", "SUBCASE 1", "SPC = 5", "SUBCASE 2"], "SPC")
     (5, 'subcases select different SPC sets (5, 3): the first is taken')
     """
-    pattern = re.compile(rf"{keyword}\s*=\s*(\d+)")
+    pattern = re.compile(rf"{keyword}\s*=\s*(\d{{1,15}})(?!\d)")
     above: int | None = None
     cases: list[int | None] = []
     for line in lines:

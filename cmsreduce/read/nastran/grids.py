@@ -70,7 +70,7 @@ def scalar_points(cards: Cards, grids: Mapping[int, Grid]) -> NDArray[np.int64]:
     """
     found: set[int] = set()
     for card in cards.get("SPOINT", ()):
-        ids = {int(i) for span in id_ranges(card, 0) for i in span.ids()}
+        ids = {int(i) for span in id_ranges(card, 0) for i in span.ids(card)}
         shared = ids & grids.keys()
         if shared:
             raise ReadError(f"{card.where}: {min(shared)} is a GRID as well ({grids[min(shared)].where})")

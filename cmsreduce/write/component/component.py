@@ -29,6 +29,7 @@ from cmsreduce.write.component.component_file import FORMAT, FORMAT_VERSION
 from cmsreduce.write.component.integrals import put_augmented, put_frame, put_integrals, put_stiffening, support
 from cmsreduce.write.component.shapes import basic_shapes, lumps_of_nodes
 from cmsreduce.write.files import hdf5_file, put, put_json, put_texts, put_units
+from cmsreduce.write.seal import put_seal
 
 __all__ = ["write_component"]
 
@@ -135,6 +136,7 @@ def write_component(
         put_texts(done, "name", [check.name for check in checks])
         put(done, "value", np.array([check.value for check in checks], dtype=np.float64))
         put(done, "limit", np.array([check.limit for check in checks], dtype=np.float64))
+        put_seal(file)
 
 
 def _provenance(group: Any, body: FEModel, provenance: Mapping[str, Any]) -> None:

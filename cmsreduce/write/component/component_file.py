@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import Finding
+from cmsreduce.model import Finding, hdf5_items
+from cmsreduce.write.seal import SEAL, SEALED_ITEMS, broken_seal, content_digests
 
 __all__ = [
     "FORMAT",
@@ -23,7 +24,8 @@ __all__ = [
 ]
 
 FORMAT = "cmsreduce-component"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
+_FIRST_SEALED = 3
 
 _SHAPES: Mapping[str, tuple[str | int, ...]] = {
     "modes/omega": ("m",),
@@ -117,6 +119,12 @@ _STIFFENING: Mapping[str, tuple[str | int, ...]] = {
 }
 """Datasets of a body with geometric stiffness."""
 
+_NAN = {
+    *("modes/omega", "modes/frequency_hz", "modes/source_hz", "modes/sigma", "modes/spacing"),
+    *("nodes/translation", "nodes/rotation", "checks/value", "checks/limit"),
+}
+"""Datasets with numbers that may be NaN, which means unknown; only checks may be infinite."""
+
 _GROUPS = ("modes", "dofs", "inputs", "outputs", "checks", "provenance", "units", "interfaces", "integration")
 
 
@@ -140,6 +148,8 @@ class ComponentFile:
         Attributes of the file (path ``""``) and of its groups.
     checks : tuple of Finding
         Results of the body's checks.
+    sealed : bool
+        True if the content was compared with its checksum; files of format versions 1 and 2 have none.
     """
 
     name: str
@@ -150,6 +160,7 @@ class ComponentFile:
     texts: Mapping[str, tuple[str, ...]]
     attributes: Mapping[str, Mapping[str, Any]]
     checks: tuple[Finding, ...]
+    sealed: bool = False
 
     @property
     def omega(self) -> NDArray[np.float64]:
@@ -185,7 +196,8 @@ def read_component(path: Path | str) -> ComponentFile:
     Raises
     ------
     ReadError
-        If the file is missing, damaged, incomplete, or of another format or a later version.
+        If the file is missing, damaged, incomplete, or of another format or a later version; if its content was
+        changed after it was written, lies in other files, or is not finite.
     """
     import h5py
 
@@ -194,26 +206,27 @@ def read_component(path: Path | str) -> ComponentFile:
         raise ReadError(f"{path}: there is no such file")
     arrays: dict[str, NDArray[Any]] = {}
     texts: dict[str, tuple[str, ...]] = {}
-    attributes: dict[str, dict[str, Any]] = {}
-
-    def visit(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset):
-            value = item[()]
-            if item.dtype.kind == "S":
-                texts[name] = tuple(text.decode("utf-8") for text in value)
-            else:
-                arrays[name] = value
-        else:
-            attributes[name] = dict(item.attrs)
-
     try:
         with h5py.File(path, "r") as file:
             _refuse_other_formats(path, file.attrs)
-            attributes[""] = dict(file.attrs)
-            file.visititems(visit)
-        found = fault(attributes, {name: np.shape(value) for name, value in (arrays | texts).items()})
-        if found is not None:
-            raise ReadError(f"{path}: {found}; write the file again with `cmsreduce run`")
+            items = hdf5_items(file, path.stat().st_size)
+            every = {name: dict(item.attrs) for name, item in items.items()}
+            stored = {name: item[()] for name, item in items.items() if isinstance(item, h5py.Dataset)}
+        attributes = {name: facts for name, facts in every.items() if name not in stored}
+        for name, value in stored.items():
+            if value.dtype.kind == "S":
+                texts[name] = tuple(text.decode("utf-8") for text in value)
+            else:
+                arrays[name] = value
+        sealed = SEAL in attributes[""]
+        found = fault(attributes, {name: np.shape(value) for name, value in stored.items()})
+        if found is None and sealed:
+            listed = (stored[f"{SEALED_ITEMS}/{name}"] for name in ("item", "sha256"))
+            found = broken_seal(content_digests(stored, every), attributes[""][SEAL], *listed)
+        if found is None and not sealed and attributes[""]["format_version"] >= _FIRST_SEALED:
+            found = "its seal was removed"
+        if (found := found or _not_finite(arrays)) is not None:
+            raise ReadError(f"{found}; write the file again with `cmsreduce run`")
         return ComponentFile(
             name=str(attributes[""]["name"]),
             method=str(attributes[""]["method"]),
@@ -229,7 +242,10 @@ def read_component(path: Path | str) -> ComponentFile:
                     texts["checks/name"], arrays["checks/value"], arrays["checks/limit"], strict=True
                 )
             ),
+            sealed=sealed,
         )
+    except ReadError as error:
+        raise error if str(error).startswith(str(path)) else ReadError(f"{path}: {error}") from None
     except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
         raise ReadError(
             f"{path}: the file is damaged or incomplete ({error}); write it again with `cmsreduce run`"
@@ -283,6 +299,18 @@ def fault(groups: Iterable[str], shapes: Mapping[str, tuple[int, ...]]) -> str |
         if not fits:
             expected = ", ".join(str(length.get(size, size)) for size in shape)
             return f"dataset '{path}' has shape {found}, where ({expected}) fits the others"
+    return None
+
+
+def _not_finite(arrays: Mapping[str, NDArray[Any]]) -> str | None:
+    """First dataset with a number that is not finite, where the format allows none."""
+    for path, array in arrays.items():
+        if array.dtype.kind not in "fc" or np.isfinite(array).all():
+            continue
+        if path not in _NAN and not path.startswith("modes/rankings/"):
+            return f"dataset '{path}' holds a number that is not finite"
+        if np.isinf(array).any() and not path.startswith("checks/"):
+            return f"dataset '{path}' holds a number that is infinite"
     return None
 
 

@@ -25,8 +25,8 @@ def test_only_the_body_in_need_is_raised() -> None:
     assert 2.99 <= found["soft"].cutoff_bands < 1.25 * 2.99
     assert found["soft"].error <= found["soft"].limit == pytest.approx(0.005)
     assert found["soft"].tried[0] == (START, 0.4 / START**4)
-    assert "soft: cutoff auto raised from 1.5 to" in found["soft"].note
-    assert "stiff: cutoff auto stays at 1.5 x the band" in found["stiff"].note
+    assert "soft: cutoff auto raised from 1.5 to" in found["soft"].note()
+    assert "stiff: cutoff auto stays at 1.5 x the band" in found["stiff"].note()
 
 
 @pytest.mark.parametrize(
@@ -36,7 +36,8 @@ def test_only_the_body_in_need_is_raised() -> None:
 def test_the_search_ends_with_a_clear_note(errors: Callable[..., Mapping[str, float]], words: str) -> None:
     found = choose_cutoffs(["arm"], 0.01, errors)["arm"]
     assert found.cutoff_bands == MOST and found.error > found.limit
-    assert "stopped at 8 x the band" in found.note and words in found.note
+    note = found.note()
+    assert "stopped at 8 x the band" in note and words in note
 
 
 AUTO = ("reduce={cutoff: auto}", "scene.articulation={hinge: [50 deg]}")
@@ -52,7 +53,7 @@ def test_the_chosen_cutoffs_meet_the_error_asked_for(opened: Callable[..., Run],
     assert true_error(run) < 0.1
     for name, choice in run.cutoffs.items():
         assert choice.error <= choice.limit == pytest.approx(0.1 / 2 / 2)
-        assert choice.note in run.stages.notes
+        assert choice.note(run.mode_sets.remedies(name)) in run.stages.notes
         assert run.modal(name).certificate is None or run.modal(name).certificate.cutoff_hz == pytest.approx(
             60 * choice.cutoff_bands
         )
@@ -126,7 +127,8 @@ def test_the_summary_has_the_choice_under_keys_of_its_own(opened: Callable[..., 
     execute(run, study)
     parts = json.loads((run.folder / "summary.json").read_text())["components"]
     found, choice = parts["panel"]["cutoff"], run.cutoffs["panel"]
-    assert (found["multiple"], found["estimate"], found["allowed"]) == (choice.cutoff_bands, choice.error, choice.limit)
+    expected = choice.cutoff_bands, choice.error, choice.limit
+    assert (found["multiple"], found["estimate"], found["allowed"]) == expected
     assert found["tried"] == [list(each) for each in choice.tried] and found["tried"][0][0] == START
     assert parts["panel"]["certificate"]["cutoff_hz"] == pytest.approx(60 * found["multiple"])
     assert parts["arm"]["cutoff"] is None
