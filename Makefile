@@ -49,6 +49,8 @@ bench: $(STAMP) ## cmsreduce against scipy on small bodies, two minutes
 bench-full: $(STAMP) bench-peers ## every peer on every body, and benchmarks/performance.md; hours
 	$(BIN)/python benchmarks/reduction.py
 	$(BIN)/python benchmarks/error_speed.py
+	$(BIN)/python benchmarks/random_scenes.py
+	$(BIN)/python benchmarks/corruptions.py
 	$(BIN)/python benchmarks/linear_algebra.py --full --write
 
 # Peers that would not share an environment with the project. Where one cannot be had, the tables say so.

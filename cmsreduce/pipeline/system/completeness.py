@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import assemble, channel_rows, system_modes
+from cmsreduce.assemble import channel_rows, system_modes
 from cmsreduce.linalg.blocks import dense
-from cmsreduce.model import MISSING_INERTIA, AxisCompleteness, Channel, Configuration, System
+from cmsreduce.linalg.eigen import null_space
+from cmsreduce.model import MISSING_INERTIA, AxisCompleteness, Channel, Configuration, JointTerm, Point, System
 from cmsreduce.pipeline.system.assembled import AssembledModel
-from cmsreduce.verify import articulation_sensors, free_index, hinges_locked, locked_index
+from cmsreduce.verify import articulation_sensors, free_index, locked_index
 
 __all__ = ["axis_completeness", "completeness_note"]
 
@@ -22,6 +23,8 @@ Real = NDArray[np.float64]
 _DENSE = 1500
 # A hinge that a spring or a loop holds has no part in any rigid motion, to the rounding of the terms that cancel.
 _HELD = 1e-9
+# Direction cosines below this are zero: frames are known to eight digits.
+_STRAY = 1e-6
 
 
 def axis_completeness(reduced: AssembledModel, untruncated: AssembledModel) -> tuple[AxisCompleteness, ...]:
@@ -50,14 +53,17 @@ def axis_completeness(reduced: AssembledModel, untruncated: AssembledModel) -> t
     if large or not sensors:
         return ()
     for configuration in scene.configurations:
-        systems = [_sensing(model, sensors, configuration) for model in (reduced, untruncated)]
+        measured = _able(reduced, sensors, configuration)
+        if not measured:
+            continue
+        systems = [_sensing(model, measured, configuration) for model in (reduced, untruncated)]
         free = _free(systems[1])
-        axes = [axis for axis, moves in zip(sensors, free, strict=True) if moves]
+        axes = [axis for axis, moves in zip(measured, free, strict=True) if moves]
         own, every = (
             _indices(model, _only(system, free), configuration)
             for model, system in zip((reduced, untruncated), systems, strict=True)
         )
-        locked = _locked(reduced, _only(systems[0], free), configuration)
+        locked = _locked(_only(systems[0], free), systems[0])
         for a, axis in enumerate(axes):
             shares = (own[0][a], own[1][a], every[1][a], locked[a])
             found.append(AxisCompleteness(axis.name, configuration.name, *map(float, shares)))
@@ -79,7 +85,10 @@ def completeness_note(found: Sequence[AxisCompleteness]) -> str | None:
 def _sensing(model: AssembledModel, sensors: Sequence[Channel], configuration: Configuration) -> System:
     """The system with the motions of the hinges as its only outputs."""
     system, placed = model.system(configuration), model.wiring(configuration).placed
-    C1 = dense(model.stack.spread(channel_rows(model.stack, model.scene, placed, sensors)) @ system.T)
+    rows = model.stack.spread(channel_rows(model.stack, model.scene, placed, sensors))
+    C1 = dense(rows @ system.T)
+    # A hinge that the modes kept do not move is rounding.
+    C1[np.linalg.norm(C1, axis=1) <= _HELD * np.linalg.norm(abs(dense(rows)) @ abs(system.T), axis=1)] = 0.0
     names = tuple(axis.name for axis in sensors)
     return replace(system, B=system.B[:, :0], C1=C1, C2=np.zeros_like(C1), inputs=(), outputs=names)
 
@@ -104,9 +113,32 @@ def _indices(model: AssembledModel, system: System, configuration: Configuration
     return index[inside], index[-1]
 
 
-def _locked(model: AssembledModel, system: System, configuration: Configuration) -> Real:
-    """Inertia that all modes with locked hinges represent."""
-    scene = hinges_locked(replace(model.scene, actuators=(), sensors=()))
-    locked = assemble(model.substructures, scene, configuration)
-    _, Phi = system_modes(replace(locked, K=dense(locked.K), M=dense(locked.M)), np.inf)
+def _locked(system: System, every: System) -> Real:
+    """Inertia that all modes with locked hinges represent; ``every`` has all motions of the joints as outputs."""
+    K, M = dense(every.K), dense(every.M)
+    # Not the scene with other joints: a slide separates its interfaces, and springs would stay as bodies of their own.
+    Z, _ = null_space(every.C1)
+    # Motions that springs hold are rounding in the rigid ones.
+    still, _ = null_space(system.C1 @ every.rigid)
+    locked = replace(every, T=every.T @ Z, K=Z.T @ K @ Z, M=Z.T @ M @ Z, rigid=Z.T @ every.rigid @ still)
+    _, Phi = system_modes(locked, np.inf)
     return np.asarray(np.vstack([np.zeros(len(system.outputs)), locked_index(system, locked, Phi)])[-1])
+
+
+def _able(model: AssembledModel, sensors: Sequence[Channel], configuration: Configuration) -> list[Channel]:
+    """Sensors of joint motions that the nodes on both sides have: a node without rotations has no angle."""
+    rows = channel_rows(model.stack, model.scene, model.wiring(configuration).placed, sensors)
+    joints = {joint.name: joint for joint in model.scene.joints}
+    able = []
+    for sensor, row in zip(sensors, rows, strict=True):
+        (term,) = sensor.terms
+        assert isinstance(term, JointTerm)
+        if all(_moves(model, point, row) for point in (joints[term.joint].first, joints[term.joint].second)):
+            able.append(sensor)
+    return able
+
+
+def _moves(model: AssembledModel, point: Point, row: Real) -> bool:
+    label, sub = model.stack.label(point), model.substructures[point.body]
+    weights = row[model.stack.columns(point.body, label)].reshape(2, 3) @ sub.axes[label].T
+    return bool(np.linalg.norm(weights.ravel()[~sub.has[label]]) <= _STRAY * np.linalg.norm(weights))
