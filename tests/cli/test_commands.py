@@ -116,7 +116,8 @@ def test_report_is_written_again(finished: Path) -> None:
     before = (finished / "report.html").read_bytes()
     (finished / "report.html").unlink()
     result = call("report", finished)
-    wrote, last = result.stdout.splitlines()
+    verdict, wrote, last = result.stdout.splitlines()
+    assert verdict.startswith("study: PASS: ")
     assert (result.exit_code, wrote) == (0, f"wrote {finished / 'report.html'}")
     told = rf"1 file in {re.escape(str(finished))}; worst response error [\d.]+ % at .+; [\d.]+ s"
     assert re.fullmatch(told, last), last
