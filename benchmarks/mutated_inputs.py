@@ -1,4 +1,4 @@
-"""Damaged files of every kind that is read: each is read, or refused with one message, within 20 s of a processor and 2 GB.
+"""Damaged files of every kind: each is read, or refused with one message, within 20 s of a processor and 2 GB.
 
 ``python benchmarks/mutated_inputs.py [COUNT] [--seed N] [--only NAME]`` damages the good files of ``tests/hard`` COUNT
 times (5000 if not given) and prints one row a file. Each case runs in a process of its own, whose address space is
