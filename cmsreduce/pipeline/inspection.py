@@ -99,7 +99,7 @@ def _hdf5_format(path: Path) -> str:
     try:
         with h5py.File(path, "r") as file:
             return str(file.attrs.get("format", ""))
-    except (OSError, RuntimeError, ValueError, TypeError):
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError):
         return ""
 
 

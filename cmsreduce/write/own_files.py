@@ -75,5 +75,5 @@ def _hdf5_format(path: Path) -> str | None:
     try:
         with h5py.File(path, "r") as file:
             return str(file.attrs.get("format", ""))
-    except (OSError, RuntimeError, ValueError, TypeError):
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError):
         return ""

@@ -31,7 +31,17 @@ from cmsreduce.read.calculix_abaqus import read_dof_list
 from cmsreduce.write import TARGETS, convert, read_component
 from tests.read.mutations import samples
 
-__all__ = ["actions", "good_files"]
+__all__ = ["NAMES", "actions", "good_files"]
+
+NAMES = (
+    *("deck.bdf", "bars.bdf", "dmig.pch", "abaqus.mtx", "calculix.sti", "calculix.dof", "mesh.inp", "mesh.frd"),
+    *("mesh.asm", "binary.op2", "wide.op2", "dense.op4", "bigmat.op4", "nonbigmat.op4", "printed.op4", "sparse.op4"),
+    *("market.mtx", "array.mtx", "level4.mat", "level5.mat", "packed.mat", "level73.mat", "dense.npy", "arrays.npz"),
+    *("sparse.npz", "mesh.msh", "mesh2.msh", "mesh.vtk", "mesh.vtu", "mesh.xdmf", "mesh.med", "mesh.mesh", "mesh.stl"),
+    *("mesh.off", "mesh.ply", "mesh.obj", "mesh.su2", "controller.txt", "controller.csv", "component_beam.h5"),
+    *("summary.json", "pipeline.yaml"),
+)
+"""Names of the files, which say what is in them."""
 
 ROOT = Path(__file__).resolve().parents[2]
 _BODY = ROOT / "sample_models" / "rotating_beam"

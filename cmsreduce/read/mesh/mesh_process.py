@@ -24,7 +24,7 @@ def main(mesh: str, arrays: str, most_bytes: str, seconds: str) -> None:
     warnings.simplefilter("ignore")
     found = meshio.read(mesh)
     cells = {f"{number} {block.type}": np.asarray(block.data) for number, block in enumerate(found.cells)}
-    np.savez(arrays, allow_pickle=False, points=np.asarray(found.points), **cells)
+    np.savez(arrays, points=np.asarray(found.points), **cells)  # type: ignore[arg-type]
 
 
 if __name__ == "__main__":

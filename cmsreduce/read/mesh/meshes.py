@@ -25,8 +25,8 @@ _PROGRAM = Path(__file__).with_name("mesh_process.py")
 # Of the process: the start, and for each byte of the file. Slow formats are read at a million bytes a second, and a
 # number of two printed characters becomes a Python object of 32 bytes in a list. Seconds are those of a processor:
 # other work on the machine does not count.
-_SECONDS, _SECONDS_A_BYTE = 6.0, 1e-6
-_WAITING = 10.0  # on the clock, times those of a processor
+_SECONDS, _SECONDS_A_BYTE = 5.0, 1e-6
+_WAITING = 6.0  # on the clock, times those of a processor
 _BYTES, _BYTES_A_BYTE = 3 << 29, 60
 # Characters of meshio's complaint that are shown.
 _LONGEST_REASON = 300
