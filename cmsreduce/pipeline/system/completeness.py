@@ -88,7 +88,9 @@ def _sensing(model: AssembledModel, sensors: Sequence[Channel], configuration: C
     rows = model.stack.spread(channel_rows(model.stack, model.scene, placed, sensors))
     C1 = dense(rows @ system.T)
     # A hinge that the modes kept do not move is rounding.
-    C1[np.linalg.norm(C1, axis=1) <= _HELD * np.linalg.norm(abs(dense(rows)) @ abs(system.T), axis=1)] = 0.0
+    C1[np.linalg.norm(C1, axis=1) <= _HELD * np.linalg.norm(np.abs(dense(rows)) @ np.abs(dense(system.T)), axis=1)] = (
+        0.0
+    )
     names = tuple(axis.name for axis in sensors)
     return replace(system, B=system.B[:, :0], C1=C1, C2=np.zeros_like(C1), inputs=(), outputs=names)
 
