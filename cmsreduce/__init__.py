@@ -14,7 +14,7 @@ True
 >>> run.components["right"].shapes("hinge").shape   # translation and rotation along basic axes, by mode
 (6, 12)
 >>> list(run.errors.columns)                     # a table with one row a configuration
-['frf_error', 'db_error', 'frequency_error', 'damping_error', 'n_full', 'n_reduced']
+['frf_error', 'channel_error', 'db_error', 'frequency_error', 'damping_error', 'n_full', 'n_reduced']
 >>> system = run.system("as built")              # or a name such as "spin=45 cone=30", angles in degrees
 >>> system.response([0.5, 1.0]).shape            # at frequencies in Hz: (frequencies, outputs, inputs)
 (2, 3, 3)

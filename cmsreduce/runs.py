@@ -62,7 +62,8 @@ class FinishedRun:
 
     @property
     def report(self) -> Path:
-        """The HTML report."""
+        """The HTML report; a `StageError` if the run stopped before its last stage."""
+        _ = self.result
         return self.folder / "report.html"
 
     @cached_property

@@ -226,7 +226,7 @@ def _described(pipeline: Pipeline, flexible: FlexibleBody, scene: Scene) -> Insp
     name = flexible.body.name
     body, faces = flexible.body, ", ".join(flexible.body.interfaces)
     health = body_health(body, flexible.rigid, negative=flexible.negative)
-    table, totals = health_table(body, health), body_totals(body)
+    table, totals = health_table(body, health), _totals(body)
     rigid_count = flexible.rigid.shape[1]
     rows = [
         InspectedLine(f"{body.n} dofs, {rigid_count} rigid-body modes, units {body.units.name}", name),

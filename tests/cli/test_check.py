@@ -8,12 +8,12 @@ import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
 from cmsreduce.cli import main
+from tests.sealed import resealed
 
 
 def call(*args: object) -> Result:
@@ -34,7 +34,7 @@ def copied(finished: Path, tmp_path: Path) -> Path:
 
 
 def edited(path: Path, name: str, change) -> None:
-    with h5py.File(path, "r+") as file:
+    with resealed(path) as file:
         file[name][...] = change(file[name][()])
 
 
@@ -106,7 +106,7 @@ def test_a_result_is_what_it_was(finished: Path) -> None:
 
 
 def test_signs_of_modes_are_no_change(finished: Path, copied: Path) -> None:
-    with h5py.File(copied / "arm.h5", "r+") as file:
+    with resealed(copied / "arm.h5") as file:
         sign = np.where(np.arange(file["modes/omega"].size) % 2, 1.0, -1.0)
         deforming = sign[file["modes"].attrs["rigid_count"] :]
         for name in ("dofs/shapes", "integrals/int_phi", "integrals/int_r_x_phi"):

@@ -16,7 +16,7 @@ from cmsreduce.pipeline.store import DIAGNOSTICS
 from tests.pipeline.study import PIPELINE, write_study
 
 WORDS = "injected fault"
-CONTROLLER = "A\n0 1\n-3600 -84\nB\n0 0 0\n0 3600 0\nC\n0 0\n0.02 0\n"
+CONTROLLER = "A\n0 1\n-3600 -84\nB\n0 0 0\n0 3600 0\nC\n0 0\n-0.02 0\n"
 MORE = """\
   checks: [static, gains, zeros, step]
   compare: {{plain: {{rank: frequency, keep: {{modes: 8}}}}}}
@@ -38,6 +38,7 @@ BREAKING = {
     "the checks of '{}'",
     "the component file of '{}'",
     "the count of motions of negative energy of '{}'",
+    "the errors between the sampled configurations",
     "the damping of the modes in '{}'",
     "the file system.h5",
     "the file system.mat",

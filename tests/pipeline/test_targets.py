@@ -17,6 +17,7 @@ from cmsreduce.config.keys.write import _DIALECTS
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.write import TARGETS, convert, read_component
 from tests.pipeline.study import PIPELINE
+from tests.sealed import resealed
 
 
 def hertz(folder: Path, configuration: int) -> np.ndarray:
@@ -118,7 +119,7 @@ def test_a_superelement_needs_shapes_for_its_interface(finished_study: Path, tmp
     out = tmp_path / "arm.h5"
     shutil.copy(finished_study / "out" / "arm.h5", out)
     component = read_component(out)
-    with h5py.File(out, "r+") as file:
+    with resealed(out) as file:
         shapes = file["interfaces/tip/shapes"]
         shapes[...] = component.arrays["interfaces/root/shapes"]
     result = CliRunner().invoke(main, ["convert", str(out), str(tmp_path / "arm.op4")])

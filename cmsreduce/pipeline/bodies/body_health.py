@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.eigen import certified_modes, motions_held
 from cmsreduce.model import FEModel, Finding, rigid_body_shapes
+from cmsreduce.pipeline.bodies.body_proofs import definite
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.verify import (
     Contrast,
@@ -25,7 +26,6 @@ from cmsreduce.verify import (
     grounding,
     inertia_excess,
     light_dofs,
-    negative_directions,
     principal_inertia,
     rigid_mass_properties,
     rigid_motions,
@@ -94,7 +94,7 @@ def body_health(
         Motions of negative energy, if they are known.
     """
     if negative is None:
-        negative = _negative(body) if thorough else dict.fromkeys(("stiffness", "mass"))
+        negative = definite(body, None) if thorough else dict.fromkeys(("stiffness", "mass"))
     checks = [
         Finding(f"{what}: motions of negative energy", float(n), 0.0) for what, n in negative.items() if n is not None
     ]
@@ -128,19 +128,6 @@ def body_health(
 
 def _name(body: FEModel, *_: object) -> str:
     return body.name
-
-
-@diagnostic(
-    "the count of motions of negative energy of '{}'",
-    lambda: {"stiffness": None, "mass": None},
-    about=_name,
-    required=True,
-)
-def _negative(body: FEModel) -> dict[str, int | None]:
-    return {
-        "stiffness": negative_directions(body.K, body.stiffness_rounding),
-        "mass": negative_directions(body.M, body.rounding),
-    }
 
 
 @diagnostic("the mass of '{}'", dict, about=lambda body, source, _: f"{body.name}, by its {source}")

@@ -15,6 +15,7 @@ from cmsreduce.mechanics import rigid_mass
 from cmsreduce.model import FEModel, Finding, Proof, rigid_body_shapes
 from cmsreduce.pipeline.bodies.deck_agreement import BOUNDED, EXACT, against_deck, energy_ratios, ratio_in_words
 from cmsreduce.pipeline.bodies.nodal_mass import exchanges_hidden, lumps, mass_order_by_deck
+from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import MassOrder, RowOrderProof, StatedEnergy, StatedMass, deck_statement
 from cmsreduce.verify import (
     REALISABLE,
@@ -54,6 +55,12 @@ class Proven:
     proofs: tuple[Proof, ...]
 
 
+@diagnostic(
+    "the count of motions of negative energy of '{}'",
+    lambda: {"stiffness": None, "mass": None},
+    about=lambda body, _: body.name,
+    required=True,
+)
 def definite(body: FEModel, proven: Array | None) -> dict[str, int | None]:
     """Motions of negative energy of stiffness and mass; None where a factorisation does not count them.
 

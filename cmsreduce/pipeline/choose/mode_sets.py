@@ -99,8 +99,6 @@ class ModeSets:
         keys = self.stated(name, other)
         if keys.cutoff_bands != "auto":
             return keys
-        if other is not None and other.cutoff_bands == "auto" and "cutoff_bands" in other.model_fields_set:
-            raise ConfigError("verify.compare: `cutoff: auto` is for the run's own model; state a multiple of the band")
         cutoff_bands = self._cutoffs()[name].cutoff_bands if name in self.searched else START
         return keys.model_copy(update={"cutoff_bands": cutoff_bands})
 

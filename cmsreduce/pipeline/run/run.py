@@ -152,8 +152,15 @@ class Run:
         only: str | None = None,
         common: CommonWork | None = None,
     ) -> None:
-        if MODEL in (pipeline.verify.compare if pipeline.verify else {}):
+        compared = pipeline.verify.compare if pipeline.verify else {}
+        if MODEL in compared:
             raise ConfigError(f"verify.compare: '{MODEL}' is the run's own model; choose another label")
+        for label, other in compared.items():
+            keys = other.reduce
+            if keys is not None and "cutoff_bands" in keys.model_fields_set and keys.cutoff_bands == "auto":
+                raise ConfigError(
+                    f"verify.compare.{label}: `cutoff: auto` is for the run's own model; state a multiple of the band"
+                )
         self.pipeline, self.folder = pipeline, folder
         self.stages = Stages(folder, progress, only, SolverSettings(**pipeline.solver.model_dump()), common)
         self.scene: Scene = build_scene(pipeline)

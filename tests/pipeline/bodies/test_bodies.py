@@ -114,7 +114,7 @@ def test_rigid_bodies_alone_are_a_system(opened: Callable[..., Run], study: Path
     )
     run = opened(text=text)
     result = execute(run, study)
-    assert result is not None and result.passed
+    assert result is not None and result.verdict.word == "not checked"
     w = np.array([1.0, 3.0])
     H = run.comparison.reference.response(run.scene.configurations[0], w)[:, 0, 0]
     # The pair is its own mirror image: both centres of mass stay, and each body turns with its inertia about its own.

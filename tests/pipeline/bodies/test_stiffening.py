@@ -19,6 +19,7 @@ from cmsreduce.pipeline import Run, Silent, execute, inspected
 from cmsreduce.read import bars_in_units
 from cmsreduce.write import convert, read_component
 from tests.mechanics.test_geometric_stiffness import WRIGHT, chain
+from tests.sealed import resealed
 from tests.spinning_beam import BEAM, LENGTH, PIPELINE, beam, write_beam
 from tests.write.targets.test_sid import read as read_sid
 
@@ -112,12 +113,12 @@ def test_the_file_is_told_of_and_older_ones_are_read(spun: Path, tmp_path: Path)
     assert "centrifugal xx yy zz xy yz xz; force 21.x 21.y 21.z; held at interface root" in lines
     older = tmp_path / "older.h5"
     older.write_bytes((spun / "beam.h5").read_bytes())
-    with h5py.File(older, "r+") as file:
+    with resealed(older) as file:
         del file["geometric_stiffness"]
     assert "geometric_stiffness/K" not in read_component(older).arrays
     convert(older, tmp_path / "older.SID_FEM")
     assert abs(read_sid(tmp_path / "older.SID_FEM").body["Ct"].m1).max() == 0
-    with h5py.File(older, "r+") as file:
+    with resealed(older) as file:
         file.create_group("geometric_stiffness")
     with pytest.raises(CmsReduceError, match="geometric_stiffness/load"):
         read_component(older)
