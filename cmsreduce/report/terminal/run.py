@@ -77,6 +77,8 @@ def print_summary(
     print_line(console, headline(run).replace("→", "->"))
     if run.components:
         console.print(_components(run))
+        for line in _bodies(run):
+            print_line(console, line)
     if run.configurations:
         console.print(_errors(run))
     if found := checked(run):
@@ -117,6 +119,16 @@ def _components(run: RunResult) -> Table:
         time = number(sum(part.seconds.values()), 3)
         rows.append([name, modes.method, *map(str, [*counts, part.kept_modes]), checks, time])
     return table((words("component"), words("method"), *map(figures, heads)), rows)
+
+
+def _bodies(run: RunResult) -> Iterator[str]:
+    """Mass, centre of mass and first elastic frequency of each body: what a user compares with the model it is from."""
+    for name, part in run.components.items():
+        words = [f"{each.name} {each.words}" for each in part.health if each.key[0] == "mass_properties"][:2]
+        hertz = part.modes.frequencies_hz[part.modes.elastic]
+        words += [f"first elastic mode {number(float(hertz.min()), 6)} Hz"] if hertz.size else []
+        if words:
+            yield f"{name}: {', '.join(words)}"
 
 
 def _errors(run: RunResult) -> Table:
