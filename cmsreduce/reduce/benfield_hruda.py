@@ -146,7 +146,13 @@ class BenfieldHruda(Reduction):
         parts[: rigid.shape[1]] += _BODY_LEAVES * energy_parts(body.K, rigid)
         strain, together = strain_pairs(motions.T @ added_K @ motions, parts)
         everywhere = _beside(rigid, free) @ together[:, strain == 0]
-        return K, M, orthonormal(everywhere, everywhere.T @ (M @ everywhere))
+        try:
+            return K, M, orthonormal(everywhere, everywhere.T @ (M @ everywhere))
+        except la.LinAlgError:
+            raise MatrixError(
+                f"body '{body.name}': the neighbours that load its interface have motions with neither mass nor "
+                f"stiffness, so that {self.method} has no loaded modes; take craig-bampton or macneal-rubin for it"
+            ) from None
 
 
 def _own_motions(body: FEModel, w: Array, shapes: Array) -> Rows:
