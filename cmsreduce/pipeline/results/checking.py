@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from cmsreduce.errors import ReadError
 from cmsreduce.model import CONTROLLER_LIMITS, Failure, Finding, Proof, Verdict, failure_findings, judge
 from cmsreduce.pipeline.results.baseline import StoredResult, compare, open_result
 from cmsreduce.pipeline.results.limits import Limits, limited
@@ -57,7 +58,10 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> tu
         If a limit is on a figure that does not exist.
     """
     result = open_result(path)
-    findings = list(_errors(result))
+    try:
+        findings, proofs = list(_errors(result)), _proofs(result)
+    except (KeyError, TypeError, AttributeError, ValueError):
+        raise ReadError(f"{path}: its summary.json is damaged; run the pipeline again, or `cmsreduce report`") from None
     speed = (result.summary or {}).get("speed") or {}
     unlisted = [Finding(key, float(value)) for key, value in speed.items()]
     for name in result.names:
@@ -73,7 +77,7 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> tu
         findings += compare(open_result(baseline), result, limits.tolerances)
     found = limited(findings, limits, unlisted, path)
     given = bool(limits.maxima) or baseline is not None or bool((result.summary or {}).get("limits"))
-    return found, judge(found, _proofs(result), limited=given)
+    return found, judge(found, proofs, limited=given)
 
 
 def write_junit(path: Path, findings: list[Finding], verdict: Verdict, checked: Path) -> None:
