@@ -15,7 +15,7 @@ from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.system import wire
 from cmsreduce.errors import ConstraintError, SceneError
 from cmsreduce.linalg.blocks import dense
-from cmsreduce.linalg.eigen import energy_parts, null_space, strain_pairs
+from cmsreduce.linalg.eigen import DEPENDENT, energy_parts, null_space, strain_pairs
 from cmsreduce.mechanics import best_fit
 from cmsreduce.model import (
     Configuration,
@@ -285,13 +285,19 @@ def _with_energy(there: Substructure, motions: Array, size: Array) -> Array:
 
 
 def _least_squares(A: Array, B: Array) -> Array:
-    """Solve A X = B with rows and columns of A scaled, because the arms of a joint are long in some units."""
+    """Solve A X = B with the fewest and largest columns of A, whatever the lengths of a joint's arms.
+
+    A column that is almost rounding, of a rotated axis or of two points that coincide, is taken last: a solution of
+    least norm in scaled columns would carry the motion with a coordinate that the joint does not move.
+    """
     sizes = np.linalg.norm(A, axis=1)
     row = 1 / np.where(sizes > 0, sizes, 1.0)[:, None]
-    sizes = np.linalg.norm(row * A, axis=0)
-    column = 1 / np.where(sizes > 0, sizes, 1.0)
-    X, *_ = la.lstsq(row * A * column, row * B, cond=_CARRIED)
-    return np.asarray(column[:, None] * X)
+    Q, R, order = la.qr(row * A, mode="economic", pivoting=True)
+    own = np.linalg.norm(row * A, axis=0)[order][: R.shape[0]]
+    rank = int(np.cumprod(abs(np.diagonal(R)) > np.maximum(_CARRIED * own, DEPENDENT)).sum())
+    X = np.zeros((A.shape[1], B.shape[1]))
+    X[order[:rank]] = la.solve_triangular(R[:rank, :rank], Q[:, :rank].T @ (row * B))
+    return X
 
 
 def _outboard(
