@@ -9,9 +9,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from cmsreduce.config.grammar import is_mapping_of_values, models_at
 from cmsreduce.config.keys import Pipeline
 from cmsreduce.config.located import Entry, Location, merge, parse, plain
-from cmsreduce.config.problems import closest, config_error, is_mapping_of_values, located, models_at, problems_of
+from cmsreduce.config.problems import closest, config_error, located, problems_of
 from cmsreduce.config.references import broken_references
 from cmsreduce.errors import ConfigError, ReadError
 from cmsreduce.model import DOF_NAMES
