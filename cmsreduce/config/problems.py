@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +12,12 @@ from pydantic_core import ErrorDetails
 from cmsreduce.config.grammar import field_at, known_keys, models_at, places_of
 from cmsreduce.config.keys import Keys, Pipeline
 from cmsreduce.config.located import Entry, Location, find
-from cmsreduce.errors import ConfigError
+from cmsreduce.errors import ConfigError, closest
 
 __all__ = [
     "Problem",
-    "closest",
     "config_error",
     "located",
-    "not_among",
     "problems_of",
 ]
 
@@ -40,41 +37,6 @@ _EXPECTED = {
     "path_type": "a file name",
     "finite_number": "a finite number",
 }
-
-# At a lower similarity, unrelated words are suggested.
-_SIMILARITY = 0.6
-# A word of at least this many letters may be the beginning of a known word.
-_STEM = 3
-
-
-def closest(word: str, known: Iterable[str]) -> str | None:
-    """Known word most similar to another, in upper or lower case; None if none is similar.
-
-    Examples
-    --------
-    >>> closest("Balanse", ["balance", "reduce"])
-    'balance'
-    """
-    by_lower = {name.lower(): name for name in known}
-    begun = [name for lower, name in by_lower.items() if len(word) >= _STEM and lower.startswith(word.lower())]
-    if len(begun) == 1:
-        return begun[0]
-    found = get_close_matches(word.lower(), by_lower, n=1, cutoff=_SIMILARITY)
-    return by_lower[found[0]] if found else None
-
-
-def not_among(what: str, word: str, known: Iterable[str]) -> str:
-    """Message that a name is unknown, with the most similar name and all known ones.
-
-    Examples
-    --------
-    >>> not_among("joint", "spn", ["spin", "cone"])
-    "there is no joint 'spn', did you mean 'spin'? There are: spin, cone"
-    """
-    names = list(known)
-    meant = closest(word, names)
-    guess = f", did you mean '{meant}'?" if meant else "."
-    return f"there is no {what} '{word}'{guess} There are: {', '.join(names) or 'none'}"
 
 
 @dataclass(frozen=True)
