@@ -153,7 +153,13 @@ def check(
 @main.command()
 @click.argument("source", metavar="IN", type=click.Path(path_type=Path))
 @click.argument("destination", metavar="OUT", type=click.Path(path_type=Path))
-@click.option("--format", "target", metavar="FORMAT", help="Target; by the end of OUT's name if not given.")
+@click.option(
+    "--format",
+    "target",
+    metavar="FORMAT",
+    help="nastran, 42, sid, mbdyn, mbsim, exudyn, discos, dads, treetops, treetops-h5, matlab or abcd; by the end of "
+    "OUT's name if not given.",
+)
 @click.option("--dialect", metavar="DIALECT", help="For sid: by-axis, by-mode. For mbdyn: invariants, lumped.")
 @output_options
 def convert(source: Path, destination: Path, target: str | None, dialect: str | None, output: Output) -> None:

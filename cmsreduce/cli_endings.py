@@ -1,4 +1,4 @@
-"""How a command ends: its exit code, one message, a crash file for a fault of the program, and patient streams."""
+"""End of a command: its exit code, one message, a crash file for a fault of the program, and patient streams."""
 
 from __future__ import annotations
 

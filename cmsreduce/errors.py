@@ -1,4 +1,7 @@
-"""All exceptions of the package. A message gives the fault, the place, the size and the remedy."""
+"""All exceptions of the package, and words for unknown names. A message gives fault, place, size and remedy."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 __all__ = [
     "CmsReduceError",
@@ -14,7 +17,14 @@ __all__ = [
     "StageError",
     "UnitsError",
     "WriteError",
+    "closest",
+    "not_among",
 ]
+
+# At a lower similarity, unrelated words are suggested.
+_SIMILARITY = 0.6
+# A word of at least this many letters may be the beginning of a known word.
+_STEM = 3
 
 
 class CmsReduceError(Exception):
@@ -67,3 +77,33 @@ class StageError(CmsReduceError):
 
 class WriteError(CmsReduceError):
     """A result that cannot be written to its place."""
+
+
+def closest(word: str, known: Iterable[str]) -> str | None:
+    """Known word most similar to another, in upper or lower case; None if none is similar.
+
+    Examples
+    --------
+    >>> closest("Balanse", ["balance", "reduce"])
+    'balance'
+    """
+    by_lower = {name.lower(): name for name in known}
+    begun = [name for lower, name in by_lower.items() if len(word) >= _STEM and lower.startswith(word.lower())]
+    if len(begun) == 1:
+        return begun[0]
+    found = get_close_matches(word.lower(), by_lower, n=1, cutoff=_SIMILARITY)
+    return by_lower[found[0]] if found else None
+
+
+def not_among(what: str, word: str, known: Iterable[str]) -> str:
+    """Message that a name is unknown, with the most similar name and all known ones.
+
+    Examples
+    --------
+    >>> not_among("joint", "spn", ["spin", "cone"])
+    "there is no joint 'spn', did you mean 'spin'? There are: spin, cone"
+    """
+    names = list(known)
+    meant = closest(word, names)
+    guess = f", did you mean '{meant}'?" if meant else "."
+    return f"there is no {what} '{word}'{guess} There are: {', '.join(names) or 'none'}"

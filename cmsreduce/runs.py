@@ -8,8 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cmsreduce.config import not_among
-from cmsreduce.errors import StageError
+from cmsreduce.errors import SceneError, StageError, not_among
 from cmsreduce.model import ERRORS, RunResult, Verdict
 from cmsreduce.pipeline import STAGES, Run, execute
 from cmsreduce.pipeline.batch import opened_run
@@ -21,6 +20,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = ["FinishedRun", "run"]
+
+
+class _Bodies(dict[str, Component]):
+    """Reduced bodies by name."""
+
+    def __missing__(self, name: object) -> Component:
+        raise SceneError(not_among("reduced body", str(name), self))
 
 
 class FinishedRun:
@@ -73,8 +79,8 @@ class FinishedRun:
 
     @cached_property
     def components(self) -> dict[str, Component]:
-        """Reduced bodies with the modes kept, by name."""
-        return {name: Component.of(modal) for name, modal in self.work.final.items()}
+        """Reduced bodies with the modes kept, by name; a `SceneError` for another name lists them."""
+        return _Bodies({name: Component.of(modal) for name, modal in self.work.final.items()})
 
     @cached_property
     def errors(self) -> pd.DataFrame:

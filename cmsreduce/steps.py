@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.assemble import body_points, body_ports, modal_substructure, rigid_substructure, state_space
 from cmsreduce.balance import Ranking
-from cmsreduce.config import Pipeline, build_scene, not_among, parse_ratio, pipeline_from_keys
-from cmsreduce.errors import ConfigError, DampingError, DofMapError, SceneError, UnitsError
+from cmsreduce.config import Pipeline, build_scene, parse_ratio, pipeline_from_keys
+from cmsreduce.errors import ConfigError, DampingError, DofMapError, SceneError, UnitsError, not_among
 from cmsreduce.model import SI, Configuration, Damping, FEModel, ModalComponent, ReducedComponent, Units
 from cmsreduce.orthogonalise import orthogonalise as orthonormal_modes
 from cmsreduce.pipeline.bodies import read_rigid

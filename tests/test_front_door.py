@@ -16,6 +16,7 @@ from pyyeti.nastran import op4
 
 import cmsreduce as cms
 from cmsreduce.cli import main
+from cmsreduce.errors import SceneError
 
 ROOT = Path(__file__).parents[1]
 SAMPLE = ROOT / "sample_models" / "hub_beams"
@@ -136,6 +137,11 @@ def test_stages_by_hand_give_the_system_of_the_run(run, beams):
     assert (system.inputs, system.outputs) == (expected.inputs, expected.outputs)
     H, G = system.response(FREQUENCIES), expected.response(FREQUENCIES)
     np.testing.assert_allclose(H, G, rtol=0, atol=1e-9 * abs(G).max())
+
+
+def test_a_body_that_does_not_exist_is_named_with_those_that_do(run):
+    with pytest.raises(SceneError, match=r"there is no reduced body 'rigth', did you mean 'right'\?"):
+        _ = run.components["rigth"]
 
 
 def test_shapes_are_those_of_the_component_file(run):

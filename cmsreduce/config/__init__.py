@@ -29,7 +29,6 @@ from cmsreduce.config.keys import (
 )
 from cmsreduce.config.load import load_pipeline, pipeline_from_keys
 from cmsreduce.config.located import Entry, parse
-from cmsreduce.config.problems import closest, not_among
 from cmsreduce.config.scene import build_scene
 from cmsreduce.config.starter import BodyDraft, body_pipeline, starter_pipeline
 
@@ -57,11 +56,9 @@ __all__ = [
     "body_pipeline",
     "build_scene",
     "channel_kind",
-    "closest",
     "json_schema",
     "load_cluster",
     "load_pipeline",
-    "not_among",
     "parse",
     "parse_ratio",
     "pipeline_from_keys",

@@ -9,11 +9,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from cmsreduce.config.grammar import is_mapping_of_values, models_at
 from cmsreduce.config.keys import Pipeline
 from cmsreduce.config.located import Entry, Location, merge, parse, plain
-from cmsreduce.config.problems import closest, config_error, is_mapping_of_values, located, models_at, problems_of
+from cmsreduce.config.problems import config_error, located, problems_of
 from cmsreduce.config.references import broken_references
-from cmsreduce.errors import ConfigError, ReadError
+from cmsreduce.errors import ConfigError, ReadError, closest
 from cmsreduce.model import DOF_NAMES
 
 __all__ = ["load_pipeline", "pipeline_from_keys"]

@@ -19,9 +19,8 @@ from cmsreduce.config.keys import (
     parse_point,
     parse_row,
 )
-from cmsreduce.config.problems import not_among
 from cmsreduce.config.scene_channels import free_dof, free_dof_named, joint_value, sized_names
-from cmsreduce.errors import SceneError, UnitsError
+from cmsreduce.errors import SceneError, UnitsError, not_among
 from cmsreduce.model import Point, UnitLoad
 
 __all__ = ["BrokenReference", "broken_references"]

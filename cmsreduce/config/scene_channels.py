@@ -8,8 +8,7 @@ from typing import Literal
 import numpy as np
 
 from cmsreduce.config.keys import ActuatorKeys, Pipeline, Quantity, SceneKeys, SensorKeys, parse_point, parse_row
-from cmsreduce.config.problems import not_among
-from cmsreduce.errors import SceneError
+from cmsreduce.errors import SceneError, not_among
 from cmsreduce.model import DOF_NAMES, Channel, JointTerm, PointTerm, StrutTerm, Units, dof_index
 
 __all__ = [

@@ -58,7 +58,7 @@ def broken_limit(finding: Finding) -> str:
 
 
 def verdict_lines(verdict: Verdict) -> list[tuple[str, str]]:
-    """What the verdict rests on and what breaks it: a heading such as ``proven``, ``trusted`` or ``FAIL``, and words.
+    """Proofs and broken limits behind a verdict: a heading such as ``proven``, ``trusted`` or ``FAIL``, and words.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def verdict_lines(verdict: Verdict) -> list[tuple[str, str]]:
 
 
 def proof_lines(proofs: Iterable[Proof]) -> list[tuple[str, str]]:
-    """What was trusted, what is unproven and what was proven, each kind once with the bodies that it is about.
+    """Trusted, unproven and proven facts, each kind once with the bodies that it is about.
 
     Examples
     --------

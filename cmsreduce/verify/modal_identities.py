@@ -1,4 +1,4 @@
-"""Momentum of modes: identities that it must meet, and the effective mass of each mode."""
+"""Momentum of modes: identities that it must meet, and the effective mass of each mode of a body that is held."""
 
 from __future__ import annotations
 
@@ -6,23 +6,30 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.sparse import factorise
-from cmsreduce.model import FEModel, Placement, RigidBody, cross_matrix, rigid_body_shapes
+from cmsreduce.model import FEModel, ModalComponent, Placement, RigidBody, cross_matrix, rigid_body_shapes
 
 __all__ = [
     "EffectiveMass",
     "carried_momentum",
     "coupled_momentum",
     "effective_mass",
+    "held_modes",
     "momentum_balance",
     "momentum_residual",
     "shape_momentum",
 ]
 
 Array = NDArray[np.float64]
+
+# Motions of the interface below this share of the largest are zero: modes are orthonormal to 1e-8 or better.
+_MOVES = 1e-9
+# Frequencies below this share of the highest are rigid motions that the interfaces do not hold.
+_RIGID = 1e-6
 
 
 def momentum_balance(rigid_mass: Array, momentum: Array, rigid_count: int) -> tuple[float, float]:
@@ -203,3 +210,42 @@ def effective_mass(hz: Array, momentum: Array, rigid_mass: Array) -> EffectiveMa
     The square of a mode's participation in the rigid motion of its support. Source: Wada, Bamford, Garba (1972).
     """
     return EffectiveMass(hz, (momentum**2).T, rigid_mass.diagonal().copy())
+
+
+def held_modes(component: ModalComponent, rows: NDArray[np.int64]) -> tuple[Array, Array] | None:
+    """Modes of a reduced body with some rows held; None if that holds all its motions, or if they cannot be found.
+
+    Parameters
+    ----------
+    component : ModalComponent
+        The body in m modes.
+    rows : (h,) int64
+        Rows that do not move.
+
+    Returns
+    -------
+    hz : (k,) float64
+        Natural frequencies, without those of rigid motions that the rows do not hold.
+    modes : (m, k) float64
+        Amplitudes of the modes of the body, of unit modal mass.
+    """
+    C = component.Phi[rows]
+    # Static shapes have no mass: the pencil is singular in them, and they only help to hold the rows.
+    scale = np.linalg.norm(C, axis=0)
+    C = C / max(float(scale.max(initial=0.0)), 1e-300)
+    _, s, Vt = la.svd(C, full_matrices=True)
+    free = Vt[int(np.sum(s > _MOVES)) :].T
+    if not free.shape[1]:
+        return None
+    K, M = (free.T * values @ free for values in (component.stiffness, component.mass))
+    # Mass may vanish in combinations of static shapes, stiffness does not: solved for 1 / w^2.
+    try:
+        inverse, V = la.eigh(M, K)
+    except la.LinAlgError:
+        return None
+    order = np.argsort(-inverse)
+    inverse, V = inverse[order], V[:, order]
+    carried = inverse > _RIGID**2 * inverse.max(initial=0.0)
+    inverse, V = inverse[carried], V[:, carried]
+    omega = 1 / np.sqrt(inverse)
+    return omega / (2 * np.pi), np.asarray(free @ V * omega)

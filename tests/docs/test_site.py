@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 
 import cmsreduce
 from cmsreduce.config import json_schema
-from cmsreduce.config.problems import field_at
+from cmsreduce.config.grammar import field_at
 from tests.docs.pages import ROOT
 from tests.docs.test_links import LINKED
 

@@ -96,7 +96,11 @@ def test_a_folder_takes_the_name_of_the_component(finished_study: Path, tmp_path
     ("arguments", "message"),
     [
         (["arm.h5", "arm.xyz"], "the name does not show the target; give --format, or one of: nastran *.op4"),
-        (["arm.h5", "arm.op4", "--format", "adams"], "'adams' is no target (targets: nastran, 42"),
+        (
+            ["arm.h5", "arm.op4", "--format", "nastrn"],
+            "there is no target 'nastrn', did you mean 'nastran'? There are: ",
+        ),
+        (["arm.h5", "arm.op4", "--format", "solver"], "there is no target 'solver'. There are: nastran, 42"),
         (["arm.h5", "arm.op4", "--dialect", "old"], "'old' is no dialect of nastran (it has none)"),
         (["arm.h5", "x.fem", "--dialect", "old"], "'old' is no dialect of mbdyn (its dialects: invariants, lumped)"),
         (["arm.h5", "arm.h5", "--format", "mbsim"], "would replace the component file itself"),
@@ -125,6 +129,11 @@ def test_a_superelement_needs_shapes_for_its_interface(finished_study: Path, tmp
     result = CliRunner().invoke(main, ["convert", str(out), str(tmp_path / "arm.op4")])
     assert result.exit_code == 2
     assert "cannot move its 12 interface dofs independently" in result.output
+
+
+def test_the_help_of_convert_names_every_target() -> None:
+    shown = CliRunner().invoke(main, ["convert", "--help"]).output.split()
+    assert set(TARGETS) <= {word.strip(",;") for word in shown}
 
 
 def test_dialects_of_the_grammar_are_those_of_the_targets() -> None:

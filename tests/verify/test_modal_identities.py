@@ -9,11 +9,14 @@ import scipy.linalg as la
 from cmsreduce.assemble import assemble, place_bodies, system_modes
 from cmsreduce.errors import ConstraintError, DofMapError
 from cmsreduce.model import Configuration, Scene
+from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.reduce import CraigBampton
 from cmsreduce.verify import (
     articulation_inertia,
     articulation_sensors,
     carried_momentum,
     coupled_momentum,
+    held_modes,
     hinges_locked,
     momentum_residual,
     shape_momentum,
@@ -51,6 +54,19 @@ def test_a_uniform_cantilever_has_the_momentum_of_its_roots():
     np.testing.assert_allclose(p[5] ** 2, 4 * mass * LENGTH**2 / ROOTS**4, rtol=1e-5)
     # The highest eigenvalue is 3e9 times the distance of these modes: rounding mixes the others in by as much.
     np.testing.assert_allclose(p[[0, 2, 3, 4]], 0, atol=1e-7)
+
+
+def test_modes_of_a_reduced_body_held_at_its_interface_are_those_of_its_matrices():
+    body, held = cantilever()
+    omega, Phi = clamped_modes(body, held)
+    component = orthogonalise(CraigBampton(cutoff_hz=omega[-1]).reduce(body))
+    found = held_modes(component, held)
+    assert found is not None
+    # The rounding of the highest eigenvalue, 5e9 times the lowest.
+    np.testing.assert_allclose(2 * np.pi * found[0][:10], omega[:10], rtol=1e-5)
+    shapes = component.Phi @ found[1][:, :10]
+    np.testing.assert_allclose(abs(Phi[:, :10].T @ body.M @ shapes), np.eye(10), atol=1e-5)
+    assert held_modes(component, np.arange(body.n)) is None
 
 
 def test_all_modes_together_have_the_mass_that_is_not_at_the_clamp():

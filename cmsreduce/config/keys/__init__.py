@@ -12,10 +12,12 @@ from cmsreduce.config.keys.interface import InterfaceKeys
 from cmsreduce.config.keys.joints import Articulation
 from cmsreduce.config.keys.mapping import Count, Keys, check_name, parse_point
 from cmsreduce.config.keys.pipeline import Memory, Pipeline, json_schema
+from cmsreduce.config.keys.project import ProjectKeys
 from cmsreduce.config.keys.quantities import Quantity, parse_ratio
+from cmsreduce.config.keys.reduce import ModeSetKeys, ReduceKeys
 from cmsreduce.config.keys.scene import SceneKeys
-from cmsreduce.config.keys.stages import CompareKeys, LimitKeys, ModeSetKeys, ProjectKeys, ReduceKeys, VerifyKeys
 from cmsreduce.config.keys.stiffening import GeometricStiffnessKeys, SpinKeys
+from cmsreduce.config.keys.verify import CompareKeys, LimitKeys, VerifyKeys
 from cmsreduce.config.keys.write import BASIC, CENTRE
 
 __all__ = [

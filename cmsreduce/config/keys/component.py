@@ -26,7 +26,7 @@ from cmsreduce.config.keys.mapping import (
     exactly_one,
 )
 from cmsreduce.config.keys.quantities import Quantity
-from cmsreduce.config.keys.stages import ReduceKeys
+from cmsreduce.config.keys.reduce import ReduceKeys
 from cmsreduce.config.keys.stiffening import GeometricStiffnessKeys
 from cmsreduce.config.keys.write import BodyWriteKeys
 from cmsreduce.config.located import Text

@@ -12,8 +12,10 @@ from pydantic import AfterValidator, BeforeValidator, Field, Strict, WithJsonSch
 from cmsreduce.config.keys.balance import BalanceKeys, KeepKeys
 from cmsreduce.config.keys.component import Component
 from cmsreduce.config.keys.mapping import Count, DataPath, Keys, Name, OneOrMore, Plain
+from cmsreduce.config.keys.project import ProjectKeys
+from cmsreduce.config.keys.reduce import NO_PARTS, ReduceKeys
 from cmsreduce.config.keys.scene import SceneKeys
-from cmsreduce.config.keys.stages import NO_PARTS, ProjectKeys, ReduceKeys, VerifyKeys
+from cmsreduce.config.keys.verify import VerifyKeys
 from cmsreduce.config.keys.write import BodyWriteKeys, WriteKeys
 from cmsreduce.linalg.machine import Backend, Precision
 from cmsreduce.model import Units

@@ -17,12 +17,14 @@ from cmsreduce.model.results.choices import (
 from cmsreduce.model.results.component import (
     MISSING_INERTIA,
     AxisCompleteness,
+    ComponentResult,
     CostlyMode,
     CostlyModes,
     EffectiveMassCurve,
     Factorisation,
     RoundingEffect,
 )
+from cmsreduce.model.results.configuration import ConfigurationResult, Response, SystemModes
 from cmsreduce.model.results.drawing import BodyDrawing, JointDrawing, PortDrawing, SceneDrawing, SystemShapes
 from cmsreduce.model.results.errors import (
     ERRORS,
@@ -45,15 +47,7 @@ from cmsreduce.model.results.reduction_checks import (
     StepErrors,
     SystemChecks,
 )
-from cmsreduce.model.results.run import (
-    CONTROLLER_LIMITS,
-    ComponentResult,
-    ConfigurationResult,
-    Response,
-    RunResult,
-    Speed,
-    SystemModes,
-)
+from cmsreduce.model.results.run import CONTROLLER_LIMITS, RunResult, Speed
 from cmsreduce.model.results.sweep import STATUS_OF, SweepResult, SweepRow, short_keys
 from cmsreduce.model.results.verdict import PROOFS, Proof, Verdict, judge
 

@@ -1,14 +1,23 @@
-"""Findings about one body: solver work, effective mass, inertia at hinges, costly modes, single precision."""
+"""Findings about one body: modes kept, solver work, effective mass, inertia at hinges, costly modes, precision."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.model.body import Source
+from cmsreduce.model.reduced import ModalComponent
+from cmsreduce.model.results.choices import BoundRecord, CutoffChoice
+from cmsreduce.model.results.errors import Finding
+from cmsreduce.model.results.health import HealthFinding
+from cmsreduce.model.results.verdict import Proof
+
 __all__ = [
     "AxisCompleteness",
+    "ComponentResult",
     "CostlyMode",
     "CostlyModes",
     "EffectiveMassCurve",
@@ -206,3 +215,75 @@ class RoundingEffect:
     def boundary_matters(self) -> bool:
         """True if the superelement changes by more than an engineer accepts."""
         return self.boundary_free > _FREQUENCY or self.boundary_rigid_hz > _RIGID * self.lowest_hz
+
+
+@dataclass(frozen=True, eq=False)
+class ComponentResult:
+    """Findings about one flexible body.
+
+    Parameters
+    ----------
+    name : str
+        Name of the body.
+    full_dofs : int
+        Dofs of the unreduced body.
+    modes : ModalComponent
+        All modes of the mode set, with their ranking if there is one.
+    kept : (k,) int64
+        Columns of ``modes`` that the run keeps, rigid and static ones included.
+    seconds : mapping of stage to float
+        Wall time of each stage when it was run; a finished stage that is reused keeps its time.
+    peak_mib : float
+        Peak memory of the process after the stages of the body.
+    checks : tuple of Finding
+        Checks of the body.
+    sources : tuple of Source
+        Files that the body was read from.
+    factorised : tuple of Factorisation
+        Sparse factorisations done by its stages.
+    bound : BoundRecord, optional
+        Bound on the error of the body alone, if it was truncated by one.
+    cutoff : CutoffChoice, optional
+        Cutoff found for a body whose cutoff is ``auto``.
+    scaling : str
+        Scaling of its inputs and outputs for the ranking, in words; empty without a ranking.
+    costly : CostlyModes, optional
+        Modes that set the step of an integrator without serving the band.
+    rounding : RoundingEffect, optional
+        Effect of single precision on the body.
+    health : tuple of HealthFinding
+        Quantities measured on its matrices and its geometry before the reduction.
+    proofs : tuple of Proof
+        Facts that the verdict rests on: proven, trusted, unproven or refuted.
+    frequency_error_bars_hz : (k,) float64
+        Error bars of the elastic modes kept, in Hz, by the rounding of the body's files; empty if not computed.
+    """
+
+    name: str
+    full_dofs: int
+    modes: ModalComponent
+    kept: NDArray[np.int64]
+    seconds: Mapping[str, float]
+    peak_mib: float
+    checks: tuple[Finding, ...]
+    sources: tuple[Source, ...]
+    factorised: tuple[Factorisation, ...] = ()
+    bound: BoundRecord | None = None
+    cutoff: CutoffChoice | None = None
+    scaling: str = ""
+    costly: CostlyModes | None = None
+    rounding: RoundingEffect | None = None
+    health: tuple[HealthFinding, ...] = ()
+    proofs: tuple[Proof, ...] = ()
+    frequency_error_bars_hz: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def highest_hz(self) -> float:
+        """Highest frequency of the elastic modes kept; 0 without any."""
+        elastic = np.arange(self.modes.omega.size)[self.modes.elastic]
+        return float(self.modes.frequencies_hz[np.intersect1d(self.kept, elastic)].max(initial=0.0))
+
+    @property
+    def kept_modes(self) -> int:
+        """Elastic modes kept."""
+        return int(self.kept.size - self.modes.rigid_count - self.modes.static_count)

@@ -7,35 +7,17 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmsreduce.model.body import Source
-from cmsreduce.model.reduced import ModalComponent
-from cmsreduce.model.results.choices import BoundRecord, CutoffChoice, ProjectionRecord, SearchRecord, SensitivityRecord
-from cmsreduce.model.results.component import (
-    AxisCompleteness,
-    CostlyModes,
-    EffectiveMassCurve,
-    Factorisation,
-    RoundingEffect,
-)
+from cmsreduce.model.results.choices import ProjectionRecord, SearchRecord, SensitivityRecord
+from cmsreduce.model.results.component import AxisCompleteness, ComponentResult, EffectiveMassCurve
+from cmsreduce.model.results.configuration import ConfigurationResult, SystemModes
 from cmsreduce.model.results.drawing import SceneDrawing
 from cmsreduce.model.results.errors import ERRORS, BetweenErrors, Finding, ModelErrors, UnpairedMode
 from cmsreduce.model.results.failures import Failure, failure_findings
-from cmsreduce.model.results.health import HealthFinding
 from cmsreduce.model.results.reduction_checks import ControllerMargin, GainSum, ReductionChecks
 from cmsreduce.model.results.verdict import Proof, Verdict, judge
-from cmsreduce.model.scene import Configuration
 
-__all__ = [
-    "CONTROLLER_LIMITS",
-    "ComponentResult",
-    "ConfigurationResult",
-    "Response",
-    "RunResult",
-    "Speed",
-    "SystemModes",
-]
+__all__ = ["CONTROLLER_LIMITS", "RunResult", "Speed"]
 
 CONTROLLER_LIMITS: Mapping[str, float] = {
     "controller_ratio": float(np.nextafter(1.0, 0.0)),
@@ -55,149 +37,6 @@ _OF_BODIES = ("static_lack",)
 _BETWEEN = "frf_error between the sampled configurations"
 # Modes named in a note; more do not fit a line.
 _NAMED = 4
-
-
-@dataclass(frozen=True, eq=False)
-class Response:
-    """Responses of the reference and of the reduced models in one configuration.
-
-    Parameters
-    ----------
-    frequency_hz : (f,) float64
-        Refined grid.
-    full : (f, outputs, inputs) complex128
-        Response of the reference model, including its rigid-body part.
-    reduced : mapping of model to (f, outputs, inputs) complex128
-        Responses of the run's own model, then of the models that it is compared with.
-    """
-
-    frequency_hz: NDArray[np.float64]
-    full: NDArray[np.complex128]
-    reduced: Mapping[str, NDArray[np.complex128]]
-
-
-@dataclass(frozen=True, eq=False)
-class ConfigurationResult:
-    """Findings in one configuration.
-
-    Parameters
-    ----------
-    configuration : Configuration
-        Name and angles.
-    n_full, n_reduced : int
-        Coordinates of the assembled reference model and of the reduced model.
-    modes_full, modes_reduced : int
-        Elastic modes of either model in the band.
-    errors : mapping of model to ModelErrors
-        Errors of the run's own model first, then of the others.
-    response : Response
-        Response curves.
-    """
-
-    configuration: Configuration
-    n_full: int
-    n_reduced: int
-    modes_full: int
-    modes_reduced: int
-    errors: Mapping[str, ModelErrors]
-    response: Response
-
-
-@dataclass(frozen=True, eq=False)
-class ComponentResult:
-    """Findings about one flexible body.
-
-    Parameters
-    ----------
-    name : str
-        Name of the body.
-    full_dofs : int
-        Dofs of the unreduced body.
-    modes : ModalComponent
-        All modes of the mode set, with their ranking if there is one.
-    kept : (k,) int64
-        Columns of ``modes`` that the run keeps, rigid and static ones included.
-    seconds : mapping of stage to float
-        Wall time of each stage when it was run; a finished stage that is reused keeps its time.
-    peak_mib : float
-        Peak memory of the process after the stages of the body.
-    checks : tuple of Finding
-        Checks of the body.
-    sources : tuple of Source
-        Files that the body was read from.
-    factorised : tuple of Factorisation
-        Sparse factorisations done by its stages.
-    bound : BoundRecord, optional
-        Bound on the error of the body alone, if it was truncated by one.
-    cutoff : CutoffChoice, optional
-        Cutoff found for a body whose cutoff is ``auto``.
-    scaling : str
-        Scaling of its inputs and outputs for the ranking, in words; empty without a ranking.
-    costly : CostlyModes, optional
-        Modes that set the step of an integrator without serving the band.
-    rounding : RoundingEffect, optional
-        Effect of single precision on the body.
-    health : tuple of HealthFinding
-        Quantities measured on its matrices and its geometry before the reduction.
-    proofs : tuple of Proof
-        Facts that the verdict rests on: proven, trusted, unproven or refuted.
-    frequency_error_bars_hz : (k,) float64
-        Error bars of the elastic modes kept, in Hz, by the rounding of the body's files; empty if not computed.
-    """
-
-    name: str
-    full_dofs: int
-    modes: ModalComponent
-    kept: NDArray[np.int64]
-    seconds: Mapping[str, float]
-    peak_mib: float
-    checks: tuple[Finding, ...]
-    sources: tuple[Source, ...]
-    factorised: tuple[Factorisation, ...] = ()
-    bound: BoundRecord | None = None
-    cutoff: CutoffChoice | None = None
-    scaling: str = ""
-    costly: CostlyModes | None = None
-    rounding: RoundingEffect | None = None
-    health: tuple[HealthFinding, ...] = ()
-    proofs: tuple[Proof, ...] = ()
-    frequency_error_bars_hz: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-
-    @property
-    def highest_hz(self) -> float:
-        """Highest frequency of the elastic modes kept; 0 without any."""
-        elastic = np.arange(self.modes.omega.size)[self.modes.elastic]
-        return float(self.modes.frequencies_hz[np.intersect1d(self.kept, elastic)].max(initial=0.0))
-
-    @property
-    def kept_modes(self) -> int:
-        """Elastic modes kept."""
-        return int(self.kept.size - self.modes.rigid_count - self.modes.static_count)
-
-
-@dataclass(frozen=True, eq=False)
-class SystemModes:
-    """Natural frequencies of the assembled reduced system in one configuration.
-
-    Parameters
-    ----------
-    configuration : Configuration
-        Name and angles.
-    rigid_count : int
-        Rigid-body motions of the system and free motions of its joints.
-    frequencies_hz : (k,) float64
-        Elastic modes up to a little above the band, undamped.
-    highest_hz : float, optional
-        Highest of all its frequencies; None for a system too large for all its modes.
-    treated_hz : float, optional
-        The same with costly modes treated statically; None if there are no costly modes.
-    """
-
-    configuration: Configuration
-    rigid_count: int
-    frequencies_hz: NDArray[np.float64]
-    highest_hz: float | None = None
-    treated_hz: float | None = None
 
 
 @dataclass(frozen=True)

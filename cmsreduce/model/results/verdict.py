@@ -26,7 +26,7 @@ PROOFS: Mapping[str, str] = {
     "mode count": "no mode below the cutoff is missing",
     "stability": "every root of the assembled reduced system decays or stands still",
 }
-"""What is proven of each body, and of the assembled system, before its errors count."""
+"""Facts to prove of each body, and of the assembled system, before its errors count."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Proof:
     digits : float, optional
         Decimal digits to which it is proven: -log10 of the relative difference that would have been found.
     remark : str
-        How it was proven, or the reason why it was not.
+        Method of the proof, or the reason why there is none.
     subject : str
         Component; empty for the assembled system.
     """
@@ -87,12 +87,12 @@ class Verdict:
 
     @property
     def proven(self) -> tuple[Proof, ...]:
-        """What was proven."""
+        """Proven facts."""
         return tuple(proof for proof in self.proofs if proof.state == "proven")
 
     @property
     def refuted(self) -> tuple[Proof, ...]:
-        """What is not so."""
+        """Facts that were found false."""
         return tuple(proof for proof in self.proofs if proof.state == "refuted")
 
     @property

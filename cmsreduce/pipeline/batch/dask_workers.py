@@ -137,7 +137,7 @@ def _check(client: Any, where: str, needed: Path) -> None:
     try:
         seen = client.run(_seen, str(needed))
     except Exception as error:
-        # Another environment may raise any error when it loads the package.
+        # A process in another environment may meet any error when it loads the package; it is sent here as it is.
         raise ConfigError(
             f"--cluster {where}: a process there cannot run cmsreduce ({type(error).__name__}: {error})"
         ) from None

@@ -102,7 +102,7 @@ class ParallelRun(Run):
             try:
                 outcome = future.result()
             except Exception:
-                # The process died, or met an error that this run meets again, and reports.
+                # The process died, or its result cannot be sent: whatever it was, this run does the work itself.
                 outcome = None
             self.stages.progress.advance(number, len(arguments))
             if outcome is not None:
@@ -169,7 +169,7 @@ def _finish_body(task: _Task, name: str) -> bool | None:
         if run.pipeline.verify is not None and name not in run.mode_sets.unneeded:
             run.reference(name)
     except Exception:
-        # The run that gave the task meets the same error, and reports it.
+        # Any error: the run that gave the task meets the same one in its own process, and reports it.
         return None
     return True
 
@@ -187,6 +187,7 @@ def _measure(
             models = run.models()
             measured = comparison.measured([run.scene.configurations[number] for number in numbers], models)
     except Exception:
+        # As for a body: the run measures these configurations itself, and reports the error.
         return None
     names = {each.configuration.name: each for each in measured}
     results = {number: names[name] for number in numbers if (name := run.scene.configurations[number].name) in names}

@@ -67,7 +67,7 @@ class FlexibleBody:
     stiffening : GeometricStiffness, optional
         Geometric stiffness of the body, if the pipeline asks for it.
     proofs : tuple of Proof
-        What was proven of the body, and what was not.
+        Facts about the body with their state, proven or not.
     negative : mapping of ``stiffness`` and ``mass`` to int or None, optional
         Motions of negative energy, where they are counted.
     damping : DampingHealth, optional

@@ -107,7 +107,7 @@ def damping_health(body: FEModel, rigid: NDArray[np.float64], *, reduced: bool) 
 
 
 def damping_proof(body: FEModel, health: DampingHealth | None, modes: ModalComponent) -> Proof:
-    """What is proven of the damping of a reduced body.
+    """Proof of the damping of a reduced body, or the reason why there is none.
 
     Parameters
     ----------

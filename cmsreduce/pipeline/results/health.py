@@ -45,7 +45,7 @@ def _mass(health: BodyHealth) -> Iterator[HealthFinding]:
     # A planar body has no mass across its plane.
     moved = own.mass[own.mass != 0]
     spread = float(np.ptp(moved) / abs(moved).max()) if moved.size else 0.0
-    mass = " / ".join(dict.fromkeys(number(each, 9) for each in own.mass))
+    mass = _mass_words(own.mass)
     at = (section, "geometry")
     yield HealthFinding(
         (*at, "mass"), "mass", own.mass.tolist(), mass, spread, _ONE_MASS, "not the same in all directions"
@@ -66,6 +66,22 @@ def _mass(health: BodyHealth) -> Iterator[HealthFinding]:
             ("gyration", "radii of gyration", found.gyration, numbers(found.gyration)),
         ):
             yield HealthFinding(("principal", key), name, values.tolist(), words)
+
+
+def _mass_words(mass: NDArray[np.float64]) -> str:
+    """Mass of a body (3,) in words, the largest first, with directions where it is not the same in all of them.
+
+    Examples
+    --------
+    >>> _mass_words(np.array([2.0, 2.0, 2.0])), _mass_words(np.array([0.0, 2.0, 2.0]))
+    ('2', '2 along y and z, 0 along x')
+    """
+    along: dict[str, list[str]] = {}
+    for k in np.argsort(-mass, kind="stable"):
+        along.setdefault(number(float(mass[k]), 9), []).append(_AXES[k])
+    if len(along) == 1:
+        return next(iter(along))
+    return ", ".join(f"{value} along {' and '.join(axes)}" for value, axes in along.items())
 
 
 def _other_source(key: tuple[str, ...], source: str, own: MassProperties, other: MassProperties) -> HealthFinding:

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
-from cmsreduce.config import Entry, closest, not_among, parse
-from cmsreduce.errors import ConfigError, ReadError
+from cmsreduce.config import Entry, parse
+from cmsreduce.errors import ConfigError, ReadError, closest, not_among
 from cmsreduce.model import Finding
 
 __all__ = ["Limits", "Tolerances", "limited", "read_limits"]

@@ -86,6 +86,8 @@ def _page(result: RunResult, failures: Failures) -> str | None:
     try:
         return render_report(result)
     except Exception as error:
+        # A fault in a drawing may raise anything. The page without each part in turn shows which part has the fault;
+        # an error that remains is the diagnostic's.
         bare = {name: without for name, (_, without) in _PARTS.items()}
         for fewer in (*({name: without} for name, without in bare.items()), bare):
             with suppress(Exception):
@@ -109,6 +111,7 @@ def _plain_page(result: RunResult, folder: Path) -> str:
     from rich.console import Console
 
     text = io.StringIO()
+    # The last resort of a finished run: if the tables have a fault, too, the verdict and the notes are left.
     with suppress(Exception):
         print_summary(result, folder, Console(file=text, width=120, no_color=True, force_terminal=False))
     said = text.getvalue() or "\n".join([f"{result.name}: {result.verdict.word}", *result.notes])

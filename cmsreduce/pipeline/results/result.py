@@ -153,11 +153,11 @@ def _result(run: Run) -> RunResult:
         projection=None if run.projected is None else run.projected.record,
         search=run.choice.search,
         sensitivity=run.sensitivity,
-        completeness=run.completeness if verified is not None else (),
+        completeness=run.verification.completeness if verified is not None else (),
         checks=verified.checks if verified is not None else None,
-        margins=run.margins if verified is not None else (),
+        margins=run.verification.margins if verified is not None else (),
         between=verified.between if verified is not None else None,
-        proofs=(run.stability,),
+        proofs=(run.verification.stability,),
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import place_bodies
@@ -32,17 +31,12 @@ from cmsreduce.pipeline.bodies import cells_of, wireframe
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.pipeline.system import channel_gains
-from cmsreduce.verify import effective_mass
+from cmsreduce.verify import effective_mass, held_modes
 from cmsreduce.write import basic_shapes
 
 __all__ = ["effective_mass_curves", "gain_curves", "scene_drawing"]
 
 Array = NDArray[np.float64]
-
-# Motions of the interface below this share of the largest are zero: modes are orthonormal to 1e-8 or better.
-_MOVES = 1e-9
-# Frequencies below this share of the highest are rigid motions that the interfaces do not hold.
-_RIGID = 1e-6
 
 
 @diagnostic("the drawing of the scene")
@@ -176,33 +170,6 @@ def _effective_mass(run: Run, name: str) -> EffectiveMassCurve | None:
     return None if whole is None or kept is None else EffectiveMassCurve(", ".join(body.interfaces), *whole, *kept)
 
 
-def _held_modes(component: ModalComponent, rows: NDArray[np.int64]) -> tuple[Array, Array] | None:
-    """Natural frequencies in Hz (k,) and modes of unit mass (m, k) of a reduced body with some rows held.
-
-    None if all motions of the body are held.
-    """
-    C = component.Phi[rows]
-    # Static shapes have no mass: the pencil is singular in them, and they only help to hold the rows.
-    scale = np.linalg.norm(C, axis=0)
-    C = C / max(float(scale.max(initial=0.0)), 1e-300)
-    _, s, Vt = la.svd(C, full_matrices=True)
-    free = Vt[int(np.sum(s > _MOVES)) :].T
-    if not free.shape[1]:
-        return None
-    K, M = (free.T * values @ free for values in (component.stiffness, component.mass))
-    # Mass may vanish in combinations of static shapes, stiffness does not: solved for 1 / w^2.
-    try:
-        inverse, V = la.eigh(M, K)
-    except la.LinAlgError:
-        return None
-    order = np.argsort(-inverse)
-    inverse, V = inverse[order], V[:, order]
-    carried = inverse > _RIGID**2 * inverse.max(initial=0.0)
-    inverse, V = inverse[carried], V[:, carried]
-    omega = 1 / np.sqrt(inverse)
-    return omega / (2 * np.pi), np.asarray(free @ V * omega)
-
-
 @diagnostic("the gains of the modes", dict)
 def gain_curves(run: Run) -> dict[str, tuple[GainSum, GainSum]]:
     """Modal gains of the modes kept and of all modes, by configuration; empty without channels or if too large."""
@@ -225,7 +192,7 @@ def _running(body: FEModel, component: ModalComponent) -> tuple[Array, Array] | 
         held = np.unique(np.concatenate([body.interface_rows(face) for face in body.interfaces]))
     except CmsReduceError:
         return None
-    modes = _held_modes(component, held)
+    modes = held_modes(component, held)
     if modes is None:
         return None
     hz, Q = modes

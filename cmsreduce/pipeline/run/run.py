@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,23 +12,17 @@ from numpy.typing import NDArray
 from cmsreduce.assemble import rigid_substructure
 from cmsreduce.balance import Selection, keep_all
 from cmsreduce.config import CompareKeys, LimitKeys, ModeSetKeys, Pipeline, VerifyKeys, build_scene
-from cmsreduce.errors import ConfigError, ConstraintError, StageError
+from cmsreduce.errors import ConfigError, StageError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.machine import SolverSettings
 from cmsreduce.model import (
-    AxisCompleteness,
-    BetweenErrors,
     Configuration,
     ConfigurationResult,
     Controller,
-    ControllerMargin,
     CutoffChoice,
-    Failure,
     FEModel,
     ModalComponent,
-    Proof,
     ReducedComponent,
-    ReductionChecks,
     RigidBody,
     Scene,
     SensitivityRecord,
@@ -48,6 +42,7 @@ from cmsreduce.pipeline.bodies import (
 from cmsreduce.pipeline.choose import Balancing, Choice, CutoffSearch, ModeSets, asked_error, cutoff_key
 from cmsreduce.pipeline.project import Projected, ProjectStage
 from cmsreduce.pipeline.run.keys import projected_error, read_key, reference_key, reference_model_key, system_key
+from cmsreduce.pipeline.run.verification import MODEL, Verification, Verified
 from cmsreduce.pipeline.store import (
     CommonWork,
     Failures,
@@ -59,20 +54,7 @@ from cmsreduce.pipeline.store import (
     report_failures,
     stage,
 )
-from cmsreduce.pipeline.system import (
-    AssembledModel,
-    Comparison,
-    ReducedModel,
-    SystemRoots,
-    axis_completeness,
-    completeness_note,
-    controller_margins,
-    errors_between,
-    reduction_checks,
-    stability_proof,
-    system_roots,
-    without_energy,
-)
+from cmsreduce.pipeline.system import AssembledModel, Comparison, ReducedModel
 from cmsreduce.read import read_controller
 from cmsreduce.reduce import Examined
 
@@ -80,9 +62,6 @@ __all__ = ["MODEL", "STAGES", "Run"]
 
 STAGES = ("read", "reduce", "orthogonalise", "balance", "project", "assemble", "verify", "write")
 """Stages in the order data flows."""
-
-MODEL = "reduced"
-"""Label of the run's own model among those it is compared with."""
 
 # Name of the search for the cutoffs in the cache of stages; no component's name holds a dot.
 _CUTOFFS = "auto.cutoff"
@@ -96,35 +75,6 @@ class _Reduced:
 
     component: ReducedComponent
     missed: Mapping[str, float]
-
-
-@dataclass(frozen=True, eq=False)
-class Verified:
-    """Findings of the verify stage.
-
-    Parameters
-    ----------
-    configurations : tuple of ConfigurationResult
-        Errors and curves, one for each configuration.
-    reference : mapping of body to str
-        Representation of each unreduced body.
-    full_s, reduced_s : float
-        Wall times of the responses of the reference model and of the reduced model over the same grids.
-    checks : ReductionChecks
-        Checks of the run's own model.
-    between : BetweenErrors, optional
-        Errors at midpoint configurations; None if the project stage measured them.
-    failures : tuple of Failure
-        Configurations, comparisons and checks that failed.
-    """
-
-    configurations: tuple[ConfigurationResult, ...]
-    reference: Mapping[str, str]
-    full_s: float
-    reduced_s: float
-    checks: ReductionChecks = field(default_factory=ReductionChecks)
-    between: BetweenErrors | None = None
-    failures: tuple[Failure, ...] = ()
 
 
 class Run:
@@ -533,16 +483,6 @@ class Run:
             self.stages.progress.advance(number + 1, len(self.scene.configurations))
         return model
 
-    @property
-    @once
-    @diagnostic("the completeness at the hinges", tuple)
-    def completeness(self) -> tuple[AxisCompleteness, ...]:
-        """Share of the inertia at each hinge that the modes hold; empty if hinges move each other, as in a loop."""
-        try:
-            return axis_completeness(self.model.assembled, self.untruncated.assembled)
-        except ConstraintError:
-            return ()
-
     def models(self) -> dict[str, ReducedModel]:
         """The reduced models that are compared with the reference model, the run's own first."""
         models = {MODEL: self.model}
@@ -562,33 +502,23 @@ class Run:
         """Errors and curves of reduced models in every configuration."""
         return self.comparison.errors(models, self.stages.progress)
 
-    def _verify_notes(self, found: Verified) -> Iterator[str]:
-        if (poor := completeness_note(self.completeness)) is not None:
-            yield poor
-        if not self.has_response:
-            yield "nothing was verified: the scene names no actuator or no sensor"
-            return
-        for missing in found.checks.left_out if self.pipeline.verify and self.pipeline.verify.required_checks else ():
-            yield f"not checked: {missing}"
-        yield from _between_notes(found.between)
-        for name, label in found.reference.items():
-            if label.startswith("modes"):
-                yield (
-                    f"{name}: {self.bodies[name].body.n} dofs are too many for all modes or for a solve per frequency; "
-                    f"the reference model holds {label} and all static shapes of it"
-                )
+    @property
+    @once
+    def verification(self) -> Verification:
+        """Checks, margins and proofs of the reduced system."""
+        return Verification(self)
 
     @property
     @stage(
         "verify",
         key=lambda run: run._system_key("verify") if run.has_response else None,
         needs=["model", "comparison"],
-        notes=_verify_notes,
+        notes=lambda run, found: run.verification.notes(found),
         again=lambda found: bool(found.failures),
     )
     def _verified(self) -> Verified:
         with collecting(Failures(log=self.stages.failures.log)) as failed:
-            found = self._measured()
+            found = self.verification.measured()
         return replace(found, failures=tuple(failed))
 
     @property
@@ -604,92 +534,3 @@ class Run:
         found = self._verified
         report_failures(found.failures)
         return found
-
-    def _measured(self) -> Verified:
-        if not self.has_response:
-            return Verified((), {}, 0.0, 0.0, self._checked())
-        comparison = self.comparison
-        # Another point of a sweep may have used the same model.
-        comparison.reference_seconds = comparison.reduced_seconds = 0.0
-        results = self.measured(self.models())
-        labels = {name: found.label for name, found in self.references.items()}
-        times = comparison.reference_seconds, comparison.reduced_seconds
-        return Verified(results, labels, *times, self._checked(), self._between())
-
-    @diagnostic("the errors between the sampled configurations", limits=("frf_error",))
-    def _between(self) -> BetweenErrors | None:
-        """Errors at midpoint configurations; None without a verify stage, or if the project stage measured them."""
-        keys, project = self.pipeline.verify, self.pipeline.project
-        if keys is None or (project is not None and project.between):
-            return None
-        return errors_between(self.comparison, self.model, None if keys.between == "all" else keys.between)
-
-    @diagnostic(
-        "the checks of the reduction",
-        ReductionChecks,
-        limits=("static_lack", "gain_error", "zero_error", "zeros_lost", "step_error"),
-    )
-    def _checked(self) -> ReductionChecks:
-        keys, reduced = self.pipeline.verify or VerifyKeys(), {name: self.final[name] for name in self.reduced_names}
-        return reduction_checks(
-            keys.required_checks,
-            keys.checks is None,
-            self.scene,
-            self.bodies,
-            reduced,
-            self.comparison.reference if self.has_response else None,
-            self.model.assembled,
-        )
-
-    @property
-    @once
-    def checks(self) -> ReductionChecks:
-        """Checks of the reduction beside its errors: from verify, or made now if the pipeline has no verify."""
-        return self.verified.checks if self.pipeline.verify is not None else self._checked()
-
-    @property
-    @once
-    @diagnostic("the margins of the controller", tuple, limits=("controller_ratio", "controller_unstable"))
-    def margins(self) -> tuple[ControllerMargin, ...]:
-        """Margins of the scene's controller in every configuration; empty without a controller or without verify."""
-        if self.controller is None or self.pipeline.verify is None:
-            return ()
-        return controller_margins(self.controller, self.verified.configurations, self.roots, MODEL)
-
-    @property
-    @once
-    def _without_energy(self) -> str:
-        """Reason why energies do not prove the reduced system stable; empty if they do."""
-        # A damping matrix of a body that could give energy was refused when the body was read or its modes were made.
-        return "the controller" if self.controller else without_energy(self.model.assembled.substructures, self.bodies)
-
-    @property
-    @once
-    def roots(self) -> Mapping[str, SystemRoots | None]:
-        """Roots of the reduced system in each configuration, its loop closed; None where they are not known."""
-        model = self.model.assembled
-        return {each.name: system_roots(model, each, self.controller) for each in self.scene.configurations}
-
-    @property
-    @once
-    @diagnostic(
-        "the stability of the reduced system",
-        lambda: Proof("stability", "unproven", remark="the roots of the reduced system could not be found"),
-    )
-    def stability(self) -> Proof:
-        """Proof that no motion of the reduced system grows, in any configuration."""
-        suspect = self._without_energy
-        return stability_proof(self.roots if suspect else {}, suspect)
-
-
-def _between_notes(found: BetweenErrors | None) -> Iterator[str]:
-    """Midpoint configurations without an error, and the reason."""
-    if found is None:
-        return
-    if found.unmeasured:
-        yield (
-            f"between the angles sampled, frf_error was measured at {len(found.errors)} of {found.midpoints} midpoint "
-            "configurations (verify.between)"
-        )
-    for reason in found.left_out:
-        yield f"between the angles sampled, frf_error was not measured at '{reason}'"

@@ -160,6 +160,7 @@ def diagnostic(
             token = _FAILURES.set(None if whole else failures)
             try:
                 return DIAGNOSTICS[name](*args, **named)  # type: ignore[no-any-return]
+            # See the notes of `diagnostic`: errors of any class.
             except Exception as error:
                 if isinstance(error, passes):
                     raise

@@ -184,7 +184,7 @@ class Comparison:
     ) -> list[ConfigurationResult]:
         """Errors and curves in some configurations; one that fails is missing."""
         if len(configurations) > 1:
-            # If one of them fails, the others are measured one by one.
+            # If one of them fails, by any error, all are measured one by one, and the error is met again and recorded.
             with suppress(Exception):
                 return list(self.at(configurations, models))
         found = [self._alone(configuration, models) for configuration in configurations]

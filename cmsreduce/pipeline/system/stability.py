@@ -201,7 +201,7 @@ def _roots(A: Array) -> SystemRoots:
 
 
 def stability_proof(roots: Mapping[str, SystemRoots | None], suspect: str) -> Proof:
-    """What is proven of the stability of the reduced system.
+    """Proof of the stability of the reduced system, or the reason why there is none.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cmsreduce.errors import WriteError
+from cmsreduce.errors import WriteError, not_among
 from cmsreduce.write.component import read_component, stored_integrals
 from cmsreduce.write.targets.exudyn import write_exudyn
 from cmsreduce.write.targets.flex42 import write_42
@@ -92,7 +92,7 @@ def convert(
     component, destination = read_component(source), Path(destination)
     name = _by_name(destination) if target is None else target
     if name not in TARGETS:
-        raise WriteError(f"'{name}' is no target (targets: {', '.join(TARGETS)})")
+        raise WriteError(not_among("target", name, TARGETS))
     chosen = TARGETS[name]
     if dialect is not None and dialect not in chosen.dialects:
         known = f"its dialects: {', '.join(chosen.dialects)}" if chosen.dialects else "it has none"

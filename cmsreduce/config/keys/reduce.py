@@ -1,0 +1,115 @@
+"""Keys under `reduce:`: mode sets, cutoffs and residual vectors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import BeforeValidator, Discriminator, Field, Strict, Tag, model_validator
+
+from cmsreduce.config.keys.mapping import Keys, Positive
+from cmsreduce.model import DOF_NAMES
+
+__all__ = ["NO_PARTS", "ModeSetKeys", "ReduceKeys"]
+
+Method = Literal["craig-bampton", "macneal-rubin", "benfield-hruda", "augmented", "guyan"]
+NO_PARTS = {
+    "parts": "Bodies are not reduced in parts any more. Take the key out: a factor that does not fit in memory is "
+    "made in single precision, or on disk; `solver.memory` says how much it may take"
+}
+"""The key `parts` of earlier versions, with what to write instead."""
+
+_CONSTRAINT_MODES = ("craig-bampton", "guyan")
+
+
+def _check_residual(value: object) -> str:
+    text = str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+    if isinstance(text, str):
+        node, _, dof = text.partition(".")
+        if text in _ALL_OF_A_KIND or (node.isdigit() and (not dof or dof in DOF_NAMES)):
+            return text
+    raise ValueError(
+        f"{value!r} is no residual: write sensors, actuators, dampers, or a node and a dof of it, e.g. 1200.z (dofs: "
+        f"{', '.join(DOF_NAMES)})"
+    )
+
+
+def _check_cutoff(value: object) -> object:
+    if isinstance(value, str) and value != "auto":
+        raise ValueError(f"found the text '{value}', expected a number, e.g. 2.0, or auto")
+    return value
+
+
+Cutoff = Annotated[
+    Annotated[float, Strict(), Field(gt=0), Tag("number")] | Annotated[Literal["auto"], Tag("auto")],
+    Discriminator(lambda value: "auto" if isinstance(value, str) else "number"),
+    BeforeValidator(_check_cutoff),
+]
+"""A multiple of the band's upper end, or ``auto``."""
+
+_ALL_OF_A_KIND = ("sensors", "actuators", "dampers")
+Residual = Annotated[str, BeforeValidator(_check_residual)]
+"""All of one kind, a node, or a dof of a node."""
+
+
+class ModeSetKeys(Keys):
+    """A mode set and its cutoffs."""
+
+    method: Method = Field(
+        default="craig-bampton",
+        description="Mode set. craig-bampton: fixed-interface and constraint modes; macneal-rubin: free and residual "
+        "modes; benfield-hruda: modes with the neighbours' stiffness and mass on the interface; augmented: modes with "
+        "the mass of all that is outboard; guyan: constraint modes only.",
+        examples=["craig-bampton"],
+    )
+    cutoff_bands: Cutoff = Field(
+        default=2.0,
+        alias="cutoff",
+        description="Normal modes are kept up to this multiple of the upper end of scene.band. `auto` starts at 1.5 "
+        "and raises the multiple of each body until the error of the omitted modes is below the error asked for.",
+        examples=[2.0, "auto"],
+    )
+    interface_cutoff_bands: Positive | None = Field(
+        default=None,
+        alias="interface_cutoff",
+        description="Interfaces of several nodes get characteristic constraint modes up to this multiple of the upper "
+        "end of scene.band, instead of a constraint mode for each of their dofs. For craig-bampton and guyan.",
+        examples=[5.0],
+    )
+
+    @model_validator(mode="after")
+    def _has_constraint_modes(self) -> ModeSetKeys:
+        if self.interface_cutoff_bands is not None and self.method not in _CONSTRAINT_MODES:
+            raise ValueError(
+                f"{self.method} has no constraint modes, so interface_cutoff does not apply to it: take it out, or "
+                f"use {' or '.join(_CONSTRAINT_MODES)}"
+            )
+        if self.cutoff_bands == "auto" and self.method == "guyan":
+            raise ValueError("guyan keeps no normal modes, so no cutoff can be found for it: take `cutoff: auto` out")
+        return self
+
+
+class ReduceKeys(ModeSetKeys):
+    """Mode set of a body, its cutoffs, and the loads whose static response it represents exactly."""
+
+    removed: ClassVar[Mapping[str, str]] = NO_PARTS
+
+    residuals: tuple[Residual, ...] = Field(
+        default=(),
+        description="Residual vectors, which make the static response exact: `sensors` for loads along the measured "
+        "motions, `actuators` for their efforts (their dofs then leave the interface), `dampers` for the forces of a "
+        "damping matrix of few dampers, NODE or NODE.DOF for unit loads there.",
+        examples=[["sensors"]],
+    )
+    static_above_bands: Positive | None = Field(
+        default=None,
+        alias="static_above",
+        description="Modes above this multiple of the upper end of scene.band are treated statically: they keep their "
+        "stiffness and lose their mass, so that they do not force small steps of an integrator.",
+        examples=[8.0],
+    )
+
+    @property
+    def own_points(self) -> tuple[str, ...]:
+        """Residuals that name a node."""
+        return tuple(text for text in self.residuals if text not in _ALL_OF_A_KIND)

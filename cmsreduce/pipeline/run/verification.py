@@ -1,0 +1,202 @@
+"""Verification of a run: errors at midpoint configurations, checks, margins and proofs of the reduced system."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from cmsreduce.config import VerifyKeys
+from cmsreduce.errors import ConstraintError
+from cmsreduce.model import (
+    AxisCompleteness,
+    BetweenErrors,
+    ConfigurationResult,
+    ControllerMargin,
+    Failure,
+    Proof,
+    ReductionChecks,
+)
+from cmsreduce.pipeline.store import diagnostic, once
+from cmsreduce.pipeline.system import (
+    SystemRoots,
+    axis_completeness,
+    completeness_note,
+    controller_margins,
+    errors_between,
+    reduction_checks,
+    stability_proof,
+    system_roots,
+    without_energy,
+)
+
+if TYPE_CHECKING:
+    from cmsreduce.pipeline.run.run import Run
+
+__all__ = ["MODEL", "Verification", "Verified"]
+
+MODEL = "reduced"
+"""Label of the run's own model among those it is compared with."""
+
+
+@dataclass(frozen=True, eq=False)
+class Verified:
+    """Findings of the verify stage.
+
+    Parameters
+    ----------
+    configurations : tuple of ConfigurationResult
+        Errors and curves, one for each configuration.
+    reference : mapping of body to str
+        Representation of each unreduced body.
+    full_s, reduced_s : float
+        Wall times of the responses of the reference model and of the reduced model over the same grids.
+    checks : ReductionChecks
+        Checks of the run's own model.
+    between : BetweenErrors, optional
+        Errors at midpoint configurations; None if the project stage measured them.
+    failures : tuple of Failure
+        Configurations, comparisons and checks that failed.
+    """
+
+    configurations: tuple[ConfigurationResult, ...]
+    reference: Mapping[str, str]
+    full_s: float
+    reduced_s: float
+    checks: ReductionChecks = field(default_factory=ReductionChecks)
+    between: BetweenErrors | None = None
+    failures: tuple[Failure, ...] = ()
+
+
+class Verification:
+    """Measure the reduced system of a run.
+
+    Parameters
+    ----------
+    run : Run
+        Its bodies, its reduced system and the reference model.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+
+    def measured(self) -> Verified:
+        """Measure the errors and checks of the reduced models."""
+        if not self.run.has_response:
+            return Verified((), {}, 0.0, 0.0, self._checked())
+        comparison = self.run.comparison
+        # Another point of a sweep may have used the same model.
+        comparison.reference_seconds = comparison.reduced_seconds = 0.0
+        results = self.run.measured(self.run.models())
+        labels = {name: found.label for name, found in self.run.references.items()}
+        times = comparison.reference_seconds, comparison.reduced_seconds
+        return Verified(results, labels, *times, self._checked(), self._between())
+
+    def notes(self, found: Verified) -> Iterator[str]:
+        """Yield what a reader of the findings must know."""
+        if (poor := completeness_note(self.completeness)) is not None:
+            yield poor
+        if not self.run.has_response:
+            yield "nothing was verified: the scene names no actuator or no sensor"
+            return
+        if (keys := self.run.pipeline.verify) is not None and keys.required_checks:
+            yield from (f"not checked: {missing}" for missing in found.checks.left_out)
+        yield from _between_notes(found.between)
+        for name, label in found.reference.items():
+            if label.startswith("modes"):
+                dofs = self.run.bodies[name].body.n
+                yield (
+                    f"{name}: {dofs} dofs are too many for all modes or for a solve per frequency; "
+                    f"the reference model holds {label} and all static shapes of it"
+                )
+
+    @diagnostic("the errors between the sampled configurations", limits=("frf_error",))
+    def _between(self) -> BetweenErrors | None:
+        """Errors at midpoint configurations; None without a verify stage, or if the project stage measured them."""
+        keys, project = self.run.pipeline.verify, self.run.pipeline.project
+        if keys is None or (project is not None and project.between):
+            return None
+        return errors_between(self.run.comparison, self.run.model, None if keys.between == "all" else keys.between)
+
+    @diagnostic(
+        "the checks of the reduction",
+        ReductionChecks,
+        limits=("static_lack", "gain_error", "zero_error", "zeros_lost", "step_error"),
+    )
+    def _checked(self) -> ReductionChecks:
+        run = self.run
+        keys = run.pipeline.verify or VerifyKeys()
+        return reduction_checks(
+            keys.required_checks,
+            keys.checks is None,
+            run.scene,
+            run.bodies,
+            {name: run.final[name] for name in run.reduced_names},
+            run.comparison.reference if run.has_response else None,
+            run.model.assembled,
+        )
+
+    @property
+    @once
+    def checks(self) -> ReductionChecks:
+        """Checks of the reduction beside its errors: from verify, or made now if the pipeline has no verify."""
+        return self.run.verified.checks if self.run.pipeline.verify is not None else self._checked()
+
+    @property
+    @once
+    @diagnostic("the completeness at the hinges", tuple)
+    def completeness(self) -> tuple[AxisCompleteness, ...]:
+        """Share of the inertia at each hinge that the modes hold; empty if hinges move each other, as in a loop."""
+        try:
+            return axis_completeness(self.run.model.assembled, self.run.untruncated.assembled)
+        except ConstraintError:
+            return ()
+
+    @property
+    @once
+    @diagnostic("the margins of the controller", tuple, limits=("controller_ratio", "controller_unstable"))
+    def margins(self) -> tuple[ControllerMargin, ...]:
+        """Margins of the scene's controller in every configuration; empty without a controller or without verify."""
+        if self.run.controller is None or self.run.pipeline.verify is None:
+            return ()
+        return controller_margins(self.run.controller, self.run.verified.configurations, self.roots, MODEL)
+
+    @property
+    @once
+    def _without_energy(self) -> str:
+        """Reason why energies do not prove the reduced system stable; empty if they do."""
+        # A damping matrix of a body that could give energy was refused when the body was read or its modes were made.
+        if self.run.controller is not None:
+            return "the controller"
+        return without_energy(self.run.model.assembled.substructures, self.run.bodies)
+
+    @property
+    @once
+    def roots(self) -> Mapping[str, SystemRoots | None]:
+        """Roots of the reduced system in each configuration, its loop closed; None where they are not known."""
+        model = self.run.model.assembled
+        return {each.name: system_roots(model, each, self.run.controller) for each in self.run.scene.configurations}
+
+    @property
+    @once
+    @diagnostic(
+        "the stability of the reduced system",
+        lambda: Proof("stability", "unproven", remark="the roots of the reduced system could not be found"),
+    )
+    def stability(self) -> Proof:
+        """Proof that no motion of the reduced system grows, in any configuration."""
+        suspect = self._without_energy
+        return stability_proof(self.roots if suspect else {}, suspect)
+
+
+def _between_notes(found: BetweenErrors | None) -> Iterator[str]:
+    """Midpoint configurations without an error, and the reason."""
+    if found is None:
+        return
+    if found.unmeasured:
+        yield (
+            f"between the angles sampled, frf_error was measured at {len(found.errors)} of {found.midpoints} midpoint "
+            "configurations (verify.between)"
+        )
+    for reason in found.left_out:
+        yield f"between the angles sampled, frf_error was not measured at '{reason}'"
