@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from pyyeti.nastran import op4
 
-__all__ = ["check_made_again"]
+__all__ = ["assert_made_again"]
 
 
-def check_made_again(sample: Path, folder: Path) -> None:
+def assert_made_again(sample: Path, folder: Path) -> None:
     """Run ``write`` of the sample's ``make.py``: the same decks, and the same matrices to rounding."""
     spec = importlib.util.spec_from_file_location(f"make_{sample.name}", sample / "make.py")
     module = importlib.util.module_from_spec(spec)

@@ -62,7 +62,7 @@ def scene(*joints: Joint, **options) -> Scene:
     return Scene(tuple(bodies), (0.0, 100.0), joints, **options)
 
 
-def close(found: np.ndarray, exact: np.ndarray, digits: float = 1e-9) -> None:
+def assert_close(found: np.ndarray, exact: np.ndarray, digits: float = 1e-9) -> None:
     np.testing.assert_allclose(found, exact, rtol=0, atol=digits * max(abs(exact).max(), 1e-300))
 
 
@@ -91,8 +91,8 @@ def test_one_node_is_loaded_by_the_condensed_neighbour_whatever_the_joint_frees(
     assert abs(K).max() > 1e3
     ends = ["stator.elbow", "rotor.elbow"][::order]
     load = neighbour_loading(here(stator()), [condensed(neighbour)], scene(joint("j", *ends, free)))
-    close(load.K, K)
-    close(load.M, M)
+    assert_close(load.K, K)
+    assert_close(load.M, M)
     assert (load.neighbours, load.configuration, load.size) == (("rotor",), "as built", 6)
 
 
@@ -100,7 +100,7 @@ def test_a_free_neighbour_on_one_node_adds_its_rigid_mass_alone():
     neighbour = rotor()
     load = neighbour_loading(here(stator()), [condensed(neighbour)], scene(joint("j", "stator.elbow", "rotor.elbow")))
     _, M = by_hand(neighbour, i_set(neighbour))
-    close(load.M, M)
+    assert_close(load.M, M)
     assert abs(load.K).max() < 1e-12 * abs(neighbour.K).max()
 
 
@@ -115,8 +115,8 @@ def test_axes_of_nodes_and_placements_turn_the_loading():
     load = neighbour_loading(here(body), [condensed(turned)], where)
     K, M = by_hand(rotor(held=(3,)), i_set(rotor(held=(3,))))
     T = la.block_diag(mine[2], mine[2])
-    close(load.K, T @ K @ T.T)
-    close(load.M, T @ M @ T.T)
+    assert_close(load.K, T @ K @ T.T)
+    assert_close(load.M, T @ M @ T.T)
 
 
 def test_an_offset_carries_the_loading_along_its_arm():
@@ -129,7 +129,7 @@ def test_an_offset_carries_the_loading_along_its_arm():
     x, y, z = arm
     T = np.eye(6)
     T[:3, 3:] = -np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    close(load.M, T.T @ M @ T)
+    assert_close(load.M, T.T @ M @ T)
 
 
 @pytest.mark.parametrize("length", [1.0, 1e3, 1e5])
@@ -141,7 +141,7 @@ def test_a_rigid_neighbour_far_from_its_interface(length):
     S = np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
     exact = np.block([[4.0 * np.eye(3), -4.0 * S], [4.0 * S, box.inertia - 4.0 * S @ S]])
     scale = np.r_[np.ones(3), np.full(3, length)]
-    close(load.M / np.outer(scale, scale), exact / np.outer(scale, scale))
+    assert_close(load.M / np.outer(scale, scale), exact / np.outer(scale, scale))
     assert abs(load.K).max() == 0 and load.size == 6
 
 
@@ -152,8 +152,8 @@ def test_neighbours_add_up_each_on_its_own_interface():
     where = scene(joint("l", "beam.a", "left.foot"), joint("r", "right.foot", "beam.b", "rz"))
     load = neighbour_loading(here(body), [condensed(left), condensed(right)], where)
     pairs = [by_hand(other, i_set(other)) for other in (left, right)]
-    close(load.K, la.block_diag(pairs[0][0], pairs[1][0]))
-    close(load.M, la.block_diag(pairs[0][1], pairs[1][1]))
+    assert_close(load.K, la.block_diag(pairs[0][0], pairs[1][0]))
+    assert_close(load.M, la.block_diag(pairs[0][1], pairs[1][1]))
     assert load.neighbours == ("left", "right")
 
 
@@ -164,8 +164,8 @@ def test_a_neighbour_joined_twice():
     where = scene(joint("l", "beam.a", "bow.a"), joint("r", "beam.b", "bow.b"))
     load = neighbour_loading(here(body), [condensed(bow)], where)
     K, M = by_hand(bow, i_set(bow))
-    close(load.K, K)
-    close(load.M, M)
+    assert_close(load.K, K)
+    assert_close(load.M, M)
     assert abs(load.K[:6, 6:]).max() > 0.1 * abs(K).max()
 
 
@@ -175,8 +175,8 @@ def test_the_ground_holds_the_neighbour():
     load = neighbour_loading(here(stator()), [condensed(neighbour)], where)
     held = rotor(held=(3,))
     K, M = by_hand(held, i_set(held))
-    close(load.K, K)
-    close(load.M, M)
+    assert_close(load.K, K)
+    assert_close(load.M, M)
 
 
 PIN = {"elbow": ((1,), (1, 2, 3))}
@@ -194,7 +194,7 @@ def test_a_pin_leaves_the_neighbour_rotations_of_its_own():
     effective = load.M[:3, :3] - load.M[:3, 3:] @ la.solve(load.M[3:, 3:], load.M[3:, :3])
     arm = np.array([0.1, 0.2, 0.3])
     S = np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
-    close(la.inv(effective), np.eye(3) / 4.0 - S @ la.inv(box.inertia) @ S)
+    assert_close(la.inv(effective), np.eye(3) / 4.0 - S @ la.inv(box.inertia) @ S)
 
 
 @pytest.mark.parametrize("spin", [0.0, 0.6], ids=["rod", "box"])
@@ -270,8 +270,8 @@ def test_a_joints_own_inertia_is_part_of_the_loading_once(order):
     load = neighbour_loading(here(stator()), [condensed(rotor())], scene(link))
     exact = np.zeros((6, 6))
     exact[5, 5] = 0.6
-    close(load.M - plain.M, exact, 1e-12)
-    close(load.K, plain.K, 1e-9)
+    assert_close(load.M - plain.M, exact, 1e-12)
+    assert_close(load.K, plain.K, 1e-9)
 
 
 def test_a_spring_on_a_motion_that_stays_free_loads_the_body():

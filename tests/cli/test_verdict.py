@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from cmsreduce.cli import main
-from tests.pipeline.study import CANTILEVER, write_study
+from tests.pipeline.study import ARM, CANTILEVER, PANEL, write_study
 
 
 def call(*args: object) -> Result:
@@ -160,22 +160,15 @@ def test_rounding_across_is_no_channel_and_is_named(outcome) -> None:
     assert "channels left out (no elastic response" in text and "lift to across" in text
 
 
-ARTICULATED = """\
+ARTICULATED = (
+    """\
 name: elbow
 output: {output}
 components:
-  arm:
-    stiffness: {{file: arm.op4, matrix: KAA}}
-    mass: {{file: arm.op4, matrix: MAA}}
-    geometry: arm.bdf
-    interfaces: {{root: {{node: 1}}, tip: {{node: 5}}}}
-    damping: {{modal: 0.01}}
-  panel:
-    stiffness: {{file: panel.op4, matrix: KAA}}
-    mass: {{file: panel.op4, matrix: MAA}}
-    geometry: panel.bdf
-    interfaces: {{root: {{node: 1}}}}
-    damping: {{modal: 0.01}}
+"""
+    + ARM
+    + PANEL
+    + """\
 scene:
   band: 60 Hz
   ground: arm.root
@@ -189,6 +182,7 @@ verify:
   frf: {{points: 60}}
   limits: {{frf_error: 0.2}}
 """
+)
 
 
 @pytest.fixture(scope="module")

@@ -119,7 +119,7 @@ def synopsis(command: str) -> bool:
     return re.search(r" (\[|[A-Z]{2,}\b|.*\\?\|)|\.\.\.", command) is not None
 
 
-def check_synopsis(text: str) -> None:
+def assert_synopsis(text: str) -> None:
     """The command and its options exist."""
     for verb in re.split(r"\\?\|", re.match(r"cmsreduce ([\w-]+(?: \\?\| [\w-]+)*)", text)[1]):
         command: click.Command = main.commands[verb.strip()]
@@ -139,7 +139,7 @@ def test_the_commands_of_a_page_run(page: str, reader: Path, monkeypatch: pytest
         if command.startswith(("mkdir", "cp")):
             _files(command, monkeypatch)
         elif command.startswith("cmsreduce"):
-            check_synopsis(command)
+            assert_synopsis(command)
             if not synopsis(command) and command not in NOT_RUN:
                 typed(command, {0} if page == "docs/tutorial.md" else GOOD)
 
@@ -176,7 +176,7 @@ def test_what_is_not_run_exists(page: str) -> None:
 def test_commands_within_the_text_exist(page: str) -> None:
     for code in inline(page):
         if re.match(r"cmsreduce [a-z]", code):
-            check_synopsis(code)
+            assert_synopsis(code)
 
 
 def test_what_is_not_run_is_still_there() -> None:

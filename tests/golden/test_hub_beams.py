@@ -10,7 +10,7 @@ from cmsreduce.assemble import assemble, rigid_substructure, system_modes
 from cmsreduce.config import load_pipeline
 from cmsreduce.pipeline import Run, Silent, execute
 from cmsreduce.verify import articulation_inertia, articulation_sensors, free_index, hinges_locked, locked_index
-from tests.samples import check_made_again
+from tests.samples import assert_made_again
 
 ROOT = Path(__file__).parents[2]
 PIPELINE = ROOT / "pipelines" / "hub_beams.yaml"
@@ -87,4 +87,4 @@ def test_the_reduced_system_has_the_frequencies_to_all_digits(result):
 
 
 def test_the_sample_is_what_its_script_makes(tmp_path):
-    check_made_again(ROOT / "sample_models" / "hub_beams", tmp_path)
+    assert_made_again(ROOT / "sample_models" / "hub_beams", tmp_path)

@@ -14,7 +14,7 @@ from cmsreduce.config import load_pipeline
 from cmsreduce.pipeline import Run, Silent, execute
 from cmsreduce.write import read_component
 from tests.mechanics.test_geometric_stiffness import WRIGHT
-from tests.samples import check_made_again
+from tests.samples import assert_made_again
 
 ROOT = Path(__file__).parents[2]
 PIPELINE = ROOT / "pipelines" / "rotating_beam.yaml"
@@ -64,4 +64,4 @@ def test_it_would_diverge_by_its_modes_alone(tmp_path: Path) -> None:
 
 
 def test_the_script_makes_the_same_files_again(tmp_path: Path) -> None:
-    check_made_again(ROOT / "sample_models" / "rotating_beam", tmp_path)
+    assert_made_again(ROOT / "sample_models" / "rotating_beam", tmp_path)

@@ -13,7 +13,7 @@ from cmsreduce.pipeline import MODEL, Run, Silent, execute
 from cmsreduce.pipeline.system import AssembledModel, ReducedModel
 from cmsreduce.project import cost_shares, system_cost
 from cmsreduce.verify import articulation_inertia, articulation_sensors, free_index, hinges_locked, locked_index
-from tests.samples import check_made_again
+from tests.samples import assert_made_again
 
 ROOT = Path(__file__).parents[2]
 PIPELINE = ROOT / "pipelines" / "station.yaml"
@@ -98,4 +98,4 @@ def test_all_modes_leave_the_joint_the_inertia_of_its_two_grids(run):
 
 
 def test_the_sample_is_what_its_script_makes(tmp_path):
-    check_made_again(ROOT / "sample_models" / "station", tmp_path)
+    assert_made_again(ROOT / "sample_models" / "station", tmp_path)

@@ -15,23 +15,23 @@ import pytest
 RELATIVE, ABSOLUTE = 1e-6, 1e-9
 
 
-def close(one: object, other: object, where: str = "") -> None:
+def assert_close(one: object, other: object, where: str = "") -> None:
     """Equal texts and whole numbers, figures equal to what rounding in another order of summation costs."""
     if isinstance(one, dict):
         assert isinstance(other, dict) and set(one) == set(other), where
         for key in one:
-            close(one[key], other[key], f"{where}.{key}")
+            assert_close(one[key], other[key], f"{where}.{key}")
     elif isinstance(one, (list, tuple)):
         assert isinstance(other, (list, tuple)) and len(one) == len(other), where
         for k, (a, b) in enumerate(zip(one, other, strict=True)):
-            close(a, b, f"{where}[{k}]")
+            assert_close(a, b, f"{where}[{k}]")
     elif isinstance(one, float):
         assert other == pytest.approx(one, rel=RELATIVE, abs=ABSOLUTE, nan_ok=True), where
     else:
         assert one == other, where
 
 
-def close_files(one: Path, other: Path) -> None:
+def assert_files_close(one: Path, other: Path) -> None:
     """The same datasets in two HDF5 files, numbers to rounding of the largest of each; not when they were made."""
     first, second = contents(one), contents(other)
     assert set(first) == set(second), one.name

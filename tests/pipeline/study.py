@@ -9,25 +9,40 @@ import numpy as np
 from cmsreduce.model import FEModel
 from tests.frames import frame, line
 
-__all__ = ["CANTILEVER", "PIPELINE", "Log", "arm", "panel", "write_body", "write_study"]
+__all__ = ["ARM", "ARM_FILES", "CANTILEVER", "PANEL", "PIPELINE", "Log", "arm", "panel", "write_body", "write_study"]
 
-PIPELINE = """\
-name: study
-output: {output}
-
-components:
+ARM_FILES = """\
   arm:
     stiffness: {{file: arm.op4, matrix: KAA}}
     mass: {{file: arm.op4, matrix: MAA}}
     geometry: arm.bdf
+"""
+ARM = (
+    ARM_FILES
+    + """\
     interfaces: {{root: {{node: 1}}, tip: {{node: 5}}}}
     damping: {{modal: 0.01}}
+"""
+)
+PANEL = """\
   panel:
     stiffness: {{file: panel.op4, matrix: KAA}}
     mass: {{file: panel.op4, matrix: MAA}}
     geometry: panel.bdf
     interfaces: {{root: {{node: 1}}}}
     damping: {{modal: 0.01}}
+"""
+
+PIPELINE = (
+    """\
+name: study
+output: {output}
+
+components:
+"""
+    + ARM
+    + PANEL
+    + """\
   hub:
     rigid: {{mass: 5.0, cg: [-0.1, 0, 0.05], inertia: [0.2, 0.3, 0.25, 0.01, 0, 0]}}
     interfaces: {{face: {{position: [0, 0, 0]}}, back: {{position: [-0.2, 0, 0]}}}}
@@ -54,15 +69,16 @@ verify:
   limits: {{frf_error: 0.05}}
 write: {{formats: [hdf5]}}
 """
+)
 
-CANTILEVER = """\
+CANTILEVER = (
+    """\
 name: cantilever
 output: {output}
 components:
-  arm:
-    stiffness: {{file: arm.op4, matrix: KAA}}
-    mass: {{file: arm.op4, matrix: MAA}}
-    geometry: arm.bdf
+"""
+    + ARM_FILES
+    + """\
     interfaces: {{root: {{node: 1}}}}
     damping: {{modal: 0.01}}
 scene:
@@ -77,6 +93,7 @@ scene:
 reduce: {{cutoff: 8}}
 balance: {{keep: {{frf_error: 0.01}}}}
 """
+)
 """The arm alone, held at its root and shaken at its tip in two directions; its lump is on its axis, so that bending in
 either plane, stretching and twisting do not couple."""
 

@@ -17,16 +17,16 @@ from cmsreduce.pipeline.results import check_result
 from cmsreduce.pipeline.results.limits import Limits
 from cmsreduce.write import summary
 from tests.assemble.rigs import rigid_modes
-from tests.pipeline.study import PIPELINE, arm, write_body
+from tests.pipeline.study import ARM_FILES, PIPELINE, arm, write_body
 
-FREE = """\
+FREE = (
+    """\
 name: free
 output: {output}
 components:
-  arm:
-    stiffness: {{file: arm.op4, matrix: KAA}}
-    mass: {{file: arm.op4, matrix: MAA}}
-    geometry: arm.bdf
+"""
+    + ARM_FILES
+    + """\
     damping: {damping}
 scene:
   band: 450 Hz
@@ -35,6 +35,7 @@ scene:
 reduce: {{cutoff: {cutoff}}}
 verify: {{limits: {{damping_error: {limit}}}}}
 """
+)
 CHAIN = """\
 name: chain
 output: {output}

@@ -13,7 +13,7 @@ import pytest
 
 from cmsreduce.pipeline import Run, execute
 from tests.pipeline import killed
-from tests.pipeline.rounding import close, close_files
+from tests.pipeline.rounding import assert_close, assert_files_close
 from tests.pipeline.test_reuse import done, untimed
 
 STAGES = ["arm.reduce", "arm.orthogonalise", "panel.reduce", "panel.orthogonalise", "system.balance", "system.verify"]
@@ -21,9 +21,9 @@ STAGES = ["arm.reduce", "arm.orthogonalise", "panel.reduce", "panel.orthogonalis
 
 def same_results(folder: Path, other: Path) -> None:
     for name in ("arm.h5", "panel.h5", "system.h5"):
-        close_files(folder / name, other / name)
+        assert_files_close(folder / name, other / name)
     one, two = (untimed(json.loads((out / "summary.json").read_text())) for out in (folder, other))
-    close(one, two)
+    assert_close(one, two)
 
 
 def test_killed_at_every_file(study: Path, finished_study: Path) -> None:

@@ -99,7 +99,7 @@ def full_response(run: Run, number: int = 0) -> np.ndarray:
     return run.comparison.reference.response(run.scene.configurations[number], OMEGA)
 
 
-def agree(ours: np.ndarray, theirs: np.ndarray, tolerance: float = 1e-8) -> None:
+def assert_agree(ours: np.ndarray, theirs: np.ndarray, tolerance: float = 1e-8) -> None:
     """Each channel to a share of its largest value."""
     assert ours.shape == theirs.shape
     assert (abs(ours - theirs) <= tolerance * abs(theirs).max(axis=0)).all()
@@ -134,12 +134,12 @@ def test_channels_of_every_kind(opened: Callable[..., Run]) -> None:
     rate = [False, False, True, True, False, True, False, False, False]
     names = ["station.x", "station.rz", "speed", "gyro", "angle", "turning", "stretch", "distance", "sight"]
     assert [channel.name for channel in run.scene.sensors] == names
-    agree(full_response(run), whole.response(B, C, rate, OMEGA))
+    assert_agree(full_response(run), whole.response(B, C, rate, OMEGA))
     # The reduced system has every actuator's static shape: a strut's too.
     kinds = run.reduced("panel").modes.kind
     assert kinds.count("residual") == 1 and kinds.count("constraint") == 6 + 3 + 2 + 1
     ours = run.model.assembled.response(run.scene.configurations[0], OMEGA)
-    agree(ours, whole.response(B, C, rate, OMEGA), 0.02)
+    assert_agree(ours, whole.response(B, C, rate, OMEGA), 0.02)
 
 
 UNITS = {
@@ -159,9 +159,9 @@ def test_mixed_units_give_the_same_response(
     write_body(study.parent, PANEL, length=length, mass=mass)
     mixed = opened(f"components.panel.units={name}", text=STRUCTURAL)
     for k in (0, 1):
-        agree(full_response(mixed, k), expected[k], 1e-7)
+        assert_agree(full_response(mixed, k), expected[k], 1e-7)
         ours = mixed.model.assembled.response(mixed.scene.configurations[k], OMEGA)
-        agree(ours, si.model.assembled.response(si.scene.configurations[k], OMEGA), 1e-7)
+        assert_agree(ours, si.model.assembled.response(si.scene.configurations[k], OMEGA), 1e-7)
     assert mixed.bodies["panel"].body.units.name == "m-kg-s"
     np.testing.assert_allclose(mixed.kept["panel"].omega, kept.omega, rtol=1e-8)
 
@@ -176,7 +176,7 @@ def test_a_scene_in_other_units(opened: Callable[..., Run]) -> None:
     newton_metre = np.array([1e-3, 1.0])
     metre = np.array([1.0, 1.0, 1e3])
     assert [channel.name for channel in run.scene.sensors] == ["gyro.ry", "gyro.rz", "probe"]
-    agree(ours, metre[:, None] * si * newton_metre, 1e-7)
+    assert_agree(ours, metre[:, None] * si * newton_metre, 1e-7)
 
 
 def test_the_base_is_the_body_that_stays(opened: Callable[..., Run]) -> None:
@@ -187,7 +187,7 @@ def test_the_base_is_the_body_that_stays(opened: Callable[..., Run]) -> None:
     for run, stay in ((hub, {"hub", "arm"}), (other, {"panel"})):
         placed = run.comparison.reference.wiring(run.scene.configurations[1]).placed
         assert {name for name, place in placed.items() if np.array_equal(place.rotation, np.eye(3))} == stay
-    agree(full_response(other, 1), full_response(hub, 1))
+    assert_agree(full_response(other, 1), full_response(hub, 1))
     assert abs(full_response(hub, 1) - full_response(hub, 0)).max() > 0.1 * abs(full_response(hub, 0)).max()
 
 
@@ -226,7 +226,7 @@ def test_a_body_given_in_a_frame_of_its_own(opened: Callable[..., Run], study: P
     rows = f"{{panel.6.x: {x:.1f}, panel.6.y: {y:.1f}, panel.6.z: {z:.1f}}}"
     run = opened(f"components.panel.place={place}", f"scene.sensors.probe={{rows: {rows}}}", text=STRUCTURAL)
     for k in (0, 1):
-        agree(full_response(run, k), expected[k], 1e-7)
+        assert_agree(full_response(run, k), expected[k], 1e-7)
 
 
 def test_an_offset_is_a_rigid_arm(opened: Callable[..., Run]) -> None:
@@ -240,4 +240,4 @@ def test_an_offset_is_a_rigid_arm(opened: Callable[..., Run]) -> None:
         text=STRUCTURAL,
     )
     for k in (0, 1):
-        agree(full_response(away, k), full_response(near, k))
+        assert_agree(full_response(away, k), full_response(near, k))

@@ -21,7 +21,7 @@ from cmsreduce.model import SweepResult
 from cmsreduce.pipeline.batch import sweep, sweep_axes
 from cmsreduce.pipeline.batch.dask_workers import batch_cluster, cluster_workers
 from tests.pipeline.batch.test_sweep import METHODS, ONE_ANGLE, found
-from tests.pipeline.rounding import close
+from tests.pipeline.rounding import assert_close
 
 OVER = [METHODS, "balance.keep={modes: 4},{modes: 999}", ONE_ANGLE]
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -68,14 +68,14 @@ def test_a_killed_worker_loses_nothing(
     result, _ = sweep(path, sweep_axes(OVER), (), tmp_path, cluster=cluster.scheduler_address)
     killer.join(30)
     assert killed
-    close(found(result), found(alone))
+    assert_close(found(result), found(alone))
     assert result.provenance["jobs"] == 2
 
 
 def test_a_cluster_file_starts_its_processes(alone: SweepResult, good_study: Path, tmp_path: Path) -> None:
     path = good_study / "study.yaml"
     result, _ = sweep(path, sweep_axes(OVER), (), tmp_path, cluster=str(CONFIGS / "cluster-local.yaml"))
-    close(found(result), found(alone))
+    assert_close(found(result), found(alone))
     assert (result.provenance["jobs"], result.provenance["threads"]) == (2, 1)
 
 

@@ -17,7 +17,7 @@ from cmsreduce.pipeline import Run, execute
 from cmsreduce.pipeline.batch import opened_run
 from cmsreduce.pipeline.batch.parallel_run import ParallelRun
 from cmsreduce.pipeline.batch.workers import Workers
-from tests.pipeline.rounding import close
+from tests.pipeline.rounding import assert_close
 from tests.pipeline.study import Log
 from tests.pipeline.test_reuse import untimed
 
@@ -47,7 +47,7 @@ def test_processes_find_the_same_as_one(alone: Any, good_study: Path, tmp_path: 
             *run.reduced_names
         }
         execute(run, path, report=False)
-    close(alone, summary(tmp_path))
+    assert_close(alone, summary(tmp_path))
 
 
 class Dying(Executor):
@@ -65,7 +65,7 @@ def test_what_processes_do_not_finish_is_done_by_the_run(alone: Any, good_study:
     run = ParallelRun(load_pipeline(path), tmp_path, Log(), path, (), workers, Dying())
     run.finish_bodies()
     execute(run, path, report=False)
-    close(alone, summary(tmp_path))
+    assert_close(alone, summary(tmp_path))
 
 
 @pytest.mark.usefixtures("warm_processes")

@@ -25,7 +25,7 @@ from cmsreduce.pipeline import Run, execute, reopen, run_result
 from cmsreduce.pipeline.batch import sweep, sweep_axes
 from cmsreduce.pipeline.batch.workers import Workers
 from cmsreduce.pipeline.store import cache_entries, clear_cache
-from tests.pipeline.rounding import close
+from tests.pipeline.rounding import assert_close
 from tests.pipeline.study import Log
 from tests.pipeline.test_reuse import untimed
 
@@ -60,7 +60,7 @@ def test_each_point_is_a_run(swept: tuple[SweepResult, Path], good_study: Path, 
             for part in summary["components"].values():
                 # A body that another point has read is not factorised again for being read.
                 del part["solver"]
-        close(untimed(alone), untimed(here))
+        assert_close(untimed(alone), untimed(here))
         assert row.frf_error == here["worst"]["frf_error"]
         assert row.kept_modes == sum(part["kept_modes"] for part in here["components"].values())
         assert (row.status == "passed") == here["passed"]
@@ -96,7 +96,7 @@ def test_a_point_can_be_opened_again(swept: tuple[SweepResult, Path]) -> None:
 @pytest.mark.usefixtures("warm_processes")
 def test_processes_find_the_same_as_one(swept: tuple[SweepResult, Path], good_study: Path, tmp_path: Path) -> None:
     result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path, jobs=2)
-    close(found(result), found(swept[0]))
+    assert_close(found(result), found(swept[0]))
 
 
 class Inline(Executor):
@@ -123,7 +123,7 @@ def test_what_needs_more_than_its_share_of_the_memory_is_run_alone(
         import_module("cmsreduce.pipeline.batch.sweep"), "chosen_workers", lambda *named: nullcontext(workers)
     )
     result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path, jobs=2)
-    close(found(result), found(swept[0]))
+    assert_close(found(result), found(swept[0]))
     assert sizes == [2, 2, 1]
 
 
@@ -144,7 +144,7 @@ def test_a_killed_process_loses_nothing(swept: tuple[SweepResult, Path], good_st
     killer.start()
     result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path, jobs=2)
     assert killed
-    close(found(result), found(swept[0]))
+    assert_close(found(result), found(swept[0]))
 
 
 def test_the_processes_of_a_killed_sweep_end_and_the_next_one_goes_on(
@@ -160,7 +160,7 @@ def test_the_processes_of_a_killed_sweep_end_and_the_next_one_goes_on(
         assert killed.stdout is not None and select.select([killed.stdout], [], [], 30)[0]
         assert killed.stdout.read() == b""
     result, _ = sweep(good_study / "study.yaml", sweep_axes(OVER), (), tmp_path)
-    close(found(result), found(swept[0]))
+    assert_close(found(result), found(swept[0]))
 
 
 def test_a_damaged_shared_stage_is_made_again(good_study: Path, tmp_path: Path) -> None:
@@ -172,7 +172,7 @@ def test_a_damaged_shared_stage_is_made_again(good_study: Path, tmp_path: Path) 
         path.unlink()
     again, _ = sweep(good_study / "study.yaml", axes, (), tmp_path)
     assert all("is damaged and is made again" in row.message for row in again.rows)
-    close(found(replace(again, rows=tuple(replace(row, message="") for row in again.rows))), found(first))
+    assert_close(found(replace(again, rows=tuple(replace(row, message="") for row in again.rows))), found(first))
 
 
 def test_clearing_leaves_results(good_study: Path, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from cmsreduce.errors import ConfigError, DofMapError
 from cmsreduce.model import DofTable, FEModel, Nodes
 from cmsreduce.pipeline import Run, execute
 from cmsreduce.write import read_component
-from tests.pipeline.study import PIPELINE, arm, write_body
+from tests.pipeline.study import ARM_FILES, PIPELINE, arm, write_body
 
 BETA = 1e-5
 
@@ -167,14 +167,14 @@ def test_files_of_a_large_body_that_is_not_reduced_are_refused(
     assert execute(opened("reduce=null", "balance=null", "write=null"), study) is not None
 
 
-FREE_ARM = """\
+FREE_ARM = (
+    """\
 name: free_arm
 output: {output}
 components:
-  arm:
-    stiffness: {{file: arm.op4, matrix: KAA}}
-    mass: {{file: arm.op4, matrix: MAA}}
-    geometry: arm.bdf
+"""
+    + ARM_FILES
+    + """\
     damping: {{modal: 0.01}}
 scene:
   band: 60 Hz
@@ -182,6 +182,7 @@ scene:
   sensors: {{end: {{at: arm.5, measure: [y, z]}}}}
 reduce: {{cutoff: 2}}
 """
+)
 
 
 def test_a_lone_free_body_answers_its_thruster(opened: Callable[..., Run]) -> None:

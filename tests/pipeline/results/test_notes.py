@@ -10,6 +10,7 @@ import pytest
 from cmsreduce.model import CostlyMode, CostlyModes, CutoffChoice
 from cmsreduce.pipeline import Run
 from cmsreduce.pipeline.results.step_advice import advice_notes
+from tests.pipeline.study import ARM
 
 
 def test_notes_of_a_compared_model_name_it(opened: Callable[..., Run]) -> None:
@@ -35,15 +36,14 @@ def test_residuals_are_advised_by_the_key_that_adds_them_and_not_where_they_are(
     assert not any("residuals" in note for note in whole.stages.notes)
 
 
-GROUNDED = """\
+GROUNDED = (
+    """\
 name: grounded
 output: {output}
 components:
-  arm:
-    stiffness: {{file: arm.op4, matrix: KAA}}
-    mass: {{file: arm.op4, matrix: MAA}}
-    geometry: arm.bdf
-    interfaces: {{root: {{node: 1}}, tip: {{node: 5}}}}
+"""
+    + ARM
+    + """\
     damping: {{modal: 0.01}}
 scene:
   band: 60 Hz
@@ -52,6 +52,7 @@ scene:
   sensors: {{probe: {{at: arm.5, measure: [z]}}}}
 reduce: {{method: benfield-hruda, cutoff: 4}}
 """
+)
 
 
 def test_loaded_modes_of_a_held_body_need_nothing_at_its_support_and_have_no_neighbours(

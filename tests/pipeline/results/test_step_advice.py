@@ -20,18 +20,16 @@ from cmsreduce.model import RoundingEffect
 from cmsreduce.pipeline import Run, Silent, execute
 from cmsreduce.pipeline.results.step_advice import advice_notes
 from cmsreduce.write import TARGETS, convert
-from tests.pipeline.study import write_study
+from tests.pipeline.study import PANEL, write_study
 
-FREE = """\
+FREE = (
+    """\
 name: free
 output: {output}
 components:
-  panel:
-    stiffness: {{file: panel.op4, matrix: KAA}}
-    mass: {{file: panel.op4, matrix: MAA}}
-    geometry: panel.bdf
-    interfaces: {{root: {{node: 1}}}}
-    damping: {{modal: 0.01}}
+"""
+    + PANEL
+    + """\
 scene:
   band: 60 Hz
   actuators: {{push: {{at: panel.5, force: [0, 0, 1]}}}}
@@ -40,6 +38,7 @@ reduce: {{method: craig-bampton, cutoff: 30}}
 verify: {{frf: {{points: 60}}, limits: {{frf_error: 0.01, frequency_error: 1e-3}}}}
 write: {{formats: [hdf5]}}
 """
+)
 
 
 def run(folder: Path, *overrides: str) -> dict:
