@@ -11,6 +11,7 @@ import numpy as np
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
+from cmsreduce.read.calculix_abaqus.matrices import LONGEST_ID
 from cmsreduce.read.files import read_text
 from cmsreduce.read.formats import CELL_CORNERS, Geometry, GeometryFormat, cells_by_kind
 from cmsreduce.read.printed_numbers import coordinate_rounding
@@ -224,6 +225,8 @@ def _node_lines(block: _Block) -> Coordinates:
         fields = [text.strip() for text in line.split(",")]
         try:
             xyz = tuple(float(text.upper().replace("D", "E") or 0) for text in (*fields[1:4], "", "", ""))[:3]
+            if len(fields[0]) > LONGEST_ID:
+                raise ValueError
             out[int(fields[0])] = xyz
         except ValueError:
             raise ReadError(f"{path}, line {number}: '{line.strip()[:60]}' is no node: id, x, y, z") from None
