@@ -19,7 +19,7 @@ from cmsreduce.read.files import is_text
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import SINGLE, LabelledMatrix, canonical, mirrored
 from cmsreduce.read.nastran.cards import INTEGER, Card, read_cards
-from cmsreduce.read.nastran.op4_records import TYPES
+from cmsreduce.read.nastran.op4_header import TYPES
 from cmsreduce.read.printed_numbers import real_number, rounding_of_printed
 
 __all__ = ["DMIG"]
