@@ -18,6 +18,7 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.cards import Cards
 from cmsreduce.read.nastran.deck_elements import (
+    UNCOUNTED,
     Bar,
     Faces,
     Material,
@@ -40,12 +41,7 @@ STRAINS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 """Entries of G, in the order of the six strains."""
 
 # Elements whose stiffness is not counted: only a lower bound is known.
-_OTHERS = (
-    *("CQUAD8", "CQUADR", "CQUAD", "CTRIA6", "CTRIAR", "CSHEAR", "CTRIAX", "CTRIAX6", "CQUADX", "PCOMP", "PCOMPG"),
-    *("CPYRAM", "CTUBE", "CBEND", "CBEAM3", "CELAS1", "CELAS2", "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP"),
-    *("CBUSH", "CWELD", "CFAST", "CSEAM", "GENEL", "DMIG", "MAT2", "MAT8", "MAT9", "PBCOMP", "PBRSECT", "PBMSECT"),
-    *("BAROR", "BEAMOR"),
-)
+_OTHERS = (*UNCOUNTED, "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM", "GENEL")
 # Springs between points at one place take no energy from a uniform strain.
 _SPRINGS = {"CELAS1": (2, 4), "CELAS2": (2, 4), "CBUSH": (2, 3)}
 # Of the size of an element: places printed with five digits.
@@ -120,7 +116,7 @@ def energy_of(cards: Cards | None, nodes: Nodes) -> StatedEnergy | None:
             *_plates(cards, nodes, materials),
             *_bars(cards, nodes, materials),
         ]
-        whole = not any(cards.get(name) for name in _OTHERS if name not in _SPRINGS)
+        whole = not any(cards.get(name) for name in _OTHERS)
         whole &= all(_at_one_place(cards, name, nodes) for name in _SPRINGS)
     except (ReadError, NotCountedError):
         return None
@@ -243,9 +239,9 @@ def _bars(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterato
     # Rigid offsets do not turn, so that the ends move as their grids do.
     apart = nodes.xyz[at[:, 1]] - nodes.xyz[at[:, 0]]
     E, G = (np.array([getattr(each, name) for each in made]) for name in ("E", "G"))
-    axial = _quadratic(E * [bar.section.area for bar in bars] / length, _strain_of(e, apart))
-    across = [_strain_of(np.tile(axis, (len(bars), 1)), apart) for axis in np.eye(3)]
     stretch = _strain_of(e, apart)
+    axial = _quadratic(E * [bar.section.area for bar in bars] / length, stretch)
+    across = [_strain_of(np.tile(axis, (len(bars), 1)), apart) for axis in np.eye(3)]
     across = [row - e[:, [k]] * stretch for k, row in enumerate(across)]
     soft, stiff = _bending(bars, E, G, length)
     low, high = (axial + sum(_quadratic(k, row) for row in across) for k in (soft, stiff))
