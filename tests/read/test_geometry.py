@@ -107,6 +107,10 @@ def test_abaqus_and_calculix_input(tmp_path: Path, text: str, ids: list[int], xy
     ("text", "message"),
     [
         (PARTS.replace(" 50, 7.", " 2, 7."), r"node 2 has two places"),
+        (
+            PARTS.replace("0., 0., 6., 90.", "0., 0., 5., 90."),
+            r"line 8: \*Instance: .* axis of rotation are at one place",
+        ),
         ("*NODE\n1,0.,x\n", r"line 2: '1,0.,x' is no node"),
         ("*NODE\n2305843009213693952,0.,0.\n", r"line 2: '2305843009213693952,0.,0.' is no node"),
         ("*NODE\n1,0.\n*NGEN\n1,5,1\n", "line 3: \\*NGEN: generated nodes are not read"),

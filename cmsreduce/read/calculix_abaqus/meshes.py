@@ -247,7 +247,9 @@ def _placed(nodes: Coordinates, instance: _Block) -> Coordinates:
             raise ReadError(f"{instance.where}: a rotation needs two points and an angle in degrees, 7 numbers")
         # Rodrigues' rotation about the axis through two points.
         start, end = np.array(numbers[1][:3]), np.array(numbers[1][3:6])
-        axis = (end - start) / np.linalg.norm(end - start)
+        if not (length := float(np.linalg.norm(end - start))) > 0:
+            raise ReadError(f"{instance.where}: the two points of its axis of rotation are at one place")
+        axis = (end - start) / length
         angle, arm = np.radians(numbers[1][6]), xyz - start
         along = (arm @ axis)[:, None] * axis
         xyz = start + along + np.cos(angle) * (arm - along) + np.sin(angle) * np.cross(axis, arm)
