@@ -46,6 +46,8 @@ _OTHERS = (*UNCOUNTED, "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD"
 _SPRINGS = {"CELAS1": (2, 4), "CELAS2": (2, 4), "CBUSH": (2, 3)}
 # Of the size of an element: places printed with five digits.
 _SAME_PLACE = 1e-5
+# Of the largest entry: two sums over all elements differ by less.
+_ROUND_OFF = 1e-9
 # Moduli that contradict each other by more make no isotropic material.
 _ISOTROPIC = 1e-3
 _EDGES = {
@@ -83,7 +85,7 @@ class StatedEnergy(NamedTuple):
     @property
     def exact(self) -> bool:
         """True if both bounds are one."""
-        return self.high is not None and bool(abs(self.high - self.low).max() <= 1e-9 * abs(self.low).max())
+        return self.high is not None and bool(abs(self.high - self.low).max() <= _ROUND_OFF * abs(self.low).max())
 
 
 def deck_energy(path: Path, nodes: Nodes) -> StatedEnergy | None:
