@@ -120,6 +120,7 @@ def constraint_space(A: sp.csr_array) -> ConstraintSpace:
     for group in connected_rows(others):
         own = others[group]
         at = np.unique(own.indices)
+        # Small: locked motions of joints that share coordinates, by these coordinates.
         block = own[:, at].toarray()
         V = _reflector(block / np.linalg.norm(block, axis=1, keepdims=True))
         r = V.shape[1]
@@ -133,6 +134,7 @@ def constraint_space(A: sp.csr_array) -> ConstraintSpace:
         return ConstraintSpace(sp.csc_array((n, 0)), kept)
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
     V_all = sp.csc_array(sp.coo_array(entries, shape=(n, rank)))
+    # Dense only where the reduced coordinates are at most twice those in constraints.
     return ConstraintSpace(V_all if np.count_nonzero(~touched) >= _MOSTLY_FREE * n else V_all.toarray(), kept)
 
 

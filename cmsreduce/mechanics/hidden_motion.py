@@ -106,19 +106,21 @@ def _condensation(body: FEModel, known: Recovery, members: Members, o: int) -> s
     """Motion of the condensed dofs (o, n); an error if the matrices were not condensed by it."""
     n = body.n
     K = _assembled(body, known, members)
-    T = np.zeros((o, n))
     free = n + np.flatnonzero(K.diagonal()[n:] > _NOTHING * K.diagonal().max())
     beside = np.flatnonzero(np.diff(sp.csc_array(K[free][:, :n]).indptr))
     try:
         factor = factorise(sp.csc_array(K[free][:, free]), what=f"the stiffness of condensed dofs of '{body.name}'")
-        T[np.ix_(free - n, beside)] = -factor(K[free][:, beside].toarray())
+        # Only the dofs beside the condensed ones move these.
+        block = -factor(K[free][:, beside].toarray())
     except NotPositiveDefiniteError as error:
         label = known.dofs.labels[free[error.row]]
         raise DofMapError(
             f"body '{body.name}': dof {label} of its bars has no row in the matrices, and bars, rods and springs of "
             f"the deck leave it free, so its motion is not known; {_REMEDY}"
         ) from None
-    follows = sp.csr_array(T)
+    where = np.repeat(free - n, beside.size), np.tile(beside, free.size)
+    follows = sp.csr_array((block.ravel(), where), shape=(o, n))
+    follows.eliminate_zeros()
     left = sp.csr_array(K[:n, :n] + K[:n, n:] @ follows)
     size = np.sqrt(np.abs(body.K.diagonal()))
     scale = sp.diags_array(1 / np.where(size > 0, size, np.inf))

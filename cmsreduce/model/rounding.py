@@ -47,8 +47,8 @@ the result (EA/h against EI/L^3)."""
 _LARGEST_NOISE = 1e-6
 # A force of noise is at most this many times the median of its kind; of normal noise in a large body six times.
 _OUTLIER = 100.0
-# Forces of noise have either sign. Springs to ground under all nodes, which have one, are told apart where they could
-# matter: above the noise of condensation.
+# Forces of noise have either sign; those of springs to ground under all nodes have one. The sign is judged where such
+# springs could matter: above the noise of condensation.
 _ONE_SIGN, _SIGN_DEVIATIONS = 0.9, 6.0
 # Fewer nodes show no distribution.
 _FEWEST_NODES = 4

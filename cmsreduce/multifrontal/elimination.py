@@ -132,7 +132,7 @@ def couplings(A: sp.csc_array) -> tuple[Ints, Rows]:
 
 @loop
 def _mirrored(starts: Rows, indices: Rows, data: NDArray[np.float64]) -> bool:
-    """Whether each nonzero entry has its mirror image: compares a hash sum of both triangles."""
+    """True if each nonzero entry has its mirror image: compares a hash sum of both triangles."""
     lower, upper = np.uint64(0), np.uint64(0)
     for j in range(starts.size - 1):
         for p in range(starts[j], starts[j + 1]):

@@ -20,7 +20,7 @@ _DENSE, _DENSE_AT_LEAST = 10.0, 16
 
 @cache
 def dissection_installed() -> bool:
-    """Whether METIS is installed."""
+    """True if METIS is installed."""
     return importlib.util.find_spec("pymetis") is not None
 
 

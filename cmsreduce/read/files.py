@@ -17,6 +17,8 @@ from cmsreduce.errors import ReadError
 __all__ = ["LIBRARY_ERRORS", "is_text", "read_head", "read_text", "reading", "require_file", "sha256_of"]
 
 LIBRARY_ERRORS = (
+    # scipy, h5py, zipfile and pyYeti trust the sizes, types and offsets in a file, so that one wrong byte can raise any
+    # of these. A failed assertion or an unknown name is a fault of this program and is not among them.
     struct.error,
     tokenize.TokenError,
     zlib.error,

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 # Deviations of a sum of roundings that it exceeds once in four hundred times.
 _DEVIATIONS = 3.0
-# Entries times modes up to which repeated numbers are told from different ones, in a second or two.
+# Entries times modes up to which repeated numbers are searched for, in a second or two.
 _REPEATED = 5e7
 
 

@@ -107,7 +107,12 @@ def test_abaqus_and_calculix_input(tmp_path: Path, text: str, ids: list[int], xy
     ("text", "message"),
     [
         (PARTS.replace(" 50, 7.", " 2, 7."), r"node 2 has two places"),
+        (
+            PARTS.replace("0., 0., 6., 90.", "0., 0., 5., 90."),
+            r"line 8: \*Instance: .* axis of rotation are at one place",
+        ),
         ("*NODE\n1,0.,x\n", r"line 2: '1,0.,x' is no node"),
+        ("*NODE\n2305843009213693952,0.,0.\n", r"line 2: '2305843009213693952,0.,0.' is no node"),
         ("*NODE\n1,0.\n*NGEN\n1,5,1\n", "line 3: \\*NGEN: generated nodes are not read"),
         ("*NODE\n1,0.\n*TRANSFORM, NSET=A, TYPE=C\n", "degrees of freedom in a local system"),
         ("*NODE, SYSTEM=C\n1,0.\n", "write rectangular ones"),
@@ -229,6 +234,16 @@ def test_elements_of_a_mesh_that_meshio_reads(tmp_path: Path) -> None:
     path = tmp_path / "body.vtu"
     meshio.Mesh(np.eye(4)[:, :3], [("tetra", np.array([[0, 1, 2, 3]]))]).write(path)
     assert listed(path) == {"tetra": [[1, 2, 3, 4]]}
+
+
+@pytest.mark.parametrize(
+    ("point", "named"), [("3", "4"), ("-5", "-4"), ("4294967295", "4294967296"), ("9223372036854775807", "[0-9]+")]
+)
+def test_element_of_a_mesh_that_names_no_point(tmp_path: Path, point: str, named: str) -> None:
+    path = tmp_path / "body.off"
+    path.write_text(f"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 {point}\n")
+    with pytest.raises(ReadError, match=f"a triangle names point {named} of 3; write the mesh again"):
+        read_cells(path)
 
 
 def test_files_without_elements(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ _SEARCH_ROWS = 4096
 
 
 def outgrows(n: int, m: int) -> bool:
-    """Whether a basis (n, m) goes to disk: `SolverSettings` name a folder, and it exceeds their ``basis_limit``."""
+    """True if a basis (n, m) goes to disk: `SolverSettings` name a folder, and it exceeds their ``basis_limit``."""
     settings = current_settings()
     return settings.scratch is not None and np.dtype(np.float64).itemsize * n * m > settings.basis_limit
 
@@ -165,7 +165,7 @@ class SearchSpace:
         return block
 
     def _outgrows(self, m: int) -> bool:
-        """Whether a search over m columns does not fit in memory."""
+        """True if a search over m columns does not fit in memory."""
         return outgrows(self.n, m // _SEARCH_BASES)
 
     def inner(self, W: Array) -> Array:

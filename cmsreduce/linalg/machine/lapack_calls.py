@@ -35,7 +35,7 @@ def lapack_call(name: str, *arguments: bytes | int | NDArray[np.float64]) -> int
 
 @cache
 def lapack_offers(*names: str) -> bool:
-    """Whether `lapack_call` can call some routines: scipy has their addresses, and their integers have 32 bits."""
+    """True if `lapack_call` can call some routines: scipy has their addresses, and their integers have 32 bits."""
     return all(name in _CAPSULES and b"int *" in _signature(name) for name in names)
 
 

@@ -67,7 +67,7 @@ def watch_if_large(n: int) -> None:
 
 
 def can_be_mapped() -> bool:
-    """Whether MKL uses the allocator of this module."""
+    """True if MKL uses the allocator of this module."""
     return _ENTRIES.called
 
 
@@ -158,7 +158,7 @@ def _put_on_disk(system: ctypes.CDLL, start: int, length: int, folder: Path) -> 
 
 
 def _has_own_mapping(address: int) -> bool:
-    """Whether memory has a mapping of its own, which `free` unmaps; the C library marks it in front of the memory."""
+    """True if memory has a mapping of its own, which `free` unmaps; the C library marks it in front of the memory."""
     head = 2 * ctypes.sizeof(ctypes.c_size_t)
     marks = ctypes.c_size_t.from_address(address - head // 2).value
     return address % mmap.PAGESIZE == head and bool(marks & _OWN_MAPPING)

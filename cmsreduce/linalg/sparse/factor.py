@@ -102,7 +102,7 @@ class Factor(ABC):
     @property
     @abstractmethod
     def inertia_known(self) -> bool:
-        """Whether the signs of the pivots are the inertia: rows and columns have one order, and no pivot was moved."""
+        """True if the signs of the pivots are the inertia: rows and columns have one order, and no pivot was moved."""
 
     @property
     def negative_pivots(self) -> int:

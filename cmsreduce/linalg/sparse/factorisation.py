@@ -149,7 +149,7 @@ def installed_backends() -> tuple[Backend, ...]:
 
 @cache
 def installed(backend: Backend) -> bool:
-    """Whether a sparse solver is installed here."""
+    """True if a sparse solver is installed here."""
     if backend == "pardiso":
         return mkl_library() is not None
     if backend == "cholmod":
@@ -234,7 +234,7 @@ def _admission(settings: SolverSettings, what: str, n: int) -> Admit:
 
 
 def _resists(A: sp.csc_array, factor: Factor, row: int) -> bool:
-    """Whether a matrix of positive pivots resists its weakest motion, that of the row with the smallest pivot."""
+    """True if a matrix of positive pivots resists its weakest motion, that of the row with the smallest pivot."""
     if factor.weakest[1] <= 0:
         return False
     x = factor(np.eye(1, A.shape[0], row)[0])

@@ -214,7 +214,7 @@ class _Group:
 
     @property
     def alive(self) -> bool:
-        """Whether the processes still run."""
+        """True if the processes still run."""
         return self._process.poll() is None
 
     def factorise(self, A: sp.csc_array) -> tuple[str, dict[str, Any]]:

@@ -120,7 +120,7 @@ class Pardiso(Factor):
             self._matrix = values[:1].copy(), indptr[:1].copy(), indices[:1].copy()
 
     def _goes_to_disk(self, admit: Admit, folder: Path | None, room: float) -> bool:
-        """Whether the factor, with ``room`` bytes in PARDISO, does not fit in memory but fits on disk."""
+        """True if the factor, with ``room`` bytes in PARDISO, does not fit in memory but fits on disk."""
         entries = float(self.cost.nnz * self._real.itemsize)
         try:
             admit(self.cost)
@@ -168,7 +168,7 @@ class Pardiso(Factor):
 
     @property
     def inertia_known(self) -> bool:
-        """Whether no pivot had to be moved away from zero."""
+        """True if no pivot had to be moved away from zero."""
         return int(self._iparm[_MOVED]) == 0
 
     def _negative_pivots(self) -> int:

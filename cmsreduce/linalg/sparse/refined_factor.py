@@ -83,7 +83,7 @@ class RefinedFactor(Factor):
 
     @property
     def inertia_known(self) -> bool:
-        """Whether no pivot had to be moved away from zero."""
+        """True if no pivot had to be moved away from zero."""
         return self._rough.inertia_known
 
     def _negative_pivots(self) -> int:

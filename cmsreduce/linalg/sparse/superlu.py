@@ -83,7 +83,7 @@ class SuperLU(Factor):
 
     @property
     def inertia_known(self) -> bool:
-        """Whether rows and columns have one order."""
+        """True if rows and columns have one order."""
         return bool(np.array_equal(self.lu.perm_r, self.lu.perm_c))
 
 

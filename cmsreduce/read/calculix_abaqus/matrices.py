@@ -22,10 +22,12 @@ from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, check_size
 from cmsreduce.read.matrices import COORDINATE, LABELLED, read_entries
 from cmsreduce.read.printed_numbers import rounding_of_printed
 
-__all__ = ["ABAQUS", "CALCULIX", "dof_list_beside", "read_dof_list"]
+__all__ = ["ABAQUS", "CALCULIX", "LONGEST_ID", "dof_list_beside", "read_dof_list"]
+
+LONGEST_ID = 15
+"""Digits of a node id: ids become keys of dofs in 64-bit integers."""
 
 _SKIPPED = "#%$*"  # first characters of comments, and of keywords of Abaqus
-_LONGEST_ID = 15  # digits
 _DOF = re.compile(r"(\d+)(?:\s*[.,;]\s*|\s+)([0-6])")
 
 
@@ -148,7 +150,7 @@ def read_dof_list(path: Path) -> DofTable:
                 f"{path}, line {number}: '{line[:40]}' is not a dof; write node.component, such as 1001.3 "
                 "(1..3 translations, 4..6 rotations, 0 for a scalar point)"
             )
-        if len(match[1]) > _LONGEST_ID:
+        if len(match[1]) > LONGEST_ID:
             raise ReadError(f"{path}, line {number}: the node '{line[:40]}' is too large; ids have up to 15 digits")
         node.append(int(match[1]))
         component.append(int(match[2]))

@@ -11,6 +11,7 @@ import numpy as np
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
+from cmsreduce.read.calculix_abaqus.matrices import LONGEST_ID
 from cmsreduce.read.files import read_text
 from cmsreduce.read.formats import CELL_CORNERS, Geometry, GeometryFormat, cells_by_kind
 from cmsreduce.read.printed_numbers import coordinate_rounding
@@ -224,6 +225,8 @@ def _node_lines(block: _Block) -> Coordinates:
         fields = [text.strip() for text in line.split(",")]
         try:
             xyz = tuple(float(text.upper().replace("D", "E") or 0) for text in (*fields[1:4], "", "", ""))[:3]
+            if len(fields[0]) > LONGEST_ID:
+                raise ValueError
             out[int(fields[0])] = xyz
         except ValueError:
             raise ReadError(f"{path}, line {number}: '{line.strip()[:60]}' is no node: id, x, y, z") from None
@@ -244,7 +247,9 @@ def _placed(nodes: Coordinates, instance: _Block) -> Coordinates:
             raise ReadError(f"{instance.where}: a rotation needs two points and an angle in degrees, 7 numbers")
         # Rodrigues' rotation about the axis through two points.
         start, end = np.array(numbers[1][:3]), np.array(numbers[1][3:6])
-        axis = (end - start) / np.linalg.norm(end - start)
+        if not (length := float(np.linalg.norm(end - start))) > 0:
+            raise ReadError(f"{instance.where}: the two points of its axis of rotation are at one place")
+        axis = (end - start) / length
         angle, arm = np.radians(numbers[1][6]), xyz - start
         along = (arm @ axis)[:, None] * axis
         xyz = start + along + np.cos(angle) * (arm - along) + np.sin(angle) * np.cross(axis, arm)

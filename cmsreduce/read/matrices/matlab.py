@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import HARMLESS_BYTES, LARGEST_GROWTH, check_dataset
@@ -142,14 +143,22 @@ def _load_hdf5_sparse(path: Path, name: str) -> LabelledMatrix:
 
     with reading(path, f"variable '{name}'"), h5py.File(path, "r") as file:
         group = file[name]
-        starts = group["jc"][()].astype(np.int64)
+        starts = _indices(group["jc"])
         # MATLAB writes neither where there are no entries.
-        rows = group["ir"][()].astype(np.int64) if "ir" in group else np.empty(0, dtype=np.int64)
+        rows = _indices(group["ir"]) if "ir" in group else np.empty(0, dtype=np.int64)
         data = group["data"][()] if "data" in group else np.empty(0)
         if data.dtype.names:
             raise ReadError(f"{path}: matrix '{name}' is complex; stiffness, mass and damping must be real")
         A = sp.csc_array((data, rows, starts), shape=(int(group.attrs["MATLAB_sparse"]), starts.size - 1))
     return from_array(path, name, "mat", A)
+
+
+def _indices(dataset: Any) -> NDArray[np.int64]:
+    """Indices of a sparse matrix; MATLAB stores them without a sign."""
+    found = dataset[()]
+    if found.dtype.kind not in "iu" or int(found.max(initial=0)) > np.iinfo(np.int64).max:
+        raise ValueError(f"'{dataset.name}' holds numbers that are no indices")
+    return np.asarray(found, dtype=np.int64)
 
 
 def _is_hdf5(head: bytes) -> bool:

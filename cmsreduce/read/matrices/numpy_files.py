@@ -28,6 +28,7 @@ _LARGEST_RATIO = 1032
 # Bytes of a header; numpy writes some hundred.
 _LONGEST_HEADER = 1 << 16
 _SPARSE = {"format", "shape", "data"}  # members that save_npz writes for every layout
+_INDICES = {"row", "col", "indices", "indptr", "offsets"}  # members of some layouts
 _NAMES = {"f2": "real half", "f4": "real single", "f8": "real double", "c8": "complex single", "c16": "complex double"}
 
 
@@ -89,6 +90,9 @@ def _entries_of(path: Path, name: str, array: Any) -> sp.csc_array:
     if array.format in ("csc", "csr", "bsr"):
         try:
             array.check_format(full_check=True)
+            # scipy compares no starts where the last one is not positive.
+            if (np.diff(array.indptr) < 0).any():
+                raise ValueError("indptr must be a non-decreasing sequence")
         except ValueError as error:
             raise ReadError(f"{path}: sparse matrix '{name}' is damaged: {error}; save it again") from error
     entries = array.tocoo()
@@ -147,6 +151,9 @@ def _npz_matrices(path: Path) -> list[StoredMatrix]:
                 )
             headers[name] = shape, dtype
     if headers.keys() >= _SPARSE:
+        for part in _INDICES & headers.keys():
+            if (dtype := headers[part][1]).kind not in "iu":
+                raise ReadError(f"{path}: '{part}' of the sparse matrix holds {dtype}, not indices; save it again")
         return [_saved_sparse(path, headers["data"][1])]
     return [
         _stored(path, name, "npz", shape, dtype, partial(_member, path, name))

@@ -31,5 +31,7 @@ if __name__ == "__main__":
     try:
         main(*sys.argv[1:])
     except Exception as error:
+        # meshio's readers fail on damaged files with errors of any class, and the message is all that this process has
+        # to say.
         said = " ".join(str(error).split()) or type(error).__name__
         sys.exit("the sizes in it need more memory than its bytes justify" if isinstance(error, MemoryError) else said)

@@ -59,10 +59,14 @@ def _mesh_cells(path: Path) -> Cells:
         kind = next((kind for kind in CELL_CORNERS if name.partition(" ")[2].startswith(kind)), None)
         if kind is None or kind == "vertex" or data.ndim != 2 or data.shape[1] < CELL_CORNERS[kind]:
             continue
-        corners = np.asarray(data[:, : CELL_CORNERS[kind]], dtype=np.int64)
-        if corners.size and (corners.min() < 0 or corners.max() >= nodes):
-            raise ReadError(f"{path}: an element names point {corners.max() + 1} of {nodes}; write the mesh again")
-        found.setdefault(kind, []).append(corners + 1)
+        corners = data[:, : CELL_CORNERS[kind]]
+        if corners.dtype.kind not in "iu":
+            raise ReadError(f"{path}: a {kind} names its points by {corners.dtype} numbers; write the mesh again")
+        # Python's integers have no largest one: a damaged number may be the largest of its type.
+        for point in (int(corners.min(initial=0)), int(corners.max(initial=0))) if corners.size else ():
+            if not 0 <= point < nodes:
+                raise ReadError(f"{path}: a {kind} names point {point + 1} of {nodes}; write the mesh again")
+        found.setdefault(kind, []).append(corners.astype(np.int64) + 1)
     return {kind: np.vstack(parts) for kind, parts in found.items()}
 
 

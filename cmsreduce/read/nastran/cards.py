@@ -15,15 +15,16 @@ from cmsreduce.errors import ReadError
 from cmsreduce.read.files import read_text
 from cmsreduce.read.printed_numbers import real_number
 
-__all__ = ["FIELDS_PER_LINE", "Card", "CardFile", "Cards", "read_cards"]
+__all__ = ["FIELDS_PER_LINE", "INTEGER", "Card", "CardFile", "Cards", "read_cards"]
 
 FIELDS_PER_LINE = 8
 """Data fields on one line of a card with fields of eight characters."""
 
+INTEGER = re.compile(r"[+-]?0*\d{1,15}\Z")
+"""An integer of a card; node ids become keys of dofs in 64-bit integers."""
+
 _WIDE_FIELDS_PER_LINE = 4
 _SHOWN = 40  # characters of a bad field in a message
-# Node ids become keys of dofs in 64-bit integers.
-_INTEGER = re.compile(r"[+-]?0*\d{1,15}\Z")
 _INCLUDE = re.compile(r"\s*INCLUDE(?=[\s'\"=])\s*=?\s*(.*)", re.IGNORECASE)
 _BEGIN = re.compile(
     r"\s*BEGIN\b\s*(BULK)?\s*(?:SUPER\s*=?\s*(\d{1,15})(?!\d)|(AUX|ARBMODEL|MASSID|UDS))?", re.IGNORECASE
@@ -79,7 +80,7 @@ class Card:
         text = self.text(index)
         if not text and default is not None:
             return default
-        if not _INTEGER.match(text):
+        if not INTEGER.match(text):
             raise ReadError(f"{self.where}: {_field(index)} should be an integer, it is '{text[:_SHOWN]}'")
         return int(text)
 

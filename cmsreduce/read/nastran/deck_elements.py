@@ -19,6 +19,7 @@ from cmsreduce.read.nastran.bars import offsets_of
 from cmsreduce.read.nastran.cards import Card, Cards, read_cards
 
 __all__ = [
+    "UNCOUNTED",
     "Bar",
     "Faces",
     "Material",
@@ -35,17 +36,22 @@ __all__ = [
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+UNCOUNTED = (
+    *("CQUAD8", "CQUADR", "CQUAD", "CTRIA6", "CTRIAR", "CSHEAR", "CTRIAX", "CTRIAX6", "CQUADX", "PCOMP", "PCOMPG"),
+    *("CPYRAM", "CTUBE", "CBEND", "CBEAM3", "MAT2", "MAT8", "MAT9", "PBCOMP", "PBRSECT", "PBMSECT"),
+    *("BAROR", "BEAMOR", "DMIG"),
+)
+"""Cards of mass and stiffness that nothing here counts."""
+
 _BARS = {"CBAR": "PBAR", "CBEAM": "PBEAM", "CROD": "PROD", "CONROD": ""}
 _SHAPED = {"PBARL": "PBAR", "PBEAML": "PBEAM"}
 _PLATES, _SOLIDS = {"CTRIA3": 3, "CQUAD4": 4}, {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
 _CARDS = (
     *(*_BARS, "PBAR", "PBEAM", "PROD", *_SHAPED, *_PLATES, *_SOLIDS, "PSHELL", "PSOLID", "MAT1", "PARAM"),
-    # Masses, and elements and properties that only `deck_mass` or `deck_energy` counts.
+    # Cards of mass alone, then of stiffness alone.
     *("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "NSM", "NSM1", "NSML", "NSML1"),
     *("CELAS1", "CELAS2", "CELAS3", "CELAS4", "CBUSH", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM"),
-    *("CQUAD8", "CQUADR", "CQUAD", "CTRIA6", "CTRIAR", "CSHEAR", "CTRIAX", "CTRIAX6", "CQUADX", "PCOMP", "PCOMPG"),
-    *("CPYRAM", "CTUBE", "CBEND", "CBEAM3", "MAT2", "MAT8", "MAT9", "PBCOMP", "PBRSECT", "PBMSECT"),
-    *("BAROR", "BEAMOR", "GENEL", "DMIG"),
+    *("GENEL", *UNCOUNTED),
 )
 _STATED = re.compile(rb"^(CONM1|CONM2|MAT1)\b", re.MULTILINE | re.IGNORECASE)
 # Fields of PBAR, PBEAM and PROD: area, moments I1, I2, I12 and non-structural mass per length.
@@ -172,7 +178,7 @@ def node_index(nodes: Nodes, node: int) -> int:
     Raises
     ------
     NotCountedError
-        If the deck lacks it.
+        If the deck has no such grid.
     """
     at = int(nodes.index(node)[0])
     if at < 0:

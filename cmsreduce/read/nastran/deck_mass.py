@@ -14,7 +14,9 @@ from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.cards import Cards
 from cmsreduce.read.nastran.deck_elements import (
+    UNCOUNTED,
     Faces,
+    Material,
     NotCountedError,
     bars_of,
     materials_of,
@@ -31,12 +33,8 @@ Part = tuple[NDArray[np.int64], Array, Array, Array, Array]
 """Nodes (e, k), their masses (e, k), centres (e, 3), second moments int x x dm (e, 3, 3), and the inertia (e, 3, 3)
 that lumping may change."""
 
-# Elements and properties without a counted mass: the mass of a deck that has any is unknown.
-_OTHERS = (
-    *("CQUAD8", "CQUADR", "CQUAD", "CTRIA6", "CTRIAR", "CSHEAR", "CTRIAX", "CTRIAX6", "CQUADX", "PCOMP", "PCOMPG"),
-    *("CPYRAM", "CTUBE", "CBEND", "CBEAM3", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "MAT2", "MAT8", "MAT9"),
-    *("PBCOMP", "PBRSECT", "PBMSECT", "BAROR", "BEAMOR", "NSM", "NSM1", "NSML", "NSML1", "DMIG"),
-)
+# The mass of a deck that has any of these is unknown.
+_OTHERS = (*UNCOUNTED, "CMASS1", "CMASS2", "CMASS3", "CMASS4", "NSM", "NSM1", "NSML", "NSML1")
 # Of the size of an element: corners printed with five digits.
 _EVEN = 1e-4
 # Of a CONM1: masses printed with seven digits.
@@ -98,7 +96,13 @@ def mass_of(cards: Cards | None, nodes: Nodes) -> StatedMass | None:
     if cards is None or any(cards.get(name) for name in _OTHERS):
         return None
     try:
-        parts = [*_bars(cards, nodes), *_plates(cards, nodes), *_solids(cards, nodes), *_points(cards, nodes)]
+        materials = materials_of(cards)
+        parts = [
+            *_bars(cards, nodes, materials),
+            *_plates(cards, nodes, materials),
+            *_solids(cards, nodes, materials),
+            *_points(cards, nodes),
+        ]
     except (ReadError, NotCountedError):
         return None
     if not parts or not (total := float(sum(mass.sum() for _, mass, *_ in parts))) > 0:
@@ -116,27 +120,24 @@ def mass_of(cards: Cards | None, nodes: Nodes) -> StatedMass | None:
     return StatedMass(total * scale, centre, inertia * scale, lumping * scale, nodal * scale)
 
 
-def _density(number: int, cards: Cards) -> float:
-    found = materials_of(cards)
-    if number not in found:
+def _density(number: int, materials: dict[int, Material]) -> float:
+    if number not in materials:
         raise NotCountedError
-    return found[number].density
+    return materials[number].density
 
 
 def _outer(x: Array) -> Array:
     return np.asarray(x[..., :, None] * x[..., None, :])
 
 
-def _bars(cards: Cards, nodes: Nodes) -> Iterator[Part]:
-    bars, materials = list(bars_of(cards, nodes)), materials_of(cards)
-    if any(bar.section.material not in materials for bar in bars):
-        raise NotCountedError
+def _bars(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterator[Part]:
+    bars = list(bars_of(cards, nodes))
     if not bars:
         return
     ends = np.array([bar.ends for bar in bars])
     along = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(along, axis=1)
-    density = np.array([materials[bar.section.material].density for bar in bars])
+    density = np.array([_density(bar.section.material, materials) for bar in bars])
     per_length = density * [bar.section.area for bar in bars] + [bar.section.per_length for bar in bars]
     mass, centre = per_length * length, ends.mean(axis=1)
     # Halves at the ends have three times the moment of a straight line.
@@ -175,19 +176,19 @@ def _at_point(at: int, mass: float, place: Array, own: float) -> Part:
     return np.array([[at]]), np.array([[mass]]), place[None], mass * _outer(place)[None], more
 
 
-def _plates(cards: Cards, nodes: Nodes) -> Iterator[Part]:
+def _plates(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterator[Part]:
     for faces in plates_of(cards, nodes):
-        per_area = np.array([_density(p.integer(1, 0), cards) * p.real(2) + p.real(7) for p in faces.property])
+        per_area = np.array([_density(p.integer(1, 0), materials) * p.real(2) + p.real(7) for p in faces.property])
         corners = nodes.xyz[faces.nodes]
         area, centre, second = _plate_areas(corners)
         yield _spread(faces, corners, per_area, area, centre, second)
 
 
-def _solids(cards: Cards, nodes: Nodes) -> Iterator[Part]:
+def _solids(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterator[Part]:
     for faces in solids_of(cards, nodes):
         if faces.between.shape[1]:
             raise NotCountedError
-        density = np.array([_density(p.integer(1), cards) for p in faces.property])
+        density = np.array([_density(p.integer(1), materials) for p in faces.property])
         corners = nodes.xyz[faces.nodes]
         volume, centre, second = solid_volumes(corners)
         yield _spread(faces, corners, density, volume, centre, second)

@@ -18,8 +18,8 @@ from cmsreduce.model import KEY_STEP, DofTable
 from cmsreduce.read.files import is_text
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import SINGLE, LabelledMatrix, canonical, mirrored
-from cmsreduce.read.nastran.cards import Card, read_cards
-from cmsreduce.read.nastran.op4_records import TYPES
+from cmsreduce.read.nastran.cards import INTEGER, Card, read_cards
+from cmsreduce.read.nastran.op4_header import TYPES
 from cmsreduce.read.printed_numbers import real_number, rounding_of_printed
 
 __all__ = ["DMIG"]
@@ -132,6 +132,8 @@ def _labels(dmig: _Dmig) -> tuple[Keys, Keys, Keys, Keys]:
         nodes = card.fields[_FIRST::_GROUP]
         components = card.fields[_FIRST + 1 :: _GROUP]
         try:
+            if not all(map(INTEGER.match, nodes)):
+                raise ValueError
             node.extend(map(int, nodes))
             component.extend(int(text or 0) for text in components)
         except ValueError:
@@ -155,7 +157,7 @@ def _labels(dmig: _Dmig) -> tuple[Keys, Keys, Keys, Keys]:
 def _bad_entry(card: Card, texts: list[str], needed: str) -> ReadError:
     """Error for the first text that is not an integer or not a number, with its line."""
     integers = needed.startswith("a node")
-    bad = next(text for text in texts if (not text.lstrip("+-").isdigit() if integers else real_number(text) is None))
+    bad = next(text for text in texts if (INTEGER.match(text) is None if integers else real_number(text) is None))
     lines = card.path.read_text(encoding="utf-8", errors="replace").upper().splitlines()
     # The first line of the card if the text is blank.
     line = next((at for at in range(card.line, len(lines)) if bad and bad in lines[at]), card.line - 1) + 1

@@ -17,7 +17,7 @@ from cmsreduce.read.files import reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import DOUBLE, SINGLE, LabelledMatrix, canonical, check_size, mirrored
 from cmsreduce.read.nastran.op4 import FORMS, SYMMETRIC, first_record
-from cmsreduce.read.nastran.op4_records import TYPES
+from cmsreduce.read.nastran.op4_header import TYPES
 
 __all__ = ["OP2"]
 

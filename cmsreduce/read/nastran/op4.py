@@ -15,7 +15,9 @@ from cmsreduce.errors import ReadError
 from cmsreduce.read.files import read_head, reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, mirrored
-from cmsreduce.read.nastran.op4_records import TYPES, BinaryRecords, Op4Header, PrintedRecords, is_printed_header
+from cmsreduce.read.nastran.op4_binary import BinaryRecords
+from cmsreduce.read.nastran.op4_header import TYPES, Op4Header
+from cmsreduce.read.nastran.op4_printed import PrintedRecords, is_printed_header
 from cmsreduce.read.printed_numbers import real_number
 
 __all__ = ["FORMS", "OP4", "SYMMETRIC", "first_record"]

@@ -62,7 +62,7 @@ def held_rows(body: FEModel, nodes: Nodes, condensed: bool) -> HeldRows:
     rows, turning = np.flatnonzero(moving), body.dofs.component[moving] > 3
     force, excess = abs(found.force[rows]), found.excess[rows]
     # The worst force of a row over its excess is the force that round-off may leave there.
-    limit = np.where(excess > 0, force.max(axis=1) / np.maximum(excess, 1e-300), np.inf)
+    limit = np.divide(force.max(axis=1), excess, out=np.full(excess.size, np.inf), where=excess > 0)
     limit = np.maximum(limit, _NO_FORCE * _largest(force.max(axis=1), of, ids.size)[of])
     resists = _any(excess > 1, of, ids.size)
     pushed = _any((excess > 1) & (force[:, :3].max(axis=1) > limit), of, ids.size)

@@ -29,6 +29,8 @@ _NAMED, _MOST = 5, 24
 _LEFT = 0.1
 # Rounds of colouring: each node knows the couplings of nodes so far away.
 _ROUNDS = 3
+# Odd factors that spread a colour over 64 bits: those of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
+_GOLDEN, _MIXING = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9)
 # Colours that no other labels explain, relative to the nodes whose colours differ.
 _OTHER_GRAPH = 0.25
 
@@ -195,9 +197,9 @@ def _colours(graph: Graph) -> NDArray[np.uint64]:
     """Numbers that are the same for nodes whose surroundings are coupled in the same way (Weisfeiler and Leman)."""
     colour = np.diff(graph.indptr).astype(np.uint64)
     for _ in range(_ROUNDS):
-        mixed = (colour + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
+        mixed = (colour + np.uint64(1)) * _GOLDEN
         mixed ^= mixed >> np.uint64(29)
-        colour = mixed * np.uint64(3) + _sums(graph, mixed * np.uint64(0xBF58476D1CE4E5B9))
+        colour = mixed * np.uint64(3) + _sums(graph, mixed * _MIXING)
     return colour
 
 

@@ -145,10 +145,9 @@ def _held_proof(body: FEModel, nodes: Nodes, condensed: bool) -> RowOrderProof:
     why = "single-point constraints hold" if not body.grounded else "the ground holds"
     if held.wrong.size:
         order = np.flatnonzero(np.isin(loaded, held.wrong))
-        at = found.excess[np.isin(body.dofs.node, held.wrong)].argmax()
-        head = _not_proven(
-            body, loaded[order], share[order], float(found.allowed[np.isin(body.dofs.node, held.wrong)][at])
-        )
+        rows = np.flatnonzero(np.isin(body.dofs.node, held.wrong))
+        worst = rows[found.excess[rows].argmax()]
+        head = _not_proven(body, loaded[order], share[order], float(found.allowed[worst]))
         raise DofMapError(
             f"{head}. Likely cause: {why} the body, but these nodes resist rotation and no translation, which no "
             "support does: rows are shuffled among nodes, the coordinates are of another model, or springs join "

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.model import ARITHMETIC, CONDENSATION, PRINTED, DofTable, Nodes, rigid_body_shapes, spread_noise
+from cmsreduce.model import ARITHMETIC, CONDENSATION, DOUBLE, PRINTED, DofTable, Nodes, rigid_body_shapes, spread_noise
 
 __all__ = ["RigidResidual", "rigid_residual"]
 
@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 # Each stored entry is wrong by at most its rounding, so each row is wrong by at most rounding * |K| |R|, for either
 # order of summation.
 _DIGITS = 2 * PRINTED
+# Round-off of a place in a coordinate system: three products with the axes, and the origin.
+_FRAMES = 4 * DOUBLE
 # All three coordinates of a point may be wrong, in the worst direction.
 _COORDINATES = 2.0
 # The error that explains a force is estimated with this margin. A force of single precision is half its rounding.
@@ -190,9 +192,9 @@ def _displacement_error(dofs: DofTable, nodes: Nodes, motions: Array, arms: Arra
     moving = np.flatnonzero(dofs.component > 0)
     at = nodes.index(dofs.node[moving])
     # Coordinates also have the round-off of the coordinate systems in which they were given.
-    off = nodes.xyz_rounding + 4 * 2.0**-53 * np.abs(nodes.xyz[at]).max(axis=1, initial=0.0)
+    off = nodes.xyz_rounding + _FRAMES * np.abs(nodes.xyz[at]).max(axis=1, initial=0.0)
     turned = np.where(np.abs(nodes.frame[at] - np.eye(3)).max(axis=(1, 2), initial=0.0) > 0, 1.0, 0.0)
-    skew = turned * (nodes.frame_rounding + 4 * 2.0**-53)
+    skew = turned * (nodes.frame_rounding + _FRAMES)
     reach = np.linalg.norm(motions[:3], axis=0) + turn * arms[at][:, None]
     translation = (dofs.component[moving] <= 3)[:, None]
     error[moving] = np.where(translation, off[:, None] * turn + skew[:, None] * reach, skew[:, None] * turn)

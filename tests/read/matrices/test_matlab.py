@@ -95,6 +95,25 @@ def test_hdf5_of_another_program(tmp_path: Path) -> None:
         read_matrix(path, "K")
 
 
+@pytest.mark.parametrize(
+    ("rows", "starts", "message"),
+    [
+        (np.array([0, 2**63 + 5], "u8"), np.array([0, 1, 2], "u8"), "'/K/ir' holds numbers that are no indices"),
+        (np.array([0, 1], "u8"), np.array([0, 1, 2**64 - 1], "u8"), "'/K/jc' holds numbers that are no indices"),
+        (np.array([0, np.nan]), np.array([0, 1, 2], "u8"), "'/K/ir' holds numbers that are no indices"),
+        (np.array([0, 1], "u8"), np.array([0, 2, 0], "u8"), "sparse matrix 'K' is damaged: indptr"),
+    ],
+)
+def test_damaged_indices_of_version_7_3(tmp_path: Path, rows: np.ndarray, starts: np.ndarray, message: str) -> None:
+    path = tmp_path / "body.mat"
+    with h5py.File(path, "w") as file:
+        group = file.create_group("K")
+        group.attrs["MATLAB_class"], group.attrs["MATLAB_sparse"] = np.bytes_("double"), np.uint64(2)
+        group["data"], group["ir"], group["jc"] = np.ones(2), rows, starts
+    with pytest.raises(ReadError, match=message):
+        read_matrix(path)
+
+
 def test_size_that_was_never_written(tmp_path: Path) -> None:
     path = tmp_path / "body.mat"
     with h5py.File(path, "w") as file:

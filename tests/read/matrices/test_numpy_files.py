@@ -126,10 +126,19 @@ def test_sizes_are_checked_before_they_are_believed(tmp_path: Path) -> None:
         read_matrix(path)
 
 
-def test_indices_out_of_range(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("indices", "starts", "message"),
+    [
+        (np.array([0, 5]), np.array([0, 1, 2]), r"sparse matrix .* (is damaged|cannot be read)"),
+        (np.array([0, 1]), np.array([0, 1, -1]), "sparse matrix 'body' is damaged: indptr"),
+        (np.array([0, 1]), np.array([0, 2, 0]), "sparse matrix 'body' is damaged: indptr"),
+        (np.array([0, np.nan]), np.array([0, 1, 2]), "'indices' of the sparse matrix holds float64, not indices"),
+    ],
+)
+def test_damaged_indices(tmp_path: Path, indices: np.ndarray, starts: np.ndarray, message: str) -> None:
     path = tmp_path / "body.npz"
-    np.savez(path, format=b"csc", shape=(2, 2), data=np.ones(2), indices=np.array([0, 5]), indptr=np.array([0, 1, 2]))
-    with pytest.raises(ReadError, match=r"sparse matrix .* (is damaged|cannot be read)"):
+    np.savez(path, format=b"csc", shape=(2, 2), data=np.ones(2), indices=indices, indptr=starts)
+    with pytest.raises(ReadError, match=message):
         read_matrix(path)
 
 

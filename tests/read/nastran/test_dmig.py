@@ -147,6 +147,7 @@ def test_sizes_of_all_matrices_are_listed(tmp_path: Path) -> None:
         (wide(LOWER, 6).replace("5.000000000D+00", "5.0000O0000D+00"), r"line 8: .* needs a number, it has '5\.0000O"),
         (wide(LOWER, 6).replace(" 5.000000000D+00", ""), "needs a number, it has 'a blank'"),
         (wide(LOWER, 6).replace("*                      7", "*                     7x"), "line 9: .* a node id"),
+        (FREE.replace("2,1,-2.0", "2305843009213693952,1,-2.0"), "line 3: .* a node id .*'2305843009213693952'"),
         (wide({("1.8", "1.1"): 1.0}, 6), r"component 8 of node 1 is not 0\.\.6"),
         (wide({("1.1", "1.9"): 1.0}, 6), r"component 9 of column 1 of 'K' is not 0\.\.6"),
         ("\n".join(wide(LOWER, 6).splitlines()[1:]) + "\n", "entries before its header"),
