@@ -251,6 +251,7 @@ def _braked(body: FEModel, R: NDArray[np.float64], force: NDArray[np.float64], r
 def _name_mode(body: FEModel, rigid: NDArray[np.float64]) -> None:
     """Refuse the damping matrix of a body of moderate size by the mode that gains energy."""
     assert body.D is not None
+    # At most `_ALL_MODES` dofs: two dense matrices of 18 MB.
     try:
         lam, X, N = elastic_and_massless(body.K.toarray(), body.M.toarray(), rigid, body.rounding)
     except CmsReduceError:
@@ -265,6 +266,7 @@ def _gaining(body: FEModel, active: NDArray[np.int64], part: sp.csc_array, count
     """Message about a damping matrix that gives energy to motions which no mode shows."""
     named = ""
     if active.size <= _FACTORISED:
+        # Dense, at most 72 MB.
         own = part.diagonal()
         scale = 1 / np.sqrt(np.where(own > 0, own, own.max(initial=0.0) or 1.0))
         _, Y = la.eigh(scale[:, None] * part.toarray() * scale, subset_by_index=[0, 0])

@@ -90,7 +90,7 @@ def all_modes(body: FEModel, rigid: NDArray[np.float64]) -> ModalComponent:
     Parameters
     ----------
     body : FEModel
-        n dofs; n dense columns.
+        n dofs, at most `ALL_MODES_LIMIT`: each dense matrix (n, n) has at most 32 MB.
     rigid : (n, r) float64
         Rigid-body modes, orthonormal in M.
     """
