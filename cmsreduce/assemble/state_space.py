@@ -20,7 +20,7 @@ __all__ = ["ElasticStates", "elastic_states", "state_space"]
 Array = NDArray[np.float64]
 
 # Damping couples rigid motions to elastic ones when it resists them by more than this share of its largest entry.
-_BRAKES = 1e-9
+_DAMPED = 1e-9
 # A has (2 N)^2 entries: 128 MiB at this size.
 _LARGEST = 2000
 # Damping of a massless shape is zero if its force is below this share of the spring's at the highest frequency.
@@ -77,7 +77,7 @@ def elastic_states(system: System) -> ElasticStates:
     Raises
     ------
     MatrixError
-        If damping is a complex stiffness, or brakes the rigid motions, so that the two parts are not in parallel.
+        If damping is a complex stiffness, or acts on the rigid motions, so that the two parts are not in parallel.
     """
     if system.loss is not None:
         raise MatrixError("structural damping is a complex stiffness and has no real state space; use modal damping")
@@ -86,9 +86,9 @@ def elastic_states(system: System) -> ElasticStates:
     lam, Phi, N = elastic_and_massless(K, M, system.rigid, system.rounding)
     w = np.sqrt(lam)
     modal = Phi.T @ D @ Phi
-    if system.rigid.shape[1] and abs(D @ system.rigid).max(initial=0.0) > _BRAKES * abs(D).max(initial=0.0):
+    if system.rigid.shape[1] and abs(D @ system.rigid).max(initial=0.0) > _DAMPED * abs(D).max(initial=0.0):
         raise MatrixError(
-            "the damping brakes the system's rigid motions, so that its elastic part cannot be balanced alone"
+            "the damping acts on the system's rigid motions, so that its elastic part cannot be balanced alone"
         )
     A = np.block([[np.zeros((w.size, w.size)), np.diag(w)], [-np.diag(w), -modal]])
     force = Phi.T @ system.B

@@ -158,10 +158,10 @@ def rigid_substructure(body: RigidBody) -> Substructure:
 
 
 def _without_rigid_drag(body: FEModel, alpha: float, beta: float, rigid: Array) -> Matrix:
-    # alpha M would brake rigid motion; material damping does not.
+    # alpha M would act on rigid motion; material damping does not.
     if body.n > _DENSE_LIMIT:
         raise DampingError(
-            f"body '{body.name}': Rayleigh damping with alpha > 0 brakes rigid motion, and removing this from a free "
+            f"body '{body.name}': Rayleigh damping with alpha > 0 acts on rigid motion, and removing this from a free "
             f"body of {body.n} dofs in its own dofs is not supported above {_DENSE_LIMIT}; use its modes, or alpha = 0"
         )
     momentum = body.M @ rigid

@@ -81,7 +81,7 @@ def least_damping(D: sp.csc_array, Phi: Array, energies: Array, rounding: float)
 
 
 def without_drag(D: sp.csc_array, Phi: Array, energies: Array, r: int, rounding: float) -> Array:
-    """Energies of a damping matrix with exact zeros for each rigid mode that it brakes by no more than its rounding.
+    """Energies of a damping matrix with exact zeros for each rigid mode that it damps by no more than its rounding.
 
     Parameters
     ----------

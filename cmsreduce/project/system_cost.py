@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 # closed form shows.
 _UNCOUPLED = 1e-10
 # Damping resists a rigid motion when its power there is more than this share of the power by its largest entry.
-_BRAKES = 1e-9
+_DAMPED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +35,8 @@ class SystemCost:
     total : float
         V = tr(C X C^T) of the stable part.
     modes : (e,) float64
-        Share of each elastic mode of the system; with ``braked`` they sum to V.
-    braked : (b,) float64
+        Share of each elastic mode of the system; with ``damped_rigid`` they sum to V.
+    damped_rigid : (b,) float64
         Share of each rigid motion that dampers resist, by its rate.
     coordinates : mapping of body to (m_i,) float64
         Share of each coordinate of each body; they sum to V. A share is negative where the motion of a coordinate
@@ -45,7 +45,7 @@ class SystemCost:
 
     total: float
     modes: Array
-    braked: Array
+    damped_rigid: Array
     coordinates: Mapping[str, Array]
 
 
@@ -83,7 +83,7 @@ def system_cost(
     square and a displacement without bound. Its rate is a state like the others, coupled by damping; its displacement,
     on which nothing else depends, is left out of the outputs, as are the motions that nothing resists.
     """
-    w, Phi, braked, modal = _stable_motions(system)
+    w, Phi, damped_rigid, modal = _stable_motions(system)
     e = w.size
     noise = np.ones(len(system.inputs)) if noise is None else np.asarray(noise, dtype=np.float64)
     weight = np.ones(len(system.outputs)) if weight is None else np.asarray(weight, dtype=np.float64)
@@ -96,9 +96,9 @@ def system_cost(
         np.sqrt(weight)[:, None] * (system.C2 @ Phi),
     )
     check_damped(channels, "component cost analysis")
-    rates = np.sqrt(weight)[:, None] * (system.C2 @ braked)
+    rates = np.sqrt(weight)[:, None] * (system.C2 @ damped_rigid)
     C = np.hstack([channels.C1 / w, channels.C2, rates])
-    XQ = _noise_covariance(channels, modal, braked.T @ system.B * np.sqrt(noise)) @ C.T @ C
+    XQ = _noise_covariance(channels, modal, damped_rigid.T @ system.B * np.sqrt(noise)) @ C.T @ C
     shares = XQ.diagonal()
     of_pairs = XQ[e:, e:].copy()
     of_pairs[:e, :e] += XQ[:e, :e] * (w / w[:, None])
@@ -106,7 +106,7 @@ def system_cost(
         float(shares.sum()),
         np.asarray(shares[:e] + shares[e : 2 * e]),
         np.asarray(shares[2 * e :]),
-        _by_coordinate(system, substructures, np.hstack([Phi, braked]), of_pairs),
+        _by_coordinate(system, substructures, np.hstack([Phi, damped_rigid]), of_pairs),
     )
 
 
@@ -131,28 +131,29 @@ def cost_shares(costs: Sequence[SystemCost], body: str, groups: Sequence[NDArray
 
 
 def _stable_motions(system: System) -> tuple[Array, Array, Array, Array]:
-    """Elastic frequencies (e,) in rad/s, modes (N, e), braked rigid motions (N, b), damping of both (e + b, e + b)."""
+    """Elastic frequencies (e,) in rad/s, modes (N, e), damped rigid motions (N, b), damping of both (e + b, e + b)."""
     if system.loss is not None:
         raise MatrixError("structural damping is a complex stiffness, under which white noise has no state space")
     K, M, rigid = dense(system.K), dense(system.M), system.rigid
     D = np.zeros_like(K) if system.D is None else dense(system.D)
     drag, V = la.eigh(rigid.T @ D @ rigid) if rigid.shape[1] else (np.zeros(0), np.zeros((0, 0)))
-    braked = rigid @ V[:, drag > _BRAKES * abs(D).max(initial=0.0) * float((rigid**2).sum(axis=0).max(initial=0.0))]
+    least = _DAMPED * abs(D).max(initial=0.0) * float((rigid**2).sum(axis=0).max(initial=0.0))
+    damped_rigid = rigid @ V[:, drag > least]
     squared, Phi, _ = elastic_and_massless(K, M, rigid, system.rounding)
-    motions = np.hstack([Phi, braked])
-    return np.sqrt(squared), Phi, braked, motions.T @ D @ motions
+    motions = np.hstack([Phi, damped_rigid])
+    return np.sqrt(squared), Phi, damped_rigid, motions.T @ D @ motions
 
 
-def _noise_covariance(channels: ModalChannels, modal: Array, braked_B: Array) -> Array:
-    """X of A X + X A^T + B B^T = 0 in the states [w q; q'; v], v the rates of braked motions (2e + b, 2e + b)."""
-    e, b = channels.count, braked_B.shape[0]
+def _noise_covariance(channels: ModalChannels, modal: Array, damped_B: Array) -> Array:
+    """X of A X + X A^T + B B^T = 0 in the states [w q; q'; v], v the rates of damped rigid motions (2e + b, 2e + b)."""
+    e, b = channels.count, damped_B.shape[0]
     own = np.sqrt(modal.diagonal())
     if not b and (abs(modal - np.diag(modal.diagonal())) <= _UNCOUPLED * np.outer(own, own)).all():
         return controllability(channels)
     A, B, _ = state_space(channels, summed=True)
     A = la.block_diag(A, np.zeros((b, b)))
     A[e:, e:] = -modal
-    B = np.vstack([B, braked_B])
+    B = np.vstack([B, damped_B])
     return np.asarray(la.solve_continuous_lyapunov(A, -B @ B.T))
 
 

@@ -62,10 +62,10 @@ from cmsreduce.verify.response_error import (
     frac,
     frequency_grid,
     frf_error,
-    heard_channels,
     loud_channels,
     peak_errors,
     peak_shifts,
+    responding_channels,
 )
 from cmsreduce.verify.rigid_motions import RigidMotions, rigid_motions
 from cmsreduce.verify.transmission_zeros import judged_zeros, visible_modes, zero_shifts, zeros_below
@@ -97,7 +97,7 @@ __all__ = [
     "frequency_error_bars",
     "frequency_grid",
     "frf_error",
-    "heard_channels",
+    "responding_channels",
     "held_modes",
     "gain_sum",
     "grounding",

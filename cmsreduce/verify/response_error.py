@@ -17,7 +17,7 @@ __all__ = [
     "frac",
     "frequency_grid",
     "frf_error",
-    "heard_channels",
+    "responding_channels",
     "loud_channels",
     "lowest_frequency",
     "peak_errors",
@@ -201,7 +201,7 @@ def loud_channels(H: Response, row: Array, column: Array, omega: Array | None = 
     return np.asarray(size > SILENT * size.max(initial=0.0))
 
 
-def heard_channels(elastic: Response, reach: Array, share: float = _ROUND_OFF) -> NDArray[np.bool_]:
+def responding_channels(elastic: Response, reach: Array, share: float = _ROUND_OFF) -> NDArray[np.bool_]:
     """Mask (outputs, inputs) of channels whose elastic response is more than rounding.
 
     Parameters

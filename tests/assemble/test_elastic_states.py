@@ -61,7 +61,7 @@ def test_displacements_and_rates_of_a_motion() -> None:
 
 @pytest.mark.parametrize(
     ("changes", "words"),
-    [({"loss": 0.02 * np.eye(3)}, "complex stiffness"), ({"D": np.eye(3)}, "brakes the system's rigid motions")],
+    [({"loss": 0.02 * np.eye(3)}, "complex stiffness"), ({"D": np.eye(3)}, "acts on the system's rigid motions")],
 )
 def test_what_cannot_be_split(changes: dict[str, np.ndarray], words: str) -> None:
     with pytest.raises(MatrixError, match=words):

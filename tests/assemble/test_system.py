@@ -125,7 +125,7 @@ def test_a_system_carries_the_damping_of_its_bodies(kind):
         np.testing.assert_allclose(dense(found), T.T @ only @ T, atol=1e-9 * abs(only).max())
 
 
-def test_rayleigh_damping_does_not_brake_rigid_motion():
+def test_rayleigh_damping_does_not_act_on_rigid_motion():
     sub = physical(rotor(damping=Damping(rayleigh=(5.0, 1e-5))))
     assert abs(sub.D @ sub.rigid).max() < 1e-10 * abs(sub.D).max()
     w, X = la.eigh(dense(sub.K), dense(sub.M))

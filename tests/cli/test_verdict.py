@@ -194,14 +194,14 @@ def test_errors_between_the_angles_are_measured_without_project(outcome, elbow: 
     code, text, facts = outcome(study=elbow)
     assert code == 0, text
     between = facts["between"]
-    assert sorted(between["errors"]) == ["halfway hinge.rx=135", "halfway hinge.rx=45"]
+    assert sorted(between["errors"]) == ["midpoint hinge.rx=135", "midpoint hinge.rx=45"]
     figure = facts["figures"]["frf_error between the sampled configurations"]
     assert figure["value"] == max(between["errors"].values()) and figure["limit"] == 0.2
     # The same angle in the scene has the same error, to the digits of a coarser grid.
     _, _, there = outcome("scene.articulation={hinge: [45, 135 deg]}", "verify.between=0", study=elbow)
     rows = {row["angles"]["hinge"]: row["frf_error"] for row in there["configurations"]}
     for angle, error in rows.items():
-        assert between["errors"][f"halfway hinge.rx={angle:.0f}"] == pytest.approx(error, rel=0.1)
+        assert between["errors"][f"midpoint hinge.rx={angle:.0f}"] == pytest.approx(error, rel=0.1)
     assert any("0 of 1 midpoint configurations" in note for note in there["notes"])
 
 

@@ -64,8 +64,8 @@ def test_clusters_are_numbered_from_their_lowest_mode(whips):
     found = whips().ranked["rotor"]
     number = found.cluster[found.elastic]
     assert not found.cluster[:6].any() and list(dict.fromkeys(number[number > 0])) == [*range(1, number.max() + 1)]
-    # Seven first whip modes swing at the sensor, and one with the hub. Others are heard by nobody: they stand with none
-    # but those of their own frequency.
+    # Seven first whip modes swing at the sensor, and one with the hub. No sensor measures the others: they stand
+    # with none but those of their own frequency.
     close = found.omega[found.elastic] < 2 * np.pi * 5.3
     assert np.bincount(number[close]).tolist() == [0, 8, 3, 2, 2, 2]
 

@@ -141,7 +141,7 @@ def test_an_error_between_the_angles_fails_the_run_and_names_the_angle(summary):
         "project={modes: {count: 2}, configurations: [hinge=0], frf_error: 1e-4}", "verify.limits={}"
     )
     worst = max(found["projection"]["between"], key=lambda name: found["projection"]["between"][name])
-    assert code == 1 and set(found["projection"]["between"]) == {"hinge=50", "halfway hinge.ry=25"}
+    assert code == 1 and set(found["projection"]["between"]) == {"hinge=50", "midpoint hinge.ry=25"}
     assert f"at {worst} is above its limit 0.01 %" in " ".join(output.split())
 
 
@@ -157,14 +157,14 @@ def test_extraneous_modes_are_named_and_suppressed(summary):
         assert mode["interface"].split(".")[0] in ("arm", "panel", "hub")
         assert min(mode["weight"]) >= 0
         assert max(mode["weight"]) <= 1
-    foreign_there = max((m for m in named if m["likeness"] < 0.9), key=lambda m: max(m["weight"]))
+    foreign_there = max((m for m in named if m["mac"] < 0.9), key=lambda m: max(m["weight"]))
     assert f"extraneous mode at {foreign_there['frequency_hz']:.4g} Hz in 'hinge=0'" in " ".join(output.split())
     code, output, after = summary(f"project={{{keys}, suppress: true}}", "verify.limits={}")
     assert code == 0 and sum(after["projection"]["static_shapes_added"].values()) > 0
     assert after["worst"]["frf_error"] <= before["worst"]["frf_error"]
 
     def foreign(found):
-        return [mode["frequency_hz"] for mode in found["projection"]["extraneous_in_band"] if mode["likeness"] < 0.9]
+        return [mode["frequency_hz"] for mode in found["projection"]["extraneous_in_band"] if mode["mac"] < 0.9]
 
     assert len(foreign(after)) < len(foreign(before))
 
@@ -230,9 +230,9 @@ def test_auto_needs_a_response(summary):
 @pytest.mark.parametrize(
     ("angles", "expected"),
     [
-        ([{("a", 5): 0.0}, {("a", 5): 1.0}, {("a", 5): 3.0}], ["halfway a.rz=28.65", "halfway a.rz=114.6"]),
-        ([{("a", 0): 0.0}, {("a", 0): 1.0}], ["halfway a.x=0.5"]),
-        ([{("a", 5): 0.0, ("b", 0): y} for y in (0.0, 1.0)], ["halfway a.rz=0 b.x=0.5"]),
+        ([{("a", 5): 0.0}, {("a", 5): 1.0}, {("a", 5): 3.0}], ["midpoint a.rz=28.65", "midpoint a.rz=114.6"]),
+        ([{("a", 0): 0.0}, {("a", 0): 1.0}], ["midpoint a.x=0.5"]),
+        ([{("a", 5): 0.0, ("b", 0): y} for y in (0.0, 1.0)], ["midpoint a.rz=0 b.x=0.5"]),
         ([{("a", 5): 0.0}], []),
         ([{}], []),
     ],

@@ -164,9 +164,9 @@ def test_rates_that_drag_resists_count_and_displacements_that_wander_do_not(law,
     system, subs = dragged(law, drag)
     cost = system_cost(system, subs)
     V = stable_mean_square(system)
-    assert cost.braked.size == len(drag) and cost.braked.sum() > 0
+    assert cost.damped_rigid.size == len(drag) and cost.damped_rigid.sum() > 0
     assert cost.total == pytest.approx(V, rel=1e-8)
-    assert cost.modes.sum() + cost.braked.sum() == pytest.approx(V, rel=1e-8)
+    assert cost.modes.sum() + cost.damped_rigid.sum() == pytest.approx(V, rel=1e-8)
     assert sum(share.sum() for share in cost.coordinates.values()) == pytest.approx(V, rel=1e-8)
 
 

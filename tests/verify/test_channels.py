@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.model import Channel
-from cmsreduce.verify import channel_errors, channel_scales, frequency_grid, heard_channels
+from cmsreduce.verify import channel_errors, channel_scales, frequency_grid, responding_channels
 
 OUT = (Channel("turn", (), "rotation"), Channel("tip", (), "translation"))
 IN = (Channel("force", (), "translation"),)
@@ -42,10 +42,10 @@ def test_scales_do_not_move_when_the_grid_is_refined(points: int, more: int) -> 
 def test_an_elastic_response_of_rounding_is_not_heard() -> None:
     reach = np.full((3, 2, 2), 4e-6)
     elastic = reach * np.array([[0.3, 1e-5], [1e-15, 0.0]]) * np.exp(1j)
-    assert heard_channels(elastic, reach).tolist() == [[True, True], [False, False]]
+    assert responding_channels(elastic, reach).tolist() == [[True, True], [False, False]]
     # One frequency is enough.
     elastic[1, 1, 1] = 1e-9
-    assert heard_channels(elastic, reach)[1, 1]
+    assert responding_channels(elastic, reach)[1, 1]
 
 
 def test_a_response_of_the_reduced_model_alone_has_an_infinite_error() -> None:

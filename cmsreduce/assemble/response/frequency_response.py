@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cmsreduce.assemble.held_bodies import held_bodies
 from cmsreduce.assemble.joint_elements import with_joint_bodies
 from cmsreduce.assemble.points import PointStack
-from cmsreduce.assemble.response.receptance import BRAKED, Receptance, add_between, frequencies_last, receptance
+from cmsreduce.assemble.response.receptance import DAMPED_RIGID, Receptance, add_between, frequencies_last, receptance
 from cmsreduce.assemble.response.residual_flexibility import JoinedRows, residual_flexibility
 from cmsreduce.assemble.system import Wiring, wire
 from cmsreduce.linalg.blocks import dense
@@ -158,8 +158,8 @@ def _drag(system: System) -> Array:
         return np.zeros((0, 0))
     forces = np.asarray(system.D @ Pr)
     size = float(abs(dense(system.D)).max()) * abs(Pr).max(axis=0)
-    braked = abs(forces).max(axis=0) > BRAKED * size
-    return np.where(np.outer(braked, braked), Pr.T @ forces, 0.0)
+    damped_rigid = abs(forces).max(axis=0) > DAMPED_RIGID * size
+    return np.where(np.outer(damped_rigid, damped_rigid), Pr.T @ forces, 0.0)
 
 
 def frequency_response(

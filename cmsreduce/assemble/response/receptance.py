@@ -25,7 +25,7 @@ from cmsreduce.linalg.sparse import InsufficientMemoryError
 from cmsreduce.model import Matrix, Substructure
 
 __all__ = [
-    "BRAKED",
+    "DAMPED_RIGID",
     "Receptance",
     "add_between",
     "frequencies_last",
@@ -49,8 +49,8 @@ Products are fast where the frequencies of one entry are contiguous in memory, a
 _SPARSE = 200
 # Fewer points than this are solved one by one: a model over shapes costs about as much time.
 _FEWEST = 20
-BRAKED = 1e-9
-"""Damping with more than this share of its size on rigid motion brakes it; projection leaves less by rounding."""
+DAMPED_RIGID = 1e-9
+"""Damping acts on rigid motion if more than this share of its size is left there; projection leaves less."""
 # Memory of a table of receptances that are used again.
 _TABLE_BYTES = 2**28
 # Memory of the mode amplitudes of a block of frequencies, which stay in the cache.
@@ -82,7 +82,7 @@ def receptance(sub: Substructure, omega: Real, motions: Matrix) -> Receptance:
     if is_diagonal(sub):
         return _named(sub, partial(_by_modes, sub, L))
     load, rigid = _elastic_load(sub, L)
-    if sub.rigid.shape[1] == sub.m and not _is_braked(sub):
+    if sub.rigid.shape[1] == sub.m and not _damps_rigid_motion(sub):
         return _named(sub, partial(_rigid, rigid))
     if sub.m < _SPARSE:
         return _named(sub, partial(_dense, sub, load, rigid))
@@ -95,7 +95,7 @@ def receptance(sub: Substructure, omega: Real, motions: Matrix) -> Receptance:
     if omega.size >= _FEWEST and here.size:
         try:
             model = adaptive_flexibility(
-                Z, load[:, here], omega, rigid=sub.rigid, braked=_is_braked(sub), rounding=sub.rounding
+                Z, load[:, here], omega, rigid=sub.rigid, damped_rigid=_damps_rigid_motion(sub), rounding=sub.rounding
             )
         except InsufficientMemoryError:
             raise
@@ -265,7 +265,7 @@ def _elastic_load(sub: Substructure, L: Real) -> tuple[Real, Real]:
 
     K is zero on rigid motion only to round-off, which a solve at low frequency would magnify by K over w^2 M.
     """
-    if _is_braked(sub):
+    if _damps_rigid_motion(sub):
         return L.T, np.zeros((L.shape[0], L.shape[0]))
     momentum, at_points = np.asarray(sub.M @ sub.rigid), L @ sub.rigid
     motion = np.linalg.solve(sub.rigid.T @ momentum, at_points.T)
@@ -277,12 +277,12 @@ def _over_square(rigid: Real, omega: Real) -> Real:
     return rigid / omega[:, None, None] ** 2 if rigid.any() else rigid
 
 
-def _is_braked(sub: Substructure) -> bool:
+def _damps_rigid_motion(sub: Substructure) -> bool:
     """Tell if a damping matrix of the user acts on rigid motion, which is then not separate from elastic motion."""
     if sub.D is None:
         return False
     size = spla.norm(sp.csc_array(sub.D), 1) * abs(sub.rigid).max(initial=0.0)
-    return bool(abs(sub.D @ sub.rigid).max(initial=0.0) > BRAKED * size)
+    return bool(abs(sub.D @ sub.rigid).max(initial=0.0) > DAMPED_RIGID * size)
 
 
 def is_diagonal(sub: Substructure) -> bool:

@@ -43,12 +43,12 @@ _ROUNDS = 20
 # Growth rate s of the load whose responses extend the basis, as a share of the highest frequency. A smaller rate suits
 # light damping, a larger one damping forces that exceed the stiffness forces.
 _GROWTH = 0.3
-# Damping brakes a rigid motion if more than this share of its terms is left there; round-off leaves less.
-_BRAKED = 1e-9
+# Damping acts on a rigid motion if more than this share of its terms is left there; round-off leaves less.
+_DAMPED = 1e-9
 
 
 class _Basis(NamedTuple):
-    """Elastic shapes and braked rigid motions on which a damped system is projected.
+    """Elastic shapes and damped rigid motions on which a damped system is projected.
 
     Parameters
     ----------
@@ -56,13 +56,13 @@ class _Basis(NamedTuple):
         Elastic shapes with V^T K V = 1 and V^T M V = diag(root_mass^2).
     root_mass : (m,) float64
         1/w for an undamped mode; 0 for a shape without mass.
-    braked : (N, b) float64
+    damped_rigid : (N, b) float64
         Rigid motions, orthonormal in M and M-orthogonal to V; D is diagonal and positive on them.
     """
 
     V: Real
     root_mass: Real
-    braked: Real
+    damped_rigid: Real
 
 
 class _Roots(NamedTuple):
@@ -94,7 +94,7 @@ class ComplexModes:
     X : (N, k) complex128
         Shapes, of unit length in M.
     real : (q,) float64
-        Real roots of overdamped modes and of braked rigid motions, by ascending magnitude. For a large system only
+        Real roots of overdamped modes and of damped rigid motions, by ascending magnitude. For a large system only
         those as accurate as ``s``.
     """
 
@@ -159,14 +159,14 @@ class DampedPencil:
         Notes
         -----
         The eigenvalues are mu = 1/s, so that soft modes keep their digits and shapes without mass, mu = 0, drop out.
-        Let S = diag(root_mass), y = s S x, C = (1 + i loss)^-1 and v the velocities of braked rigid motions. The root
+        Let S = diag(root_mass), y = s S x, C = (1 + i loss)^-1 and v the velocities of damped rigid motions. The root
         s = 0 of their positions is left out:
 
             mu v = -D_rr^-1 (v + D_re x)
             mu x = C (D_er D_rr^-1 (v + D_re x) - D_ee x - S y)
             mu y = S x
         """
-        S, b, m = basis.root_mass, basis.braked.shape[1], basis.root_mass.size
+        S, b, m = basis.root_mass, basis.damped_rigid.shape[1], basis.root_mass.size
         L = None if self.loss is None else np.asarray(basis.V.T @ (self.loss @ basis.V))
         C = None if L is None else np.asarray(la.inv(np.eye(m) + 1j * L), dtype=np.complex128)
         if self.D is None:
@@ -174,7 +174,7 @@ class DampedPencil:
             mu, x = _conservative(S, C)
             v = np.empty((0, mu.size), dtype=np.complex128)
         else:
-            both = np.hstack([basis.braked, basis.V])
+            both = np.hstack([basis.damped_rigid, basis.V])
             D = np.asarray(both.T @ (self.D @ both))
             mu, states = la.eig(_inverse_pencil(S, C, D, b))
             v, x = (np.asarray(part, dtype=np.complex128) for part in (states[:b], states[b : b + m]))
@@ -182,7 +182,7 @@ class DampedPencil:
         s, v, x = 1 / mu[keep], v[:, keep], x[:, keep]
         s = _sharpened(s, v, x, S, D, L)
         order = np.argsort(abs(s), kind="stable")
-        X = basis.V @ x + basis.braked @ (v / s)
+        X = basis.V @ x + basis.damped_rigid @ (v / s)
         return _Roots(s[order], X[:, order], x[:, order])
 
 
@@ -202,7 +202,7 @@ def complex_modes(
     omega : float
         Highest frequency |s| in rad/s.
     rigid : (N, R) float64
-        Motions on which K and loss vanish, orthonormal in M. Their roots s = 0 are left out. If D brakes a motion, its
+        Motions on which K and loss vanish, orthonormal in M. Their roots s = 0 are left out. If D damps a motion, its
         other root is among the real ones.
     undamped : ((k,), (N, k)) float64, optional
         Elastic modes without damping up to a little above ``omega``: frequencies in rad/s and shapes orthonormal in M.
@@ -223,28 +223,28 @@ def complex_modes(
     the error of x. The first basis contains a part of every mode: with viscous damping |s|^2 = x^H K x / x^H M x, so
     that an oscillating shape consists mainly of undamped modes up to a little above |s|.
     """
-    braked = _braked(pencil, rigid)
+    damped_rigid = _damped_rigid(pencil, rigid)
     if pencil.N <= ALL_ROOTS_LIMIT:
         lam, V, N = elastic_and_massless(dense(pencil.K), dense(pencil.M), rigid, rounding)
         root_mass = np.append(1 / np.sqrt(lam), np.zeros(N.shape[1]))
-        found = pencil.roots(_Basis(np.hstack([V / np.sqrt(lam), N]), root_mass, braked), omega)
+        found = pencil.roots(_Basis(np.hstack([V / np.sqrt(lam), N]), root_mass, damped_rigid), omega)
     elif undamped is None:
         raise MatrixError(f"a system of {pencil.N} coordinates needs its undamped modes as a start for the damped ones")
     else:
-        found = _settled(pencil, _Basis(undamped[1] / undamped[0], 1 / undamped[0], braked), rigid, omega)
+        found = _settled(pencil, _Basis(undamped[1] / undamped[0], 1 / undamped[0], damped_rigid), rigid, omega)
     oscillates = found.s.imag > 0
     X = found.X[:, oscillates]
     return ComplexModes(found.s[oscillates], X / np.sqrt(_energy(X, pencil.M)), found.s[~oscillates].real)
 
 
-def _braked(pencil: DampedPencil, rigid: Real) -> Real:
-    """Rigid motions that D brakes, orthonormal in M and orthogonal in D."""
+def _damped_rigid(pencil: DampedPencil, rigid: Real) -> Real:
+    """Rigid motions that D damps, orthonormal in M and orthogonal in D."""
     if pencil.D is None or not rigid.shape[1]:
         return rigid[:, :0]
     drag, Y = la.eigh(rigid.T @ (pencil.D @ rigid))
     motions = rigid @ Y
     size = spla.norm(sp.csc_array(pencil.D), 1) * np.sum(motions**2, axis=0)
-    return np.asarray(motions[:, drag > _BRAKED * size])
+    return np.asarray(motions[:, drag > _DAMPED * size])
 
 
 def _settled(pencil: DampedPencil, start: _Basis, rigid: Real, omega: float) -> _Roots:
@@ -270,7 +270,7 @@ def _settled(pencil: DampedPencil, start: _Basis, rigid: Real, omega: float) -> 
             more -= rigid @ (momentum.T @ more)
             more -= basis.V @ (KV.T @ more)
         grown, root_mass = _grown(pencil, grown, more)
-        basis = _Basis(np.hstack([start.V, grown]), np.append(start.root_mass, root_mass), start.braked)
+        basis = _Basis(np.hstack([start.V, grown]), np.append(start.root_mass, root_mass), start.damped_rigid)
         KV = np.hstack([start_KV, np.asarray(pencil.K @ grown)])
     worst = int(np.argmax(np.where(moving, left / allowed, 0.0)))
     raise MatrixError(
@@ -312,10 +312,10 @@ def _conservative(S: Real, C: Complex | None) -> tuple[Complex, Complex]:
 def _inverse_pencil(S: Real, C: Complex | None, D: Real, b: int) -> Real | Complex:
     """Matrix of mu (v, x, y) in `DampedPencil.roots`."""
     m = S.size
-    brake = D[:b, b:] / D[:b, :b].diagonal()[:, None]
-    x_from = np.hstack([brake.T, brake.T @ D[:b, b:] - D[b:, b:], -np.diag(S)])
+    coupling = D[:b, b:] / D[:b, :b].diagonal()[:, None]
+    x_from = np.hstack([coupling.T, coupling.T @ D[:b, b:] - D[b:, b:], -np.diag(S)])
     rows = [
-        np.hstack([-np.diag(1 / D[:b, :b].diagonal()), -brake, np.zeros((b, m))]),
+        np.hstack([-np.diag(1 / D[:b, :b].diagonal()), -coupling, np.zeros((b, m))]),
         x_from if C is None else C @ x_from,
         np.hstack([np.zeros((m, b)), np.diag(S), np.zeros((m, m))]),
     ]

@@ -63,7 +63,7 @@ def adaptive_flexibility(
     omega: Real,
     *,
     rigid: Real,
-    braked: bool = False,
+    damped_rigid: bool = False,
     rounding: float = 2.0**-53,
     tolerance: float = RESPONSE_TOLERANCE,
 ) -> FlexibilityModel:
@@ -74,12 +74,12 @@ def adaptive_flexibility(
     Z : DynamicStiffness
         Dynamic stiffness with positive semidefinite stiffness, damping and loss.
     load : (n, p) float64
-        Loads, self-balanced unless rigid motion is ``braked``.
+        Loads, self-balanced unless ``damped_rigid``.
     omega : (f,) float64
         Circular frequencies in rad/s.
     rigid : (n, r) float64
         Rigid-body modes, in any scaling.
-    braked : bool
+    damped_rigid : bool
         True if D acts on rigid motion, which is then a part of the response.
     rounding : float
         Relative rounding of the entries of K and M.
@@ -112,7 +112,7 @@ def adaptive_flexibility(
     flexibility: Solve = ElasticFlexibility(Z.K, Z.M, rigid) if rigid.shape[1] else factorise(Z.K)
     ceiling = _BEYOND * float(omega.max())
     w, Phi = modes_below(Z.K, Z.M, ceiling, rigid=rigid, solve=flexibility, rounding=rounding)
-    shapes = FlexibilityShapes(Z, load, flexibility, rigid if braked else rigid[:, :0])
+    shapes = FlexibilityShapes(Z, load, flexibility, rigid if damped_rigid else rigid[:, :0])
     shapes.add(Phi)
     grid = _sampled(omega, w)
     model = shapes.model(ceiling)
@@ -137,21 +137,21 @@ class FlexibilityShapes:
         Loads.
     flexibility : Solve
         Elastic displacement under loads, M-orthogonal to the rigid modes; K^-1 for a held body.
-    braked : (n, b) float64
+    damped_rigid : (n, b) float64
         Rigid motions, orthonormal in M, on which damping acts; they are the first shapes.
     """
 
-    def __init__(self, Z: DynamicStiffness, load: Real, flexibility: Solve, braked: Real) -> None:
+    def __init__(self, Z: DynamicStiffness, load: Real, flexibility: Solve, damped_rigid: Real) -> None:
         self.Z, self.load, self.flexibility = Z, load, flexibility
-        self.rigid_count = braked.shape[1]
-        self.basis = braked
+        self.rigid_count = damped_rigid.shape[1]
+        self.basis = damped_rigid
         self._matrices = {_MASS: Z.M, _LOSS: Z.loss, _DRAG: Z.D}
         self._small = {origin: np.zeros((0, 0)) for origin in self._matrices}
         # Parts outside the shapes, with the matrix and the load or shape of each, and its length with the part inside.
         self._columns = load[:, :0]
         self._origin, self._index, self._length = np.empty(0, int), np.empty(0, int), np.empty(0)
         self._put_outside(load, _LOAD, 0)
-        self._multiply(braked, load[:, :0])
+        self._multiply(damped_rigid, load[:, :0])
         self._settle()
 
     @property

@@ -193,10 +193,10 @@ class ModelErrors:
         Largest relative shift of a natural frequency with a peak in the channel; NaN where there is no peak.
     nrfd : float, optional
         Largest ``channel_shift`` of the channels that are not silent.
-    heard : (outputs, inputs) bool, optional
+    responding : (outputs, inputs) bool, optional
         Channels whose elastic response is more than rounding, in either model.
     loud : (outputs, inputs) bool, optional
-        Channels that are judged: heard, and not silent beside the strongest one.
+        Channels that are judged: they respond, and are not silent beside the strongest one.
     lost, extra : tuple of UnpairedMode
         Modes in the band that only the reference model has, and those that only the reduced model has.
     """
@@ -218,7 +218,7 @@ class ModelErrors:
     channel_peak: NDArray[np.float64] | None = None
     channel_shift: NDArray[np.float64] | None = None
     nrfd: float | None = None
-    heard: NDArray[np.bool_] | None = None
+    responding: NDArray[np.bool_] | None = None
     loud: NDArray[np.bool_] | None = None
     lost: tuple[UnpairedMode, ...] = ()
     extra: tuple[UnpairedMode, ...] = ()

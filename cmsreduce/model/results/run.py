@@ -264,13 +264,15 @@ class RunResult:
     def left_out_channels(self) -> dict[str, tuple[str, ...]]:
         """Channels that no error judges, by the reason: in every configuration, of the run's own model."""
         errors = [each.errors[self.model] for each in self.configurations if self.model in each.errors]
-        masks = [(each.heard, each.loud) for each in errors if each.heard is not None and each.loud is not None]
+        masks = [
+            (each.responding, each.loud) for each in errors if each.responding is not None and each.loud is not None
+        ]
         if not masks:
             return {}
-        heard, loud = (np.any([each[k] for each in masks], axis=0) for k in (0, 1))
+        responding, loud = (np.any([each[k] for each in masks], axis=0) for k in (0, 1))
         reasons = {
-            "no elastic response: below 1e-10 of what the actuator and the sensor could have": ~heard,
-            "silent: below 1e-6 (-120 dB) of the strongest channel, units made comparable": heard & ~loud,
+            "no elastic response: below 1e-10 of what the actuator and the sensor could have": ~responding,
+            "silent: below 1e-6 (-120 dB) of the strongest channel, units made comparable": responding & ~loud,
         }
         return {
             reason: tuple(self._channel((int(y), int(u))) for y, u in np.argwhere(mask))

@@ -226,6 +226,8 @@ def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tupl
     loads : (n, s) float64
         Loads along the motions.
     """
+    # Dense, for static solutions that are dense, too: one column a motion that is measured, driven or joined. The
+    # static shapes of a basis are as many.
     body, found = flexible.body, []
     bare = replace(scene, actuators=(), sensors=())
     for sensor in scene.sensors:

@@ -52,7 +52,7 @@ class DampingHealth:
         Message about a factor that shows otherwise.
     drag : float or None
         Largest force on a rigid motion, in the row nearest to its tolerance, relative to the terms that cancel in it;
-        None where the ground or the unknown geometry allows the damping to brake it.
+        None where the ground or the unknown geometry allows the damping to act on it.
     allowed : float
         Force that rounding may leave in that row.
     """
@@ -83,7 +83,7 @@ def damping_health(body: FEModel, rigid: NDArray[np.float64], *, reduced: bool) 
     Raises
     ------
     DampingError
-        If the matrix brakes a rigid motion of a body that floats.
+        If the matrix damps a rigid motion of a body that floats.
     MatrixError
         If it gives energy to a motion of its dofs.
     """
@@ -132,7 +132,7 @@ def damping_proof(body: FEModel, health: DampingHealth | None, modes: ModalCompo
     if modes.rigid_count and health.drag is not None:
         text += ", none from rigid ones"
     elif modes.rigid_count:
-        text += "; it may brake rigid ones, as the ground or an unknown geometry allows"
+        text += "; it may act on rigid ones, as the ground or an unknown geometry allows"
     return Proof("damping", "proven", digits, text, body.name)
 
 
@@ -162,7 +162,7 @@ def damping_remark(modes: ModalComponent, band_hz: float) -> str | None:
 
 
 def _drag(body: FEModel, rigid: NDArray[np.float64]) -> tuple[float | None, float]:
-    """Largest force of the damping on rigid motion and its tolerance; None where the damping may brake the body."""
+    """Largest force of the damping on rigid motion and its tolerance; None where the damping may act on it."""
     assert body.D is not None
     if body.nodes is None or (body.dofs.component == SCALAR).all():
         return _scalar_drag(body, rigid)
@@ -178,7 +178,7 @@ def _drag(body: FEModel, rigid: NDArray[np.float64]) -> tuple[float | None, floa
     allowed = max(_ARITHMETIC, rounding, _LIKE_STIFFNESS * float(_resisted(body.K, R)[1].max(initial=0.0)))
     force, share = _resisted(body.D, R)
     if (share > allowed).any():
-        raise DampingError(_braked(body, R, force, share > allowed))
+        raise DampingError(_damped_rigid(body, R, force, share > allowed))
     return float(share.max(initial=0.0)), allowed
 
 
@@ -202,7 +202,7 @@ def _resisted(A: sp.csc_array, R: NDArray[np.float64]) -> tuple[NDArray[np.float
 
 
 def _scalar_drag(body: FEModel, rigid: NDArray[np.float64]) -> tuple[float | None, float]:
-    """The same for a body without geometry: some free motion of it must be one that the damping does not brake."""
+    """The same for a body without geometry: some free motion of it must be one that the damping does not act on."""
     assert body.D is not None
     if body.grounded or not rigid.shape[1]:
         return None, 0.0
@@ -215,7 +215,7 @@ def _scalar_drag(body: FEModel, rigid: NDArray[np.float64]) -> tuple[float | Non
     weight = abs(np.asarray(body.D @ rigid)).max(axis=1)
     named = ", ".join(body.dofs.labels[row] for row in np.argsort(-weight)[:_NAMED] if weight[row] > 0)
     raise DampingError(
-        f"body '{body.name}': its damping matrix brakes every motion that its stiffness leaves free, at {named}: a "
+        f"body '{body.name}': its damping matrix damps every motion that its stiffness leaves free, at {named}: a "
         f"damper to the ground on a body that floats. {_REMEDY}; a body that the ground holds has `grounded: true`"
     )
 
@@ -226,15 +226,15 @@ _REMEDY = (
 )
 
 
-def _braked(body: FEModel, R: NDArray[np.float64], force: NDArray[np.float64], rows: NDArray[np.bool_]) -> str:
-    """Message about a damping matrix that brakes a body which floats, above all at some rows."""
+def _damped_rigid(body: FEModel, R: NDArray[np.float64], force: NDArray[np.float64], rows: NDArray[np.bool_]) -> str:
+    """Message about a damping matrix that damps rigid motion of a body which floats, above all at some rows."""
     momentum = np.asarray(body.M @ R)
     alpha = float(np.vdot(momentum, force) / max(np.vdot(momentum, momentum), 1e-300))
-    where = f"body '{body.name}': its damping matrix brakes rigid motion, although its stiffness leaves it free"
+    where = f"body '{body.name}': its damping matrix damps rigid motion, although its stiffness leaves it free"
     if alpha > 0 and abs(force - alpha * momentum).max() <= _RAYLEIGH * abs(force).max():
         return (
             f"{where}: it holds {alpha:.6g} times the mass matrix (1/s). Give the law instead, `damping: {{rayleigh: "
-            "{alpha: ..., beta: ...}}`, which brakes no rigid motion, or take that part out of the matrix"
+            "{alpha: ..., beta: ...}}`, which damps no rigid motion, or take that part out of the matrix"
         )
     size = np.where(rows, abs(force).max(axis=1), 0.0)
     named = ", ".join(f"{body.dofs.labels[row]} ({size[row]:.3g})" for row in np.argsort(-size)[:_NAMED] if size[row])
@@ -251,6 +251,7 @@ def _braked(body: FEModel, R: NDArray[np.float64], force: NDArray[np.float64], r
 def _name_mode(body: FEModel, rigid: NDArray[np.float64]) -> None:
     """Refuse the damping matrix of a body of moderate size by the mode that gains energy."""
     assert body.D is not None
+    # At most `_ALL_MODES` dofs: two dense matrices of 18 MB.
     try:
         lam, X, N = elastic_and_massless(body.K.toarray(), body.M.toarray(), rigid, body.rounding)
     except CmsReduceError:
@@ -265,6 +266,7 @@ def _gaining(body: FEModel, active: NDArray[np.int64], part: sp.csc_array, count
     """Message about a damping matrix that gives energy to motions which no mode shows."""
     named = ""
     if active.size <= _FACTORISED:
+        # Dense, at most 72 MB.
         own = part.diagonal()
         scale = 1 / np.sqrt(np.where(own > 0, own, own.max(initial=0.0) or 1.0))
         _, Y = la.eigh(scale[:, None] * part.toarray() * scale, subset_by_index=[0, 0])

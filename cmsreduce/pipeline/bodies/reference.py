@@ -72,7 +72,7 @@ def reference(body: FEModel, ports: Ports, rigid: NDArray[np.float64], cutoff_hz
     cutoff_hz : float
         Cutoff of the reduction.
     """
-    # alpha M without the braking of rigid motion is no sparse matrix, but it is diagonal in the modes.
+    # alpha M without its action on rigid motion is no sparse matrix, but it is diagonal in the modes.
     alpha = 0.0 if body.damping.rayleigh is None else body.damping.rayleigh[0]
     by_modes = body.damping.acts_on_modes or (alpha > 0 and rigid.shape[1] > 0)
     if not by_modes and body.n <= SPARSE_LIMIT:
@@ -90,7 +90,7 @@ def all_modes(body: FEModel, rigid: NDArray[np.float64]) -> ModalComponent:
     Parameters
     ----------
     body : FEModel
-        n dofs; n dense columns.
+        n dofs, at most `ALL_MODES_LIMIT`: each dense matrix (n, n) has at most 32 MB.
     rigid : (n, r) float64
         Rigid-body modes, orthonormal in M.
     """

@@ -58,7 +58,7 @@ def midpoint_configurations(scene: Scene) -> list[Configuration]:
 
     def add(middle: tuple[float, ...]) -> None:
         label = " ".join(_shown(axis, value) for axis, value in zip(axes, middle, strict=True))
-        found.setdefault(middle, Configuration(f"halfway {label}", dict(zip(axes, middle, strict=True))))
+        found.setdefault(middle, Configuration(f"midpoint {label}", dict(zip(axes, middle, strict=True))))
 
     for number, here in enumerate(sampled):
         alone = True

@@ -36,12 +36,12 @@ from cmsreduce.verify import (
     frac,
     frequency_grid,
     frf_error,
-    heard_channels,
     loud_channels,
     pair_complex_modes,
     pair_frequencies,
     peak_errors,
     peak_shifts,
+    responding_channels,
 )
 
 __all__ = ["Comparison", "ReducedModel", "Target"]
@@ -56,8 +56,8 @@ _TOGETHER = 16
 _THINNING = 0.02
 # One in so many points around a resonance is taken where an error needs two digits: it differs by a few per cent.
 _COARSE = 3
-# Frequencies of the band, of those of the decibel error, at which a channel is heard or not.
-_LISTENED = 8
+# Frequencies of the grid of the decibel error at which the elastic response of a channel is looked for.
+_LOOKED_AT = 8
 # A reduced model has a response in a channel that the reference model does not have if it is above -120 dB of what the
 # channel could have; smaller ones come from rounding of its modes.
 _FALSE = 1e-6
@@ -97,7 +97,7 @@ class Target:
         Response without its rigid-body part, and the rigid-body part.
     row, column : float64
         Scales of the channels.
-    heard : (outputs, inputs) bool
+    responding : (outputs, inputs) bool
         Channels whose elastic response is more than rounding; it is zero in the others.
     """
 
@@ -107,7 +107,7 @@ class Target:
     rigid: Complex
     row: Real
     column: Real
-    heard: NDArray[np.bool_]
+    responding: NDArray[np.bool_]
 
 
 class Comparison:
@@ -138,7 +138,7 @@ class Comparison:
         self.reference, self.reference_shapes, self.bodies, self.scene = reference, reference_shapes, bodies, scene
         self.points = points
         self._decibel = decibel_grid(scene.band)
-        self._few = self._decibel[np.linspace(0, self._decibel.size - 1, _LISTENED).astype(np.int64)]
+        self._few = self._decibel[np.linspace(0, self._decibel.size - 1, _LOOKED_AT).astype(np.int64)]
         self.reference_seconds = 0.0
         self.reduced_seconds = 0.0
 
@@ -205,10 +205,10 @@ class Comparison:
 
     def _target(self, configuration: Configuration, omega: Real, H: Complex) -> Target:
         rigid = self.reference.rigid_response(configuration, omega)
-        heard, _ = self._heard(configuration)
-        elastic = np.where(heard, H - rigid, 0.0)
+        responding, _ = self._responding(configuration)
+        elastic = np.where(responding, H - rigid, 0.0)
         row, column = channel_scales(self.scene.actuators, self.scene.sensors, elastic, H, omega)
-        return Target(configuration, omega, elastic, rigid, row, column, heard)
+        return Target(configuration, omega, elastic, rigid, row, column, responding)
 
     @property
     @once
@@ -216,19 +216,19 @@ class Comparison:
         return self.reference.tables(self._few)
 
     @once
-    def _heard(self, configuration: Configuration) -> tuple[NDArray[np.bool_], Real]:
+    def _responding(self, configuration: Configuration) -> tuple[NDArray[np.bool_], Real]:
         """Channels with an elastic response, and the reach of all at a few frequencies."""
         H, reach = self.reference.collocated(configuration, self._few, self._few_tables)
-        return heard_channels(H - self.reference.rigid_response(configuration, self._few), reach), reach
+        return responding_channels(H - self.reference.rigid_response(configuration, self._few), reach), reach
 
     def _false(self, configuration: Configuration, model: ReducedModel) -> NDArray[np.bool_]:
         """Channels (outputs, inputs) with an elastic response in the reduced model alone."""
-        heard, reach = self._heard(configuration)
-        if heard.all():
-            return np.zeros(heard.shape, dtype=bool)
+        responding, reach = self._responding(configuration)
+        if responding.all():
+            return np.zeros(responding.shape, dtype=bool)
         H_r = model.assembled.response(configuration, self._few)
         elastic = H_r - model.assembled.rigid_response(configuration, self._few)
-        return np.asarray(~heard & heard_channels(elastic, reach, _FALSE))
+        return np.asarray(~responding & responding_channels(elastic, reach, _FALSE))
 
     def candidate_error(self, model: ReducedModel) -> float:
         """Worst response error of a reduced model over all configurations, on grids of its own."""
@@ -334,9 +334,9 @@ class Comparison:
         configuration, omega, H = target.configuration, target.omega, target.elastic
         row, column = target.row, target.column
         false = self._false(configuration, model)
-        heard = target.heard | false
-        # In a channel that neither model hears, both responses are rounding.
-        elastic = np.where(heard, H_r - model.assembled.rigid_response(configuration, omega), 0.0)
+        responding = target.responding | false
+        # In a channel that responds in neither model, both responses are rounding.
+        elastic = np.where(responding, H_r - model.assembled.rigid_response(configuration, omega), 0.0)
         loud = loud_channels(H, row, column, omega) | false
         pairs, mac = self._pairs(configuration, model)
         shape, peak = frac(H, elastic), peak_errors(H, elastic)
@@ -362,7 +362,7 @@ class Comparison:
             mac_matrix=mac,
             coordinates=model.assembled.system(configuration).N,
             seconds=seconds,
-            heard=heard,
+            responding=responding,
             loud=loud,
             lost=_alone(self.reference, configuration, pairs.lost, np.where(loud, abs(H).max(axis=0, initial=0.0), 0)),
             extra=_alone(

@@ -261,7 +261,7 @@ def step_compared(full: AssembledModel, reduced: AssembledModel, configuration: 
     Raises
     ------
     MatrixError
-        If damping is a complex stiffness, or brakes rigid motion.
+        If damping is a complex stiffness, or acts on rigid motion.
 
     Notes
     -----

@@ -108,7 +108,6 @@ def _projection(record: ProjectionRecord) -> dict[str, Any]:
                 "weight": rounded(float(mode.weight.max(initial=0.0))),
                 "body": mode.body,
                 "interface": mode.interface,
-                "likeness": rounded(mode.mac),
                 "spurious": mode.spurious,
             }
             for mode in record.extraneous

@@ -218,7 +218,7 @@ def _projection(record: ProjectionRecord) -> dict[str, Any]:
                 "energy": dict(mode.energy),
                 "interface": mode.interface,
                 "weight": mode.weight.tolist(),
-                "likeness": mode.mac,
+                "mac": mode.mac,
             }
             for mode in record.extraneous
         ],

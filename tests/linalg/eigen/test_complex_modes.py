@@ -121,7 +121,7 @@ def test_a_bar_with_a_damper_at_its_end(c: float, n: int) -> None:
     np.testing.assert_allclose(modes.real, exact[exact.imag == 0].real, rtol=2 / n**2)
 
 
-def test_a_damper_brakes_rigid_motion() -> None:
+def test_a_damper_acts_on_rigid_motion() -> None:
     """A free mass on a damper has s = 0, for its position, and s = -c/m."""
     modes = found([[0]], [[2]], np.array([[3.0]]), rigid=np.array([[1 / 2**0.5]]))
     assert modes.s.size == 0

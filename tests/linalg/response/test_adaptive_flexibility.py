@@ -154,10 +154,10 @@ CASES = [(name, law) for name in BODIES for law in LAWS if (name, law) != ("squa
 def test_a_model_errs_by_no_more_than_its_bound(name, law):
     K, M, F, R, top = BODIES[name]
     D, loss = damping(law, K, M, top)
-    braked = bool(R.size) and D is not None and abs(D @ R).max() > 1e-9 * abs(D).max() * abs(R).max()
+    damped_rigid = bool(R.size) and D is not None and abs(D @ R).max() > 1e-9 * abs(D).max() * abs(R).max()
     Z = DynamicStiffness(K, M, D, loss)
     grid = np.linspace(top / 400, top, 400)
-    model = adaptive_flexibility(Z, F, grid, rigid=R, braked=braked)
+    model = adaptive_flexibility(Z, F, grid, rigid=R, damped_rigid=damped_rigid)
     # Random frequencies, and resonances in the band.
     random = np.random.default_rng(3).uniform(top / 400, top, 6)
     peaks = resonances(K, M, R, top)
@@ -188,7 +188,9 @@ def test_a_model_with_wrong_mass_is_not_confirmed(monkeypatch):
     )
     for D in (None, damping("uneven", K, M, top)[0]):
         with pytest.raises(UnconfirmedError, match=r"errs by .* Hz where its bound is"):
-            adaptive_flexibility(DynamicStiffness(K, M, D), F, np.linspace(1, top, 30), rigid=R, braked=D is not None)
+            adaptive_flexibility(
+                DynamicStiffness(K, M, D), F, np.linspace(1, top, 30), rigid=R, damped_rigid=D is not None
+            )
 
 
 def test_a_resonance_without_damping_has_no_response():

@@ -203,7 +203,7 @@ def test_a_lone_free_body_answers_its_thruster(opened: Callable[..., Run]) -> No
 
 
 def test_mass_proportional_damping_of_a_floating_body_acts_on_its_modes(opened: Callable[..., Run]) -> None:
-    """alpha M, without braking rigid motion, fills the matrix: the reference is taken in modes, whatever the size."""
+    """alpha M without its action on rigid motion fills the matrix: the reference is in modes, whatever the size."""
     alpha = 2.0
     run = opened(f"components.arm.damping={{rayleigh: {{alpha: {alpha}, beta: {BETA}}}}}", text=FREE_ARM)
     reference = run.references["arm"]
