@@ -149,8 +149,9 @@ def neighbour_loading(here: Substructure, others: Iterable[Substructure], scene:
         missed = A_here + A_there @ follow
         if abs(missed).max(initial=0.0) > _CARRIED * abs(A_here).max(initial=0.0):
             raise ConstraintError(
-                f"'{there.name}' cannot load '{here.name}': their joint locks a motion for which the neighbour has no "
-                "dofs. Free it in the joint, or use craig-bampton or macneal-rubin"
+                f"'{there.name}' cannot load '{here.name}': it cannot follow a motion of the interface that their "
+                "joints lock, because it has no dofs there, or the ground or a second joint holds it. Free the motion "
+                "in a joint, or use craig-bampton or macneal-rubin"
             )
         size = np.sqrt(energy_parts(dense(there.K), np.eye(there.m)) if there.parts is None else there.parts)
         free = _with_energy(there, null_space(A_there)[0], size)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.assemble.held_bodies import held_bodies
@@ -152,14 +153,20 @@ def rigid_response(system: System, omega: Array) -> Complex:
 
 
 def _drag(system: System) -> Array:
-    """Damping of the rigid motions, without its round-off (R, R)."""
+    """Damping of the rigid motions, without its round-off (R, R).
+
+    Round-off is left out by directions among the rigid motions: by the columns of an arbitrary basis, a motion that one
+    dashpot damps would lose the small part that it has in some of them.
+    """
     Pr = system.rigid
     if system.D is None or not Pr.shape[1]:
         return np.zeros((0, 0))
     forces = np.asarray(system.D @ Pr)
-    size = float(abs(dense(system.D)).max()) * abs(Pr).max(axis=0)
-    damped_rigid = abs(forces).max(axis=0) > DAMPED_RIGID * size
-    return np.where(np.outer(damped_rigid, damped_rigid), Pr.T @ forces, 0.0)
+    _, _, directions = la.svd(forces, full_matrices=False)
+    size = float(abs(dense(system.D)).max()) * abs(Pr @ directions.T).max(axis=0)
+    damped = directions[abs(forces @ directions.T).max(axis=0) > DAMPED_RIGID * size].T
+    own = damped @ damped.T
+    return np.asarray(own @ (Pr.T @ forces) @ own)
 
 
 def frequency_response(

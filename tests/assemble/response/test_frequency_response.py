@@ -136,6 +136,25 @@ def test_two_halves_are_the_whole():
     np.testing.assert_allclose(rigid[0], rigid[1], rtol=1e-9)
 
 
+@pytest.mark.parametrize("tilt", [1e-4, 1e-3, 0.7])
+def test_rigid_response_is_that_of_the_damped_motion_in_any_basis(tilt):
+    # Two free masses with a dashpot between them, beside stiff internal damping that the rigid motions do not feel.
+    d, stiff = 3.0, 1e9
+    D = np.array([[d, -d, 0, 0], [-d, d, 0, 0], [0, 0, stiff, -stiff], [0, 0, -stiff, stiff]])
+    own = np.zeros((4, 3))
+    own[0, 0] = own[1, 1] = 1
+    own[2:, 2] = np.sqrt(0.5)
+    turn = np.linalg.qr(np.array([[1, tilt, tilt], [-tilt, 1, 0], [-tilt, 0, 1]]))[0]
+    e = np.eye(4)
+    scene = Scene(("box",), (0.0, 1.0), actuators=(at("box.cg", "x"),), sensors=(at("box.cg", "x"),))
+    box = assemble({"box": rigid_substructure(BOX)}, scene, scene.configurations[0])
+    channels = {"B": e[:, :1], "C1": e[1:2], "C2": 0 * e[:1]}
+    system = replace(box, M=e, K=np.diag([0, 0, 1.0, 1.0]), D=D, rigid=own @ turn, **channels)
+    s = 1j * OMEGA
+    expected = d / (s**2 * (s + 2 * d))
+    np.testing.assert_allclose(rigid_response(system, OMEGA)[:, 0, 0], expected, rtol=1e-6)
+
+
 def test_a_body_beyond_dense_algebra_is_solved_sparse():
     mast = line("mast", [0, 0, 0], [0, 0, 5], 40, held=(1,), interfaces={"b": 41}, damping=Damping(structural=0.02))
     sub = physical(mast)

@@ -97,7 +97,7 @@ def compared(seed: int, folder: Path) -> Compared:
         _response_apart(found.response.full, H, floor, sharpness),
         _apart(own_reduced, w_r, w.max(initial=0.0)),
         _response_apart(found.response.reduced["reduced"], H_r, floor, sharpness),
-        _errors_apart(scene, omega, H - rigid, H_r - rigid, floor, errors),
+        _errors_apart(scene, omega, H - rigid, H_r - rigid, floor, errors, sharpness),
         float(below),
         (found.modes_full, int((w <= band).sum()), found.modes_reduced, int((w_r <= band).sum())),
         errors.full_hz.size + len(errors.lost) - int((w <= band).sum()),
@@ -180,29 +180,43 @@ def _sharpness(system: DenseSystem, band: float) -> float:
     top = w.max(initial=0.0)
     w, X = w[w <= band], X[:, w <= band]
     zeta = (np.einsum("ij,ij->j", X, system.D @ X) + np.einsum("ij,ij->j", X, system.loss @ X) / w) / (2 * w)
-    return float(np.max(_ROUNDING * (top / w) ** 2 / zeta, initial=0.0))
+    # Products with the matrices are sums over the dofs, whose rounding grows as the root of their number.
+    return float(np.max(_ROUNDING * np.sqrt(len(system.K)) * (top / w) ** 2 / zeta, initial=0.0))
 
 
 def _errors_apart(
-    scene: RandomScene, omega: np.ndarray, H: np.ndarray, H_r: np.ndarray, floor: np.ndarray, errors: ModelErrors
+    scene: RandomScene,
+    omega: np.ndarray,
+    H: np.ndarray,
+    H_r: np.ndarray,
+    floor: np.ndarray,
+    errors: ModelErrors,
+    sharpness: float,
 ) -> float:
-    """Largest difference of the response errors, of all channels and of each, from their definition."""
+    """Largest difference of the response errors, of all channels and of each, from their definition.
+
+    An error is known to the rounding of the responses, ``sharpness``.
+    """
     miss, size = (_integral(abs(X) ** 2, omega) for X in (H - H_r, H))
     loud = size > (omega[-1] - omega[0]) * (_SILENT * floor) ** 2
     if not loud.any():
         return 0.0
+
+    def apart(own: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
+        beyond = np.maximum(np.maximum(own - high, low - own) - sharpness, 0.0)
+        return float(np.max(beyond / (1e-3 + high)))
+
     each = np.sqrt(miss / np.where(loud, size, 1.0))
-    worst = float(np.max(np.where(loud, abs(errors.channel_errors - each) / (1e-3 + each), 0.0)))
+    worst = apart(errors.channel_errors[loud], each[loud], each[loud])
     kinds_in = {_turns(a) for a in scene.actuators}
     kinds_out = {(_turns(s), s["rate"]) for s in scene.sensors}
     if len(kinds_in) == len(kinds_out) == 1:
-        total = float(np.sqrt(miss.sum() / size.sum()))
-        return max(worst, abs(errors.frf_error - total) / (1e-3 + total))
+        total = np.sqrt(miss.sum() / size.sum())
+        return max(worst, apart(np.asarray(errors.frf_error), total, total))
     if not loud.all():
         return worst
     # Whatever the scales of unlike units are, the total is between the errors of the parts.
-    low, high = each.min(), each.max()
-    return max(worst, (errors.frf_error - high) / (1e-3 + high), (low - errors.frf_error) / (1e-3 + low))
+    return max(worst, apart(np.asarray(errors.frf_error), each.min(), each.max()))
 
 
 def _integral(values: np.ndarray, omega: np.ndarray) -> np.ndarray:
