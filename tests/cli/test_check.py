@@ -34,8 +34,15 @@ def copied(finished: Path, tmp_path: Path) -> Path:
 
 
 def edited(path: Path, name: str, change) -> None:
+    """Change a dataset as another run would have: with the frequencies of its summary."""
     with resealed(path) as file:
         file[name][...] = change(file[name][()])
+        elastic = slice(file["modes"].attrs["rigid_count"], None)
+        hz = file["modes/omega"][elastic] / (2 * np.pi)
+    summary = path.parent / "summary.json"
+    facts = json.loads(summary.read_text())
+    facts["components"][path.stem]["frequencies_hz"] = hz.tolist()
+    summary.write_text(json.dumps(facts))
 
 
 def line_of(result: Result, figure: str) -> str:
@@ -149,6 +156,31 @@ def test_a_change_is_found_and_named(finished: Path, copied: Path, name, change,
     line = line_of(result, f"arm: baseline: {figure}")
     assert line.startswith("FAIL") and says in line
     assert not any(line.startswith("FAIL  panel") for line in result.stdout.splitlines())
+
+
+def exchanged(run: Path) -> None:
+    for old, new in (("arm", "x"), ("panel", "arm"), ("x", "panel")):
+        (run / f"{old}.h5").rename(run / f"{new}.h5")
+
+
+def of_another_run(run: Path) -> None:
+    with resealed(run / "panel.h5") as file:
+        file["modes/omega"][9] *= 1.01
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (exchanged, "arm.h5: it holds component 'panel', not 'arm'"),
+        (lambda run: shutil.copy(run / "arm.h5", run / "panel.h5"), "panel.h5: it holds component 'arm', not 'panel'"),
+        (of_another_run, "panel.h5: its modes are not those of summary.json"),
+    ],
+    ids=["files exchanged", "a file copied over another", "a file of another run"],
+)
+def test_a_sound_file_of_another_body_or_run_is_refused(copied: Path, change, says: str) -> None:
+    change(copied)
+    result = call("check", copied)
+    assert result.exit_code == 2 and says in result.output
 
 
 def test_a_tolerance_lets_a_change_pass(finished: Path, copied: Path) -> None:
