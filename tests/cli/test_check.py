@@ -183,6 +183,10 @@ def test_a_sound_file_of_another_body_or_run_is_refused(copied: Path, change, sa
     assert result.exit_code == 2 and says in result.output
 
 
+def test_a_limit_in_per_cent(finished: Path) -> None:
+    assert "(limit 0.05)" in line_of(call("check", finished, "--max", "frf_error=5 %"), "frf_error")
+
+
 def test_a_tolerance_lets_a_change_pass(finished: Path, copied: Path) -> None:
     edited(copied / "arm.h5", "modes/omega", stiffer)
     result = call("check", copied, "--baseline", finished, "--tolerance", "frequency=0.02")
@@ -234,6 +238,9 @@ BAD = {
     "unknown tolerance": (("--tolerance", "mac=0.9"), None, "--tolerance mac", "shape"),
     "no value": (("--tolerance", "frequency"), None, "--tolerance frequency", "KEY=VALUE"),
     "not a number": (("--max", "frf_error=nan"), None, "--max frf_error=nan", "KEY=VALUE"),
+    "no limit at all": (("--max", "frf_error=inf"), None, "--max frf_error=inf", "finite number"),
+    "per cent without a sign": (("--max", "frf_error=5"), None, "--max frf_error=5: 5 is 500 %", "write '500 %'"),
+    "per cent in the file": ((), "max: {nrfd: 1}\n", "limits.yaml:1: 'nrfd': 1 is 100 %", "write '100 %'"),
     "no baseline": (("--baseline", "{tmp}/none"), None, "none", "no summary.json"),
     "damaged baseline": (("--baseline", "{tmp}/bad.h5"), None, "bad.h5", "damaged"),
     "another body": (("--baseline", "{run}/panel.h5"), None, "--baseline", "it holds panel, but"),

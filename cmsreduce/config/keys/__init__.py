@@ -14,11 +14,20 @@ from cmsreduce.config.keys.mapping import Count, Keys, check_name, parse_point
 from cmsreduce.config.keys.pipeline import Memory, Pipeline, json_schema
 from cmsreduce.config.keys.quantities import Quantity, parse_ratio
 from cmsreduce.config.keys.scene import SceneKeys
-from cmsreduce.config.keys.stages import CompareKeys, LimitKeys, ModeSetKeys, ProjectKeys, ReduceKeys, VerifyKeys
+from cmsreduce.config.keys.stages import (
+    RELATIVE_ERRORS,
+    CompareKeys,
+    LimitKeys,
+    ModeSetKeys,
+    ProjectKeys,
+    ReduceKeys,
+    VerifyKeys,
+)
 from cmsreduce.config.keys.stiffening import GeometricStiffnessKeys, SpinKeys
 from cmsreduce.config.keys.write import BASIC, CENTRE
 
 __all__ = [
+    "RELATIVE_ERRORS",
     "CompareKeys",
     "LimitKeys",
     "ActuatorKeys",
