@@ -1,6 +1,7 @@
 """A thousand random scenes of every mode set against dense models made from the geometry alone.
 
-Exit code 1 if one deviates; a scene that is refused with a message is counted apart. ``--scenes 200`` runs fewer, ``--first 1000`` others.
+Exit code 1 if one deviates; a scene that is refused with a message is counted apart.
+``--scenes 200`` runs fewer, ``--first 1000`` others.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ from cmsreduce.config.cluster import ClusterKeys, load_cluster
 from cmsreduce.config.keys import (
     BASIC,
     CENTRE,
+    RELATIVE_ERRORS,
     CompareKeys,
     Component,
     GeometricStiffnessKeys,
@@ -51,6 +52,7 @@ __all__ = [
     "Size",
     "SpinKeys",
     "CompareKeys",
+    "RELATIVE_ERRORS",
     "LimitKeys",
     "VerifyKeys",
     "body_pipeline",

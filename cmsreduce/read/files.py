@@ -75,13 +75,17 @@ def require_file(path: Path) -> None:
         If it is missing (with the nearest name in its folder), a folder, unreadable or empty.
     """
     if not path.exists():
+        if path.is_symlink():
+            raise ReadError(f"{path}: is a link to a file that is not there; the link names {path.readlink()}")
         folder = path.parent
         names = [item.name for item in folder.iterdir()] if folder.is_dir() else []
         near = difflib.get_close_matches(path.name, names, n=1)
         hint = f"; there is a {near[0]}" if near else "" if folder.is_dir() else f"; there is no folder {folder}"
         raise ReadError(f"{path}: there is no such file{hint}")
-    if not path.is_file():
+    if path.is_dir():
         raise ReadError(f"{path}: is a folder, not a file; name the matrix file in it")
+    if not path.is_file():
+        raise ReadError(f"{path}: is a device or a pipe, not a file; write its content to a file")
     if not read_head(path, 1):
         raise ReadError(f"{path}: the file is empty; the run that should have written it may have failed")
 

@@ -34,8 +34,15 @@ def copied(finished: Path, tmp_path: Path) -> Path:
 
 
 def edited(path: Path, name: str, change) -> None:
+    """Change a dataset as another run would have: with the frequencies of its summary."""
     with resealed(path) as file:
         file[name][...] = change(file[name][()])
+        elastic = slice(file["modes"].attrs["rigid_count"], None)
+        hz = file["modes/omega"][elastic] / (2 * np.pi)
+    summary = path.parent / "summary.json"
+    facts = json.loads(summary.read_text())
+    facts["components"][path.stem]["frequencies_hz"] = hz.tolist()
+    summary.write_text(json.dumps(facts))
 
 
 def line_of(result: Result, figure: str) -> str:
@@ -151,6 +158,45 @@ def test_a_change_is_found_and_named(finished: Path, copied: Path, name, change,
     assert not any(line.startswith("FAIL  panel") for line in result.stdout.splitlines())
 
 
+def exchanged(run: Path) -> None:
+    for old, new in (("arm", "x"), ("panel", "arm"), ("x", "panel")):
+        (run / f"{old}.h5").rename(run / f"{new}.h5")
+
+
+def of_another_run(run: Path) -> None:
+    with resealed(run / "panel.h5") as file:
+        file["modes/omega"][9] *= 1.01
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (exchanged, "arm.h5: it holds component 'panel', not 'arm'"),
+        (lambda run: shutil.copy(run / "arm.h5", run / "panel.h5"), "panel.h5: it holds component 'arm', not 'panel'"),
+        (of_another_run, "panel.h5: its modes are not those of summary.json"),
+    ],
+    ids=["files exchanged", "a file copied over another", "a file of another run"],
+)
+def test_a_sound_file_of_another_body_or_run_is_refused(copied: Path, change, says: str) -> None:
+    change(copied)
+    result = call("check", copied)
+    assert result.exit_code == 2 and says in result.output
+
+
+def test_figures_that_contradict_the_verdict_are_refused(copied: Path) -> None:
+    summary = copied / "summary.json"
+    facts = json.loads(summary.read_text())
+    facts["verdict"]["word"] = "FAIL"
+    summary.write_text(json.dumps(facts))
+    result = call("check", copied)
+    assert result.exit_code == 2 and "states FAIL, but its figures give PASS" in result.stderr
+    assert call("check", copied, "--max", "frf_error=0.5").exit_code == 0
+
+
+def test_a_limit_in_per_cent(finished: Path) -> None:
+    assert "(limit 0.05)" in line_of(call("check", finished, "--max", "frf_error=5 %"), "frf_error")
+
+
 def test_a_tolerance_lets_a_change_pass(finished: Path, copied: Path) -> None:
     edited(copied / "arm.h5", "modes/omega", stiffer)
     result = call("check", copied, "--baseline", finished, "--tolerance", "frequency=0.02")
@@ -202,6 +248,9 @@ BAD = {
     "unknown tolerance": (("--tolerance", "mac=0.9"), None, "--tolerance mac", "shape"),
     "no value": (("--tolerance", "frequency"), None, "--tolerance frequency", "KEY=VALUE"),
     "not a number": (("--max", "frf_error=nan"), None, "--max frf_error=nan", "KEY=VALUE"),
+    "no limit at all": (("--max", "frf_error=inf"), None, "--max frf_error=inf", "finite number"),
+    "per cent without a sign": (("--max", "frf_error=5"), None, "--max frf_error=5: 5 is 500 %", "write '500 %'"),
+    "per cent in the file": ((), "max: {nrfd: 1}\n", "limits.yaml:1: 'nrfd': 1 is 100 %", "write '100 %'"),
     "no baseline": (("--baseline", "{tmp}/none"), None, "none", "no summary.json"),
     "damaged baseline": (("--baseline", "{tmp}/bad.h5"), None, "bad.h5", "damaged"),
     "another body": (("--baseline", "{run}/panel.h5"), None, "--baseline", "it holds panel, but"),

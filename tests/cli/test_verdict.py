@@ -58,7 +58,7 @@ UNMEASURED = {
     "no sensors": (("scene.sensors={}", "verify.limits={frf_error: 0.5, nrfd: 0.5}"), "the scene has no sensors", 2),
     "no actuators": (("scene.actuators={}", "verify.limits={db_error: 50}"), "the scene has no actuators", 1),
     "neither": (
-        ("scene.actuators={}", "scene.sensors={}", "verify.limits={frequency_error: 1}"),
+        ("scene.actuators={}", "scene.sensors={}", "verify.limits={frequency_error: 100 %}"),
         "the scene has no actuators and no sensors",
         1,
     ),
@@ -66,7 +66,7 @@ UNMEASURED = {
         (
             "scene.actuators={lift: {at: arm.5, force: [0, 0, 1]}}",
             "scene.sensors={across: {at: arm.4, measure: y}}",
-            "verify.limits={frf_error: 100, db_error: 100, peak_error: 100, zero_error: 100, gain_error: 100}",
+            "verify.limits={frf_error: 100 %, db_error: 100, peak_error: 100 %, zero_error: 100 %, gain_error: 100 %}",
         ),
         "no channel has an elastic response",
         5,
@@ -141,12 +141,12 @@ def test_the_worst_channel_stands_beside_the_sum(outcome) -> None:
         "balance={keep: {modes: {arm: 2}}, rank: gregory}",
         "scene.sensors={both: {rows: {arm.5.z: 1.0}}, weak: {rows: {arm.5.y: 1.0e-3}}}",
     )
-    code, text, facts = outcome(*keys, "verify.limits={frf_error: 50}")
+    code, text, facts = outcome(*keys, "verify.limits={frf_error: 5000 %}")
     channels = {(row["input"], row["output"]): row for row in facts["configurations"][0]["channels"]}
     judged = [row["frf_error"] for row in channels.values() if row["judged"]]
     assert facts["figures"]["channel_error"]["value"] == pytest.approx(max(judged)) and code == 0
     assert f"{facts['figures']['channel_error']['where'].split(', ')[1]}" in text
-    assert outcome(*keys, "verify.limits={frf_error: 50, channel_error: 1e-6}")[2]["verdict"]["broken"] == [
+    assert outcome(*keys, "verify.limits={frf_error: 5000 %, channel_error: 1e-6}")[2]["verdict"]["broken"] == [
         "channel_error"
     ]
 

@@ -14,6 +14,7 @@ from pyyeti.nastran import op4
 from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable
 from cmsreduce.read import detect_format, matrix_names, read_matrix, sha256_of
+from cmsreduce.read.files import require_file
 from cmsreduce.read.matrix import FORMATS
 
 K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
@@ -228,3 +229,12 @@ def test_what_the_reference_files_hold(shared_data: Path) -> None:
     for name in ("nas2cam/inboard.pch", "nas2cam/inboard.asm", "block_a/block_a.bdf"):
         with pytest.raises(ReadError, match="without DMIG entries"):
             read_matrix(shared_data / name)
+
+
+def test_a_link_in_a_circle_and_a_device_are_named(tmp_path: Path) -> None:
+    link = tmp_path / "K.npz"
+    link.symlink_to("K.npz")
+    with pytest.raises(ReadError, match=r"K\.npz: is a link to a file that is not there; the link names K\.npz"):
+        require_file(link)
+    with pytest.raises(ReadError, match="is a device or a pipe"):
+        require_file(Path("/dev/null"))

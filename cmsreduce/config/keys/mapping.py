@@ -44,6 +44,7 @@ __all__ = [
     "PointName",
     "Positive",
     "Ratio",
+    "RelativeError",
     "UnitSystem",
     "Vector",
     "Written",
@@ -269,6 +270,8 @@ Frequency = Annotated[
 """Frequency in Hz."""
 Ratio = Annotated[float, Strict(), BeforeValidator(reported(parse_ratio)), WithJsonSchema(_QUANTITY_SCHEMA)]
 """Ratio of damping: a fraction below one, or per cent with their sign."""
+RelativeError = Annotated[Ratio, Field(gt=0)]
+"""Relative error above zero: a fraction below one, or per cent with their sign."""
 Written = Annotated[
     Quantity,
     BeforeValidator(reported(parse_quantity)),

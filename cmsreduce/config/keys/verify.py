@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 from pydantic import Field, Strict
 
 from cmsreduce.config.keys.balance import RankingKeys
-from cmsreduce.config.keys.mapping import Keys, Plain, Positive
+from cmsreduce.config.keys.mapping import Keys, Plain, Positive, RelativeError
 from cmsreduce.config.keys.reduce import ModeSetKeys
 
-__all__ = ["CompareKeys", "FrfKeys", "LimitKeys", "VerifyKeys"]
+__all__ = ["RELATIVE_ERRORS", "CompareKeys", "FrfKeys", "LimitKeys", "VerifyKeys"]
 
 
 class CompareKeys(RankingKeys):
@@ -38,14 +38,14 @@ NotNegative = Annotated[float, Strict(), Field(ge=0)]
 
 
 class LimitKeys(Keys):
-    """Largest errors that pass; an error without a limit is not checked."""
+    """Largest errors that pass; an error without a limit is not checked. A relative error of one or more has its %."""
 
-    frf_error: Positive | None = Field(
+    frf_error: RelativeError | None = Field(
         default=None,
         description="Relative error of the elastic response over the band, at the worst configuration.",
         examples=[0.05],
     )
-    channel_error: Positive | None = Field(
+    channel_error: RelativeError | None = Field(
         default=None,
         description="Relative error of the elastic response of the worst channel; frf_error is that of all together.",
         examples=[0.1],
@@ -53,7 +53,7 @@ class LimitKeys(Keys):
     db_error: Positive | None = Field(
         default=None, description="99th percentile of the error in the band, in dB.", examples=[1.0]
     )
-    frequency_error: Positive | None = Field(
+    frequency_error: RelativeError | None = Field(
         default=None,
         description="Relative error of the system's natural frequencies in the band, paired one to one by shape. It is "
         "not met if no mode has a partner, nor, without a limit modes_lost, if a mode that a channel shows has none: "
@@ -70,32 +70,32 @@ class LimitKeys(Keys):
         description="Number of modes in the band that only the reduced system has, in one configuration.",
         examples=[0],
     )
-    damping_error: Positive | None = Field(
+    damping_error: RelativeError | None = Field(
         default=None,
         description="Relative error of the damping ratios of the system's complex modes in the band.",
         examples=[0.05],
     )
-    peak_error: Positive | None = Field(
+    peak_error: RelativeError | None = Field(
         default=None, description="Relative error of the height of a channel's highest peak.", examples=[0.05]
     )
-    frac_error: Positive | None = Field(
+    frac_error: RelativeError | None = Field(
         default=None, description="1 minus the frequency response assurance criterion of a channel.", examples=[0.01]
     )
-    nrfd: Positive | None = Field(
+    nrfd: RelativeError | None = Field(
         default=None, description="Relative shift of a resonance peak of a channel.", examples=[1e-3]
     )
-    static_lack: Positive | None = Field(
+    static_lack: RelativeError | None = Field(
         default=None,
         description="Share of the strain energy that the reduced body misses under a static load at an interface or "
         "actuator.",
         examples=[0.01],
     )
-    gain_error: Positive | None = Field(
+    gain_error: RelativeError | None = Field(
         default=None,
         description="Error of a static gain between channels, relative to the sum of magnitudes of its modal gains.",
         examples=[0.01],
     )
-    zero_error: Positive | None = Field(
+    zero_error: RelativeError | None = Field(
         default=None, description="Relative shift of a transmission zero in the band.", examples=[0.01]
     )
     zeros_lost: NotNegative | None = Field(
@@ -103,7 +103,7 @@ class LimitKeys(Keys):
         description="Number of zeros in the band that the reduced system misses, for one input and output.",
         examples=[0],
     )
-    step_error: Positive | None = Field(
+    step_error: RelativeError | None = Field(
         default=None,
         description="Relative root mean square error of a step response.",
         examples=[0.01],
@@ -114,6 +114,11 @@ class LimitKeys(Keys):
         examples=[0.5],
     )
 
+
+RELATIVE_ERRORS = frozenset(
+    name for name, field in LimitKeys.model_fields.items() if field.annotation == (RelativeError | None)
+)
+"""Limits that are fractions, or per cent with their sign."""
 
 CheckName = Literal["static", "gains", "zeros", "step"]
 _CHECK_OF: dict[str, CheckName] = {

@@ -157,6 +157,14 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     geometry = None if part.geometry is None else part.geometry.file
     proved = prove_body(as_read, converted, geometry, proof, order, negative)
     notes = []
+    # Constraints that hold only what has no stiffness leave the motions of the geometry free.
+    shapes = _rigid_shapes(body)
+    whole = 0 if shapes is None else int(np.linalg.matrix_rank(shapes))
+    if rigid.shape[1] > whole > 0:
+        notes.append(
+            f"{name}: K leaves {rigid.shape[1] - whole} motions without energy beyond the {whole} rigid ones: a "
+            "hinge or release inside the body. If it has none, elements are missing"
+        )
     if proof.status != "proven":
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
     if body.damping.law == "none" and body.D is None:

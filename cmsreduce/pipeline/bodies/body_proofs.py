@@ -14,7 +14,12 @@ from numpy.typing import NDArray
 from cmsreduce.mechanics import rigid_mass
 from cmsreduce.model import FEModel, Finding, Proof, rigid_body_shapes
 from cmsreduce.pipeline.bodies.deck_agreement import BOUNDED, EXACT, against_deck, energy_ratios, ratio_in_words
-from cmsreduce.pipeline.bodies.nodal_mass import exchanges_hidden, lumps, mass_order_by_deck
+from cmsreduce.pipeline.bodies.nodal_mass import (
+    exchanges_hidden,
+    lumps,
+    mass_order_by_deck,
+    moments_toward_neighbours,
+)
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import MassOrder, RowOrderProof, StatedEnergy, StatedMass, deck_statement
 from cmsreduce.verify import (
@@ -37,6 +42,9 @@ _ALL_MOTIONS = 6
 _MASS_ALIKE, _MASS_FACTOR = 1e-6, 100.0
 # Definiteness is counted on a matrix raised by this share of its diagonal, or by the digits of its file.
 _DEFINITE, _DIGITS = 1e-9, 10.0
+
+# Agreement of the first moments of mass with the neighbours: 1 in beams, less where elements are bent or plates.
+_TOWARD = 0.5
 
 
 @dataclass(frozen=True)
@@ -163,6 +171,12 @@ def _mass(
             checks.append(by_deck)
             if by_deck.passed:
                 ordered, evidence = True, "each node has the mass that the deck states"
+    if ordered and (toward := moments_toward_neighbours(body)) is not None and toward < _TOWARD:
+        ordered = False
+        evidence = (
+            f"its first moments point to the neighbours of their nodes by {toward:.2f} of 1, as those of rows in "
+            "reverse, of another sign or in another frame; masses beside their grids do so, too"
+        )
     if not ordered and rows.motions == _ALL_MOTIONS and exchanges_hidden(body) == 0:
         ordered, evidence = True, "an exchange of any two nodes would leave no centre of mass"
     failed = [check for check in checks if not check.passed]

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.model import FEModel, Finding, cross_matrix, rigid_body_shapes
 
-__all__ = ["exchanges_hidden", "lumps", "mass_order_by_deck"]
+__all__ = ["exchanges_hidden", "lumps", "mass_order_by_deck", "moments_toward_neighbours"]
 
 Array = NDArray[np.float64]
 
@@ -22,6 +22,9 @@ _MOST_NODES = 600
 # An exchange shows if it changes the symmetric part of the first moments by more than ten times the limit of that
 # check (1e-6 of mass times size), and a hundred roundings of the file.
 _SHOWS, _ROUNDINGS = 1e-5, 1e3
+
+# First moments of mass below this share of mass times length are rounding.
+_MOMENT = 1e-6
 
 
 def lumps(body: FEModel) -> Array | None:
@@ -121,3 +124,37 @@ def exchanges_hidden(body: FEModel) -> int | None:
     change = arm @ (P[second] - P[first])
     shown = abs(change + change.transpose(0, 2, 1)).max(axis=(1, 2)) / (mass * size)
     return int((shown <= max(_SHOWS, _ROUNDINGS * body.rounding)).sum())
+
+
+def moments_toward_neighbours(body: FEModel) -> float | None:
+    """Agreement, from -1 to 1, of the first moment of the mass at each node with the direction of its neighbours.
+
+    A node of a consistent mass with rotations carries a part of each element; its first moment points along the
+    element. In reversed rows of a symmetric chain, or rows of another sign or frame, it does not, although every node
+    has its mass.
+
+    Returns
+    -------
+    float or None
+        None if the mass couples no rotations with translations, or no nodes.
+    """
+    assert body.nodes is not None
+    R = rigid_body_shapes(body.dofs, body.nodes)
+    component = body.dofs.component
+    moving, turning = ((component > k) & (component <= k + 3) for k in (0, 3))
+    ids, node = np.unique(body.dofs.node, return_inverse=True)
+    H = np.zeros((ids.size, 3, 3))
+    np.add.at(H, node[turning], R[turning, 3:, None] * np.asarray(body.M @ R[:, :3])[turning, None, :])
+    # The moment of momentum under the velocity v is s x v.
+    s = np.stack([H[:, 2, 1] - H[:, 1, 2], H[:, 0, 2] - H[:, 2, 0], H[:, 1, 0] - H[:, 0, 1]], axis=1) / 2
+    M = body.M.tocoo()
+    both = moving[M.row] & moving[M.col] & (node[M.row] != node[M.col])
+    row, column = M.row[both], M.col[both]
+    shared = M.data[both] * np.einsum("ij,ij->i", R[row, :3], R[column, :3])
+    xyz = body.nodes.xyz[body.nodes.index(ids)]
+    around = np.zeros((ids.size, 3))
+    np.add.at(around, node[row], shared[:, None] * (xyz[node[column]] - xyz[node[row]]))
+    size, reach = np.linalg.norm(s), np.linalg.norm(around)
+    if reach == 0 or size <= _MOMENT * reach:
+        return None
+    return float(np.sum(s * around) / (size * reach))

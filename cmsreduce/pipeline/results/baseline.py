@@ -26,6 +26,8 @@ Modes = tuple[Array, ComponentFile | None]
 """Kept elastic modes of one component: frequencies in Hz, and its file, if there is one."""
 
 _COMPONENT_KEYS = {"checks", "frequencies_hz", "kept_modes"}
+# Both files have the digits of double precision.
+_SAME_RUN = 1e-9
 # Modes named in a note; more do not fit a line.
 _NAMED = 4
 # Integrals over modes: axes that count modes, and the rigid mass whose square root bounds them.
@@ -100,7 +102,23 @@ def open_result(path: Path) -> StoredResult:
     if (system := summary.parent / "system.h5").is_file():
         verify_seal(system)
     beside = {name: summary.parent / f"{name}.h5" for name in facts["components"]}
-    return StoredResult(path, facts, {name: read_component(file) for name, file in beside.items() if file.is_file()})
+    files = {name: read_component(file) for name, file in beside.items() if file.is_file()}
+    for name, file in files.items():
+        _refuse_foreign(beside[name], name, file, facts["components"][name]["frequencies_hz"])
+    return StoredResult(path, facts, files)
+
+
+def _refuse_foreign(path: Path, name: str, file: ComponentFile, kept_hz: Sequence[float]) -> None:
+    """Refuse a component file of another body, or of another run of the body: its seal alone does not show it."""
+    if file.name != name:
+        raise ReadError(f"{path}: it holds component '{file.name}', not '{name}'; write it again with `cmsreduce run`")
+    hz = file.omega[file.elastic] / (2 * np.pi)
+    if len(hz) != len(kept_hz) or not np.allclose(hz, kept_hz, rtol=_SAME_RUN, atol=0.0):
+        raise ReadError(
+            f"{path}: its modes are not those of summary.json ({_listed(hz) if hz.size else 'none'}, against "
+            f"{_listed(np.array(kept_hz)) if kept_hz else 'none'}): the file is of another run; write it again with "
+            "`cmsreduce run`"
+        )
 
 
 def _figures(facts: Mapping[str, Any]) -> dict[str, Any]:

@@ -77,7 +77,13 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> tu
         findings += compare(open_result(baseline), result, limits.tolerances)
     found = limited(findings, limits, unlisted, path)
     given = bool(limits.maxima) or baseline is not None or bool((result.summary or {}).get("limits"))
-    return found, judge(found, proofs, limited=given)
+    verdict = judge(found, proofs, limited=given)
+    stated = ((result.summary or {}).get("verdict") or {}).get("word")
+    if stated == "FAIL" and verdict.word == "PASS" and not limits.maxima:
+        raise ReadError(
+            f"{path}: summary.json states FAIL, but its figures give PASS: it was edited; run the pipeline again"
+        )
+    return found, verdict
 
 
 def write_junit(path: Path, findings: list[Finding], verdict: Verdict, checked: Path) -> None:

@@ -7,11 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
-from cmsreduce.config import Entry, parse
-from cmsreduce.errors import ConfigError, ReadError, closest, not_among
+from cmsreduce.config import RELATIVE_ERRORS, Entry, parse, parse_ratio
+from cmsreduce.errors import ConfigError, ReadError, UnitsError, closest, not_among
 from cmsreduce.model import Finding
 
 __all__ = ["Limits", "Tolerances", "limited", "read_limits"]
+
+_FORM = ": write KEY=VALUE with a finite number, such as {}"
 
 
 @dataclass(frozen=True)
@@ -81,11 +83,13 @@ def read_limits(file: Path | None, maxima: Sequence[str] = (), tolerances: Seque
     limits = Limits() if file is None else _from_file(file)
     found = dict(limits.maxima)
     for text in maxima:
-        key, value = _pair("--max", text, "frf_error=0.05")
-        found[key] = (value, f"--max {key}")
+        key, value = _pair(text)
+        found[key] = (_maximum(key, value, f"--max {text}", _FORM.format("frf_error=0.05")), f"--max {key}")
     chosen = limits.tolerances
     for text in tolerances:
-        key, value = _pair("--tolerance", text, "frequency=1e-3")
+        key, value = _pair(text)
+        if not isinstance(value, float):
+            raise ConfigError(f"--tolerance {text}{_FORM.format('frequency=1e-3')}")
         chosen = _tolerance(chosen, key, value, f"--tolerance {key}")
     return Limits(found, chosen)
 
@@ -137,15 +141,26 @@ def _names(found: Finding) -> list[str]:
     return [found.name, *own]
 
 
-def _pair(option: str, text: str, example: str) -> tuple[str, float]:
+def _pair(text: str) -> tuple[str, float | str]:
+    """Key and value of KEY=VALUE; a value that is no number stays text."""
     key, _, value = text.rpartition("=")
     try:
         number = float(value)
     except ValueError:
-        number = math.nan
-    if math.isnan(number):
-        raise ConfigError(f"{option} {text}: write KEY=VALUE with a number, such as {example}")
-    return key.strip(), number
+        return key.strip(), value
+    return key.strip(), value if math.isnan(number) else number
+
+
+def _maximum(name: str, value: object, where: str, wanted: str) -> float:
+    """Limit as a number: of a relative error a fraction, or per cent with their sign."""
+    if name.rpartition(".")[2] in RELATIVE_ERRORS:
+        try:
+            value = parse_ratio(value)
+        except UnitsError as error:
+            raise ConfigError(f"{where}: {error}") from None
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ConfigError(f"{where}{wanted}")
+    return float(value)
 
 
 def _from_file(path: Path) -> Limits:
@@ -161,16 +176,21 @@ def _from_file(path: Path) -> Limits:
     tolerances = Tolerances()
     for key, entry in root.value.items():
         if key == "max":
-            maxima = {name: (value, where) for name, value, where in _figures(entry, "")}
+            maxima = {
+                name: (_maximum(name, value, where, " needs a number"), where)
+                for name, value, where in _figures(entry, "")
+            }
         elif key == "tolerance":
             for name, value, where in _figures(entry, ""):
+                if isinstance(value, bool) or not isinstance(value, (int, float)) or math.isnan(value):
+                    raise ConfigError(f"{where} needs a number")
                 tolerances = _tolerance(tolerances, name, value, where)
         else:
             raise ConfigError(f"{entry.where}: {not_among('key', key, ('max', 'tolerance'))}")
     return Limits(maxima, tolerances)
 
 
-def _figures(entry: Entry, component: str) -> Iterator[tuple[str, float, str]]:
+def _figures(entry: Entry, component: str) -> Iterator[tuple[str, object, str]]:
     """Name, value and place of every limit below a key."""
     if not isinstance(entry.value, dict):
         raise ConfigError(f"{entry.where}: figures and their limits are expected here, such as 'frf_error: 0.05'")
@@ -178,14 +198,12 @@ def _figures(entry: Entry, component: str) -> Iterator[tuple[str, float, str]]:
         name = f"{component}.{key}" if component else key
         if isinstance(item.value, dict) and not component:
             yield from _figures(item, key)
-        elif isinstance(item.value, (int, float)) and not isinstance(item.value, bool) and not math.isnan(item.value):
-            yield name, float(item.value), f"{item.where}: '{name}'"
         else:
-            raise ConfigError(f"{item.where}: '{name}' needs a number")
+            yield name, item.value, f"{item.where}: '{name}'"
 
 
 def _tolerance(tolerances: Tolerances, key: str, value: float, where: str) -> Tolerances:
     known = [each.name for each in fields(Tolerances)]
     if key not in known:
         raise ConfigError(f"{where}: {not_among('tolerance', key, known)}")
-    return replace(tolerances, **{key: value})
+    return replace(tolerances, **{key: float(value)})

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.frames import BAR, beam_matrices
+from tests.frames import BAR, beam_matrices, line
 from tests.hard.corruptions.study import Study
 
 __all__ = ["ROWS", "Row"]
@@ -218,6 +218,23 @@ def _lumped(M: np.ndarray) -> np.ndarray:
     return np.diag(np.kron((M @ x).reshape(-1, 6)[:, 0], [1, 1, 1, 1e-3, 1e-3, 1e-3]))
 
 
+def _moved_lump(M: np.ndarray) -> np.ndarray:
+    """The arm's lump at its fourth node."""
+    M = _without_lump(M)
+    M[range(18, 21), range(18, 21)] += 0.3
+    return M
+
+
+def _longer(study: Study) -> None:
+    study.M["arm"] = line("arm", [0, 0, 0], [0.816, 0, 0], 4, masses={3: 0.3}).M.toarray()
+
+
+def _without_bar(study: Study) -> None:
+    """No bar between the second node and the third of the arm."""
+    k, _ = beam_matrices(study.xyz["arm"][1], study.xyz["arm"][2], BAR)
+    study.K["arm"][6:18, 6:18] -= k
+
+
 def _stiffer_bar(study: Study) -> None:
     """Two more of the bar between the first two nodes of the arm."""
     k, _ = beam_matrices(study.xyz["arm"][0], study.xyz["arm"][1], BAR)
@@ -246,6 +263,27 @@ ROWS: tuple[Row, ...] = (
     Row("both by components", "row order", _reordered("KM", PANEL, _by_component)),
     Row("all nodes of K in reverse", "row order", _reordered("K", PANEL, _reversed_nodes)),
     Row("all nodes of M in reverse", PATTERN, _reordered("M", PANEL, _reversed_nodes)),
+    Row(
+        "all nodes of M in reverse, straight even body",
+        "mass",
+        _reordered("M", ARM, _reversed_nodes),
+        deck=True,
+        unseen="each node has its mass; the verdict names the mass as unproven",
+    ),
+    Row(
+        "rotations of M of the other sign",
+        "mass",
+        _put("M", ARM, lambda A: A * np.outer(*[np.tile([1, 1, 1, -1, -1, -1], 5)] * 2)),
+        deck=True,
+        unseen="the same momentum of the body; the verdict names the mass as unproven",
+    ),
+    Row(
+        "rotations of M in degrees",
+        "mass",
+        _put("M", ARM, lambda A: A * np.outer(*[np.tile([1, 1, 1, *[np.pi / 180] * 3], 5)] * 2)),
+        deck=True,
+        unseen="a mass between lumped and consistent, as programs make it; compare the first frequency",
+    ),
     Row("rows of K shuffled", "row order", _reordered("K", ARM, _shuffled)),
     Row("rows of M shuffled", "mass", _reordered("M", ARM, _shuffled)),
     Row("rows of both shuffled", "row order", _reordered("KM", ARM, _shuffled)),
@@ -289,6 +327,17 @@ ROWS: tuple[Row, ...] = (
     Row("K and M x 1000, deck", DECK, _both(_scaled("K", 1e3), _scaled("M", 1e3)), deck=True),
     Row("K of another material (steel for aluminium), deck", DECK, _scaled("K", 3.0), deck=True),
     Row("K of another material, grids alone", DECK, _scaled("K", 3.0), unseen=NO_DECK),
+    Row("elements of the middle of K left out, deck", DECK, _without_bar, deck=True),
+    Row(
+        "elements of the middle of K left out, grids alone",
+        DECK,
+        _without_bar,
+        unseen="hinges inside a body look so; a note counts the motions without energy",
+    ),
+    Row("a lumped mass on the next node, deck", DECK, _put("M", ARM, _moved_lump), deck=True),
+    Row("a lumped mass on the next node, grids alone", DECK, _put("M", ARM, _moved_lump), unseen=NO_DECK),
+    Row("M of a mesh 2 % longer, deck", DECK, _longer, deck=True),
+    Row("M of a mesh 2 % longer, grids alone", DECK, _longer, unseen=NO_DECK),
     Row("a lumped mass of 0.3 left out, deck", DECK, _put("M", ARM, _without_lump), deck=True),
     Row("a lumped mass of 0.3 left out, grids alone", DECK, _put("M", ARM, _without_lump), unseen=NO_DECK),
     Row("one bar three times as stiff, deck", DECK, _stiffer_bar, deck=True),
@@ -396,6 +445,7 @@ ROWS: tuple[Row, ...] = (
         "not checked",
         _keys("verify", "limits", {}),
     ),
+    Row("limit of 5 for 5 %", "grammar", _keys("verify", "limits", "frf_error", 5)),
     Row("cutoff inside the band", "frf_error, lost modes", _keys("reduce", "cutoff", 0.3)),
     Row("Guyan", "frequency_error, lost modes", _keys("reduce", "method", "guyan")),
     Row("one mode kept", "frf_error, lost modes", _keys("balance", "keep", {"modes": 1})),

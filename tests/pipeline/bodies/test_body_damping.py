@@ -34,7 +34,7 @@ scene:
   actuators: {{push: {{at: bar.5, force: [0, 1, 1]}}}}
   sensors: {{tip: {{at: bar.3, measure: z}}}}
 reduce: {{cutoff: 3}}
-verify: {{frf: {{points: 40}}, limits: {{frequency_error: 1}}}}
+verify: {{frf: {{points: 40}}, limits: {{frequency_error: 100 %}}}}
 """
 BETA = 1e-6
 Array = np.ndarray[Any, np.dtype[np.float64]]

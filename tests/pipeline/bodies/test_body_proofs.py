@@ -222,3 +222,40 @@ def test_the_word_trusted_alone(tmp_path: Path) -> None:
     assert RowOrder.model_validate({"set": "a", "trusted": True}).trusted
     with pytest.raises(ValueError, match="rows takes one of"):
         RowOrder.model_validate({"trusted": False})
+
+
+def test_motions_without_energy_beyond_the_rigid_ones_are_a_note(tmp_path: Path) -> None:
+    body = frame("part", XYZ, BARS)
+    K = body.K.tolil()
+    # The outer node turns on its bars as on ball joints: its rotations are condensed out, and left without stiffness.
+    turn = np.flatnonzero((body.dofs.node == 7) & (body.dofs.component > 3))
+    dense = K.toarray()
+    rest = np.setdiff1d(np.arange(body.n), turn)
+    pinned = np.zeros_like(dense)
+    pinned[np.ix_(rest, rest)] = dense[np.ix_(rest, rest)] - dense[np.ix_(rest, turn)] @ np.linalg.solve(
+        dense[np.ix_(turn, turn)], dense[np.ix_(turn, rest)]
+    )
+    found = opened(tmp_path, replace(body, K=sp.csc_array(pinned)), [])
+    (note,) = (each for each in found.notes if "without energy" in each)
+    assert note.startswith("part: K leaves 3 motions without energy beyond the 6 rigid ones")
+    assert not any("without energy" in each for each in opened(tmp_path, body, []).notes)
+
+
+@pytest.mark.parametrize("cards", [[], bar_cards([(1, 2), (2, 3), (3, 4)])], ids=["grids", "deck"])
+@pytest.mark.parametrize("letters", ["reversed", "sign of rotations", "frame"])
+def test_a_mass_whose_moments_point_away_from_the_neighbours_is_not_proven(
+    tmp_path: Path, cards: list[str], letters: str
+) -> None:
+    body = frame("part", [[0.4 * k, 0.1 * k * k, 0] for k in range(4)], [(1, 2), (2, 3), (3, 4)])
+    straight = frame("part", [[0.4 * k, 0, 0] for k in range(4)], [(1, 2), (2, 3), (3, 4)])
+    turn = sp.kron(sp.eye_array(2 * 4), np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]), format="csc")
+    sign = sp.diags_array(np.where(body.dofs.component > 3, -1.0, 1.0), format="csc")
+    body, M = {
+        "reversed": (straight, permuted(straight.M, straight, {1: 4, 2: 3, 3: 2, 4: 1})),
+        "sign of rotations": (straight, sp.csc_array(sign @ straight.M @ sign)),
+        "frame": (body, sp.csc_array(turn @ body.M @ turn.T)),
+    }[letters]
+    assert proof_of(opened(tmp_path, body, cards), "mass").state == "proven"
+    wrong = proof_of(opened(tmp_path, replace(body, M=M), cards), "mass")
+    assert wrong.state in ("unproven", "refuted")
+    assert wrong.state == "refuted" or "first moments point" in wrong.remark
