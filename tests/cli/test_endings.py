@@ -1,4 +1,4 @@
-"""Exit codes of the program, each in a process of its own: faults, narrow locales, closed streams, little memory."""
+"""Exit codes of the program: faults, narrow locales, closed streams, little memory; of its own process where needed."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner, Result
+
+from cmsreduce.cli import main
 
 ROOT = Path(__file__).parents[2]
 # Patched into the program: reducing meets a fault that nobody foresaw.
@@ -34,15 +37,22 @@ def program(*args: object, code: str = "from cmsreduce.cli import main; main()",
     )
 
 
+def called(*args: object) -> Result:
+    """The program in this process: what it prints and the code that it leaves with."""
+    done = CliRunner().invoke(main, [str(arg) for arg in args])
+    assert isinstance(done.exception, SystemExit | None), done.exception
+    return done
+
+
 @pytest.fixture(scope="module")
-def study(good_study: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def study(finished_study: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The good study, run."""
     folder = tmp_path_factory.mktemp("ended") / "study"
-    shutil.copytree(good_study, folder, ignore=lambda *_: ["finished", "out"])
+    shutil.copytree(finished_study, folder)
     path = folder / "study.yaml"
-    path.write_text(path.read_text().replace(str(good_study), str(folder)))
-    done = program("run", path)
-    assert done.returncode == 0, done.stderr.decode()
+    path.write_text(path.read_text().replace(str(finished_study), str(folder)))
+    done = called("run", path)
+    assert done.exit_code == 0, done.output
     return path
 
 
@@ -71,12 +81,19 @@ def test_without_a_run_directory_the_crash_file_is_among_temporary_files(study: 
 
 @pytest.mark.parametrize(
     ("error", "code"),
-    [("MemoryError()", 2), ("OSError(12, 'Cannot allocate memory')", 2), ("KeyboardInterrupt()", 130)],
+    [(MemoryError(), 2), (OSError(12, "Cannot allocate memory"), 2), (KeyboardInterrupt(), 130)],
 )
-def test_what_is_no_fault_leaves_no_crash_file(study: Path, tmp_path: Path, error: str, code: int) -> None:
-    done = program("run", study, "--out", tmp_path / "o", "--json", code=BROKEN.format(error=error))
-    said = done.stderr.decode()
-    assert done.returncode == code and "Traceback" not in said, said
+def test_what_is_no_fault_leaves_no_crash_file(
+    study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int
+) -> None:
+    def fail(*args: object, **named: object) -> None:
+        raise error
+
+    monkeypatch.setattr("cmsreduce.pipeline.run.run.orthogonalise", fail)
+    monkeypatch.chdir(tmp_path)
+    done = called("run", study, "--out", tmp_path / "o", "--json")
+    said = done.stderr
+    assert done.exit_code == code and "Traceback" not in said, said
     assert json.loads(done.stdout)["error"]["code"] == code
     assert not list(tmp_path.rglob("crash-*"))
 
@@ -84,9 +101,10 @@ def test_what_is_no_fault_leaves_no_crash_file(study: Path, tmp_path: Path, erro
 @pytest.mark.parametrize(
     "args", [("run", "none.yaml"), ("check", "nowhere"), ("run", "x", "--only", "y"), ("check", "--wrong")]
 )
-def test_bad_input_with_json_is_json(tmp_path: Path, args: tuple[str, ...]) -> None:
-    done = program(*args, "--json", cwd=tmp_path)
-    assert done.returncode == 2 and json.loads(done.stdout)["error"]["code"] == 2, done
+def test_bad_input_with_json_is_json(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, args: tuple[str, ...]) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = called(*args, "--json")
+    assert done.exit_code == 2 and json.loads(done.stdout)["error"]["code"] == 2, done.output
 
 
 @pytest.mark.parametrize(
@@ -154,6 +172,6 @@ def test_little_memory_ends_with_a_code(study: Path, tmp_path: Path, megabytes: 
 def test_one_verdict_for_run_and_check(study: Path, tmp_path: Path) -> None:
     for limit, code in (("0.05", 0), ("1e-9", 1)):
         out = tmp_path / limit
-        assert program("run", study, "--out", out, "--set", f"verify.limits.frf_error={limit}").returncode == code
+        assert called("run", study, "--out", out, "--set", f"verify.limits.frf_error={limit}").exit_code == code
         assert program("check", out).returncode == code
         assert json.loads((out / "summary.json").read_text())["passed"] is (code == 0)

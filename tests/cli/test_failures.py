@@ -16,6 +16,12 @@ from cmsreduce.pipeline.store import DIAGNOSTICS
 from tests.pipeline.study import PIPELINE, write_study
 
 WORDS = "injected fault"
+# Diagnostics that a run calls also where verification and sensitivity are finished, by how their names begin.
+AFTERWARDS = (
+    "the advice", "the checks of '{}'", "the completeness at", "the component file", "the compression", "the contrast",
+    "the drawing", "the effect", "the file", "the highest", "the mass", "the notes", "the page", "the principal",
+    "the scaling", "the search", "the table", "the target",
+)  # fmt: skip
 CONTROLLER = "A\n0 1\n-3600 -84\nB\n0 0 0\n0 3600 0\nC\n0 0\n-0.02 0\n"
 MORE = """\
   checks: [static, gains, zeros, step]
@@ -72,16 +78,24 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def copied(finished: Path, tmp_path: Path) -> Path:
-    """The study with its reduced bodies, but without the results of verification and sensitivity."""
+def repeated(finished: Path, tmp_path: Path) -> Path:
+    """The study with its finished stages, but without other results."""
     folder = tmp_path / "study"
     shutil.copytree(finished, folder)
-    out = folder / "out"
-    for path in [*out.glob("stages/system.*"), *(path for path in out.iterdir() if path.is_file())]:
-        path.unlink()
+    for path in (folder / "out").iterdir():
+        if path.is_file():
+            path.unlink()
     text = (folder / "study.yaml").read_text().replace(str(finished), str(folder))
     (folder / "study.yaml").write_text(text)
     return folder
+
+
+@pytest.fixture
+def copied(repeated: Path) -> Path:
+    """The study with its reduced bodies, but without the results of verification and sensitivity."""
+    for path in (repeated / "out").glob("stages/system.*"):
+        path.unlink()
+    return repeated
 
 
 @pytest.fixture
@@ -102,15 +116,19 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[str]]:
 
 
 @pytest.mark.parametrize("name", sorted(name for name in DIAGNOSTICS if name not in OTHERS))
-def test_a_run_outlives_it(name: str, copied: Path, broken: Callable[..., list[str]]) -> None:
-    calls = broken(name)
+def test_a_run_outlives_it(name: str, request: pytest.FixtureRequest, broken: Callable[..., list[str]]) -> None:
+    folder = request.getfixturevalue("repeated" if name.startswith(AFTERWARDS) else "copied")
+    calls, options = broken(name), []
+    if not name.startswith(("the file", "the target")):
+        options += ["--set", "write.formats=[hdf5]"]
     # One of several configurations is measured alone only where all of them together failed.
-    alone = ("--set", "scene.articulation.hinge=[0]") if name == "the verification in '{}'" else ()
-    done = call("run", copied / "study.yaml", *alone)
-    facts = json.loads((copied / "out" / "summary.json").read_text())
+    if name == "the verification in '{}'":
+        options += ["--set", "scene.articulation.hinge=[0]"]
+    done = call("run", folder / "study.yaml", *options)
+    facts = json.loads((folder / "out" / "summary.json").read_text())
     said = " ".join(done.output.split())
     assert calls, "no run calls it"
-    assert (copied / "out" / "report.html").stat().st_size > 500
+    assert (folder / "out" / "report.html").stat().st_size > 500
     assert "Traceback" not in done.output and WORDS in said
     if name == "the tables on the terminal":
         # The files are written before.
@@ -120,8 +138,8 @@ def test_a_run_outlives_it(name: str, copied: Path, broken: Callable[..., list[s
     what = name.split("{}")[0].rstrip("'")
     assert any(each["what"].startswith(what) and WORDS in each["reason"] for each in facts["failures"])
     assert any(note.startswith(what) and "was left out" in note for note in facts["notes"])
-    assert f"RuntimeError: {WORDS}" in (copied / "out" / "failures.log").read_text()
-    checked = call("check", copied / "out")
+    assert f"RuntimeError: {WORDS}" in (folder / "out" / "failures.log").read_text()
+    checked = call("check", folder / "out")
     assert checked.exit_code == done.exit_code, checked.output
 
 
@@ -131,7 +149,9 @@ def test_a_command_outlives_it(
 ) -> None:
     calls, command = broken(name), OTHERS[name]
     if command == "report":
-        done = call("report", finished / "out", "--svg", "--vtu", "--csv")
+        # Pictures that are drawn take seconds.
+        option = {"the tables": "--csv", "the mode shapes of '{}'": "--vtu"}.get(name, "--svg")
+        done = call("report", finished / "out", option)
         assert done.exit_code == 1 and (finished / "out" / "report.html").is_file()
     elif command == "inspect":
         done = call("inspect", finished / "study.yaml")
@@ -143,7 +163,7 @@ def test_a_command_outlives_it(
     else:
         done = call(
             "sweep", finished / "study.yaml", "--over", "reduce.cutoff=12,15", "--out", tmp_path / "swept",
-            "--set", "balance.sensitivity=false",
+            "--set", "balance.sensitivity=false", "--set", "write.formats=[hdf5]",
         )  # fmt: skip
         assert done.exit_code == 0 and (tmp_path / "swept" / "sweep.csv").is_file()
     said = " ".join(done.output.split())
@@ -151,10 +171,12 @@ def test_a_command_outlives_it(
 
 
 @pytest.mark.parametrize("error", [MemoryError, KeyError, RecursionError, ZeroDivisionError])
-def test_every_kind_of_error_is_caught(error: type[Exception], copied: Path, broken: Callable[..., list[str]]) -> None:
+def test_every_kind_of_error_is_caught(
+    error: type[Exception], repeated: Path, broken: Callable[..., list[str]]
+) -> None:
     calls = broken("the drawing of '{}'", error)
-    done = call("run", copied / "study.yaml", "--quiet")
-    facts = json.loads((copied / "out" / "summary.json").read_text())
+    done = call("run", repeated / "study.yaml", "--quiet", "--set", "write.formats=[hdf5]")
+    facts = json.loads((repeated / "out" / "summary.json").read_text())
     assert calls and done.exit_code == 0
     assert {each["what"] for each in facts["failures"]} == {"the drawing of 'arm'", "the drawing of 'panel'"}
 
@@ -162,11 +184,12 @@ def test_every_kind_of_error_is_caught(error: type[Exception], copied: Path, bro
 def test_what_failed_is_tried_again(copied: Path, broken: Callable[..., list[str]], monkeypatch) -> None:
     """A verification that failed for a passing reason is no lasting result; a report shows what was found."""
     broken("the step response in '{}'")
-    assert call("run", copied / "study.yaml", "--set", "verify.limits.step_error=0.5", "--quiet").exit_code == 1
+    options = ["--set", "verify.limits.step_error=0.5", "--set", "write.formats=[hdf5]", "--quiet"]
+    assert call("run", copied / "study.yaml", *options).exit_code == 1
     shown = call("report", copied / "out", "--json")
     assert json.loads(shown.stdout)["verdict"] == "FAIL"
     monkeypatch.undo()
-    assert call("run", copied / "study.yaml", "--set", "verify.limits.step_error=0.5", "--quiet").exit_code == 0
+    assert call("run", copied / "study.yaml", *options).exit_code == 0
     assert json.loads((copied / "out" / "summary.json").read_text())["failures"] == []
     assert not (copied / "out" / "failures.log").exists()
 
@@ -195,28 +218,28 @@ def test_a_target_that_refuses_a_body_leaves_the_others(copied: Path, monkeypatc
     assert json.loads((out / "summary.json").read_text())["passed"] is False
 
 
-def test_a_page_part_that_cannot_be_drawn_is_left_out(copied: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_part_that_cannot_be_drawn_is_left_out(repeated: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(run, store) -> None:
         if run.drawing is not None:
             raise ValueError(WORDS)
 
     monkeypatch.setattr("cmsreduce.report.page.page.scene_data", fail)
-    done = call("run", copied / "study.yaml")
-    page = (copied / "out" / "report.html").read_text()
+    done = call("run", repeated / "study.yaml")
+    page = (repeated / "out" / "report.html").read_text()
     assert done.exit_code == 0 and "the scene on the page was left out" in " ".join(done.output.split())
     assert len(page) > 1e6 and "the scene on the page was left out" in page
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"pipeline": 3, "overrides": []}', "\x00\xff", "[" * 5000])
-def test_a_damaged_origin_is_one_message(copied: Path, text: str) -> None:
-    assert call("run", copied / "study.yaml", "--quiet").exit_code == 0
-    (copied / "out" / "stages" / "origin.json").write_bytes(text.encode("latin-1"))
+def test_a_damaged_origin_is_one_message(repeated: Path, finished: Path, text: str) -> None:
+    shutil.copy(finished / "out" / "summary.json", repeated / "out")
+    (repeated / "out" / "stages" / "origin.json").write_bytes(text.encode("latin-1"))
     for command in (("report",), ("check",), ("cache", "ls"), ("cache", "clear"), ("inspect",)):
-        done = call(*command, copied / "out")
+        done = call(*command, repeated / "out")
         assert (done.exit_code, done.stderr.count("error: ")) == (2, 1), (command, done.output)
         assert "origin.json" in done.stderr and "run the pipeline again" in done.stderr
-    assert call("run", copied / "study.yaml", "--quiet").exit_code == 0
-    assert call("check", copied / "out").exit_code == 0
+    assert call("run", repeated / "study.yaml", "--quiet", "--set", "write.formats=[hdf5]").exit_code == 0
+    assert call("check", repeated / "out").exit_code == 0
 
 
 def test_one_bad_element_line_loses_no_run(copied: Path) -> None:

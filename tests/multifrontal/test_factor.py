@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,6 +19,11 @@ EPS = np.finfo(float).eps
 CUBE = lattice(16, 16, 16)
 
 
+@cache
+def cube_factor(threads: int) -> CholeskyFactor:
+    return CholeskyFactor(CUBE, threads=threads)
+
+
 def random(k: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal((CUBE.shape[0], k))
 
@@ -25,7 +31,7 @@ def random(k: int, seed: int = 0) -> np.ndarray:
 @pytest.mark.parametrize("threads", [1, 2, 3])
 @pytest.mark.parametrize("k", [1, 2, 7, 8, 33])
 def test_fronts_of_several_panels_give_exact_solutions(threads, k):
-    factor, b = CholeskyFactor(CUBE, threads=threads), random(k)
+    factor, b = cube_factor(threads), random(k)
     assert np.diff(factor._tree.first).max() > PANEL
     x = factor.solve(b)
     assert backward_error(CUBE, x, b) < 50 * EPS
@@ -44,15 +50,15 @@ def test_small_and_uncoupled_matrices(A, threads):
 @pytest.mark.parametrize("layout", ["by columns", "by rows", "neither"])
 def test_solutions_have_the_layout_of_the_right_hand_sides(layout):
     b = {"by columns": np.asfortranarray(random(5)), "by rows": random(5), "neither": random(10)[:, ::2]}[layout]
-    before, factor = b.copy(), CholeskyFactor(CUBE)
-    x = factor.solve(b)
+    before = b.copy()
+    x = cube_factor(1).solve(b)
     assert x.flags.c_contiguous if layout == "by rows" else x.flags.f_contiguous
     np.testing.assert_array_equal(b, before)
     assert backward_error(CUBE, x, b) < 50 * EPS
 
 
 def test_without_right_hand_sides_there_is_nothing_to_solve():
-    assert CholeskyFactor(CUBE).solve(random(0)).shape == (CUBE.shape[0], 0)
+    assert cube_factor(1).solve(random(0)).shape == (CUBE.shape[0], 0)
 
 
 def test_solutions_do_not_depend_on_threads_beyond_rounding():
@@ -115,14 +121,14 @@ def test_an_indefinite_matrix_is_refused_with_its_row(threads, row):
     with pytest.raises(NotPositiveDefiniteError) as caught:
         CholeskyFactor(A, threads=threads)
     # The pivot that fails belongs to the row or to one that is eliminated later.
-    place = np.argsort(CholeskyFactor(CUBE, threads=threads).order)
+    place = np.argsort(cube_factor(threads).order)
     assert place[caught.value.row] >= place[row]
 
 
 def test_single_precision_gives_seven_digits_and_takes_half_the_memory():
     scale = 2.0 ** -np.round(np.log2(CUBE.diagonal()) / 2)
     x = random(5) * [1e-60, 1.0, 1e60, 0.0, 3.0]
-    single, double = CholeskyFactor(CUBE, scale=scale, threads=2), CholeskyFactor(CUBE, threads=2)
+    single, double = CholeskyFactor(CUBE, scale=scale, threads=2), cube_factor(2)
     found = single.solve(CUBE @ x)
     assert (abs(found - x).max(axis=0) <= 1e-4 * abs(x).max(axis=0)).all()
     np.testing.assert_allclose(single.pivots[single.order], double.pivots[double.order], rtol=1e-4)
