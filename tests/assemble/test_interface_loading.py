@@ -224,7 +224,10 @@ def test_what_the_neighbour_cannot_follow_is_refused():
     body = stator()
     lost = replace(subs, motion={"1": np.vstack([subs.motion["1"][:2], np.zeros((4, subs.m))])})
     pinned = replace(body, interfaces={"elbow": replace(body.interfaces["elbow"], components=((1, 2, 3),))})
-    with pytest.raises(ConstraintError, match=r"'rotor' cannot load 'stator': their joint locks a motion"):
+    with pytest.raises(
+        ConstraintError,
+        match=r"'rotor' cannot load 'stator': it cannot follow a motion of the interface that their joints lock",
+    ):
         neighbour_loading(here(pinned), [lost], scene(joint("j", "stator.elbow", "rotor.elbow", "rx ry rz")))
 
 
