@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -78,12 +78,22 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> tu
     found = limited(findings, limits, unlisted, path)
     given = bool(limits.maxima) or baseline is not None or bool((result.summary or {}).get("limits"))
     verdict = judge(found, proofs, limited=given)
-    stated = ((result.summary or {}).get("verdict") or {}).get("word")
-    if stated == "FAIL" and verdict.word == "PASS" and not limits.maxima:
-        raise ReadError(
-            f"{path}: summary.json states FAIL, but its figures give PASS: it was edited; run the pipeline again"
-        )
+    _refuse_contradiction(path, result.summary or {}, verdict if not limits.maxima else None)
     return found, verdict
+
+
+def _refuse_contradiction(path: Path, summary: Mapping[str, Any], verdict: Verdict | None) -> None:
+    """Refuse a summary whose word, ``passed`` and figures say different things."""
+    stated = (summary.get("verdict") or {}).get("word")
+    if stated is None:
+        return
+    if summary.get("passed") != (stated == "PASS"):
+        contradiction = f"states {stated}, but `passed` is {summary.get('passed')!r}"
+    elif stated == "FAIL" and verdict is not None and verdict.word == "PASS":
+        contradiction = "states FAIL, but its figures give PASS"
+    else:
+        return
+    raise ReadError(f"{path}: summary.json {contradiction}: it was edited; run the pipeline again")
 
 
 def write_junit(path: Path, findings: list[Finding], verdict: Verdict, checked: Path) -> None:
