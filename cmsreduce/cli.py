@@ -164,9 +164,11 @@ def check(
 @output_options
 def convert(source: Path, destination: Path, target: str | None, dialect: str | None, output: Output) -> None:
     """Turn the component file IN into another code's: the file OUT, or one in the folder OUT."""
+    from cmsreduce.read import expect_kind
     from cmsreduce.write import convert as write_target
     from cmsreduce.write import is_sealed
 
+    expect_kind(source, "component")
     written = write_target(source, destination, target, dialect)
     if not is_sealed(source):
         output.line(f"{source} is not sealed: an earlier version wrote it, without a checksum of its content")
