@@ -164,9 +164,11 @@ def check(
 @output_options
 def convert(source: Path, destination: Path, target: str | None, dialect: str | None, output: Output) -> None:
     """Turn the component file IN into another code's: the file OUT, or one in the folder OUT."""
+    from cmsreduce.read import expect_kind
     from cmsreduce.write import convert as write_target
     from cmsreduce.write import is_sealed
 
+    expect_kind(source, "component")
     written = write_target(source, destination, target, dialect)
     if not is_sealed(source):
         output.line(f"{source} is not sealed: an earlier version wrote it, without a checksum of its content")
@@ -309,28 +311,27 @@ def schema() -> None:
 def new(name: str, files: tuple[Path, ...]) -> None:
     """Write a commented starter pipeline NAME.yaml.
 
-    With FILEs, the matrices of one body and the deck or mesh they came from, it is filled in and can be run.
+    With FILEs it is filled in and can be run: the matrices of a body and the deck or mesh they came from, whatever
+    their names, or those of several bodies, which are joined where their nodes coincide.
     """
-    from cmsreduce.config import body_pipeline, starter_pipeline
+    from cmsreduce.config import starter_pipeline
 
     path = Path(f"{name}.yaml")
     if path.exists():
-        raise WriteError(f"{path} exists; choose another name or remove it")
+        raise WriteError(f"{path} exists; choose another name or remove it: cmsreduce new {name}2 ...")
     if not files:
         path.write_text(starter_pipeline(name), encoding="utf-8")
         click.echo(f"{path} written; fill in your files, then: cmsreduce run {path}")
-        click.echo(f"or have it filled in for one body: cmsreduce new {name}2 MATRICES.op4 DECK.bdf")
+        click.echo(f"or have it filled in: cmsreduce new {name}2 MATRICES.op4 DECK.bdf")
         return
-    from cmsreduce.pipeline.bodies import draft_body
+    from cmsreduce.pipeline.bodies import draft_pipeline
     from cmsreduce.pipeline.store import collecting
 
     with collecting() as failures:
-        draft = draft_body(name, files)
-    path.write_text(body_pipeline(name, draft), encoding="utf-8")
-    if draft.remark:
-        click.echo(f"warning: the files do not fit together yet: {draft.remark}", err=True)
-    for failure in failures:
-        click.echo(f"warning: {failure.line}", err=True)
+        draft = draft_pipeline(name, files)
+    path.write_text(draft.text, encoding="utf-8")
+    for warning in (*draft.warnings, *(failure.line for failure in failures)):
+        click.echo(f"warning: {warning}", err=True)
     click.echo(f"{path} written; look at the lines marked CHECK, then: cmsreduce run {path}")
 
 

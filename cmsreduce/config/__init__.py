@@ -31,7 +31,7 @@ from cmsreduce.config.keys import (
 from cmsreduce.config.load import load_pipeline, pipeline_from_keys
 from cmsreduce.config.located import Entry, parse
 from cmsreduce.config.scene import build_scene
-from cmsreduce.config.starter import BodyDraft, body_pipeline, starter_pipeline
+from cmsreduce.config.starter import BodyDraft, body_pipeline, scene_pipeline, starter_pipeline
 
 __all__ = [
     "BASIC",
@@ -64,5 +64,6 @@ __all__ = [
     "parse",
     "parse_ratio",
     "pipeline_from_keys",
+    "scene_pipeline",
     "starter_pipeline",
 ]

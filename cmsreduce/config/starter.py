@@ -12,6 +12,7 @@ from cmsreduce.errors import ConfigError
 __all__ = [
     "BodyDraft",
     "body_pipeline",
+    "scene_pipeline",
     "starter_pipeline",
 ]
 
@@ -86,14 +87,7 @@ name: "{name}"
 output: "build/{name}"
 
 components:
-  {name}:
-{sources}
-    # units: mm-t-s                       # of the files: length-mass-time; by default those of the scene
-    # grounded: true                      # if the matrices hold the body to the ground
-    interfaces:
-      # CHECK: the grid your joint holds; all dofs it has, or {{nodes: [7, 8], dofs: 123}}, {{set: b}}
-      mount: {interface}
-    damping: {{modal: 0.005}}               # CHECK: damping ratio of every mode
+{components}
 
 scene:
   # units: m-kg-s                         # of this file and of all results
@@ -102,22 +96,58 @@ scene:
   actuators:                              # loads on the body in your system
 {actuators}
   sensors:                                # motions that matter to your system
-    mount_motion: {{at: {name}.{node}, measure: [{axes}]}}
+    mount_motion: {{at: {name}.{point}, measure: [{axes}]}}
     far_motion: {{at: {name}.{far}, measure: [{axes}]}}    # the grid farthest from the mount
 
 reduce:
   method: macneal-rubin                   # or craig-bampton, if the mount holds the body
   cutoff: 3.0                             # modes up to cutoff x band
   residuals: [sensors]                    # static shapes for sensors away from the mount
-balance: {{rank: gregory, keep: all}}     # ranked, all kept; in your own scene: keep: {{frf_error: 0.01}}
+{rest}"""
+_SCENE = """\
+# A cmsreduce pipeline for bodies that are joined where their nodes coincide.
+# Lines marked CHECK hold a choice that the files cannot make for you. `cmsreduce schema` lists every key.
+name: "{name}"
+output: "build/{name}"
+
+components:
+{components}
+
+scene:
+  # units: m-kg-s                         # of this file and of all results
+  # CHECK: accuracy is asked for up to here{elastic}
+  band: {band}
+{joints}
+  actuators:                              # loads on the bodies
+{actuators}
+  sensors:                                # motions that matter to you
+{sensors}
+
+reduce:
+  method: craig-bampton                   # joints hold the bodies
+  cutoff: 3.0                             # modes up to cutoff x band
+  residuals: [sensors]                    # static shapes for sensors away from the joints
+{rest}"""
+_REST = """\
+balance: {rank: gregory, keep: all}     # ranked, all kept; in your own scene: keep: {frf_error: 0.01}
 verify:
   limits:                                 # a broken limit fails the run: exit code 1
     frf_error: 0.05                       # of all responses over the band, resonances above all
     db_error: 1.0                         # at any frequency, between resonances too
     frequency_error: 1e-3
-    static_lack: 0.01                     # share of strain energy missed under loads at the mount
-write: {{formats: [hdf5]}}
+    static_lack: 0.01                     # share of strain energy missed under loads at the interfaces
+write: {formats: [hdf5]}
 """
+_COMPONENT = """\
+  {name}:
+{sources}
+    {units}
+    # grounded: true                      # if the matrices hold the body to the ground
+    interfaces:
+{interfaces}
+    damping: {{modal: 0.005}}               # CHECK: damping ratio of every mode"""
+_UNITS = "# units: mm-t-s                       # of the files: length-mass-time; by default those of the scene"
+_CHOICE = "all dofs it has, or {nodes: [7, 8], dofs: 123}, {set: b}, {near: [x, y, z], within: 2 mm}"
 # In multiples of the first elastic frequency: below that frequency, a rigid body would be enough.
 _BAND_OF_FIRST_MODE = 5.0
 _UNKNOWN_BAND = "10 Hz"
@@ -129,34 +159,51 @@ class BodyDraft:
 
     Parameters
     ----------
+    name : str
+        Name of the component.
     stiffness, mass : tuple of Path and str
         File and name of each matrix; the name is empty where the file has only one without a name.
     geometry : Path, optional
         Deck or mesh.
     extseout : Path, optional
         Stem of a NASTRAN external superelement, which stands for the matrices and the geometry.
-    interface : str
-        Proposed interface, as YAML.
-    node, far : int
-        A node of the interface, and the node farthest from it.
+    interfaces : tuple of (str, str, str)
+        Interfaces in use: name, YAML, and what the place is.
+    proposed : tuple of (str, str, str)
+        Other places where the body could be joined, in the same form.
+    point : str
+        Point of the first interface that loads act on: a node, or the interface itself where nodes are tied.
+    far : int
+        The node farthest from the first interface.
     axes : str
-        Translations of the node, such as ``xyz``.
+        Translations of the first interface, such as ``xyz``.
     elastic_hz : float, optional
         First elastic frequency of the free body in Hz.
+    units : str
+        Unit system of the files where it is certain; empty for that of the scene.
+    units_remark : str
+        What speaks against the units of the scene.
     remark : str
         Reason why the files do not fit together; empty if they do.
+    notes : tuple of str
+        What the content of the files says against their names.
     """
 
+    name: str
     stiffness: tuple[Path, str]
     mass: tuple[Path, str]
     geometry: Path | None = None
     extseout: Path | None = None
-    interface: str = "{node: 1}"
-    node: int = 1
+    interfaces: tuple[tuple[str, str, str], ...] = (("mount", "{node: 1}", ""),)
+    proposed: tuple[tuple[str, str, str], ...] = ()
+    point: str = "1"
     far: int = 1
     axes: str = "xyz"
     elastic_hz: float | None = None
+    units: str = ""
+    units_remark: str = ""
     remark: str = ""
+    notes: tuple[str, ...] = ()
 
 
 def body_pipeline(name: str, draft: BodyDraft) -> str:
@@ -165,7 +212,7 @@ def body_pipeline(name: str, draft: BodyDraft) -> str:
     Parameters
     ----------
     name : str
-        Name of the study and of the body: letters, digits, _ and -.
+        Name of the study: letters, digits, _ and -.
     draft : BodyDraft
         Data from its files.
 
@@ -174,31 +221,95 @@ def body_pipeline(name: str, draft: BodyDraft) -> str:
     ConfigError
         If the name cannot stand in a file name, or is ``system``.
     """
+    _check_names(name, [draft])
+    elastic, band = _band([draft])
+    return _TEXT.format(
+        name=draft.name,
+        components=_component(draft, "CHECK: the place that your joint holds"),
+        band=band,
+        elastic=elastic,
+        actuators="\n".join(_pushes("push", f"{draft.name}.{draft.point}", draft.axes)),
+        point=draft.point,
+        far=draft.far,
+        axes=", ".join(draft.axes),
+        rest=_REST,
+    )
+
+
+def scene_pipeline(name: str, drafts: Sequence[BodyDraft], joints: Sequence[tuple[str, str, str]]) -> str:
+    """Text of a pipeline file for several bodies and their joints.
+
+    Parameters
+    ----------
+    name : str
+        Name of the study: letters, digits, _ and -.
+    drafts : sequence of BodyDraft
+        Bodies; loads act on the first, motions are measured on all.
+    joints : sequence of (str, str, str)
+        Name of each joint, and the two interfaces that it connects.
+
+    Raises
+    ------
+    ConfigError
+        As `body_pipeline`.
+    """
+    _check_names(name, drafts)
+    elastic, band = _band(drafts)
+    welds = [f"    {joint}: {{connect: [{one}, {other}]}}" for joint, one, other in joints]
+    head = "  joints:                                 # CHECK: each is a weld; `free: [rz]` frees a turn about z"
+    if not joints:
+        head = "  # joints: {weld: {connect: [BODY.INTERFACE, BODY.INTERFACE]}}    # CHECK: nothing coincides"
+    first = drafts[0]
+    return _SCENE.format(
+        name=name,
+        components="\n".join(_component(draft, "CHECK: the places that joints hold") for draft in drafts),
+        band=band,
+        elastic=elastic,
+        joints="\n".join([head, *welds]),
+        actuators="\n".join(_pushes("push", f"{first.name}.{first.far}", first.axes)),
+        sensors="\n".join(
+            f"    {each.name}_motion: {{at: {each.name}.{each.far}, measure: [{', '.join(each.axes)}]}}"
+            for each in drafts
+        ),
+        rest=_REST,
+    )
+
+
+def _check_names(name: str, drafts: Sequence[BodyDraft]) -> None:
     try:
         check_name(name)
     except ValueError as error:
         raise ConfigError(str(error)) from None
-    if name.lower() == "system":
+    if "system" in (draft.name.lower() for draft in drafts):
         raise ConfigError("a component cannot be named 'system': that is the file of the assembled system")
-    elastic, band = "", _UNKNOWN_BAND
-    if draft.elastic_hz is not None:
-        elastic = f"; the first elastic mode of the free body is at {draft.elastic_hz:.4g} Hz"
-        # Two digits without an exponent, because users edit this number.
-        band = f"{float(f'{_BAND_OF_FIRST_MODE * draft.elastic_hz:.2g}'):g} Hz"
-    forces = [
-        f"    push_{axis}: {{at: {name}.{draft.node}, force: {[int(other == axis) for other in 'xyz']}}}"
-        for axis in draft.axes
-    ]
-    return _TEXT.format(
-        name=name,
-        sources="\n".join(_sources(draft)),
-        interface=draft.interface,
-        band=band,
-        elastic=elastic,
-        actuators="\n".join(forces),
-        node=draft.node,
-        far=draft.far,
-        axes=", ".join(draft.axes),
+
+
+def _band(drafts: Sequence[BodyDraft]) -> tuple[str, str]:
+    """Remark on the first elastic frequency, and the band that it suggests."""
+    known = [draft.elastic_hz for draft in drafts if draft.elastic_hz is not None]
+    if not known:
+        return "", _UNKNOWN_BAND
+    one = "the free body" if len(drafts) == 1 else "a free body"
+    # Two digits without an exponent, because users edit this number.
+    band = f"{float(f'{_BAND_OF_FIRST_MODE * min(known):.2g}'):g} Hz"
+    return f"; the first elastic mode of {one} is at {min(known):.4g} Hz", band
+
+
+def _pushes(name: str, point: str, axes: str) -> list[str]:
+    return [f"    {name}_{axis}: {{at: {point}, force: {[int(other == axis) for other in 'xyz']}}}" for axis in axes]
+
+
+def _component(draft: BodyDraft, choice: str) -> str:
+    lines = [f"      # {choice}; {_CHOICE}"]
+    lines += [f"      {name}: {place}" + (f"    # {words}" if words else "") for name, place, words in draft.interfaces]
+    lines += [f"      # {name}: {place}    # {words}" for name, place, words in draft.proposed]
+    units = _UNITS
+    if draft.units:
+        units = f"units: {draft.units}    # CHECK: {draft.units_remark}"
+    elif draft.units_remark:
+        units = f"# CHECK the units of the files: {draft.units_remark}\n    {_UNITS}"
+    return _COMPONENT.format(
+        name=draft.name, sources="\n".join(_sources(draft)), units=units, interfaces="\n".join(lines)
     )
 
 

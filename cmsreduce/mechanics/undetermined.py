@@ -50,7 +50,7 @@ def check_connected(body: FEModel) -> None:
     if empty.size:
         raise MatrixError(
             f"body '{body.name}': {empty.size} dofs have neither stiffness nor mass, the first is "
-            f"{body.dofs.labels[empty[0]]}; write the analysis set without them (AUTOSPC), or take their rows out"
+            f"{body.dofs.labels[empty[0]]}; write the matrices without them, or take their rows out"
         )
     part = parts(body)
     count = int(part.max()) + 1

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.config import Pipeline, build_scene, load_pipeline
-from cmsreduce.errors import ReadError
 from cmsreduce.mechanics import ACCURACIES, INTEGRATORS
 from cmsreduce.model import FEModel, Finding, Scene, SystemChecks, health_data, loads_in_words
 from cmsreduce.pipeline.bodies import FlexibleBody, body_health, effective_masses, read_flexible
@@ -30,13 +30,12 @@ from cmsreduce.pipeline.results import (
 )
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import collecting, diagnostic
-from cmsreduce.read import detect_format, matrix_names, read_geometry, read_head
+from cmsreduce.read import FileKind, file_kind, matrix_names, read_geometry
 from cmsreduce.report import InspectedLine, check_line, health_lines
-from cmsreduce.write import COMPONENT_FORMAT, SYSTEM_FORMAT, ComponentFile, read_component, summary, verify_seal
+from cmsreduce.write import ComponentFile, read_component, summary, verify_seal
 
 __all__ = ["Inspected", "inspected"]
 
-_HDF5 = b"\x89HDF\r\n\x1a\n"
 _PIPELINES = {".yaml", ".yml"}
 # High-gain modes named in each configuration.
 _NAMED = 4
@@ -73,34 +72,16 @@ def inspected(path: Path) -> Inspected:
     """
     if path.is_dir():
         found = _run(path)
-    elif not path.is_file():
-        raise ReadError(f"{path}: there is no such file")
-    elif path.suffix in _PIPELINES:
-        found = _bodies(path)
-    elif (kind := _hdf5_format(path)) == COMPONENT_FORMAT:
-        found = _component(path)
-    elif kind == SYSTEM_FORMAT:
-        found = _system(path)
     else:
-        found = _model_file(path)
+        kind = file_kind(path)
+        # Where the content does not show a pipeline, as in an empty file, its reader has the words for what is wrong.
+        named = kind.name in ("empty", "unknown", "yaml") and path.suffix in _PIPELINES
+        found = _bodies(path) if named else _FILES.get(kind.name, partial(_model_file, kind))(path)
     return Inspected([InspectedLine(f"{path}:"), *_indented(found.rows)], {"path": str(path), **found.data})
 
 
 def _indented(rows: Sequence[InspectedLine]) -> list[InspectedLine]:
     return [replace(row, depth=row.depth + 1) for row in rows]
-
-
-def _hdf5_format(path: Path) -> str:
-    """Format that an HDF5 file names; empty for other files."""
-    import h5py
-
-    if read_head(path, len(_HDF5)) != _HDF5:
-        return ""
-    try:
-        with h5py.File(path, "r") as file:
-            return str(file.attrs.get("format", ""))
-    except (OSError, KeyError, RuntimeError, ValueError, TypeError):
-        return ""
 
 
 def _system(path: Path) -> Inspected:
@@ -170,17 +151,16 @@ def _integration(file: ComponentFile) -> Iterator[InspectedLine]:
         )
 
 
-def _model_file(path: Path) -> Inspected:
-    try:
-        kind = detect_format(path)
-    except ReadError:
+def _model_file(kind: FileKind, path: Path) -> Inspected:
+    """Matrices of a file, or else its nodes; the reader of geometry refuses a file that has neither."""
+    if not kind.matrices:
         return _geometry(path)
-    rows, matrices = [InspectedLine(f"format {kind}")], []
+    rows, matrices = [InspectedLine(f"format {kind.matrices}")], []
     for info in matrix_names(path):
         about = ", ".join(part for part in (info.form, info.numbers) if part)
         rows.append(InspectedLine(f"{info.rows} x {info.cols}, {about}", f"matrix {info.name or '(unnamed)'}"))
         matrices.append({"name": info.name, "rows": info.rows, "cols": info.cols, "about": about})
-    return Inspected(rows, {"kind": "matrices", "format": kind, "matrices": matrices})
+    return Inspected(rows, {"kind": "matrices", "format": kind.matrices, "matrices": matrices})
 
 
 def _geometry(path: Path) -> Inspected:
@@ -211,6 +191,10 @@ def _bodies(path: Path) -> Inspected:
         rows += [found.rows[0], *_indented(found.rows[1:])]
         bodies[name] = found.data
     return Inspected(rows, {"kind": "pipeline", "name": pipeline.name, "bodies": bodies})
+
+
+_FILES: dict[str, Callable[[Path], Inspected]] = {"component": _component, "system": _system, "pipeline": _bodies}
+"""Files that are no matrices and no geometry, by kind."""
 
 
 def _body(pipeline: Pipeline, name: str, scene: Scene) -> Inspected:

@@ -7,12 +7,13 @@ Ties and other mechanics belong in `mechanics`; the keys that name files belong 
 from cmsreduce.read.body import read_body
 from cmsreduce.read.controller import read_controller
 from cmsreduce.read.differential_stiffness import read_differential_stiffness
-from cmsreduce.read.files import read_head, sha256_of
+from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, FileKind, expect_kind, file_kind
+from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import Geometry, GeometryFormat, MatrixFormat, MatrixInfo, StoredMatrix
-from cmsreduce.read.geometry import GEOMETRY_FORMATS, read_cells, read_geometry
+from cmsreduce.read.geometry import read_cells, read_geometry
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource
 from cmsreduce.read.labelled_matrix import LabelledMatrix
-from cmsreduce.read.matrix import FORMATS, detect_format, matrix_names, read_matrix
+from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix
 from cmsreduce.read.nastran import (
     STRAINS,
     BulkDeck,
@@ -32,6 +33,7 @@ from cmsreduce.read.row_order import MassOrder, RowOrderProof, prove_mass_order,
 __all__ = [
     "BulkDeck",
     "FORMATS",
+    "FileKind",
     "GEOMETRY_FORMATS",
     "Geometry",
     "GeometryFormat",
@@ -51,6 +53,8 @@ __all__ = [
     "deck_mass",
     "deck_statement",
     "detect_format",
+    "expect_kind",
+    "file_kind",
     "matrix_names",
     "prove_mass_order",
     "prove_row_order",
@@ -62,7 +66,6 @@ __all__ = [
     "read_differential_stiffness",
     "read_followers",
     "read_geometry",
-    "read_head",
     "read_matrix",
     "read_members",
     "sha256_of",

@@ -22,6 +22,13 @@ from cmsreduce.read.row_order import prove_row_order
 __all__ = ["read_body"]
 
 
+# Rows that a program leaves out of its matrices without a card in the deck, by the format of the matrices.
+_LOST_ROWS = {
+    **dict.fromkeys(("op4", "op2", "dmig"), " (PARAM,AUTOSPC removes dofs that the deck does not name)"),
+    "calculix": " (CalculiX lists the rows in the .dof file of the same run: keep it beside the matrices)",
+}
+
+
 def read_body(
     name: str,
     *,
@@ -188,7 +195,7 @@ def _possible_rows(
         raise DofMapError(
             f"body '{body}': stiffness '{stiffness.name}' of {stiffness.path} has {n} rows, which is the size of no "
             f"dof set of {geometry.path}. {_sizes(geometry)}. Give the deck that made the matrix, or `rows:`, a list "
-            "of node.component, one a line (PARAM,AUTOSPC removes dofs that the deck does not name)"
+            f"of node.component, one a line{_LOST_ROWS.get(stiffness.format, '')}"
         )
     # Sets may be equal, such as a and f.
     keys = [(table.node.tobytes(), table.component.tobytes()) for table in found]

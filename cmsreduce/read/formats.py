@@ -1,4 +1,4 @@
-"""Contract of a file format: what its readers return, and its entry in the tables of `matrix.py` and `geometry.py`.
+"""Contract of a file format: what its readers return, and its entry in the tables of `file_kind.py`.
 
 A new format is one folder with its readers, its ``MatrixFormat`` or ``GeometryFormat``, and one line in a table.
 """
@@ -204,6 +204,8 @@ class GeometryFormat:
         Geometry of a file.
     cells : callable
         Elements of a file, for pictures; empty where there are none.
+    matrices : str
+        How the program writes the matrices that belong to such a file, for messages.
     """
 
     name: str
@@ -211,6 +213,7 @@ class GeometryFormat:
     detect: Callable[[str], bool]
     read: Callable[[Path], Geometry]
     cells: Callable[[Path], Cells]
+    matrices: str = "name the file that has the stiffness and the mass"
 
 
 def rows_of_nodes(nodes: Nodes, count: int) -> DofTable:

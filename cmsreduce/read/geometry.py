@@ -10,20 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.calculix_abaqus import FRD, INPUT_FILE
+from cmsreduce.read.file_kind import GEOMETRY_HEAD, file_kind, geometry_format
 from cmsreduce.read.files import read_head, reading
 from cmsreduce.read.formats import Cells, Geometry, GeometryFormat
 from cmsreduce.read.mesh import MESH
-from cmsreduce.read.nastran import BULK_DATA, EXTERNAL_SUPERELEMENT
 
-__all__ = ["GEOMETRY_FORMATS", "read_cells", "read_geometry"]
-
-GEOMETRY_FORMATS: dict[str, GeometryFormat] = {
-    format.name: format for format in (FRD, INPUT_FILE, EXTERNAL_SUPERELEMENT, BULK_DATA)
-}
-"""Every registered format of geometry files by name, in the order of detection."""
-
-_HEAD = 1 << 20  # bytes that detection examines
+__all__ = ["read_cells", "read_geometry"]
 
 
 def read_geometry(path: Path) -> Geometry:
@@ -80,5 +72,13 @@ def read_cells(path: Path) -> Cells:
 
 
 def _format_of(path: Path) -> GeometryFormat:
-    head = read_head(path, _HEAD, f"{path}: the geometry").decode("latin-1")
-    return next((format for format in GEOMETRY_FORMATS.values() if format.detect(head)), MESH)
+    head = read_head(path, GEOMETRY_HEAD, f"{path}: the geometry")
+    found = geometry_format(head)
+    if found is not None:
+        return found
+    kind = file_kind(path)
+    # meshio reads meshes that have no mark, and finds their formats by the name.
+    if kind.geometry or kind.name == "unknown":
+        return MESH
+    step = "name the deck or mesh that the matrices were made from" if kind.matrices else kind.step
+    raise ReadError(f"{path}: this is {kind.words}, which holds no nodes" + (f": {step}" if step else ""))

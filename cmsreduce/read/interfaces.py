@@ -184,7 +184,7 @@ def _absent(node: int, dofs: DofTable, nodes: Nodes | None) -> str:
     near_by = ", ".join(f"{placed[k]} ({away[k]:.3g} away)" for k in order)
     return (
         f"node {node} is in the geometry but has no rows in the matrices: it was condensed out or is constrained. Keep "
-        f"it (ASET) when the matrices are written, or take one of the {known.size} nodes with rows, such as {near_by}"
+        f"it when the matrices are written, or take one of the {known.size} nodes with rows, such as {near_by}"
     )
 
 

@@ -3,27 +3,17 @@
 from __future__ import annotations
 
 import difflib
-import re
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, dof_list_beside, read_dof_list
+from cmsreduce.read.calculix_abaqus import dof_list_beside, read_dof_list
+from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, HEAD, file_kind, matrix_format
 from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix
-from cmsreduce.read.matrices import MATLAB, MATRIX_MARKET, NPY, NPZ
-from cmsreduce.read.nastran import DMIG, OP2, OP4
+from cmsreduce.read.nastran import DMIG
 
-__all__ = ["FORMATS", "detect_format", "matrix_names", "read_matrix"]
-
-# In the order of detection: DMIG is last, because its cards may stand anywhere in a large deck.
-FORMATS: dict[str, MatrixFormat] = {
-    format.name: format for format in (OP4, OP2, MATLAB, NPZ, NPY, MATRIX_MARKET, CALCULIX, ABAQUS, DMIG)
-}
-"""Every format that matrices are read from, by name."""
-
-_HEAD = 1 << 16  # bytes that detection examines
-_BULK_DATA = re.compile(rb"(?:^|\n)\s*(?:GRID[ ,*]|BEGIN\s|CEND|ENDDATA|SOL\s)", re.IGNORECASE)
+__all__ = ["detect_format", "matrix_names", "read_matrix"]
 
 
 def detect_format(path: Path) -> str:
@@ -46,18 +36,16 @@ def detect_format(path: Path) -> str:
         If the file is missing, empty, or of no known format.
     """
     require_file(path)
-    head = read_head(path, _HEAD)
-    for format in FORMATS.values():
-        if format.detect(path, head):
-            return format.name
-    known = ", ".join(f"{format.name} ({format.words})" for format in FORMATS.values())
-    if head.startswith(b"\x1f\x8b"):
-        hint = "it is compressed with gzip: unpack it first"
-    elif _BULK_DATA.search(head):
-        hint = "it looks like a NASTRAN deck or listing without DMIG entries, which holds no matrix"
-    else:
+    found = matrix_format(path, read_head(path, HEAD))
+    if found is not None:
+        return found.name
+    kind = file_kind(path)
+    if kind.name == "unknown":
+        known = ", ".join(f"{format.name} ({format.words})" for format in FORMATS.values())
         hint = f"known are {known}; name one with `format:` if the file is one of them"
-    raise ReadError(f"{path}: the format is not recognised, the file starts with {head[:24]!r}: {hint}")
+        raise ReadError(f"{path}: the format is not recognised, the file is {kind.words}: {hint}")
+    step = GEOMETRY_FORMATS[kind.geometry].matrices if kind.geometry in GEOMETRY_FORMATS else kind.step
+    raise ReadError(f"{path}: this is {kind.words}, which holds no matrix" + (f": {step}" if step else ""))
 
 
 def read_matrix(

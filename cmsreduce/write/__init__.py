@@ -4,18 +4,16 @@ Every file is written whole under a temporary name and renamed.
 The choice of what to write belongs in `pipeline`.
 """
 
-from cmsreduce.write.component import COMPONENT_FORMAT, ComponentFile, basic_shapes, read_component, write_component
+from cmsreduce.write.component import ComponentFile, basic_shapes, read_component, write_component
 from cmsreduce.write.files import atomic_path, hdf5_file, put_texts
 from cmsreduce.write.own_files import refuse_foreign
 from cmsreduce.write.seal import is_sealed, verify_seal
 from cmsreduce.write.summary import summary, write_summary, write_sweep_csv, write_sweep_table
-from cmsreduce.write.system import SYSTEM_FORMAT, write_system
+from cmsreduce.write.system import write_system
 from cmsreduce.write.targets import TARGETS, StateSpace, Target, component_states, convert, write_matlab, write_vtu
 
 __all__ = [
-    "COMPONENT_FORMAT",
     "ComponentFile",
-    "SYSTEM_FORMAT",
     "StateSpace",
     "TARGETS",
     "Target",

@@ -106,7 +106,7 @@ def test_a_new_pipeline_loads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     before = (tmp_path / "probe.yaml").read_bytes()
     again = CliRunner().invoke(main, ["new", "probe"])
     assert again.exit_code == 2
-    assert again.stderr == "error: probe.yaml exists; choose another name or remove it\n"
+    assert again.stderr == "error: probe.yaml exists; choose another name or remove it: cmsreduce new probe2 ...\n"
     assert (tmp_path / "probe.yaml").read_bytes() == before
 
 

@@ -104,7 +104,10 @@ def test_a_folder_takes_the_name_of_the_component(finished_study: Path, tmp_path
         (["arm.h5", "arm.op4", "--dialect", "old"], "'old' is no dialect of nastran (it has none)"),
         (["arm.h5", "x.fem", "--dialect", "old"], "'old' is no dialect of mbdyn (its dialects: invariants, lumped)"),
         (["arm.h5", "arm.h5", "--format", "mbsim"], "would replace the component file itself"),
-        (["system.h5", "x.op4"], "this HDF5 file is no component file"),
+        (
+            ["system.h5", "x.op4"],
+            "system.h5: this is the assembled reduced system that cmsreduce wrote (format version 2), not a component",
+        ),
         (["none.h5", "x.op4"], "there is no such file"),
         (["arm.h5", "arm.flx", "--format", "mbdyn"], ".FLX names TREETOPS's own file"),
     ],

@@ -15,6 +15,7 @@ from cmsreduce.pipeline.batch.workers import Workers, common_work
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import CommonWork, Failures, Progress, Silent, collecting, report_failures
 from cmsreduce.pipeline.system import ReducedModel
+from cmsreduce.read import expect_kind
 
 __all__ = ["ParallelRun", "opened_run"]
 
@@ -143,6 +144,7 @@ def opened_run(
     CmsReduceError
         If the pipeline or the cluster is wrong.
     """
+    expect_kind(source, "pipeline")
     pipeline = load_pipeline(source, overrides)
     folder = pipeline.output if folder is None else folder
     with chosen_workers(jobs, cluster, source) as workers:

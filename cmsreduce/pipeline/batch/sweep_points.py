@@ -17,6 +17,7 @@ from ruamel.yaml import YAML
 from cmsreduce.config import Pipeline, load_pipeline, parse
 from cmsreduce.errors import CmsReduceError, ConfigError
 from cmsreduce.model import short_keys
+from cmsreduce.read import expect_kind
 
 __all__ = ["SweepPoint", "sweep_axes", "sweep_points"]
 
@@ -116,6 +117,7 @@ def sweep_points(
     CmsReduceError
         If no combination is good input, as with an unknown key.
     """
+    expect_kind(path, "pipeline")
     points, first = [], None
     names = short_keys(list(axes))
     for number, values in enumerate(itertools.product(*axes.values()), 1):

@@ -7,7 +7,7 @@ The joined system belongs in `pipeline.system`.
 from cmsreduce.pipeline.bodies.bodies import FlexibleBody, probing_loads, read_flexible, read_rigid
 from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_proof, damping_remark
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effective_masses
-from cmsreduce.pipeline.bodies.draft import draft_body
+from cmsreduce.pipeline.bodies.draft import Draft, draft_body, draft_pipeline
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
 from cmsreduce.pipeline.bodies.reference import ALL_MODES_LIMIT, WRITTEN_LIMIT, Reference, all_modes, reference
 from cmsreduce.pipeline.bodies.spinning import spin_notes
@@ -17,6 +17,7 @@ __all__ = [
     "ALL_MODES_LIMIT",
     "BodyHealth",
     "DampingHealth",
+    "Draft",
     "FlexibleBody",
     "Reference",
     "WRITTEN_LIMIT",
@@ -28,6 +29,7 @@ __all__ = [
     "damping_remark",
     "effective_masses",
     "draft_body",
+    "draft_pipeline",
     "probing_loads",
     "read_flexible",
     "read_rigid",

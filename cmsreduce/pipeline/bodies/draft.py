@@ -1,24 +1,27 @@
-"""Draft pipeline of one body: its matrices, a place where it could be joined, and its first elastic frequency."""
+"""Draft pipelines from files: matrices by their content, units, places to join, joints, first elastic frequencies."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.config import BodyDraft
+from cmsreduce.config import BodyDraft, body_pipeline, scene_pipeline
 from cmsreduce.errors import CmsReduceError, ReadError
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.model import FEModel, rigid_body_shapes
+from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
+from cmsreduce.pipeline.bodies.body_files import BodyFiles, bodies_of_files
+from cmsreduce.pipeline.bodies.coincident_nodes import Meeting, meetings
+from cmsreduce.pipeline.bodies.plausible_units import material_of, plausible_units
+from cmsreduce.pipeline.bodies.proposed_interfaces import Place, proposed_interfaces
 from cmsreduce.pipeline.store import diagnostic
-from cmsreduce.read import MatrixSource, detect_format, matrix_names, read_body
+from cmsreduce.read import MatrixSource, file_kind, read_body, read_cells
 from cmsreduce.verify import rigid_motions
 
-__all__ = ["draft_body"]
+__all__ = ["Draft", "draft_body", "draft_pipeline"]
 
 # A larger body takes more than a minute to factorise; only the run computes its first frequency.
 _QUICK = 20_000
@@ -26,109 +29,172 @@ _FREE = 6
 _AXES = "xyz"
 
 
-def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
-    """Describe a body from its files, for the draft of a pipeline.
+@dataclass(frozen=True)
+class Draft:
+    """A draft pipeline.
+
+    Parameters
+    ----------
+    text : str
+        Text of the pipeline file.
+    warnings : tuple of str
+        What does not fit yet, and what the content of the files says against their names.
+    """
+
+    text: str
+    warnings: tuple[str, ...] = ()
+
+
+def draft_pipeline(name: str, files: Sequence[Path]) -> Draft:
+    """Write a pipeline for one body, or for several that are joined where their nodes coincide.
 
     Parameters
     ----------
     name : str
-        Name of the body, for messages.
+        Name of the study, and of the body if there is one.
     files : sequence of Path
-        Matrices and the deck or mesh they came from, in any order; or the ``.asm`` of a NASTRAN external superelement.
-
-    Returns
-    -------
-    BodyDraft
-        With a remark if the files do not fit together.
+        Matrices and the decks or meshes they came from, in any order; or the ``.asm`` of a NASTRAN external
+        superelement.
 
     Raises
     ------
     ReadError
-        If a file is missing or damaged, or the names do not tell the stiffness from the mass.
+        If a file is missing, damaged or of no use, or a body lacks a matrix.
+    ConfigError
+        If the name cannot stand in a file name.
     """
-    for path in files:
-        if not path.is_file():
-            raise ReadError(f"{path}: there is no such file")
-    superelement = next((path for path in files if path.suffix.lower() == ".asm"), None)
+    found = _found(name, files)
+    if len(found) == 1:
+        body, draft = found[0]
+        return Draft(body_pipeline(name, draft if body is None else _mounted(draft, body)), _warnings([draft]))
+    drafts = [draft for _, draft in found]
+    bodies = {draft.name: body for body, draft in found if body is not None and body.nodes is not None}
+    lengths = {draft.name: (Units.parse(draft.units) if draft.units else SI).length for draft in drafts}
+    meeting, apart = meetings(bodies, lengths)
+    joined = [_joined(draft, bodies.get(draft.name), meeting) for draft in drafts]
+    joints = [(f"{one.body}_{other.body}", str(one), str(other)) for one, other in meeting]
+    return Draft(scene_pipeline(name, joined, joints), (*_warnings(drafts), *apart))
+
+
+def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
+    """Describe one body from its files; parameters and errors as of `draft_pipeline`.
+
+    Returns
+    -------
+    BodyDraft
+        With a remark if the files do not fit together. Of several bodies, the first.
+    """
+    body, draft = _found(name, files)[0]
+    return draft if body is None else _mounted(draft, body)
+
+
+def _found(name: str, files: Sequence[Path]) -> list[tuple[FEModel | None, BodyDraft]]:
+    """Bodies as far as they can be read, without interfaces."""
+    superelement = _superelement(files)
     if superelement is not None:
         stem = superelement.with_suffix("")
-        return _checked(
-            name, BodyDraft((stem.with_suffix(".op4"), "KXX"), (stem.with_suffix(".op4"), "MXX"), extseout=stem)
-        )
-    matrices = [(path, info.name) for path in files if _holds_matrices(path) for info in matrix_names(path)]
-    shapes = [path for path in files if not _holds_matrices(path)]
-    if len(shapes) > 1:
-        raise ReadError(f"several decks or meshes: {', '.join(map(str, shapes))}; give the one the matrices came from")
-    stiffness, mass = _one(matrices, "stiffness", "k", ".sti"), _one(matrices, "mass", "m", ".mas")
-    return _checked(name, BodyDraft(stiffness, mass, shapes[0] if shapes else None))
+        matrices = stem.with_suffix(".op4")
+        draft = BodyDraft(name, (matrices, "KXX"), (matrices, "MXX"), extseout=stem)
+        return [_read(draft, superelement)]
+    return [_read(_draft(each), each.geometry) for each in bodies_of_files(name, files)]
 
 
-def _holds_matrices(path: Path) -> bool:
+def _superelement(files: Sequence[Path]) -> Path | None:
+    """Order of the rows of an external superelement whose matrices are beside it."""
+    for path in files:
+        if not path.is_file():
+            raise ReadError(f"{path}: there is no such file; `ls` shows the files that there are")
+    beside = (path for path in files if path.with_suffix(".op4").is_file() and path.suffix.lower() != ".op4")
+    return next((path for path in beside if file_kind(path).geometry == "superelement"), None)
+
+
+def _draft(files: BodyFiles) -> BodyDraft:
+    return BodyDraft(files.name, files.stiffness, files.mass, files.geometry, notes=files.notes)
+
+
+def _read(draft: BodyDraft, geometry: Path | None) -> tuple[FEModel | None, BodyDraft]:
+    """The body of a draft, and the draft with its units and first frequency, or a remark."""
+    stiffness, mass = (MatrixSource(path, matrix or None) for path, matrix in (draft.stiffness, draft.mass))
     try:
-        detect_format(path)
-    except ReadError:
-        return False
-    return True
+        body = read_body(draft.name, stiffness=stiffness, mass=mass, geometry=geometry)
+        if body.nodes is None:
+            return None, replace(draft, remark="no deck or mesh is given, so that no grid can be named for the mount")
+        draft = _with_units(draft, body)
+        hz = _first_elastic(body)
+    except CmsReduceError as error:
+        return None, replace(draft, remark=str(error))
+    time = Units.parse(draft.units).time if draft.units else 1.0
+    return body, replace(draft, elastic_hz=None if hz is None else hz / time)
 
 
-def _one(matrices: Sequence[tuple[Path, str]], what: str, letter: str, suffix: str) -> tuple[Path, str]:
-    """The matrix whose own name, or the name of its file, begins with the letter."""
+def _with_units(draft: BodyDraft, body: FEModel) -> BodyDraft:
+    """The draft with the units that the material shows; without solid elements they are only proposed."""
+    material = material_of(body, _cells(draft))
+    if material is None:
+        return draft
+    units, reason = plausible_units(material)
+    sure = units is not None and material.density is not None
+    return replace(draft, units=units.name if sure and reason else "", units_remark=reason)  # type: ignore[union-attr]
 
-    def named(text: str) -> bool:
-        return text.lower().startswith((letter, what[:4]))
 
-    by_name = [(path, name) for path, name in matrices if named(name)]
-    by_file = [(path, name) for path, name in matrices if path.suffix.lower() == suffix or named(path.stem)]
-    for found in (by_name, by_file):
-        if len(found) == 1:
-            return found[0]
-    if len(by_name) > 1:
-        return by_name[0]
-    held = ", ".join(f"{name or '(unnamed)'} in {path}" for path, name in matrices) or "none"
-    raise ReadError(
-        f"no matrix is clearly the {what}: its name, or that of its file, should begin with {letter.upper()}; "
-        f"matrices found: {held}. `cmsreduce new NAME` without files writes a start to fill in by hand"
+def _cells(draft: BodyDraft) -> Mapping[str, NDArray[np.int64]]:
+    return {} if draft.geometry is None else read_cells(draft.geometry)
+
+
+def _warnings(drafts: Sequence[BodyDraft]) -> tuple[str, ...]:
+    said = []
+    for draft in drafts:
+        said += list(draft.notes)
+        if draft.remark:
+            said.append(f"the files do not fit together yet: {draft.remark}")
+        if draft.units_remark:
+            said.append(f"units of '{draft.name}': {draft.units_remark}")
+    return tuple(dict.fromkeys(said))
+
+
+def _mounted(draft: BodyDraft, body: FEModel) -> BodyDraft:
+    """The draft with the best place to join the body as its mount, and the others as proposals."""
+    places = proposed_interfaces(body, _cells(draft))
+    mount, rest = places[0], tuple((each.name, each.interface, each.words) for each in places[1:])
+    return _placed(replace(draft, interfaces=(("mount", mount.interface, mount.words),), proposed=rest), body, mount)
+
+
+def _joined(draft: BodyDraft, body: FEModel | None, meeting: Sequence[tuple[Meeting, Meeting]]) -> BodyDraft:
+    """The draft with an interface for every joint of the body; without any, with a mount."""
+    if body is None:
+        return draft
+    own = {one.interface.name: one.interface for pair in meeting for one in pair if one.body == draft.name}
+    if not own:
+        return _mounted(draft, body)
+    faces = tuple((name, place.interface, place.words) for name, place in own.items())
+    tied = {node for place in own.values() for node in place.nodes}
+    others = [each for each in proposed_interfaces(body, _cells(draft)) if not tied & set(each.nodes)]
+    rest = tuple((each.name, each.interface, each.words) for each in others if not each.name.startswith("grid"))
+    return _placed(replace(draft, interfaces=faces, proposed=rest), body, *own.values())
+
+
+def _placed(draft: BodyDraft, body: FEModel, *places: Place) -> BodyDraft:
+    """The draft with the point of its first place, the translations there, and the node farthest from it."""
+    assert body.nodes is not None
+    first = places[0]
+    node = next((each for each in first.nodes if each in body.nodes.id), first.nodes[0])
+    own = set(body.dofs.component[body.dofs.node == node].tolist())
+    axes = [axis for axis, component in zip(_AXES, (1, 2, 3), strict=True) if component in own]
+    moving = body.dofs.node[body.dofs.component == 1 + _AXES.index(axes[0] if axes else "x")]
+    # A node that is tied has no rows of its own.
+    tied = [node for place in places if place.tied for node in place.nodes]
+    seen = np.flatnonzero(np.isin(body.nodes.id, np.setdiff1d(moving, tied)))
+    # A tie is about the centroid of its nodes.
+    about = body.nodes.xyz[body.nodes.index(first.nodes if first.tied else node)].mean(axis=0)
+    away = np.linalg.norm(body.nodes.xyz[seen] - about, axis=1)
+    far = int(body.nodes.id[seen[away.argmax()]]) if seen.size else node
+    return replace(
+        draft, point=draft.interfaces[0][0] if first.tied else str(node), far=far, axes="".join(axes) or _AXES
     )
 
 
-def _checked(name: str, draft: BodyDraft) -> BodyDraft:
-    geometry = draft.geometry if draft.extseout is None else draft.extseout.with_suffix(".asm")
-    stiffness, mass = (MatrixSource(path, matrix or None) for path, matrix in (draft.stiffness, draft.mass))
-    try:
-        body = read_body(name, stiffness=stiffness, mass=mass, geometry=geometry)
-        if body.nodes is None:
-            return replace(draft, remark="no deck or mesh is given, so that no grid can be named for the mount")
-        draft = replace(draft, **_places(body))
-        return replace(draft, elastic_hz=_first_elastic(body))
-    except CmsReduceError as error:
-        return replace(draft, remark=str(error))
-
-
-def _places(body: FEModel) -> dict[str, Any]:
-    """A place where the body could be joined: the b-set of its deck, or else the first grid with most dofs."""
-    assert body.nodes is not None
-    b_set = body.sets.get("b", np.empty(0, np.int64))
-    chosen = 0 < b_set.size < body.n
-    rows = b_set if chosen else np.arange(body.n)
-    components = {
-        int(node): set(body.dofs.component[rows[body.dofs.node[rows] == node]].tolist())
-        for node in dict.fromkeys(body.dofs.node[rows].tolist())
-        if node in body.nodes.id
-    }
-    node = max(components, key=lambda each: len(components[each]))
-    axes = [axis for axis, component in zip(_AXES, (1, 2, 3), strict=True) if component in components[node]]
-    seen = np.flatnonzero(np.isin(body.nodes.id, body.dofs.node[body.dofs.component == 1 + _AXES.index(axes[0])]))
-    away = np.linalg.norm(body.nodes.xyz[seen] - body.nodes.xyz[body.nodes.id == node], axis=1)
-    return {
-        "interface": "{set: b}" if chosen else f"{{node: {node}}}",
-        "node": node,
-        "far": int(body.nodes.id[seen[away.argmax()]]),
-        "axes": "".join(axes),
-    }
-
-
 def _first_elastic(body: FEModel) -> float | None:
-    """First elastic frequency in Hz of a body that floats and is small enough."""
+    """First elastic frequency, per unit of time, of a body that floats and is small enough."""
     assert body.nodes is not None
     if body.n > _QUICK:
         return None

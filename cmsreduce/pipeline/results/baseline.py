@@ -15,6 +15,7 @@ from cmsreduce.errors import ConfigError, ReadError
 from cmsreduce.model import Finding
 from cmsreduce.pipeline.results.limits import Tolerances
 from cmsreduce.pipeline.store import ORIGIN, read_origin
+from cmsreduce.read import expect_kind, file_kind
 from cmsreduce.report import place
 from cmsreduce.verify import ModePairing, integral_change, mass_change, pair_modes, scaled_rows
 from cmsreduce.write import ComponentFile, read_component, verify_seal
@@ -80,7 +81,8 @@ def open_result(path: Path) -> StoredResult:
     ReadError
         If the path holds no result, or a file of it is damaged.
     """
-    if path.is_file() and path.suffix == ".h5":
+    expect_kind(path, "result")
+    if path.is_file() and file_kind(path).name == "component":
         file = read_component(path)
         return StoredResult(path, None, {file.name: file})
     summary = path / "summary.json" if path.is_dir() else path

@@ -33,6 +33,7 @@ _FRD_CELLS = {
 }
 
 _INPUT_KEYWORD = re.compile(r"^\*(NODE|PART|INSTANCE|HEADING|INCLUDE)\b", re.IGNORECASE | re.MULTILINE)
+_LS_DYNA = re.compile(r"^\*KEYWORD\b", re.IGNORECASE | re.MULTILINE)
 # Keywords that make, move or turn nodes in ways that are not read; ignoring one would give wrong geometry.
 _UNREAD = {
     "NGEN": "generated nodes",
@@ -273,11 +274,14 @@ FRD = GeometryFormat(
     lambda head: head.lstrip("\r\n").startswith("    1C"),
     _read_frd,
     lambda path: cells_by_kind(_frd_cells(path)),
+    "CalculiX writes them as .sti and .mas (*FREQUENCY, SOLVER=MATRIXSTORAGE)",
 )
 INPUT_FILE = GeometryFormat(
     "inp",
     "Abaqus or CalculiX .inp",
-    lambda head: _INPUT_KEYWORD.search(head) is not None,
+    # LS-DYNA has keywords of the same names, after *KEYWORD.
+    lambda head: (found := _INPUT_KEYWORD.search(head)) is not None and not _LS_DYNA.search(head, 0, found.start()),
     _read_input,
     lambda path: cells_by_kind(_input_cells(path)),
+    "CalculiX writes them as .sti and .mas (*FREQUENCY, SOLVER=MATRIXSTORAGE), Abaqus as .mtx (*MATRIX GENERATE)",
 )

@@ -4,8 +4,8 @@ Readers that return labelled matrices belong here.
 The choice of a reader by content belongs in `read.matrix`.
 """
 
-from cmsreduce.read.matrices.matlab import MATLAB
+from cmsreduce.read.matrices.matlab import MATLAB, is_hdf5
 from cmsreduce.read.matrices.matrix_market import COORDINATE, LABELLED, MATRIX_MARKET, read_entries
 from cmsreduce.read.matrices.numpy_files import NPY, NPZ
 
-__all__ = ["COORDINATE", "LABELLED", "MATLAB", "MATRIX_MARKET", "NPY", "NPZ", "read_entries"]
+__all__ = ["COORDINATE", "LABELLED", "MATLAB", "MATRIX_MARKET", "NPY", "NPZ", "is_hdf5", "read_entries"]

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import HARMLESS_BYTES, LARGEST_GROWTH, check_dataset
-from cmsreduce.read.files import reading
+from cmsreduce.read.files import LIBRARY_ERRORS, reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrices.matlab_layout import check_layout, is_level_4
 from cmsreduce.read.matrices.numpy_files import from_array, kind_of
 
-__all__ = ["MATLAB"]
+__all__ = ["MATLAB", "is_hdf5"]
 
 _NUMERIC = {"double", "single", "sparse", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"}
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -36,7 +36,7 @@ def _matlab_matrices(path: Path) -> list[StoredMatrix]:
     """
     with path.open("rb") as file:
         head = file.read(_HDF5_STARTS[-1] + len(_HDF5))
-    if _is_hdf5(head):
+    if is_hdf5(head):
         return _hdf5_matrices(path)
     check_layout(path, head)
     from scipy.io import whosmat
@@ -90,7 +90,7 @@ def _hdf5_matrices(path: Path) -> list[StoredMatrix]:
         classes = {name: file[name].attrs.get("MATLAB_class") for name in names}
         if not any(kind is not None for kind in classes.values()):
             raise ReadError(
-                f"{path}: is an HDF5 file that MATLAB did not write; save the matrices to a .npz or .mat file"
+                f"{path}: this HDF5 file has no variable of MATLAB; `cmsreduce inspect {path}` says what it is"
             )
         for name, found in classes.items():
             kind = found.decode() if isinstance(found, bytes) else str(found)
@@ -161,13 +161,28 @@ def _indices(dataset: Any) -> NDArray[np.int64]:
     return np.asarray(found, dtype=np.int64)
 
 
-def _is_hdf5(head: bytes) -> bool:
+def is_hdf5(head: bytes) -> bool:
+    """True for the first bytes of an HDF5 file, whichever program wrote it."""
     return any(head[at:].startswith(_HDF5) for at in _HDF5_STARTS)
 
 
-MATLAB = MatrixFormat(
-    "mat",
-    "MATLAB .mat",
-    lambda path, head: head.startswith((b"MATLAB 5", b"MATLAB 7.3")) or _is_hdf5(head) or is_level_4(head),
-    _matlab_matrices,
-)
+def _is_matlab(path: Path, head: bytes) -> bool:
+    if head.startswith((b"MATLAB 5", b"MATLAB 7.3")) or is_level_4(head):
+        return True
+    return is_hdf5(head) and _has_variables(path)
+
+
+def _has_variables(path: Path) -> bool:
+    """True if MATLAB's own mark is on a variable of an HDF5 file."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            # Links to other files are not followed.
+            own = [name for name in file if isinstance(file.get(name, getlink=True), h5py.HardLink)]
+            return any("MATLAB_class" in file[name].attrs for name in own)
+    except LIBRARY_ERRORS:
+        return False
+
+
+MATLAB = MatrixFormat("mat", "MATLAB .mat", _is_matlab, _matlab_matrices)

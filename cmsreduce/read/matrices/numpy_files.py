@@ -223,7 +223,17 @@ def _saved_sparse(path: Path, dtype: np.dtype[Any]) -> StoredMatrix:
     return StoredMatrix(path.stem, kind_of(dtype) or str(dtype), "", size, load)
 
 
+def _is_npz(path: Path, head: bytes) -> bool:
+    """True for a zip archive whose first file is an array; its name stands after 30 bytes, with its length at 26."""
+    end = 30 + int.from_bytes(head[26:28], "little")
+    # A file that ends before the name is complete was cut.
+    return head.startswith(b"PK\x03\x04") and (len(head) < end or head[30:end].endswith(b".npy"))
+
+
 NPY = MatrixFormat("npy", "numpy .npy", lambda path, head: head.startswith(b"\x93NUMPY"), _npy_matrices, named=False)
 NPZ = MatrixFormat(
-    "npz", "numpy or scipy.sparse .npz", lambda path, head: head.startswith(b"PK\x03\x04"), _npz_matrices
+    "npz",
+    "numpy or scipy.sparse .npz",
+    _is_npz,
+    _npz_matrices,
 )

@@ -25,6 +25,7 @@ _BULK_DATA = re.compile(
     r"^\s{0,7}(GRID|GRDSET|SPOINT|CORD[12][RCS]|SECONCT|EXTRN|INCLUDE|CEND|SOL|BEGIN\s+(BULK|SUPER))(?=[\s,*=']|$)",
     re.IGNORECASE | re.MULTILINE,
 )
+_PAGE = re.compile(r"1[ \t]*\r?\n")
 _ORDER = re.compile(r"^\s{0,7}(SECONCT|EXTRN)(?=[\s,*])", re.IGNORECASE | re.MULTILINE)
 _ORDER_CARDS = GRID_CARDS | {"SECONCT", "EXTRN"}
 _SECONCT_START = 8  # pairs of ids start on the second line
@@ -327,10 +328,12 @@ def _superelement(nodes: Nodes, keys: Keys, files: tuple[Path, ...]) -> Geometry
 
 
 def _is_bulk_data(head: str) -> bool:
-    return "\0" not in head and _BULK_DATA.search(head) is not None
+    # A listing echoes the deck; its first line is the 1 that starts a page.
+    return "\0" not in head and _BULK_DATA.search(head) is not None and not _PAGE.match(head)
 
 
-BULK_DATA = GeometryFormat("bulk", "NASTRAN bulk data", _is_bulk_data, _deck_geometry, _deck_cells)
+_MATRICES = "name the OP4, OP2 or DMIG punch file that the run of the deck wrote"
+BULK_DATA = GeometryFormat("bulk", "NASTRAN bulk data", _is_bulk_data, _deck_geometry, _deck_cells, _MATRICES)
 EXTERNAL_SUPERELEMENT = GeometryFormat(
     "superelement",
     "NASTRAN external superelement (.asm, .pch)",
@@ -338,4 +341,5 @@ EXTERNAL_SUPERELEMENT = GeometryFormat(
     lambda head: _is_bulk_data(head) and _ORDER.search(head) is not None and not _CASE_CONTROL.search(head),
     read_extseout,
     _deck_cells,
+    _MATRICES,
 )

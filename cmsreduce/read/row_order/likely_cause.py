@@ -176,10 +176,10 @@ def _held_to_ground(case: Failure) -> str | None:
     rows = np.isin(case.body.dofs.node, case.loaded)
     force = float(np.abs(case.found.force[rows, :3]).max())
     return (
-        f"node {_some(case.loaded)} is held to the ground, by a spring (CELAS with one blank end; a motion of the body "
-        f"by one unit of length costs {force:.3g} units of force there) or because nodes next to it are fixed by an "
-        "SPC that is not in the geometry file. Add the SPC cards to the geometry, or remove the spring; a body that is "
-        "meant to be held is `grounded: true` (its other nodes are still proven)"
+        f"node {_some(case.loaded)} is held to the ground, by a spring with one end on the ground (a motion of the "
+        f"body by one unit of length costs {force:.3g} units of force there) or because nodes next to it are fixed by "
+        "a support that is not in the geometry file. Add the support to the geometry, or remove the spring; a body "
+        "that is meant to be held is `grounded: true` (its other nodes are still proven)"
     )
 
 

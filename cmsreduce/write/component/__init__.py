@@ -5,7 +5,6 @@ Files of other programs belong in `write.targets`.
 """
 
 from cmsreduce.write.component.component import write_component
-from cmsreduce.write.component.component_file import FORMAT as COMPONENT_FORMAT
 from cmsreduce.write.component.component_file import ComponentFile, read_component
 from cmsreduce.write.component.flexible_body import (
     FlexibleBody,
@@ -18,7 +17,6 @@ from cmsreduce.write.component.integrals import stored_integrals
 from cmsreduce.write.component.shapes import basic_shapes
 
 __all__ = [
-    "COMPONENT_FORMAT",
     "ComponentFile",
     "FlexibleBody",
     "FrameStiffening",

@@ -91,7 +91,7 @@ def test_hdf5_of_another_program(tmp_path: Path) -> None:
     path = tmp_path / "body.h5"
     with h5py.File(path, "w") as file:
         file["K"] = K
-    with pytest.raises(ReadError, match="HDF5 file that MATLAB did not write"):
+    with pytest.raises(ReadError, match="an HDF5 file of another program, with K in it"):
         read_matrix(path, "K")
 
 

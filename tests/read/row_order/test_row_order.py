@@ -293,7 +293,7 @@ class TestBlock:
         # The three nodes have no rows, and their neighbours are next to the ground.
         assert (proof.status, proof.motions) == ("proven", 0) and "of 522 nodes resist" in proof.remark
         text = refusal(replace(body, constrained=None))
-        assert "fixed by an SPC that is not in the geometry file" in text
+        assert "fixed by a support that is not in the geometry file" in text
 
     def test_all_rows_in_order_of_another_mesh(self, block_a: FEModel) -> None:
         order = np.random.default_rng(1).permutation(525)

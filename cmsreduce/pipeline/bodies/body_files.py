@@ -1,0 +1,314 @@
+"""Files of bodies, sorted by content: which matrix is the stiffness, which is the mass, and of which deck."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.errors import ReadError
+from cmsreduce.model import DofTable, Nodes, rigid_body_shapes
+from cmsreduce.read import (
+    FORMATS,
+    FileKind,
+    Geometry,
+    LabelledMatrix,
+    file_kind,
+    matrix_names,
+    read_geometry,
+    read_matrix,
+    sha256_of,
+)
+
+__all__ = ["BodyFiles", "bodies_of_files", "quiet_share"]
+
+# A translation cancels in a row of a free stiffness, to the digits of the file: text may have four of them. In a row
+# of a mass matrix it adds up.
+_NO_FORCE = 1e-3
+# Shares of rows without force in a translation. Supports disturb the rows of a stiffness next to them.
+_STIFFNESS, _MASS = 0.5, 0.1
+_SUFFIXES = {"k": ".sti", "m": ".mas"}
+_WORDS = {"k": "stiffness", "m": "mass"}
+
+
+@dataclass(frozen=True)
+class BodyFiles:
+    """Files of one body.
+
+    Parameters
+    ----------
+    name : str
+        Name of the body.
+    stiffness, mass : tuple of Path and str
+        File and name of each matrix; the name is empty where the file has only one without a name.
+    geometry : Path, optional
+        Deck or mesh.
+    notes : tuple of str
+        What the content of the files says against their names.
+    """
+
+    name: str
+    stiffness: tuple[Path, str]
+    mass: tuple[Path, str]
+    geometry: Path | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """A square matrix, with the evidence for what it is."""
+
+    matrix: LabelledMatrix
+    named: bool
+    quiet: float
+    massive: bool
+
+    @property
+    def source(self) -> tuple[Path, str]:
+        return self.matrix.path, self.matrix.name if self.named else ""
+
+    @property
+    def words(self) -> str:
+        return f"{self.matrix.name} in {self.matrix.path}" if self.named else str(self.matrix.path)
+
+    def called(self, letter: str) -> bool:
+        """True if the matrix, or else its file, has the name of a stiffness (k) or of a mass (m)."""
+        name = self.matrix.name.lower() if self.named else self.matrix.path.stem.lower()
+        file = self.matrix.path.suffix.lower() == _SUFFIXES[letter] and not self.named
+        return file or name.startswith((letter, _WORDS[letter][:4]))
+
+
+def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyFiles]:
+    """Sort files into bodies, one for each deck or mesh.
+
+    Parameters
+    ----------
+    name : str
+        Name of the body if there is one, for messages too.
+    files : sequence of Path
+        Matrices, decks and meshes. The files of several bodies stand together on the command line, or have the same
+        stem, or fit one deck only.
+
+    Returns
+    -------
+    list of BodyFiles
+
+    Raises
+    ------
+    ReadError
+        If a file is missing, damaged or of no use, or a body lacks a matrix; the message ends with what to type.
+    """
+    kinds, notes = _kinds(files)
+    shapes = [path for path, kind in kinds.items() if kind.geometry]
+    sources = [path for path, kind in kinds.items() if kind.matrices and not (kind.geometry and _has_others(kinds))]
+    geometries = {path: read_geometry(path) for path in shapes}
+    matrices = {path: _matrices(path, geometries.values()) for path in sources}
+    command = f"cmsreduce new {name} STIFFNESS MASS DECK"
+    if not any(matrices.values()):
+        given = ", ".join(f"{path} ({kind.words})" for path, kind in kinds.items())
+        raise ReadError(f"no square matrix in the files given: {given}; name the stiffness and the mass: {command}")
+    if len(shapes) < 2:
+        shape = geometries[shapes[0]] if shapes else None
+        every = [one for found in matrices.values() for one in found]
+        return [_body(name, every, shape, notes, command)]
+    owners = {path: _owner(path, matrices[path], geometries, list(kinds)) for path in sources}
+    bodies = []
+    for path, label in zip(shapes, _labels(shapes), strict=True):
+        own = [one for source in sources if owners[source] == path for one in matrices[source]]
+        if not own:
+            others = ", ".join(map(str, shapes))
+            raise ReadError(
+                f"{path}: no matrices are given for this deck (decks: {others}); name the matrices of each body before "
+                f"its deck: cmsreduce new {name} K1 M1 DECK1 K2 M2 DECK2"
+            )
+        bodies.append(_body(label, own, geometries[path], notes, command))
+        notes = ()
+    return bodies
+
+
+def quiet_share(A: sp.csc_array, T: NDArray[np.float64]) -> float:
+    """Share of the rows in which translations cost no force: 1 for a free stiffness, 0 for a mass.
+
+    Parameters
+    ----------
+    A : (n, n) sparse array
+        Stiffness or mass.
+    T : (n, 3) float64
+        Translations; rows that do not translate do not count.
+    """
+    whole, force = abs(A) @ abs(T), abs(A @ T)
+    rows = (abs(T).sum(axis=1) > 0)[:, None] & (whole > 0)
+    return float((force[rows] <= _NO_FORCE * whole[rows]).mean()) if rows.any() else 0.0
+
+
+def _kinds(files: Sequence[Path]) -> tuple[dict[Path, FileKind], tuple[str, ...]]:
+    """Kind of every file that is of use, each content once."""
+    kinds: dict[Path, FileKind] = {}
+    notes: list[str] = []
+    seen: dict[str, Path] = {}
+    for path in files:
+        kind = file_kind(path)
+        # A dof list is found beside its matrix.
+        if kind.name == "dofs":
+            continue
+        if not (kind.matrices or kind.geometry):
+            # Some meshes have no mark, and one is told by reading it.
+            if kind.name != "unknown":
+                said = kind.step or f"`cmsreduce inspect {path}` shows what is in it"
+                raise ReadError(f"{path}: this is {kind.words}, which holds no matrix and no nodes: {said}")
+            read_geometry(path)
+            kind = FileKind("mesh", kind.words, "", "mesh")
+        digest = sha256_of(path)
+        if digest in seen:
+            notes.append(f"{path} has the same content as {seen[digest]}, and is left out")
+            continue
+        seen[digest], kinds[path] = path, kind
+    return kinds, tuple(notes)
+
+
+def _has_others(kinds: Mapping[Path, FileKind]) -> bool:
+    """True if matrices are in files of their own, so that those in a deck are loads or elements."""
+    return any(kind.matrices and not kind.geometry for kind in kinds.values())
+
+
+def _matrices(path: Path, geometries: Iterable[Geometry]) -> list[_Candidate]:
+    """Square matrices of a file, with the evidence that each known table of rows gives."""
+    named = FORMATS[file_kind(path).matrices].named
+    names: list[str | None] = [None]
+    if named:
+        names = [info.name for info in matrix_names(path) if info.rows == info.cols > 0]
+    found = []
+    for each in names:
+        try:
+            matrix = read_matrix(path, each)
+        except ReadError:
+            if len(names) == 1:
+                raise
+            # One of several names in a file, such as a complex matrix of a response.
+            continue
+        if matrix.A.shape[0] == matrix.A.shape[1]:
+            tables = [table for one in geometries for table in _translations(matrix, one)]
+            shares = [quiet_share(matrix.A, T) for T in tables or _patterns(matrix)]
+            diagonal = matrix.A.diagonal()
+            massive = bool((diagonal >= 0).all() and (diagonal > 0).any())
+            found.append(_Candidate(matrix, named, max(shares, default=0.0), massive))
+    return found
+
+
+def _translations(matrix: LabelledMatrix, geometry: Geometry) -> list[NDArray[np.float64]]:
+    """Translations in the rows of a matrix, for each table of a geometry that it may have."""
+    n = matrix.A.shape[0]
+    tables = [matrix.dofs] if matrix.dofs is not None else [each for each in geometry.rows.values() if len(each) == n]
+    return [_shapes(table, geometry.nodes) for table in tables]
+
+
+def _shapes(dofs: DofTable, nodes: Nodes | None) -> NDArray[np.float64]:
+    if nodes is not None and len(nodes) and (nodes.index(dofs.node[dofs.component > 0]) >= 0).all():
+        return rigid_body_shapes(dofs, nodes)[:, :3]
+    return np.asarray(dofs.component[:, None] == np.arange(1, 4), dtype=np.float64)
+
+
+def _patterns(matrix: LabelledMatrix) -> list[NDArray[np.float64]]:
+    """Translations where no geometry names the rows: by the labels, or three or six dofs at every node."""
+    if matrix.dofs is not None:
+        return [_shapes(matrix.dofs, None)]
+    n = matrix.A.shape[0]
+    row, axes = np.arange(n)[:, None], np.arange(3)
+    return [np.asarray(row % count == axes, dtype=np.float64) for count in (3, 6) if n % count == 0]
+
+
+def _owner(path: Path, own: Sequence[_Candidate], geometries: Mapping[Path, Geometry], order: Sequence[Path]) -> Path:
+    """Deck of a file of matrices: of its stem, the only one that it fits, or the next one on the command line."""
+    stem = [shape for shape in geometries if shape.stem.lower() == path.stem.lower()]
+    fits = [shape for shape, geometry in geometries.items() if any(_fits(one.matrix, geometry) for one in own)]
+    for found in (stem, fits):
+        if len(found) == 1:
+            return found[0]
+    shapes, at = list(geometries), order.index(path)
+    after = [shape for shape in shapes if order.index(shape) > at]
+    before = [shape for shape in shapes if order.index(shape) <= at]
+    # Where decks come first, each is followed by its matrices.
+    return before[-1] if order[0] in geometries and before else after[0] if after else before[-1]
+
+
+def _fits(matrix: LabelledMatrix, geometry: Geometry) -> bool:
+    if matrix.dofs is not None:
+        known = geometry.nodes.index(matrix.dofs.node[matrix.dofs.component > 0])
+        return bool(known.size and (known >= 0).all())
+    return any(len(table) == matrix.A.shape[0] for table in geometry.rows.values())
+
+
+def _labels(shapes: Sequence[Path]) -> list[str]:
+    """Names of bodies from their decks, each once."""
+    labels: list[str] = []
+    for path in shapes:
+        base = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem).strip("-") or "body"
+        base = f"{base}_body" if base.lower() == "system" else base
+        labels.append(next(name for k in range(len(shapes)) if (name := f"{base}{k + 1 if k else ''}") not in labels))
+    return labels
+
+
+def _body(
+    name: str, every: Sequence[_Candidate], geometry: Geometry | None, notes: tuple[str, ...], command: str
+) -> BodyFiles:
+    """Stiffness and mass among the matrices of a body."""
+    sizes = [len(table) for table in geometry.rows.values()] if geometry is not None else []
+    fitting = [
+        one for one in every if geometry is None or one.matrix.dofs is not None or one.matrix.A.shape[0] in sizes
+    ]
+    # Files that fit no deck are compared all the same: the draft says that they do not fit.
+    candidates = fitting or list(every)
+    stiff = [one for one in candidates if one.quiet >= _STIFFNESS]
+    heavy = [one for one in candidates if one.quiet <= _MASS and one.massive]
+    held = ", ".join(one.words for one in every)
+    if stiff and not heavy and len(stiff) == len(candidates):
+        same = _twice(stiff)
+        raise ReadError(
+            f"no mass among the matrices found: {held}. Translations cost no force in any of them, as in a "
+            f"stiffness{same}; name the mass too: {command}"
+        )
+    if heavy and not stiff and len(heavy) == len(candidates) and not _by_name(heavy):
+        raise ReadError(
+            f"no stiffness among the matrices found: {held}. Translations cost force in all rows of each, as in a "
+            f"mass{_twice(heavy)}; name the stiffness too, and the deck or mesh that both came from: {command}"
+        )
+    K, M = _chosen(stiff or candidates, "k"), _chosen(heavy or candidates, "m")
+    if K is None or M is None or K is M:
+        what = _WORDS["k" if K is None else "m"]
+        raise ReadError(
+            f"no matrix is clearly the {what}; matrices found: {held}. Their content does not tell, so the name of the "
+            f"matrix, or that of its file, should begin with K or M. Name the two alone: {command}"
+        )
+    if stiff and heavy and K.called("m") and M.called("k"):
+        notes = (
+            *notes,
+            f"the names are exchanged: {K.words} is the stiffness, since a translation costs no force, and {M.words} "
+            "is the mass; they are taken by their content",
+        )
+    return BodyFiles(name, K.source, M.source, None if geometry is None else geometry.path, notes)
+
+
+def _twice(found: Sequence[_Candidate]) -> str:
+    """Remark that two matrices are one."""
+    for k, one in enumerate(found):
+        for other in found[:k]:
+            A, B = one.matrix.A, other.matrix.A
+            if A.shape == B.shape and A.nnz == B.nnz and not abs(A - B).sum():
+                return f", and {other.words} has the same numbers as {one.words}"
+    return ""
+
+
+def _by_name(found: Sequence[_Candidate]) -> bool:
+    return any(one.called("k") for one in found) and any(one.called("m") for one in found)
+
+
+def _chosen(found: Sequence[_Candidate], letter: str) -> _Candidate | None:
+    """The only candidate, or the first with the name; the content has left no other difference."""
+    if len(found) == 1:
+        return found[0]
+    return next((one for one in found if one.called(letter)), None)

@@ -1,0 +1,148 @@
+"""Nodes of several bodies that coincide, as interfaces of joints between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.model import FEModel
+from cmsreduce.pipeline.bodies.proposed_interfaces import Place, nearest, position
+
+__all__ = ["Meeting", "meetings"]
+
+# Coordinates are printed with eight digits, or fewer; a joint accepts the same gap.
+_COINCIDENT = 1e-5
+# Bodies that share more of their nodes lie in one place: their files have coordinates of their own.
+_SAME_PLACE = 0.5
+# Nodes with less spread across a line, relative to that along it, are in line.
+_IN_LINE = 1e-6
+_SIX = 6
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """One side of a joint: a body and its interface."""
+
+    body: str
+    interface: Place
+
+    def __str__(self) -> str:
+        return f"{self.body}.{self.interface.name}"
+
+
+def meetings(
+    bodies: Mapping[str, FEModel], lengths: Mapping[str, float]
+) -> tuple[list[tuple[Meeting, Meeting]], tuple[str, ...]]:
+    """Interfaces at which bodies meet.
+
+    Parameters
+    ----------
+    bodies : mapping of name to FEModel
+        Bodies with geometry, as their files have them.
+    lengths : mapping of name to float
+        Metres in the unit of length of each body.
+
+    Returns
+    -------
+    pairs : list of (Meeting, Meeting)
+        Two sides of each joint; their nodes are in matching order.
+    remarks : tuple of str
+        Bodies that meet no other, and bodies in one place.
+    """
+    nodes = {name: _moving(body) for name, body in bodies.items()}
+    places = {name: lengths[name] * _xyz(bodies[name], ids) for name, ids in nodes.items()}
+    size = max((float(np.ptp(xyz, axis=0).max(initial=0.0)) for xyz in places.values()), default=0.0)
+    pairs: list[tuple[Meeting, Meeting]] = []
+    remarks, used = [], {name: set[int]() for name in bodies}
+    for one, other in combinations(bodies, 2):
+        here, there = _coincident(places[one], places[other], _COINCIDENT * size)
+        if here.size > _SAME_PLACE * min(len(nodes[one]), len(nodes[other])) and here.size > 1:
+            remarks.append(
+                f"'{one}' and '{other}' have {here.size} nodes in the same places, as if each had coordinates of its "
+                f"own: move one with `place: {{at: [x, y, z]}}` and join them by hand"
+            )
+            continue
+        free = [
+            k
+            for k in range(here.size)
+            if nodes[one][here[k]] not in used[one] and nodes[other][there[k]] not in used[other]
+        ]
+        if not free:
+            continue
+        ids = {one: nodes[one][here[free]].tolist(), other: nodes[other][there[free]].tolist()}
+        tied = all(_tieable(bodies[name], ids[name]) for name in ids)
+        pairs.append((_side(bodies, one, other, ids[one], tied), _side(bodies, other, one, ids[other], tied)))
+        for name in ids:
+            used[name] |= set(ids[name])
+    joined = {side.body for pair in pairs for side in pair}
+    remarks += [_nearest(name, nodes, places) for name in bodies if name not in joined and len(bodies) > 1]
+    return pairs, tuple(remarks)
+
+
+def _moving(body: FEModel) -> NDArray[np.int64]:
+    """Nodes with coordinates and translations."""
+    assert body.nodes is not None
+    ids = np.unique(body.dofs.node[(body.dofs.component > 0) & (body.dofs.component <= 3)])
+    return ids[body.nodes.index(ids) >= 0]
+
+
+def _xyz(body: FEModel, ids: NDArray[np.int64]) -> NDArray[np.float64]:
+    assert body.nodes is not None
+    return body.nodes.xyz[body.nodes.index(ids)]
+
+
+def _coincident(
+    a: NDArray[np.float64], b: NDArray[np.float64], within: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pairs of points that are nearest to each other, and near."""
+    if not len(a) or not len(b):
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    away, there = nearest(a, b)
+    _, back = nearest(b, a)
+    here = np.flatnonzero((away <= within) & (back[there] == np.arange(len(a))))
+    return here, there[here]
+
+
+def _tieable(body: FEModel, ids: list[int]) -> bool:
+    """True if a rigid tie of the nodes determines all six motions of its point."""
+    if len(ids) == 1:
+        return False
+    counts = [set(body.dofs.component[body.dofs.node == node].tolist()) for node in ids]
+    if not all({1, 2, 3} <= each for each in counts):
+        return False
+    s = np.linalg.svd(_xyz(body, np.array(ids)) - _xyz(body, np.array(ids)).mean(axis=0), compute_uv=False)
+    return bool((s.size > 1 and s[1] > _IN_LINE * s[0]) or all(len(each) == _SIX for each in counts))
+
+
+def _side(bodies: Mapping[str, FEModel], name: str, other: str, ids: list[int], tied: bool) -> Meeting:
+    at = position(bodies[name], ids)
+    many = f"{len(ids)} nodes that coincide with those of {other}, about {at}"
+    listed = ", ".join(map(str, ids))
+    if len(ids) == 1:
+        place = Place(f"to_{other}", f"{{node: {ids[0]}}}", (ids[0],), f"coincides with {other}, at {at}")
+    elif tied:
+        place = Place(f"to_{other}", f"{{nodes: [{listed}], tie: rigid}}", tuple(ids), many, tied=True)
+    else:
+        place = Place(f"to_{other}", f"{{nodes: [{listed}]}}", tuple(ids), many)
+    return Meeting(name, place)
+
+
+def _nearest(name: str, nodes: Mapping[str, NDArray[np.int64]], places: Mapping[str, NDArray[np.float64]]) -> str:
+    """Remark on the nodes by which a body is nearest to the others."""
+    found = []
+    for other in nodes:
+        if other != name and len(nodes[other]) and len(nodes[name]):
+            away, at = nearest(places[name], places[other])
+            k = int(away.argmin())
+            found.append((float(away[k]), other, int(nodes[name][k]), int(nodes[other][at[k]])))
+    if not found:
+        return f"'{name}' has no node that could be joined"
+    gap, other, mine, theirs = min(found)
+    return (
+        f"no node of '{name}' coincides with one of another body; the nearest are its node {mine} and node {theirs} of "
+        f"'{other}', {gap:.4g} m apart: move a body with `place:`, or give a joint of the two an `offset:`"
+    )

@@ -1,0 +1,128 @@
+"""Unit system that the material of a body is plausible in: density, and speed of waves against the size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
+from cmsreduce.pipeline.bodies.body_files import quiet_share
+
+__all__ = ["Material", "material_of", "plausible_units"]
+
+# Unit systems in use, the most frequent first.
+_SYSTEMS = ("m-kg-s", "mm-t-s", "in-slinch-s", "mm-kg-ms", "mm-g-ms", "mm-kg-s", "cm-g-s", "ft-slug-s", "m-t-s")
+# Osmium has 22 590 kg/m^3, foam 10; no solid is lighter than 1, which is an aerogel. A body of lumps may be slow, but
+# nothing is faster than diamond: 18 000 m/s; structural materials end with beryllium, 13 000 m/s.
+_LIGHTEST, _HEAVIEST, _FASTEST = 1.0, 23_000.0, 14_000.0
+# A density or a speed that a unit system must give to be proposed in place of another.
+_USUAL_DENSITY, _USUAL_SPEED = (20.0, 23_000.0), (50.0, 14_000.0)
+# Corners of tetrahedra that fill a cell.
+_TETRA = {
+    "tetra": ((0, 1, 2, 3),),
+    "pyramid": ((0, 1, 2, 4), (0, 2, 3, 4)),
+    "wedge": ((0, 1, 2, 3), (1, 2, 3, 4), (2, 3, 4, 5)),
+    "hexahedron": ((0, 1, 3, 4), (1, 2, 3, 6), (1, 3, 4, 6), (3, 4, 6, 7), (1, 4, 5, 6)),
+}
+
+
+@dataclass(frozen=True)
+class Material:
+    """Figures of a body's material, in the units of its files.
+
+    Parameters
+    ----------
+    mass : float
+        Total mass.
+    speed : float
+        Speed of waves: sqrt(u K u / m) of a unit stretch u, the largest of three directions. In a solid block it is
+        exactly sqrt((lambda + 2 mu) / rho); bars and lumps make it smaller, never larger.
+    density : float, optional
+        Mass by volume of the solid elements; None without any.
+    """
+
+    mass: float
+    speed: float
+    density: float | None = None
+
+    def in_words(self, units: Units) -> str:
+        """Speed and density as numbers of m, kg and s."""
+        speed, density = self.in_si(units)
+        said = f"waves of {speed:.3g} m/s"
+        return said if density is None else f"{density:.3g} kg/m^3 and {said}"
+
+    def in_si(self, units: Units) -> tuple[float, float | None]:
+        """Speed in m/s and density in kg/m^3."""
+        density = None if self.density is None else self.density * units.mass / units.length**3
+        return self.speed * units.length / units.time, density
+
+
+def material_of(body: FEModel, cells: Mapping[str, NDArray[np.int64]]) -> Material | None:
+    """Figures of the material of a body that floats; None if it is held, condensed, or has no geometry.
+
+    Parameters
+    ----------
+    body : FEModel
+        As its files have it.
+    cells : mapping of kind to (k, corners) int64
+        Elements, by node ids.
+    """
+    if body.nodes is None or body.sets.get("q", np.empty(0)).size:
+        return None
+    R = rigid_body_shapes(body.dofs, body.nodes)[:, :3]
+    mass = np.einsum("ij,ij->j", R, body.M @ R)
+    if quiet_share(body.K, R) < 1 or mass.max(initial=0.0) <= 0:
+        return None
+    at = np.zeros((body.n, 3))
+    moving = np.flatnonzero(body.dofs.component > 0)
+    at[moving] = body.nodes.xyz[body.nodes.index(body.dofs.node[moving])] - body.nodes.xyz.mean(axis=0)
+    stretch = R * at
+    energy = np.einsum("ij,ij->j", stretch, body.K @ stretch)
+    speed = float(np.sqrt(max(energy.max(initial=0.0), 0.0) / mass.max()))
+    volume = _volume(body, cells)
+    return Material(float(mass.max()), speed, float(mass.max()) / volume if volume > 0 else None)
+
+
+def plausible_units(material: Material) -> tuple[Units | None, str]:
+    """Unit system of the files.
+
+    Returns
+    -------
+    units : Units or None
+        m-kg-s unless no material is like this in it; None if the figures fit no unit system.
+    reason : str
+        Figures against m-kg-s; empty if they fit.
+    """
+    speed, density = material.in_si(SI)
+    wrong = speed > _FASTEST or (density is not None and not _LIGHTEST <= density <= _HEAVIEST)
+    if not wrong:
+        return SI, ""
+    for name in _SYSTEMS[1:]:
+        units = Units.parse(name)
+        speed, density = material.in_si(units)
+        usual = density is None or _USUAL_DENSITY[0] <= density <= _USUAL_DENSITY[1]
+        if usual and _USUAL_SPEED[0] <= speed <= _USUAL_SPEED[1]:
+            reason = f"in m-kg-s no material has {material.in_words(SI)}; in {name} it has {material.in_words(units)}"
+            return units, reason
+    reason = (
+        f"no unit system makes a material of {material.in_words(SI)} (read as m-kg-s): the stiffness, the mass and the "
+        "coordinates are in units that do not belong together"
+    )
+    return None, reason
+
+
+def _volume(body: FEModel, cells: Mapping[str, NDArray[np.int64]]) -> float:
+    assert body.nodes is not None
+    total = 0.0
+    for kind, corners in cells.items():
+        at = body.nodes.index(corners) if kind in _TETRA else np.empty((0, 0), np.int64)
+        if not at.size or (at < 0).any():
+            continue
+        x = body.nodes.xyz[at]
+        for a, b, c, d in _TETRA[kind]:
+            edges = np.stack([x[:, b] - x[:, a], x[:, c] - x[:, a], x[:, d] - x[:, a]], axis=1)
+            total += float(np.abs(np.linalg.det(edges)).sum()) / 6
+    return total

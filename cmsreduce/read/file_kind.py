@@ -1,0 +1,317 @@
+"""What a file is, by its content: one look, which all readers, commands and refusals share.
+
+The tables of the formats that are read are here. Files that are known and not read have marks.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cmsreduce.errors import ReadError
+from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, FRD, INPUT_FILE
+from cmsreduce.read.files import LIBRARY_ERRORS, read_head, require_file
+from cmsreduce.read.formats import GeometryFormat, MatrixFormat
+from cmsreduce.read.matrices import MATLAB, MATRIX_MARKET, NPY, NPZ, is_hdf5
+from cmsreduce.read.nastran import BULK_DATA, DMIG, EXTERNAL_SUPERELEMENT, OP2, OP4
+
+__all__ = [
+    "FORMATS",
+    "GEOMETRY_FORMATS",
+    "GEOMETRY_HEAD",
+    "HEAD",
+    "FileKind",
+    "expect_kind",
+    "file_kind",
+    "geometry_format",
+    "matrix_format",
+]
+
+# In the order of detection: DMIG is last, because its cards may stand anywhere in a large deck.
+FORMATS: dict[str, MatrixFormat] = {
+    format.name: format for format in (OP4, OP2, MATLAB, NPZ, NPY, MATRIX_MARKET, CALCULIX, ABAQUS, DMIG)
+}
+"""Every format that matrices are read from, by name."""
+
+GEOMETRY_FORMATS: dict[str, GeometryFormat] = {
+    format.name: format for format in (FRD, INPUT_FILE, EXTERNAL_SUPERELEMENT, BULK_DATA)
+}
+"""Every registered format of geometry files by name, in the order of detection."""
+
+HEAD = 1 << 16
+"""Bytes that tell a format of matrices."""
+
+GEOMETRY_HEAD = 1 << 20
+"""Bytes that tell a format of geometry: the first node of a deck may come after long case control."""
+
+_START = 4096  # bytes that tell a file that is not read
+
+_INSPECT = "`cmsreduce inspect {path}` shows what is in it"
+_UNPACK = "unpack it, and name the file in it"
+_NO_MODEL = "name the matrices and the deck or mesh of the body"
+_NAMED_IN_HDF5 = 4
+
+
+@dataclass(frozen=True)
+class FileKind:
+    """What a file is.
+
+    Parameters
+    ----------
+    name : str
+        Short name: a key of ``FORMATS`` or ``GEOMETRY_FORMATS``, ``mesh``, ``component``, ``system``, ``sweep``,
+        ``pipeline``, ``empty``, ``unknown``, or that of a mark.
+    words : str
+        The kind in words, for messages: "this is WORDS".
+    matrices : str
+        Key of ``FORMATS`` if matrices can be read from the file; empty otherwise.
+    geometry : str
+        Key of ``GEOMETRY_FORMATS``, or ``mesh``, if nodes can be read from the file; empty otherwise.
+    step : str
+        What to do with a file that is not read, or the command that takes it; empty if there is nothing to say.
+    """
+
+    name: str
+    words: str
+    matrices: str = ""
+    geometry: str = ""
+    step: str = ""
+
+
+@dataclass(frozen=True)
+class _Mark:
+    """A kind of file that is told by its first bytes and is not read, as a matrix or at all."""
+
+    name: str
+    words: str
+    detect: Callable[[bytes], bool]
+    step: str = _NO_MODEL
+    geometry: str = ""
+
+
+def _starts(*starts: bytes) -> Callable[[bytes], bool]:
+    return lambda head: head.startswith(starts)
+
+
+def _matches(pattern: bytes) -> Callable[[bytes], bool]:
+    found = re.compile(pattern, re.IGNORECASE | re.MULTILINE)
+    return lambda head: b"\0" not in head and found.search(head) is not None
+
+
+# The Harwell-Boeing header: a title, five counts of lines in 14 columns each, and the type of the matrix with its size.
+_HARWELL_BOEING = rb"\A[^\n]{0,80}\n(?: *\d+){4,5} *\r?\n *[RCPI][SUHZR][AE] +\d+ +\d+ +\d+"
+# PETSc writes the class of its object first, with the high byte first: Mat 1211216, Vec 1211214.
+_PETSC = (b"\x00\x12\x7b\x50", b"\x00\x12\x7b\x4e")
+# Records of ANSYS begin with their length: the first has 100 integers.
+_ANSYS = (b"\x64\x00\x00\x00", b"\x00\x00\x00\x64")
+_MESH = rb"\A\s*(?:\$MeshFormat|# vtk |solid |OFF\b|ply\b|(?:<\?xml[^>]*>\s*)?<(?:!DOCTYPE Xdmf|VTKFile|Xdmf))"
+_KEYS = rb"\A(?:\xef\xbb\xbf)?(?:\s*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"
+
+_MARKS = (
+    _Mark("gzip", "a file compressed with gzip", _starts(b"\x1f\x8b"), _UNPACK),
+    _Mark("zip", "a zip archive", _starts(b"PK\x03\x04", b"PK\x05\x06"), _UNPACK),
+    _Mark(
+        "compressed", "a compressed file", _starts(b"BZh", b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd", b"7z\xbc\xaf"), _UNPACK
+    ),
+    _Mark("tar", "a tar archive", lambda head: head[257:262] == b"ustar", _UNPACK),
+    _Mark("picture", "a picture", _starts(b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"II*\0", b"MM\0*")),
+    _Mark("pdf", "a PDF document", _starts(b"%PDF")),
+    _Mark("office", "a document of an office program", _starts(b"\xd0\xcf\x11\xe0")),
+    _Mark(
+        "petsc",
+        "a PETSc binary file",
+        _starts(*_PETSC),
+        "write the matrix to a .npz or .mtx file (scipy.sparse.save_npz, scipy.io.mmwrite)",
+    ),
+    _Mark(
+        "ansys",
+        "a binary file of ANSYS (.full, .sub, .rst)",
+        _starts(*_ANSYS),
+        "write the matrices to text with ANSYS's *SMAT and *EXPORT,...,MMF, and the nodes with CDWRITE",
+    ),
+    _Mark(
+        "harwell-boeing",
+        "a Harwell-Boeing matrix, as ANSYS's HBMAT writes it",
+        _matches(_HARWELL_BOEING),
+        "write it as Matrix Market (*EXPORT,...,MMF in ANSYS, scipy.io.mmwrite in Python)",
+    ),
+    _Mark(
+        "cdb",
+        "an ANSYS archive (.cdb)",
+        _matches(rb"\A\s*(?:/COM,ANSYS|/PREP7)|^NBLOCK,"),
+        "write the nodes as a mesh that meshio reads, or as NASTRAN bulk data",
+    ),
+    _Mark(
+        "unv",
+        "a universal file (UFF, UNV)",
+        _matches(rb"\A\s*-1[ ]*\r?\n[ ]*\d+b?[ ]*"),
+        "write its nodes as a mesh that meshio reads, or as NASTRAN bulk data",
+    ),
+    _Mark(
+        "ls-dyna",
+        "an LS-DYNA keyword file",
+        _matches(rb"^\*KEYWORD\b"),
+        "write the mesh as NASTRAN bulk data, and the matrices as DMIG",
+    ),
+    _Mark(
+        "aster",
+        "an ASCII mesh of code_aster (.mail)",
+        _matches(rb"^\s*COOR_[23]D\b"),
+        "write the mesh as MED (IMPR_RESU, FORMAT='MED')",
+    ),
+    _Mark(
+        "f06",
+        "a listing of NASTRAN (.f06)",
+        _matches(rb"\A1[ \t]*\r?\n(?s:.)*?(?:N A S T R A N|NASTRAN|MSC Software|Siemens)"),
+        "name the deck and the OP4, OP2 or punch file of the run",
+    ),
+    _Mark("sid", "a SID file, a body that is reduced already", _matches(rb"^\s*new modal\s*=?\s*$")),
+    _Mark("mbdyn", "a modal body of MBDyn, which is reduced already", _matches(rb"MBDyn MODAL DATA FILE")),
+    _Mark("html", "a web page", _matches(rb"\A\s*<(?:!doctype\s+)?html")),
+    _Mark(
+        "dofs", "a dof list, one node.component a line", _matches(rb"\A(?:\s*\d+\.[0-6]\s*\n){2}"), "use it as `rows:`"
+    ),
+    _Mark("mesh", "a mesh", _matches(_MESH), geometry="mesh"),
+    _Mark(
+        "pipeline",
+        "a pipeline of cmsreduce (YAML)",
+        _matches(_KEYS + rb"(?:name|output|include|components|scene|units|reduce|balance|verify|write)\s*:(?:\s|$)"),
+        "run it: `cmsreduce run {path}`",
+    ),
+    _Mark("yaml", "a YAML file that is no pipeline", _matches(_KEYS + rb"[A-Za-z_][\w-]*:(?:\s|$)")),
+    _Mark(
+        "summary",
+        "the summary of a run",
+        _matches(rb"\A\s*\{(?s:.)*\"components\""),
+        "check it: `cmsreduce check {path}`",
+    ),
+)
+"""Kinds of files that are known and not read, in the order of detection."""
+
+_OWN = {
+    "component": ("a component file of cmsreduce, a body that is reduced already", _INSPECT),
+    "system": ("the assembled reduced system that cmsreduce wrote", _INSPECT),
+    "sweep": (
+        "the table of a sweep of cmsreduce",
+        "pandas and h5py read it; sweep.csv beside it has the same rows",
+    ),
+    "stage": ("a finished stage of a run of cmsreduce", "`cmsreduce cache ls RUN_DIR` lists the stages of a run"),
+    "treetops": ("a body that cmsreduce wrote for TREETOPS, reduced already", "name its component file instead"),
+}
+"""Words and next step for HDF5 files of this program, by their attribute ``format``."""
+
+_WANTED = {
+    "component": (("component",), "a component file, which a run writes as NAME.h5"),
+    "pipeline": (("pipeline", "yaml"), "a pipeline file"),
+    "result": (("component", "summary"), "a component file, a run directory or its summary.json"),
+}
+"""Kinds of files that pass, and words, for each kind that a command takes."""
+
+
+def file_kind(path: Path) -> FileKind:
+    """Look at a file and say what it is; its name does not matter.
+
+    Parameters
+    ----------
+    path : Path
+        An existing file.
+
+    Returns
+    -------
+    FileKind
+        ``empty`` for a file without content, ``unknown`` for one that no format and no mark takes.
+
+    Raises
+    ------
+    ReadError
+        If the file is missing, a folder, or cannot be opened.
+    """
+    if not path.is_file():
+        require_file(path)
+    head = read_head(path, GEOMETRY_HEAD)
+    if not head:
+        return FileKind("empty", "an empty file", step="the run that should have written it may have failed")
+    matrices, geometry = matrix_format(path, head), geometry_format(head)
+    if matrices is not None or geometry is not None:
+        main = matrices or geometry
+        assert main is not None
+        return FileKind(main.name, main.words, matrices.name if matrices else "", geometry.name if geometry else "")
+    if is_hdf5(head):
+        return _hdf5_kind(path)
+    for mark in _MARKS:
+        if mark.detect(head[:_START]):
+            return FileKind(mark.name, mark.words, "", mark.geometry, mark.step.format(path=path))
+    return FileKind("unknown", f"of no known format, it starts with {head[:24]!r}")
+
+
+def matrix_format(path: Path, head: bytes) -> MatrixFormat | None:
+    """Format of matrices that takes a file, from its first bytes."""
+    start = head[:HEAD]
+    return next((format for format in FORMATS.values() if format.detect(path, start)), None)
+
+
+def geometry_format(head: bytes) -> GeometryFormat | None:
+    """Registered format of geometry that takes a file, from its first bytes."""
+    text = head[:GEOMETRY_HEAD].decode("latin-1")
+    return next((format for format in GEOMETRY_FORMATS.values() if format.detect(text)), None)
+
+
+def expect_kind(path: Path, wanted: str) -> None:
+    """Refuse a file that is clearly of another kind than a command takes.
+
+    A missing, empty or unknown file passes: the reader of the wanted kind has the better words for it.
+
+    Parameters
+    ----------
+    path : Path
+        The file, or a folder.
+    wanted : {"component", "pipeline", "result"}
+        Kind of file that the command takes.
+
+    Raises
+    ------
+    ReadError
+        With the kind of the file and the next step.
+    """
+    kinds, words = _WANTED[wanted]
+    if not path.is_file():
+        return
+    kind = file_kind(path)
+    if kind.name not in (*kinds, "empty", "unknown"):
+        raise ReadError(f"{path}: this is {kind.words}, not {words}: {kind.step or _INSPECT.format(path=path)}")
+
+
+def _hdf5_kind(path: Path) -> FileKind:
+    """Kind of an HDF5 file that MATLAB did not write."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            said, version, items = file.attrs.get("format", ""), file.attrs.get("format_version", ""), list(file)
+    except LIBRARY_ERRORS as error:
+        reason = " ".join(str(error).split())
+        return FileKind("hdf5", f"a damaged HDF5 file ({reason})", step="write it again, or copy it in binary mode")
+    return _own(path, said, version) or _foreign(items)
+
+
+def _own(path: Path, said: Any, version: Any) -> FileKind | None:
+    program, _, kind = str(said).replace(" ", "-").partition("-")
+    if program != "cmsreduce" or kind not in _OWN:
+        return None
+    words, step = _OWN[kind]
+    return FileKind(kind, f"{words} (format version {version})", step=step.format(path=path))
+
+
+def _foreign(items: Sequence[str]) -> FileKind:
+    """Kind of an HDF5 file of another program, from the names of its groups and datasets."""
+    if "ENS_MAA" in items:
+        return FileKind("mesh", "a MED file (code_aster, Salome)", geometry="mesh")
+    if "NASTRAN" in items:
+        step = "write the matrices with OUTPUT4 or as DMIG, and name the deck"
+        return FileKind("nastran-hdf5", "a result file of NASTRAN in HDF5", step=step)
+    named = ", ".join(items[:_NAMED_IN_HDF5]) + (" ..." if len(items) > _NAMED_IN_HDF5 else "")
+    step = "save the matrices to a .npz or .mat file"
+    return FileKind("hdf5", f"an HDF5 file of another program, with {named or 'nothing'} in it", step=step)

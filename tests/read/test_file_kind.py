@@ -1,0 +1,181 @@
+"""Every file is named by what it is, whatever its name says; refusals and commands use the same look."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import zipfile
+from pathlib import Path
+
+import h5py
+import meshio
+import numpy as np
+import pytest
+import scipy.io
+import scipy.sparse as sp
+from click.testing import CliRunner
+from pyyeti.nastran import op4
+
+from cmsreduce.cli import main
+from cmsreduce.errors import ReadError
+from cmsreduce.read import expect_kind, file_kind, matrix_names, read_geometry
+from cmsreduce.read.files import read_head
+
+K = np.array([[2.0, -1.0], [-1.0, 2.0]])
+# Harwell-Boeing by the specification: a title and a key, counts of lines, type and size, formats.
+HARWELL_BOEING = (
+    f"{'stiffness of a bracket':<72}KEY00001\n{4:14d}{1:14d}{1:14d}{2:14d}{0:14d}\n"
+    f"{'RSA':<14}{2:14d}{2:14d}{3:14d}{0:14d}\n"
+    "(8I10)          (8I10)          (4E20.12)\n"
+)
+
+
+def binary(write: object) -> bytes:
+    held = io.BytesIO()
+    write(held)  # type: ignore[operator]
+    return held.getvalue()
+
+
+def zipped(name: str) -> bytes:
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w") as archive:
+        archive.writestr(name, "content")
+    return held.getvalue()
+
+
+def hdf5(path: Path, attributes: dict[str, object], items: tuple[str, ...]) -> None:
+    with h5py.File(path, "w") as file:
+        file.attrs.update(attributes)
+        for name in items:
+            file.create_group(name)
+
+
+CONTENT = {
+    "mat": binary(lambda file: scipy.io.savemat(file, {"K": K})),
+    "npy": binary(lambda file: np.save(file, K)),
+    "npz": binary(lambda file: sp.save_npz(file, sp.csc_array(K))),
+    "matrix-market": b"%%MatrixMarket matrix array real general\n2 2\n2\n-1\n-1\n2\n",
+    "calculix": b"1 1 2.0\n1 2 -1.0\n2 2 2.0\n",
+    "dmig": b"DMIG    KAA     0       6       1       0\nDMIG*   KAA                            1               1\n",
+    "bulk": b"SOL 103\nCEND\nBEGIN BULK\nGRID,1,,0.,0.,0.\nENDDATA\n",
+    "superelement": b"SECONCT,5,0,,NO\nEXTRN,11,246\nGRID,11,,4.,5.,6.\n",
+    "frd": b"    1C\n    1UUSER\n    2C                             1                                     1\n",
+    "inp": b"*HEADING\na bracket\n*NODE\n1, 0., 0., 0.\n",
+    "f06": b"1\n \n      * * *  N A S T R A N  * * *\nGRID     1     0.   0.   0.\n",
+    "gzip": gzip.compress(b"BEGIN BULK\nGRID,1,,0.,0.,0.\n"),
+    "zip": zipped("body.bdf"),
+    "picture": b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR",
+    "petsc": np.array([1211216, 2, 2, 3], dtype=">i4").tobytes(),
+    "harwell-boeing": HARWELL_BOEING.encode(),
+    "ansys": np.array([100, 0, 4], dtype="<i4").tobytes() + bytes(400),
+    "unv": b"    -1\n  2411\n         1         1         1        11\n",
+    "ls-dyna": b"*KEYWORD\n*NODE\n       1             0.0             0.0             0.0\n",
+    "dofs": b"1.1\n1.2\n1.3\n",
+    "pipeline": b"# a study\nname: bracket\ncomponents:\n",
+    "yaml": b"colour: blue\n",
+    "empty": b"",
+    "unknown": b"once upon a time",
+}
+HDF5 = {
+    "component": ({"format": "cmsreduce-component", "format_version": 3}, ("modes",)),
+    "system": ({"format": "cmsreduce-system", "format_version": 2}, ()),
+    "sweep": ({"format": "cmsreduce sweep", "format_version": 1}, ("points",)),
+    "mesh": ({}, ("ENS_MAA", "INFOS_GENERALES")),
+    "nastran-hdf5": ({}, ("INDEX", "NASTRAN")),
+    "hdf5": ({}, ("stiffness", "mass")),
+}
+
+
+@pytest.mark.parametrize("suffix", ["", ".op4", ".h5", ".yaml"])
+@pytest.mark.parametrize("name", [*CONTENT, *HDF5])
+def test_a_file_is_what_its_content_says(tmp_path: Path, name: str, suffix: str) -> None:
+    path = tmp_path / f"file{suffix}"
+    if name in CONTENT:
+        path.write_bytes(CONTENT[name])
+    else:
+        hdf5(path, *HDF5[name])
+    kind = file_kind(path)
+    assert kind.name == name
+    if name == "mesh":
+        return
+    for read, held in ((matrix_names, kind.matrices), (read_geometry, kind.geometry)):
+        if held or name in ("frd",):
+            continue
+        with pytest.raises(ReadError) as refused:
+            read(path)
+        said = str(refused.value)
+        assert str(path) in said and "\n" not in said
+        if name not in ("empty", "unknown"):
+            assert f"this is {kind.words}, which holds no " in said
+
+
+def test_nastran_and_hdf5_files_of_programs(tmp_path: Path) -> None:
+    op4.write(str(tmp_path / "a"), {"KAA": K})
+    assert file_kind(tmp_path / "a").matrices == "op4"
+    meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])]).write(tmp_path / "b", "med")
+    assert file_kind(tmp_path / "b").words == "a MED file (code_aster, Salome)"
+    with h5py.File(tmp_path / "c", "w") as file:
+        file.create_dataset("K", data=K).attrs["MATLAB_class"] = np.bytes_("double")
+    assert file_kind(tmp_path / "c").matrices == "mat"
+    # A punch file may have both: the grids and the matrices of a superelement.
+    (tmp_path / "d").write_bytes(CONTENT["bulk"] + CONTENT["dmig"])
+    assert (file_kind(tmp_path / "d").matrices, file_kind(tmp_path / "d").geometry) == ("dmig", "bulk")
+
+
+def test_own_files_are_named_with_their_version(tmp_path: Path) -> None:
+    hdf5(tmp_path / "a", *HDF5["system"])
+    with pytest.raises(ReadError, match=r"assembled reduced system that cmsreduce wrote \(format version 2\)"):
+        matrix_names(tmp_path / "a")
+
+
+def test_words_of_a_calculix_body_are_those_of_calculix(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(CONTENT["inp"])
+    with pytest.raises(ReadError, match="CalculiX writes them as") as refused:
+        matrix_names(tmp_path / "a")
+    assert "NASTRAN" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("run", "a"), "this is numpy .npy, not a pipeline file: `cmsreduce inspect a` shows what is in it"),
+        (("sweep", "a", "--over", "reduce.cutoff=1,2"), "this is numpy .npy, not a pipeline file"),
+        (
+            ("check", "b"),
+            "this is the assembled reduced system that cmsreduce wrote (format version 2), not a component",
+        ),
+        (("convert", "c", "x.op4"), "this is a pipeline of cmsreduce (YAML), not a component file, which a run writes"),
+        (("inspect", "d"), "this is a picture, which holds no nodes: name the matrices and the deck or mesh"),
+    ],
+)
+def test_commands_say_what_they_were_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, kind in (("a", "npy"), ("c", "pipeline"), ("d", "picture")):
+        Path(name).write_bytes(CONTENT[kind])
+    hdf5(Path("b"), *HDF5["system"])
+    done = CliRunner().invoke(main, words)
+    assert (done.exit_code, done.output.count("error: ")) == (2, 1)
+    assert message in done.output
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [
+        ("nas2cam/inboard.out", "f06"),
+        ("swept_plane/sol103_swept_plane.f06", "f06"),
+        ("swept_plane/sol103_swept_plane.pch1", "dmig"),
+        ("abaqus_c3d10/blockC3D10.inp", "inp"),
+        ("abaqus_c3d10/blockC3D10_STIF1.mtx", "abaqus"),
+        ("calculix_body/calculix.dof", "dofs"),
+        ("formats/five_node_model.sid_fem", "sid"),
+        ("formats/mbdyn_beam.fem", "mbdyn"),
+        ("slicot/iss.mat", "mat"),
+    ],
+)
+def test_files_of_other_programs(shared_data: Path, tmp_path: Path, file: str, name: str) -> None:
+    (tmp_path / "copy").write_bytes(read_head(shared_data / file, 1 << 24))
+    assert file_kind(tmp_path / "copy").name == name
+    expect_kind(tmp_path / "nothing", "pipeline")
