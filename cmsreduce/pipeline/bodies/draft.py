@@ -15,7 +15,7 @@ from cmsreduce.errors import CmsReduceError, ReadError
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import FEModel, rigid_body_shapes
 from cmsreduce.pipeline.store import diagnostic
-from cmsreduce.read import MatrixSource, detect_format, matrix_names, read_body
+from cmsreduce.read import MatrixSource, detect_format, is_row_mapping, matrix_names, read_body
 from cmsreduce.verify import rigid_motions
 
 __all__ = ["draft_body"]
@@ -34,7 +34,8 @@ def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
     name : str
         Name of the body, for messages.
     files : sequence of Path
-        Matrices and the deck or mesh they came from, in any order; or the ``.asm`` of a NASTRAN external superelement.
+        Matrices, the deck or mesh they came from and a list of the nodes of their rows, in any order; or the ``.asm``
+        of a NASTRAN external superelement.
 
     Returns
     -------
@@ -55,12 +56,16 @@ def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
         return _checked(
             name, BodyDraft((stem.with_suffix(".op4"), "KXX"), (stem.with_suffix(".op4"), "MXX"), extseout=stem)
         )
-    matrices = [(path, info.name) for path in files if _holds_matrices(path) for info in matrix_names(path)]
-    shapes = [path for path in files if not _holds_matrices(path)]
+    rows = [path for path in files if is_row_mapping(path)]
+    sources = [path for path in files if path not in rows]
+    matrices = [(path, info.name) for path in sources if _holds_matrices(path) for info in matrix_names(path)]
+    shapes = [path for path in sources if not _holds_matrices(path)]
     if len(shapes) > 1:
         raise ReadError(f"several decks or meshes: {', '.join(map(str, shapes))}; give the one the matrices came from")
+    if len(rows) > 1:
+        raise ReadError(f"several lists of the nodes of rows: {', '.join(map(str, rows))}; give one for both matrices")
     stiffness, mass = _one(matrices, "stiffness", "k", ".sti"), _one(matrices, "mass", "m", ".mas")
-    return _checked(name, BodyDraft(stiffness, mass, shapes[0] if shapes else None))
+    return _checked(name, BodyDraft(stiffness, mass, next(iter(shapes), None), next(iter(rows), None)))
 
 
 def _holds_matrices(path: Path) -> bool:
@@ -72,14 +77,15 @@ def _holds_matrices(path: Path) -> bool:
 
 
 def _one(matrices: Sequence[tuple[Path, str]], what: str, letter: str, suffix: str) -> tuple[Path, str]:
-    """The matrix whose own name, or the name of its file, begins with the letter."""
+    """The matrix whose own name, or the name of its file, begins with the letter or has the word in it."""
 
     def named(text: str) -> bool:
         return text.lower().startswith((letter, what[:4]))
 
     by_name = [(path, name) for path, name in matrices if named(name)]
     by_file = [(path, name) for path, name in matrices if path.suffix.lower() == suffix or named(path.stem)]
-    for found in (by_name, by_file):
+    by_word = [(path, name) for path, name in matrices if what[:4] in path.stem.lower()]
+    for found in (by_name, by_file, by_word):
         if len(found) == 1:
             return found[0]
     if len(by_name) > 1:
@@ -95,7 +101,7 @@ def _checked(name: str, draft: BodyDraft) -> BodyDraft:
     geometry = draft.geometry if draft.extseout is None else draft.extseout.with_suffix(".asm")
     stiffness, mass = (MatrixSource(path, matrix or None) for path, matrix in (draft.stiffness, draft.mass))
     try:
-        body = read_body(name, stiffness=stiffness, mass=mass, geometry=geometry)
+        body = read_body(name, stiffness=stiffness, mass=mass, geometry=geometry, rows=draft.rows)
         if body.nodes is None:
             return replace(draft, remark="no deck or mesh is given, so that no grid can be named for the mount")
         draft = replace(draft, **_places(body))
