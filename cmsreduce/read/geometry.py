@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.ansys import NODE_LISTING
+from cmsreduce.read.ansys import NODE_FILE, NODE_LISTING
 from cmsreduce.read.calculix_abaqus import FRD, INPUT_FILE
 from cmsreduce.read.files import read_head, reading
 from cmsreduce.read.formats import Cells, Geometry, GeometryFormat
@@ -20,7 +20,7 @@ from cmsreduce.read.nastran import BULK_DATA, EXTERNAL_SUPERELEMENT
 __all__ = ["GEOMETRY_FORMATS", "read_cells", "read_geometry"]
 
 GEOMETRY_FORMATS: dict[str, GeometryFormat] = {
-    format.name: format for format in (FRD, INPUT_FILE, EXTERNAL_SUPERELEMENT, BULK_DATA, NODE_LISTING)
+    format.name: format for format in (FRD, NODE_FILE, INPUT_FILE, EXTERNAL_SUPERELEMENT, BULK_DATA, NODE_LISTING)
 }
 """Every registered format of geometry files by name, in the order of detection."""
 

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.ansys import is_row_mapping, read_row_mapping
+from cmsreduce.read.ansys import FULL_FILE, is_row_mapping, read_row_mapping
 from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, dof_list_beside, read_dof_list
 from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import MatrixFormat, MatrixInfo, StoredMatrix
@@ -19,7 +19,7 @@ __all__ = ["FORMATS", "detect_format", "matrix_names", "read_matrix"]
 
 # In the order of detection: DMIG is last, because its cards may stand anywhere in a large deck.
 FORMATS: dict[str, MatrixFormat] = {
-    format.name: format for format in (OP4, OP2, MATLAB, NPZ, NPY, MATRIX_MARKET, CALCULIX, ABAQUS, DMIG)
+    format.name: format for format in (OP4, OP2, MATLAB, NPZ, NPY, FULL_FILE, MATRIX_MARKET, CALCULIX, ABAQUS, DMIG)
 }
 """Every format that matrices are read from, by name."""
 
