@@ -94,6 +94,7 @@ def samples(folder: Path) -> dict[str, bytes]:
         "printed.op4": lambda path: op4.save(str(path), {"KAA": A}, binary=False),
         "sparse.op4": lambda path: op4.save(str(path), {"KAA": sparse.toarray()}, binary=False, sparse="bigmat"),
         "market.mtx": lambda path: scipy.io.mmwrite(path, sp.coo_array(sparse), symmetry="symmetric"),
+        "harwell.hb": lambda path: scipy.io.hb_write(path, sparse),
         "array.mtx": lambda path: scipy.io.mmwrite(path, A),
         "level5.mat": lambda path: scipy.io.savemat(path, {"K": sparse, "M": A}),
         "packed.mat": lambda path: scipy.io.savemat(path, {"K": sparse}, do_compression=True),

@@ -45,6 +45,8 @@ def write(path: Path, format: str) -> None:
         case "matrix-market":
             with path.open("wb") as file:
                 scipy.io.mmwrite(file, sp.coo_array(K))
+        case "harwell-boeing":
+            scipy.io.hb_write(path, sp.csc_array(K))
         case "npz":
             with path.open("wb") as file:
                 np.savez(file, K=K)

@@ -1,11 +1,12 @@
-"""Matrix files that belong to no finite-element program: Matrix Market, numpy, MATLAB.
+"""Matrix files that belong to no finite-element program: Matrix Market, Harwell-Boeing, numpy, MATLAB.
 
 Readers that return labelled matrices belong here.
 The choice of a reader by content belongs in `read.matrix`.
 """
 
+from cmsreduce.read.matrices.harwell_boeing import HARWELL_BOEING
 from cmsreduce.read.matrices.matlab import MATLAB
 from cmsreduce.read.matrices.matrix_market import COORDINATE, LABELLED, MATRIX_MARKET, read_entries
 from cmsreduce.read.matrices.numpy_files import NPY, NPZ
 
-__all__ = ["COORDINATE", "LABELLED", "MATLAB", "MATRIX_MARKET", "NPY", "NPZ", "read_entries"]
+__all__ = ["COORDINATE", "HARWELL_BOEING", "LABELLED", "MATLAB", "MATRIX_MARKET", "NPY", "NPZ", "read_entries"]
