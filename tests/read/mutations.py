@@ -97,6 +97,7 @@ def samples(folder: Path) -> dict[str, bytes]:
         "harwell.hb": lambda path: scipy.io.hb_write(path, sparse),
         "array.mtx": lambda path: scipy.io.mmwrite(path, A),
         "level5.mat": lambda path: scipy.io.savemat(path, {"K": sparse, "M": A}),
+        "struct.mat": lambda path: scipy.io.savemat(path, {"sys": {"K": sparse, "M": A, "inner": {"K": A}}}),
         "packed.mat": lambda path: scipy.io.savemat(path, {"K": sparse}, do_compression=True),
         "level4.mat": lambda path: scipy.io.savemat(path, {"K": A}, format="4"),
         "dense.npy": lambda path: np.save(path, A),

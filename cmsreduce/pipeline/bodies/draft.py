@@ -82,8 +82,11 @@ def _one(matrices: Sequence[tuple[Path, str]], what: str, letter: str, suffix: s
     def named(text: str) -> bool:
         return text.lower().startswith((letter, what[:4]))
 
-    by_name = [(path, name) for path, name in matrices if named(name)]
-    by_file = [(path, name) for path, name in matrices if path.suffix.lower() == suffix or named(path.stem)]
+    # A matrix in a struct of MATLAB has the name of its field.
+    by_name = [(path, name) for path, name in matrices if named(name.rpartition(".")[2])]
+    by_file = [
+        (path, name) for path, name in matrices if path.suffix.lower() == suffix or named(path.stem.replace(".", "_"))
+    ]
     by_word = [(path, name) for path, name in matrices if what[:4] in path.stem.lower()]
     for found in (by_name, by_file, by_word):
         if len(found) == 1:
