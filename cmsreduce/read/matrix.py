@@ -12,7 +12,7 @@ from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, dof_list_beside, re
 from cmsreduce.read.files import read_head, reading, require_file
 from cmsreduce.read.formats import MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix
-from cmsreduce.read.matrices import HARWELL_BOEING, MATLAB, MATRIX_MARKET, NPY, NPZ
+from cmsreduce.read.matrices import HARWELL_BOEING, MATLAB, MATRIX_MARKET, NPY, NPZ, PETSC
 from cmsreduce.read.nastran import DMIG, OP2, OP4
 
 __all__ = ["FORMATS", "detect_format", "matrix_names", "read_matrix"]
@@ -20,7 +20,7 @@ __all__ = ["FORMATS", "detect_format", "matrix_names", "read_matrix"]
 # In the order of detection: DMIG is last, because its cards may stand anywhere in a large deck.
 FORMATS: dict[str, MatrixFormat] = {
     format.name: format
-    for format in (OP4, OP2, MATLAB, NPZ, NPY, FULL_FILE, MATRIX_MARKET, HARWELL_BOEING, CALCULIX, ABAQUS, DMIG)
+    for format in (OP4, OP2, MATLAB, NPZ, NPY, PETSC, FULL_FILE, MATRIX_MARKET, HARWELL_BOEING, CALCULIX, ABAQUS, DMIG)
 }
 """Every format that matrices are read from, by name."""
 

@@ -47,6 +47,10 @@ def write(path: Path, format: str) -> None:
                 scipy.io.mmwrite(file, sp.coo_array(K))
         case "harwell-boeing":
             scipy.io.hb_write(path, sp.csc_array(K))
+        case "petsc":
+            rows = sp.csr_array(K)
+            numbers = np.array([1211216, 3, 3, rows.nnz, *np.diff(rows.indptr), *rows.indices], dtype=">i4")
+            path.write_bytes(numbers.tobytes() + rows.data.astype(">f8").tobytes())
         case "npz":
             with path.open("wb") as file:
                 np.savez(file, K=K)
