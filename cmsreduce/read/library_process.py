@@ -28,7 +28,10 @@ def mesh(path: str) -> Arrays:
     import meshio
     import numpy as np
 
-    found = meshio.read(path)
+    with open(path, "rb") as file:  # noqa: PTH123
+        hdf5 = file.read(8) == b"\x89HDF\r\n\x1a\n"
+    # code_aster names its MED files .rmed and .mmed, which meshio does not know.
+    found = meshio.read(path, "med" if hdf5 and path.lower().endswith("med") else None)
     cells = {f"{number} {block.type}": np.asarray(block.data) for number, block in enumerate(found.cells)}
     return {"points": np.asarray(found.points), **cells}
 

@@ -1,8 +1,8 @@
 """Sparse matrices in the binary files of PETSc (MatView), which have no names and may follow one another.
 
-A matrix is big-endian: the number 1211216, rows, columns and entries as integers; the entries of each row, their columns
-and their values. Source: PETSc manual, MatLoad. Of the builds of PETSc, those with integers of four or eight bytes and
-real numbers of double precision are read.
+A matrix is big-endian: the number 1211216, rows, columns and entries as integers; the entries of each row, their
+columns and their values. Source: PETSc manual, MatLoad. Of the builds of PETSc, those with integers of four or eight
+bytes and real numbers of double precision are read.
 """
 
 from __future__ import annotations
