@@ -165,6 +165,8 @@ class BodyDraft:
         File and name of each matrix; the name is empty where the file has only one without a name.
     geometry : Path, optional
         Deck or mesh.
+    rows : Path, optional
+        List of the dofs of the rows.
     extseout : Path, optional
         Stem of a NASTRAN external superelement, which stands for the matrices and the geometry.
     interfaces : tuple of (str, str, str)
@@ -193,6 +195,7 @@ class BodyDraft:
     stiffness: tuple[Path, str]
     mass: tuple[Path, str]
     geometry: Path | None = None
+    rows: Path | None = None
     extseout: Path | None = None
     interfaces: tuple[tuple[str, str, str], ...] = (("mount", "{node: 1}", ""),)
     proposed: tuple[tuple[str, str, str], ...] = ()
@@ -321,6 +324,8 @@ def _sources(draft: BodyDraft) -> Sequence[str]:
         lines.append(
             f'    geometry: "{draft.geometry.as_posix()}"    # grids, frames, sets; they prove the order of the rows'
         )
+    if draft.rows is not None:
+        lines.append(f'    rows: {{file: "{draft.rows.as_posix()}"}}    # nodes and dofs of the rows')
     return lines
 
 

@@ -4,6 +4,7 @@ Formats, geometry, row labels, interfaces and the proof of the row order belong 
 Ties and other mechanics belong in `mechanics`; the keys that name files belong in `config`.
 """
 
+from cmsreduce.read.ansys import is_row_mapping
 from cmsreduce.read.body import read_body
 from cmsreduce.read.controller import read_controller
 from cmsreduce.read.differential_stiffness import read_differential_stiffness
@@ -55,6 +56,7 @@ __all__ = [
     "detect_format",
     "expect_kind",
     "file_kind",
+    "is_row_mapping",
     "matrix_names",
     "prove_mass_order",
     "prove_row_order",

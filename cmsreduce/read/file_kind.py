@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from cmsreduce.errors import ReadError
+from cmsreduce.read.ansys import FULL_FILE, NODE_FILE, NODE_LISTING, is_row_mapping
 from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, FRD, INPUT_FILE
 from cmsreduce.read.files import LIBRARY_ERRORS, read_head, require_file
 from cmsreduce.read.formats import GeometryFormat, MatrixFormat
-from cmsreduce.read.matrices import MATLAB, MATRIX_MARKET, NPY, NPZ, is_hdf5
+from cmsreduce.read.matrices import HARWELL_BOEING, MATLAB, MATRIX_MARKET, NPY, NPZ, PETSC, is_hdf5
 from cmsreduce.read.nastran import BULK_DATA, DMIG, EXTERNAL_SUPERELEMENT, OP2, OP4
 
 __all__ = [
@@ -32,12 +33,13 @@ __all__ = [
 
 # In the order of detection: DMIG is last, because its cards may stand anywhere in a large deck.
 FORMATS: dict[str, MatrixFormat] = {
-    format.name: format for format in (OP4, OP2, MATLAB, NPZ, NPY, MATRIX_MARKET, CALCULIX, ABAQUS, DMIG)
+    format.name: format
+    for format in (OP4, OP2, MATLAB, NPZ, NPY, PETSC, FULL_FILE, MATRIX_MARKET, HARWELL_BOEING, CALCULIX, ABAQUS, DMIG)
 }
 """Every format that matrices are read from, by name."""
 
 GEOMETRY_FORMATS: dict[str, GeometryFormat] = {
-    format.name: format for format in (FRD, INPUT_FILE, EXTERNAL_SUPERELEMENT, BULK_DATA)
+    format.name: format for format in (FRD, NODE_FILE, INPUT_FILE, EXTERNAL_SUPERELEMENT, BULK_DATA, NODE_LISTING)
 }
 """Every registered format of geometry files by name, in the order of detection."""
 
@@ -63,7 +65,7 @@ class FileKind:
     ----------
     name : str
         Short name: a key of ``FORMATS`` or ``GEOMETRY_FORMATS``, ``mesh``, ``component``, ``system``, ``sweep``,
-        ``pipeline``, ``empty``, ``unknown``, or that of a mark.
+        ``pipeline``, ``rows``, ``empty``, ``unknown``, or that of a mark.
     words : str
         The kind in words, for messages: "this is WORDS".
     matrices : str
@@ -101,12 +103,6 @@ def _matches(pattern: bytes) -> Callable[[bytes], bool]:
     return lambda head: b"\0" not in head and found.search(head) is not None
 
 
-# The Harwell-Boeing header: a title, five counts of lines in 14 columns each, and the type of the matrix with its size.
-_HARWELL_BOEING = rb"\A[^\n]{0,80}\n(?: *\d+){4,5} *\r?\n *[RCPI][SUHZR][AE] +\d+ +\d+ +\d+"
-# PETSc writes the class of its object first, with the high byte first: Mat 1211216, Vec 1211214.
-_PETSC = (b"\x00\x12\x7b\x50", b"\x00\x12\x7b\x4e")
-# Records of ANSYS begin with their length: the first has 100 integers.
-_ANSYS = (b"\x64\x00\x00\x00", b"\x00\x00\x00\x64")
 _MESH = rb"\A\s*(?:\$MeshFormat|# vtk |solid |OFF\b|ply\b|(?:<\?xml[^>]*>\s*)?<(?:!DOCTYPE Xdmf|VTKFile|Xdmf))"
 _KEYS = rb"\A(?:\xef\xbb\xbf)?(?:\s*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"
 
@@ -120,30 +116,6 @@ _MARKS = (
     _Mark("picture", "a picture", _starts(b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"II*\0", b"MM\0*")),
     _Mark("pdf", "a PDF document", _starts(b"%PDF")),
     _Mark("office", "a document of an office program", _starts(b"\xd0\xcf\x11\xe0")),
-    _Mark(
-        "petsc",
-        "a PETSc binary file",
-        _starts(*_PETSC),
-        "write the matrix to a .npz or .mtx file (scipy.sparse.save_npz, scipy.io.mmwrite)",
-    ),
-    _Mark(
-        "ansys",
-        "a binary file of ANSYS (.full, .sub, .rst)",
-        _starts(*_ANSYS),
-        "write the matrices to text with ANSYS's *SMAT and *EXPORT,...,MMF, and the nodes with CDWRITE",
-    ),
-    _Mark(
-        "harwell-boeing",
-        "a Harwell-Boeing matrix, as ANSYS's HBMAT writes it",
-        _matches(_HARWELL_BOEING),
-        "write it as Matrix Market (*EXPORT,...,MMF in ANSYS, scipy.io.mmwrite in Python)",
-    ),
-    _Mark(
-        "cdb",
-        "an ANSYS archive (.cdb)",
-        _matches(rb"\A\s*(?:/COM,ANSYS|/PREP7)|^NBLOCK,"),
-        "write the nodes as a mesh that meshio reads, or as NASTRAN bulk data",
-    ),
     _Mark(
         "unv",
         "a universal file (UFF, UNV)",
@@ -234,6 +206,8 @@ def file_kind(path: Path) -> FileKind:
     head = read_head(path, GEOMETRY_HEAD)
     if not head:
         return FileKind("empty", "an empty file", step="the run that should have written it may have failed")
+    if is_row_mapping(path):
+        return FileKind("rows", "a list of the nodes of rows, as ANSYS exports it", step="use it as `rows:`")
     matrices, geometry = matrix_format(path, head), geometry_format(head)
     if matrices is not None or geometry is not None:
         main = matrices or geometry

@@ -6,6 +6,7 @@ import difflib
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
+from cmsreduce.read.ansys import is_row_mapping, read_row_mapping
 from cmsreduce.read.calculix_abaqus import dof_list_beside, read_dof_list
 from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, HEAD, file_kind, matrix_format
 from cmsreduce.read.files import read_head, reading, require_file
@@ -69,7 +70,8 @@ def read_matrix(
         A key of ``FORMATS``, in place of detection by content.
     dofs : Path, optional
         Dof list, one ``node.component`` a row. By default a text of entries takes the ``.dof`` file of its own stem.
-        A matrix that carries labels is put in the order of the list.
+        A matrix that carries labels is put in the order of the list. Or a mapping of ANSYS: the node of each block of
+        rows.
     rectangular : bool
         Accept a DMIG that is marked rectangular, whose columns are not the dofs of its rows.
 
@@ -102,7 +104,8 @@ def read_matrix(
     list_path = dofs or beside
     if list_path is None:
         return loaded
-    table = read_dof_list(list_path)
+    mapped = is_row_mapping(list_path)
+    table = read_row_mapping(list_path, loaded.A.shape[0]) if mapped else read_dof_list(list_path)
     return loaded.with_dofs(table, list_path) if loaded.dofs is None else loaded.on(table)
 
 

@@ -22,7 +22,17 @@ GEOMETRY = ("deck.bdf", "mesh.inp", "mesh.frd")
 NAMES = (
     *GEOMETRY,
     *("dmig.pch", "abaqus.mtx", "calculix.sti", "binary.op2", "wide.op2", "dense.op4", "bigmat.op4", "nonbigmat.op4"),
-    *("printed.op4", "sparse.op4", "market.mtx", "array.mtx", "level5.mat", "packed.mat", "level4.mat"),
+    *(
+        "printed.op4",
+        "sparse.op4",
+        "market.mtx",
+        "array.mtx",
+        "harwell.hb",
+        "level5.mat",
+        "struct.mat",
+        "packed.mat",
+        "level4.mat",
+    ),
     *("dense.npy", "arrays.npz", "sparse.npz"),
 )
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read import read_cells, read_geometry
+from cmsreduce.read import detect_format, read_cells, read_geometry
 
 FRD_LONG = """    1C
     1UPGM               CalculiX
@@ -261,3 +261,15 @@ def test_elements_of_the_body_of_another_program(shared_data: Path) -> None:
     assert kind in ("hexahedron", "tetra", "wedge")
     assert len(cells) > 10
     assert (np.diff(np.sort(cells, axis=1), axis=1) > 0).all()
+
+
+@pytest.mark.parametrize("suffix", [".med", ".rmed"])
+def test_med_is_a_mesh_and_no_file_of_matlab(tmp_path: Path, suffix: str) -> None:
+    """Salome writes .med and code_aster .rmed; both are HDF5."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3.0]])
+    meshio.write(tmp_path / "part.med", meshio.Mesh(points, [("tetra", np.arange(4)[None])]))
+    path = (tmp_path / "part.med").rename(tmp_path / f"part{suffix}")
+    np.testing.assert_array_equal(read_geometry(path).nodes.xyz, points)
+    assert read_cells(path)["tetra"].tolist() == [[1, 2, 3, 4]]
+    with pytest.raises(ReadError, match="this is a MED file"):
+        detect_format(path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +48,8 @@ class BodyFiles:
         File and name of each matrix; the name is empty where the file has only one without a name.
     geometry : Path, optional
         Deck or mesh.
+    rows : Path, optional
+        List of the nodes of the rows.
     notes : tuple of str
         What the content of the files says against their names.
     """
@@ -56,6 +58,7 @@ class BodyFiles:
     stiffness: tuple[Path, str]
     mass: tuple[Path, str]
     geometry: Path | None = None
+    rows: Path | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -78,8 +81,10 @@ class _Candidate:
 
     def called(self, letter: str) -> bool:
         """True if the matrix, or else its file, has the name of a stiffness (k) or of a mass (m)."""
-        name = self.matrix.name.lower() if self.named else self.matrix.path.stem.lower()
-        file = self.matrix.path.suffix.lower() == _SUFFIXES[letter] and not self.named
+        stem = self.matrix.path.stem.lower()
+        # A matrix in a struct of MATLAB has the name of its field.
+        name = self.matrix.name.lower().rpartition(".")[2] if self.named else stem
+        file = not self.named and (self.matrix.path.suffix.lower() == _SUFFIXES[letter] or _WORDS[letter][:4] in stem)
         return file or name.startswith((letter, _WORDS[letter][:4]))
 
 
@@ -106,8 +111,9 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyFiles]:
     kinds, notes = _kinds(files)
     shapes = [path for path, kind in kinds.items() if kind.geometry]
     sources = [path for path, kind in kinds.items() if kind.matrices and not (kind.geometry and _has_others(kinds))]
+    rows = _rows(kinds, len(shapes))
     geometries = {path: read_geometry(path) for path in shapes}
-    matrices = {path: _matrices(path, geometries.values()) for path in sources}
+    matrices = {path: _matrices(path, rows, geometries.values()) for path in sources}
     command = f"cmsreduce new {name} STIFFNESS MASS DECK"
     if not any(matrices.values()):
         given = ", ".join(f"{path} ({kind.words})" for path, kind in kinds.items())
@@ -115,7 +121,7 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyFiles]:
     if len(shapes) < 2:
         shape = geometries[shapes[0]] if shapes else None
         every = [one for found in matrices.values() for one in found]
-        return [_body(name, every, shape, notes, command)]
+        return [replace(_body(name, every, shape, notes, command), rows=rows)]
     owners = {path: _owner(path, matrices[path], geometries, list(kinds)) for path in sources}
     bodies = []
     for path, label in zip(shapes, _labels(shapes), strict=True):
@@ -156,6 +162,9 @@ def _kinds(files: Sequence[Path]) -> tuple[dict[Path, FileKind], tuple[str, ...]
         # A dof list is found beside its matrix.
         if kind.name == "dofs":
             continue
+        if kind.name == "rows":
+            kinds[path] = kind
+            continue
         if not (kind.matrices or kind.geometry):
             # Some meshes have no mark, and one is told by reading it.
             if kind.name != "unknown":
@@ -171,12 +180,23 @@ def _kinds(files: Sequence[Path]) -> tuple[dict[Path, FileKind], tuple[str, ...]
     return kinds, tuple(notes)
 
 
+def _rows(kinds: Mapping[Path, FileKind], decks: int) -> Path | None:
+    """The list of the nodes of the rows, which holds for both matrices of the only body."""
+    found = [path for path, kind in kinds.items() if kind.name == "rows"]
+    if len(found) > 1 or (found and decks > 1):
+        raise ReadError(
+            f"{', '.join(map(str, found))}: a list of the nodes of rows holds for the matrices of one body; draft each "
+            "body by itself: cmsreduce new NAME STIFFNESS MASS DECK ROWS"
+        )
+    return next(iter(found), None)
+
+
 def _has_others(kinds: Mapping[Path, FileKind]) -> bool:
     """True if matrices are in files of their own, so that those in a deck are loads or elements."""
     return any(kind.matrices and not kind.geometry for kind in kinds.values())
 
 
-def _matrices(path: Path, geometries: Iterable[Geometry]) -> list[_Candidate]:
+def _matrices(path: Path, rows: Path | None, geometries: Iterable[Geometry]) -> list[_Candidate]:
     """Square matrices of a file, with the evidence that each known table of rows gives."""
     named = FORMATS[file_kind(path).matrices].named
     names: list[str | None] = [None]
@@ -185,7 +205,7 @@ def _matrices(path: Path, geometries: Iterable[Geometry]) -> list[_Candidate]:
     found = []
     for each in names:
         try:
-            matrix = read_matrix(path, each)
+            matrix = read_matrix(path, each, dofs=rows)
         except ReadError:
             if len(names) == 1:
                 raise
@@ -290,7 +310,7 @@ def _body(
             f"the names are exchanged: {K.words} is the stiffness, since a translation costs no force, and {M.words} "
             "is the mass; they are taken by their content",
         )
-    return BodyFiles(name, K.source, M.source, None if geometry is None else geometry.path, notes)
+    return BodyFiles(name, K.source, M.source, None if geometry is None else geometry.path, notes=notes)
 
 
 def _twice(found: Sequence[_Candidate]) -> str:

@@ -53,8 +53,8 @@ def draft_pipeline(name: str, files: Sequence[Path]) -> Draft:
     name : str
         Name of the study, and of the body if there is one.
     files : sequence of Path
-        Matrices and the decks or meshes they came from, in any order; or the ``.asm`` of a NASTRAN external
-        superelement.
+        Matrices, the decks or meshes they came from and a list of the nodes of their rows, in any order; or the
+        ``.asm`` of a NASTRAN external superelement.
 
     Raises
     ------
@@ -109,14 +109,14 @@ def _superelement(files: Sequence[Path]) -> Path | None:
 
 
 def _draft(files: BodyFiles) -> BodyDraft:
-    return BodyDraft(files.name, files.stiffness, files.mass, files.geometry, notes=files.notes)
+    return BodyDraft(files.name, files.stiffness, files.mass, files.geometry, files.rows, notes=files.notes)
 
 
 def _read(draft: BodyDraft, geometry: Path | None) -> tuple[FEModel | None, BodyDraft]:
     """The body of a draft, and the draft with its units and first frequency, or a remark."""
     stiffness, mass = (MatrixSource(path, matrix or None) for path, matrix in (draft.stiffness, draft.mass))
     try:
-        body = read_body(draft.name, stiffness=stiffness, mass=mass, geometry=geometry)
+        body = read_body(draft.name, stiffness=stiffness, mass=mass, geometry=geometry, rows=draft.rows)
         if body.nodes is None:
             return None, replace(draft, remark="no deck or mesh is given, so that no grid can be named for the mount")
         draft = _with_units(draft, body)

@@ -1,11 +1,24 @@
-"""Matrix files that belong to no finite-element program: Matrix Market, numpy, MATLAB.
+"""Matrix files that belong to no finite-element program: Matrix Market, Harwell-Boeing, PETSc, numpy, MATLAB.
 
 Readers that return labelled matrices belong here.
 The choice of a reader by content belongs in `read.matrix`.
 """
 
+from cmsreduce.read.matrices.harwell_boeing import HARWELL_BOEING
 from cmsreduce.read.matrices.matlab import MATLAB, is_hdf5
 from cmsreduce.read.matrices.matrix_market import COORDINATE, LABELLED, MATRIX_MARKET, read_entries
 from cmsreduce.read.matrices.numpy_files import NPY, NPZ
+from cmsreduce.read.matrices.petsc_binary import PETSC
 
-__all__ = ["COORDINATE", "LABELLED", "MATLAB", "MATRIX_MARKET", "NPY", "NPZ", "is_hdf5", "read_entries"]
+__all__ = [
+    "COORDINATE",
+    "HARWELL_BOEING",
+    "LABELLED",
+    "MATLAB",
+    "MATRIX_MARKET",
+    "NPY",
+    "NPZ",
+    "PETSC",
+    "is_hdf5",
+    "read_entries",
+]

@@ -27,7 +27,9 @@ _HDF5_STARTS = (0, 512)  # MATLAB writes its own 512 bytes before the HDF5 part
 
 
 def _matlab_matrices(path: Path) -> list[StoredMatrix]:
-    """Full and sparse matrices of a MATLAB file; structs, cells and text are marked as not usable.
+    """Full and sparse matrices of a MATLAB file, in structs too; other variables are marked as not usable.
+
+    A matrix in a field has the name ``struct.field``.
 
     Raises
     ------
@@ -44,11 +46,27 @@ def _matlab_matrices(path: Path) -> list[StoredMatrix]:
     variables = _by_scipy(path, "the MATLAB file", lambda: whosmat(str(path)))
     found = []
     for name, shape, kind in variables:
+        if kind == "struct" and shape == (1, 1):
+            found += _fields(path, name)
+            continue
         usable = kind in _NUMERIC and len(shape) == 2
         rows, cols = shape if len(shape) == 2 else (0, 0)
         numbers = f"real {kind}" if kind in ("double", "single") else kind
         load = partial(_load, path, name) if usable else partial(_refuse, path, name, kind, shape)
         found.append(StoredMatrix(name, numbers, "", (rows, cols, None), load, usable))
+    return found
+
+
+def _fields(path: Path, name: str) -> list[StoredMatrix]:
+    """Matrices in the fields of a struct of a level 5 file."""
+    values = _variable(path, name)[0, 0]
+    found = []
+    for field in values.dtype.names or ():
+        array = values[field]
+        kind = kind_of(array.dtype)
+        if kind is not None and len(array.shape) == 2 and array.size:
+            load = partial(_load, path, f"{name}.{field}")
+            found.append(StoredMatrix(f"{name}.{field}", kind, "", (*array.shape, None), load))
     return found
 
 
@@ -64,11 +82,17 @@ def _by_scipy(path: Path, what: str, call: Callable[[], Any]) -> Any:
 
 
 def _load(path: Path, name: str) -> LabelledMatrix:
-    """Read a variable of a level 4 or 5 file."""
+    """Read a variable of a level 4 or 5 file, or a field of one."""
+    variable, _, field = name.partition(".")
+    value = _variable(path, variable)
+    return from_array(path, name, "mat", value[0, 0][field] if field else value)
+
+
+def _variable(path: Path, name: str) -> Any:
     from scipy.io import loadmat
 
     variables = _by_scipy(path, f"variable '{name}'", lambda: loadmat(str(path), variable_names=[name]))
-    return from_array(path, name, "mat", variables[name])
+    return variables[name]
 
 
 def _refuse(path: Path, name: str, kind: str, shape: tuple[int, ...]) -> LabelledMatrix:

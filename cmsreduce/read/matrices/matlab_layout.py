@@ -25,7 +25,9 @@ _MATRIX, _COMPRESSED = 14, 15
 _INT8, _INT32, _UINT32, _UTF8 = 1, 5, 6, 16
 # Bytes of a number by the code of its type.
 _SIZES = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}
-_SPARSE, _NUMBERS = 5, range(6, 16)
+_STRUCT, _SPARSE, _NUMBERS = 2, 5, range(6, 16)
+# MATLAB writes no deeper structs of matrices; a damaged file could nest without end.
+_DEEPEST = 8
 _COMPLEX = 0x0800
 _CHUNK = 1 << 16
 
@@ -133,6 +135,7 @@ class _Parts:
 
     def __init__(self, file: IO[bytes] | _Inflated, order: str) -> None:
         self._file, self._order, self._left = file, order, 0
+        self._depth = 0
 
     def integers(self, count: int) -> tuple[int, ...]:
         """Read integers of four bytes."""
@@ -173,6 +176,25 @@ class _Parts:
                 raise ValueError(f"{starts} starts of {shape[1]} columns")
             for _ in range(parts):
                 self._numbers()
+        elif flag & 0xFF == _STRUCT:
+            self._check_fields(prod(shape))
+
+    def _check_fields(self, items: int) -> None:
+        """Check the matrices in the fields of a struct."""
+        width, names = self._part(8), self._part(0)
+        each = struct.unpack(self._order + "i", width.content[:4])[0] if width.size == 4 else 0
+        if each < 1 or names.size % each or self._depth == _DEEPEST:
+            raise ValueError("the names of its fields are damaged")
+        for _ in range(items * (names.size // each)):
+            self._left -= 8
+            kind, length = self.integers(2)
+            if kind != _MATRIX or length > self._left:
+                raise ValueError(f"a field of type {kind} and {length} bytes")
+            outside, self._depth = self._left - length, self._depth + 1
+            self.check_matrix(length)
+            # A matrix may have bytes after its parts, or be of a kind whose parts are not looked at.
+            self._skip(max(self._left, 0) if length else 0)
+            self._left, self._depth = outside, self._depth - 1
 
     def _numbers(self) -> int:
         """Count of numbers in the next part."""

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -12,26 +9,15 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
-from cmsreduce.read.files import reading
 from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat
 from cmsreduce.read.labelled_matrix import SINGLE
+from cmsreduce.read.libraries import Arrays, arrays_of
 from cmsreduce.read.printed_numbers import coordinate_rounding
 
 __all__ = ["MESH"]
 
 # meshio's NASTRAN reader drops GRID coordinate systems and wide cards without a message.
 _NASTRAN_SUFFIXES = {".bdf", ".nas", ".fem", ".dat", ".blk", ".pch", ".asm"}
-_PROGRAM = Path(__file__).with_name("mesh_process.py")
-# Of the process: the start, and for each byte of the file. Slow formats are read at a million bytes a second, and a
-# number of two printed characters becomes a Python object of 32 bytes in a list. Seconds are those of a processor:
-# other work on the machine does not count.
-_SECONDS, _SECONDS_A_BYTE = 5.0, 1e-6
-_WAITING = 6.0  # on the clock, times those of a processor
-_BYTES, _BYTES_A_BYTE = 3 << 29, 60
-# Characters of meshio's complaint that are shown.
-_LONGEST_REASON = 300
-
-Arrays = dict[str, NDArray[np.generic]]
 
 
 def _mesh_geometry(path: Path) -> Geometry:
@@ -74,25 +60,7 @@ def _arrays(path: Path) -> Arrays:
     """Points, and cells by number and kind, as meshio reads them in a process of its own."""
     if path.suffix.lower() in _NASTRAN_SUFFIXES:
         raise ReadError(f"{path}: neither a NASTRAN deck (no GRID card) nor a mesh")
-    size = path.stat().st_size
-    seconds = _SECONDS + _SECONDS_A_BYTE * size
-    with tempfile.TemporaryDirectory(prefix="cmsreduce-mesh-") as folder:
-        arrays = Path(folder) / "arrays.npz"
-        # -P keeps the program's own folder out of the import path: its files have names of libraries.
-        command = [sys.executable, "-P", str(_PROGRAM), str(path), str(arrays)]
-        command += [str(int(_BYTES + _BYTES_A_BYTE * size)), str(int(seconds))]
-        try:
-            done = subprocess.run(command, capture_output=True, timeout=_WAITING * seconds, check=False)
-        except subprocess.TimeoutExpired:
-            done = None
-        if done is None or done.returncode < 0:
-            # A signal ends the process at the limit of its time.
-            raise _no_mesh(path, f"Reading it was stopped after {seconds:.0f} s: it is damaged")
-        if done.returncode or not arrays.is_file():
-            said = " ".join((done.stdout + b" " + done.stderr).decode(errors="replace").split())
-            raise _no_mesh(path, said[:_LONGEST_REASON])
-        with reading(path, "the mesh"), np.load(arrays, allow_pickle=False) as loaded:
-            return {name: loaded[name] for name in loaded.files}
+    return arrays_of(path, "mesh", lambda reason: _no_mesh(path, reason))
 
 
 def _no_mesh(path: Path, reason: str) -> ReadError:

@@ -120,7 +120,9 @@ def rigid_residual(
     # Coordinates that are printed coarsely resist turning alone, so translations show the errors of K.
     shown = slice(0, 3 if motions.shape[1] == _ALL else None)
     sizes = (terms, scale)
-    limits = [] if (at <= explained).all() else _noise(force, shapes, sizes, dofs, shown)
+    limits = []
+    if not (at <= explained).all():
+        limits = [*_noise(force, shapes, sizes, dofs, shown), (_left_out(K, dofs, shapes), _CANCELLED)]
     if condensed:
         limits.append((CONDENSATION * scale, _CANCELLED))
     allowed, rounding, noise = _explained(at, explained, sizes, limits, rounding)
@@ -143,6 +145,26 @@ def _noise(
         force[rows, shown], tuple(size[rows, shown] for size in sizes), shapes[rows, shown], dofs.node[rows]
     )
     return [] if spread is None else [(spread[0] * sizes[spread[1]], spread[1])]
+
+
+def _left_out(K: sp.csc_array, dofs: DofTable, shapes: Array) -> Array:
+    """Forces of entries that the program left out because they are small, (n, m).
+
+    ANSYS writes no entry below a limit. Such an entry stands between nodes that others couple, and is at most as large
+    as the smallest one that was written. Where all entries are large, none was left out for its size.
+    """
+    least = float(abs(K.data).min(initial=np.inf))
+    if least > CONDENSATION * float(abs(K.diagonal()).max(initial=0.0)):
+        return np.zeros_like(shapes)
+    _, node = np.unique(dofs.node, return_inverse=True)
+    rows = np.arange(len(dofs))
+    of_node = sp.csr_array((np.ones(rows.size), (node, rows)))
+    written = sp.csr_array((np.ones(K.nnz), K.indices, K.indptr), shape=K.shape)
+    coupled = of_node @ written @ of_node.T
+    coupled.data[:] = 1.0
+    all_entries = of_node.T @ (coupled @ (of_node @ np.abs(shapes)))
+    forces: Array = least * np.maximum(all_entries - written @ np.abs(shapes), 0.0)
+    return forces
 
 
 def _explained(

@@ -63,11 +63,11 @@ def test_written_by_scipy(tmp_path: Path, options: dict[str, object]) -> None:
 
 def test_single_and_complex(tmp_path: Path) -> None:
     path = tmp_path / "body.mat"
-    scipy.io.savemat(path, {"F": K.astype(np.float32), "C": 1j * K, "model": {"K": K}})
+    scipy.io.savemat(path, {"F": K.astype(np.float32), "C": 1j * K, "model": np.array([K, 1], object)})
     assert read_matrix(path, "F").rounding == 2.0**-24
     with pytest.raises(ReadError, match="'C' is complex"):
         read_matrix(path, "C")
-    with pytest.raises(ReadError, match="'model' is a 1 x 1 struct, not a matrix"):
+    with pytest.raises(ReadError, match="'model' is a 1 x 2 cell, not a matrix"):
         read_matrix(path, "model")
 
 
@@ -135,6 +135,22 @@ def test_cut_files(tmp_path: Path, level: str) -> None:
         path.write_bytes(content[:cut])
         with pytest.raises(ReadError, match="truncated"):
             read_matrix(path, "S", format="mat")
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_matrices_in_a_struct(tmp_path: Path, packed: bool) -> None:
+    path = tmp_path / "body.mat"
+    fields = {"M": np.eye(3), "D": np.empty((0, 0)), "K": sp.csc_matrix(K), "note": "chain", "inner": {"K": K}}
+    scipy.io.savemat(path, {"sys": fields, "B": np.ones((3, 1))}, do_compression=packed)
+    assert [(one.name, one.rows, one.cols) for one in matrix_names(path)] == [
+        ("sys.M", 3, 3),
+        ("sys.K", 3, 3),
+        ("B", 3, 1),
+    ]
+    assert np.array_equal(read_matrix(path, "sys.K").A.toarray(), K)
+    assert np.array_equal(read_matrix(path, "SYS.m").A.toarray(), np.eye(3))
+    with pytest.raises(ReadError, match=r"did you mean sys\.[KM]|it holds sys\.M, sys\.K, B"):
+        read_matrix(path, "sys.X")
 
 
 @pytest.mark.shared

@@ -1,0 +1,68 @@
+"""Nodes and elements of ANSYS result files (.rst) and archives (.cdb), through the library ansys-mapdl-reader."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import DofMapError, ReadError
+from cmsreduce.model import Nodes
+from cmsreduce.read.ansys.full_file import RESULT, binary_kind, library_refused
+from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat
+from cmsreduce.read.libraries import Arrays, arrays_of
+from cmsreduce.read.printed_numbers import coordinate_rounding
+
+__all__ = ["NODE_FILE"]
+
+_NODE_BLOCK = re.compile(r"^NBLOCK\s*,", re.IGNORECASE | re.MULTILINE)
+
+
+def _arrays(path: Path) -> Arrays:
+    return arrays_of(path, "ansys-nodes", lambda reason: library_refused(path, reason))
+
+
+def _read_nodes(path: Path) -> Geometry:
+    """Nodes of a file, along the basic axes.
+
+    Raises
+    ------
+    ReadError
+        If there are no nodes, or displacements of a node are along axes of its own.
+    """
+    arrays = _arrays(path)
+    number = arrays["number"].astype(np.int64)
+    xyz = arrays["points"].astype(np.float64).reshape(-1, 3)
+    turned = np.flatnonzero(np.any(arrays["angles"] != 0, axis=-1))
+    if turned.size:
+        raise ReadError(
+            f"{path}: the displacements of {turned.size} nodes are along turned axes, the first is node "
+            f"{number[turned[0]]}, and such axes are not read yet; turn them back (CSYS,0 and NROTAT,ALL) and write "
+            "matrices and nodes again"
+        )
+    if not number.size:
+        raise ReadError(f"{path}: there are no nodes in it; write them with CDWRITE,DB")
+    try:
+        return Geometry.of_mesh(path, Nodes.in_basic(number, xyz, coordinate_rounding(xyz)))
+    except DofMapError as error:
+        raise ReadError(f"{path}: {error}") from error
+
+
+def _read_cells(path: Path) -> Cells:
+    found: dict[str, list[NDArray[np.int64]]] = {}
+    for name, nodes in _arrays(path).items():
+        kind = name.partition(" ")[2]
+        if kind in CELL_CORNERS:
+            found.setdefault(kind, []).append(nodes[:, : CELL_CORNERS[kind]].astype(np.int64))
+    return {kind: np.vstack(parts) for kind, parts in found.items()}
+
+
+NODE_FILE = GeometryFormat(
+    "ansys",
+    "ANSYS .rst or .cdb",
+    lambda head: binary_kind(head[:12].encode("latin-1")) == RESULT or _NODE_BLOCK.search(head) is not None,
+    _read_nodes,
+    _read_cells,
+)

@@ -1,0 +1,112 @@
+"""Text tables of nodes: the export of ANSYS Mechanical, NLIST of ANSYS, and other lists ``node x y z`` under a heading.
+
+Mechanical writes the decimal sign of the user's country, so ``0,15`` between tabs is a number.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from cmsreduce.errors import DofMapError, ReadError
+from cmsreduce.model import Nodes
+from cmsreduce.read.files import read_text
+from cmsreduce.read.formats import Geometry, GeometryFormat
+from cmsreduce.read.printed_numbers import coordinate_rounding, real_number, rounding_of_digits
+
+__all__ = ["NODE_LISTING"]
+
+# X, Y and Z as words of their own, as in "NODE X Y Z" and "Node Number, X Location (m), ...".
+_HEADING = re.compile(r"(?i)(?<![a-z])x(?![a-z]).*(?<![a-z])y(?![a-z]).*(?<![a-z])z(?![a-z])")
+_HEADING_LINES = 40
+_ID = re.compile(r"\d{1,15}")
+# Tabs and semicolons separate whatever the decimal sign is; a comma separates only where blanks do not.
+_SEPARATORS = (re.compile(r"\s*[\t;]\s*"), re.compile(r"\s+"), re.compile(r"\s*,\s*"))
+# NLIST prints five digits.
+_NLIST_DIGITS = 5
+
+Row = tuple[int, list[float]]
+
+
+def _row(line: str, separator: re.Pattern[str]) -> Row | None:
+    """Node id, and the numbers after it; None if the line is something else."""
+    fields = separator.split(line.strip().strip(";\t"))
+    decimal = separator is not _SEPARATORS[-1]
+    if len(fields) < 4 or not _ID.fullmatch(fields[0]):
+        return None
+    numbers = [real_number(field.replace(",", ".") if decimal else field) for field in fields[1:] if field]
+    known = [number for number in numbers if number is not None]
+    return (int(fields[0]), known) if len(known) == len(numbers) >= 3 else None
+
+
+def _separator(line: str) -> re.Pattern[str] | None:
+    """The separator by which a line is a node; None if it is no node."""
+    return next((each for each in _SEPARATORS if _row(line, each) is not None), None)
+
+
+def _is_listing(head: str) -> bool:
+    """True if a heading that names x, y and z stands right above a node."""
+    above = ""
+    for line in islice((line for line in head.splitlines() if line.strip()), _HEADING_LINES):
+        if _separator(line) is not None:
+            return _HEADING.search(above) is not None
+        above = line
+    return False
+
+
+def _read_listing(path: Path) -> Geometry:
+    """Nodes of a table, in order of the file, along the basic axes.
+
+    Raises
+    ------
+    ReadError
+        If a line is no node, or a node is turned (its displacements are along axes of its own).
+    """
+    ids: list[int] = []
+    numbers: list[list[float]] = []
+    heading: set[str] = set()
+    separator = None
+    for at, line in enumerate(read_text(path).splitlines(), start=1):
+        separator = separator or _separator(line)
+        if separator is None:
+            heading.add(line.strip())
+            continue
+        # NLIST repeats its heading on every page.
+        if not line.strip() or line.strip() in heading:
+            continue
+        row = _row(line, separator)
+        if row is None or len(row[1]) not in (3, 6):
+            raise ReadError(
+                f"{path}, line {at}: '{line.strip()[:60]}' is no node: number, x, y, z. If it is the heading of a "
+                "page, list the nodes without pages (/PAGE,,,1E9)"
+            )
+        ids.append(row[0])
+        numbers.append(row[1])
+        if any(row[1][3:]):
+            raise ReadError(
+                f"{path}, line {at}: the displacements of node {row[0]} are along turned axes (THXY, THYZ, THZX), "
+                "which are not read from a listing; give a .cdb or .rst file as geometry"
+            )
+    xyz = np.array([row[:3] for row in numbers]).reshape(-1, 3)
+    rounding = coordinate_rounding(xyz)
+    if any(len(row) > 3 for row in numbers):
+        largest = float(np.abs(xyz).max(initial=0.0))
+        decade = 10.0 ** math.ceil(math.log10(largest)) if largest else 0.0
+        rounding = max(rounding, decade * rounding_of_digits(_NLIST_DIGITS))
+    try:
+        return Geometry.of_mesh(path, Nodes.in_basic(ids, xyz, rounding))
+    except DofMapError as error:
+        raise ReadError(f"{path}: {error}") from error
+
+
+NODE_LISTING = GeometryFormat(
+    "node-listing",
+    "table 'node x y z' under a heading (ANSYS Mechanical, NLIST)",
+    _is_listing,
+    _read_listing,
+    lambda path: {},
+)

@@ -1,0 +1,68 @@
+"""Libraries that read a file in a process of their own, within limits of memory and time."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import ReadError
+from cmsreduce.read.files import reading
+
+__all__ = ["Arrays", "arrays_of"]
+
+Arrays = dict[str, NDArray[np.generic]]
+"""Arrays that a library read from a file, by name."""
+
+_PROGRAM = Path(__file__).with_name("library_process.py")
+# Of the process: the start, and for each byte of the file. Slow formats are read at a million bytes a second, and a
+# number of two printed characters becomes a Python object of 32 bytes in a list. Seconds are those of a processor:
+# other work on the machine does not count.
+_SECONDS, _SECONDS_A_BYTE = 5.0, 1e-6
+_WAITING = 6.0  # on the clock, times those of a processor
+_BYTES, _BYTES_A_BYTE = 3 << 29, 60
+# Characters of a library's complaint that are shown.
+_LONGEST_REASON = 300
+
+
+def arrays_of(path: Path, kind: str, refused: Callable[[str], ReadError]) -> Arrays:
+    """Arrays of a file, read by a library.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    kind : str
+        Reader of ``library_process.py``: ``mesh``, ``ansys-nodes`` or ``ansys-full``.
+    refused : callable
+        Error for the reason that the library gives.
+
+    Raises
+    ------
+    ReadError
+        The one of ``refused`` if the library fails, or exceeds the limits.
+    """
+    size = path.stat().st_size
+    seconds = _SECONDS + _SECONDS_A_BYTE * size
+    with tempfile.TemporaryDirectory(prefix="cmsreduce-read-") as folder:
+        arrays = Path(folder) / "arrays.npz"
+        # -P keeps the program's own folder out of the import path: its files have names of libraries.
+        command = [sys.executable, "-P", str(_PROGRAM), kind, str(path), str(arrays)]
+        command += [str(int(_BYTES + _BYTES_A_BYTE * size)), str(int(seconds))]
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=_WAITING * seconds, check=False)
+        except subprocess.TimeoutExpired:
+            done = None
+        if done is None or done.returncode < 0:
+            # A signal ends the process at the limit of its time.
+            raise refused(f"Reading it was stopped after {seconds:.0f} s: it is damaged")
+        if done.returncode or not arrays.is_file():
+            said = " ".join((done.stdout + b" " + done.stderr).decode(errors="replace").split())
+            raise refused(said[:_LONGEST_REASON])
+        with reading(path, "what the library read"), np.load(arrays, allow_pickle=False) as loaded:
+            return {name: loaded[name] for name in loaded.files}

@@ -1,0 +1,102 @@
+"""Program ``library_process.py KIND FILE ARRAYS BYTES SECONDS``: a library reads a file, and its arrays are saved.
+
+It runs in a process of its own, because libraries believe the sizes in a file, print, exit, and loop without end on
+some damaged files. It imports nothing of cmsreduce, so that it starts quickly.
+"""
+
+import contextlib
+import sys
+import warnings
+from typing import Any
+
+Arrays = dict[str, Any]
+
+# Corner nodes by VTK's numbers of linear and quadratic elements.
+_VTK_KINDS = {
+    **dict.fromkeys((3, 21), "line"),
+    **dict.fromkeys((5, 22), "triangle"),
+    **dict.fromkeys((9, 23, 28), "quad"),
+    **dict.fromkeys((10, 24), "tetra"),
+    **dict.fromkeys((12, 25, 29), "hexahedron"),
+    **dict.fromkeys((13, 26), "wedge"),
+    **dict.fromkeys((14, 27), "pyramid"),
+}
+
+
+def mesh(path: str) -> Arrays:
+    """Points, and cells by number and kind, of a mesh that meshio reads."""
+    import meshio
+    import numpy as np
+
+    with open(path, "rb") as file:  # noqa: PTH123
+        hdf5 = file.read(8) == b"\x89HDF\r\n\x1a\n"
+    # code_aster names its MED files .rmed and .mmed, which meshio does not know.
+    found = meshio.read(path, "med" if hdf5 and path.lower().endswith("med") else None)
+    cells = {f"{number} {block.type}": np.asarray(block.data) for number, block in enumerate(found.cells)}
+    return {"points": np.asarray(found.points), **cells}
+
+
+def ansys_nodes(path: str) -> Arrays:
+    """Node numbers, coordinates, angles in degrees, and cells by number and kind, of an ANSYS .rst or .cdb file."""
+    import numpy as np
+    from ansys.mapdl import reader
+
+    with open(path, "rb") as file:  # noqa: PTH123
+        binary = b"\0" in file.read(64)
+    found: Any = reader.read_binary(path) if binary else reader.Archive(path)
+    part = found.mesh if binary else found
+    grid = found.grid
+    number = np.asarray(grid.point_data["ansys_node_num"])
+    cells = {
+        f"{at} {_VTK_KINDS[int(kind)]}": number[nodes]
+        for at, (kind, nodes) in enumerate(grid.cells_dict.items())
+        if int(kind) in _VTK_KINDS
+    }
+    return {
+        "number": np.asarray(part.nnum),
+        "points": np.asarray(part.nodes),
+        "angles": np.asarray(part.node_angles),
+        **cells,
+    }
+
+
+def ansys_full(path: str) -> Arrays:
+    """Entries of one triangle of K and M of an ANSYS .full file, with node and place of the dof of each row."""
+    import numpy as np
+    from ansys.mapdl import reader
+
+    found = reader.read_binary(path)
+    row_dofs, K, M = found.load_km(sort=True)
+    arrays = {"row_dofs": row_dofs, "held": np.asarray(found.const)}
+    for name, A in (("K", K), ("M", M)):
+        if A is not None:
+            entries = A.tocoo()
+            arrays |= {f"{name} row": entries.row, f"{name} col": entries.col, f"{name} data": entries.data}
+    return arrays
+
+
+_READERS = {"mesh": mesh, "ansys-nodes": ansys_nodes, "ansys-full": ansys_full}
+
+
+def main(kind: str, path: str, arrays: str, most_bytes: str, seconds: str) -> None:
+    """Read a file in so many bytes and seconds of a processor at most; stderr has the reason of a failure."""
+    with contextlib.suppress(ImportError, ValueError, OSError):
+        # Windows has no such limits.
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (int(most_bytes), int(most_bytes)))
+        resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds)))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    import numpy as np
+
+    warnings.simplefilter("ignore")
+    np.savez(arrays, **_READERS[kind](path))
+
+
+if __name__ == "__main__":
+    try:
+        main(*sys.argv[1:])
+    except Exception as error:
+        # Libraries fail on damaged files with errors of any class, and the message is all that this process has to say.
+        said = " ".join(str(error).split()) or type(error).__name__
+        sys.exit("the sizes in it need more memory than its bytes justify" if isinstance(error, MemoryError) else said)

@@ -1,0 +1,180 @@
+"""Matrices, nodes of rows and coordinates as ANSYS exports them, from the files to a run."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.linalg as la
+import scipy.sparse as sp
+from click.testing import CliRunner
+
+from cmsreduce.cli import main
+from cmsreduce.errors import ReadError
+from cmsreduce.model import FEModel
+from cmsreduce.pipeline.bodies import draft_body
+from cmsreduce.read import MatrixSource, read_body, read_geometry, read_matrix
+from tests.solids import block
+
+# A clone of github.com/jgerstmayr/EXUDYN, which is not part of its package.
+CLONE = os.environ.get("EXUDYN_CLONE", "")
+ROTOR = ("MassMatrixSparse", "StiffnessMatrixSparse", "MatrixDofMappingVector", "NodalCoordinates")
+# The limit below which ANSYS writes no entry, relative to the largest one of the rotor.
+SMALLEST = 1e-12
+
+
+def run(*words: str) -> None:
+    done = CliRunner().invoke(main, words)
+    assert (done.exit_code, done.stderr) == (0, ""), done.output
+
+
+def exported(folder: Path, smallest: float = SMALLEST) -> FEModel:
+    """Write a block as ANSYS does: nodes in another order, small entries left out, decimal commas in the listing."""
+    body = block("block", (0.9, 0.3, 0.2), (3, 2, 1))
+    assert body.nodes is not None
+    order = np.random.default_rng(1).permutation(len(body.nodes))
+    rows = (3 * order[:, None] + np.arange(3)).ravel()
+    turned = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+    T = sp.kron(sp.eye(len(body.nodes)), turned, format="csc")
+    for name, A in (("Stiffness", body.K), ("Mass", body.M)):
+        A = (T @ A @ T.T)[rows][:, rows].tocoo()
+        kept = abs(A.data) > smallest * abs(A.data).max()
+        A = sp.coo_array((A.data[kept], (A.row[kept], A.col[kept])), shape=A.shape)
+        scipy.io.mmwrite(
+            folder / f"part{name}.mtx", A, comment=" Creator: ANSYS Inc", precision=16, symmetry="symmetric"
+        )
+    ids = body.nodes.id[order]
+    scipy.io.mmwrite(folder / "partMapping.mtx", ids[:, None], comment=" Creator: ANSYS Inc")
+    lines = ["Knotennummer\tX-Position (m)\tY-Position (m)\tZ-Position (m)\t"]
+    for node, xyz in zip(body.nodes.id, body.nodes.xyz @ turned.T, strict=True):
+        lines.append("\t".join([str(node), *(f"{x:.9e}".replace(".", ",") for x in xyz)]) + "\t")
+    (folder / "partNodes.txt").write_text("\r\n".join(lines) + "\r\n")
+    return body
+
+
+def test_a_part_runs_as_it_was_exported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    body = exported(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    run("new", "part", "partMapping.mtx", "partMass.mtx", "partNodes.txt", "partStiffness.mtx")
+    run("run", "part.yaml", "--quiet", "--set", "verify={}")
+    found = json.loads(Path("build/part/summary.json").read_text())
+    exact = np.sqrt(la.eigh(body.K.toarray(), body.M.toarray(), eigvals_only=True)[6:9]) / 2 / np.pi
+    np.testing.assert_allclose(found["components"]["part"]["frequencies_hz"][:3], exact, rtol=1e-9)
+
+
+@pytest.mark.skipif(not CLONE, reason="EXUDYN_CLONE names no clone of jgerstmayr/EXUDYN")
+def test_the_rotor_of_exudyn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """ANSYS 345 dofs with lumped mass; 104.637 Hz is what Exudyn's own tests expect."""
+    monkeypatch.chdir(tmp_path)
+    for name in ROTOR:
+        of = f"HEAD:main/pythonDev/TestModels/testData/rotorAnsys{name}.txt"
+        shown = subprocess.run(["git", "-C", CLONE, "show", of], capture_output=True, check=True)
+        Path(f"rotorAnsys{name}.txt").write_bytes(shown.stdout)
+    draft = draft_body("rotor", [Path(f"rotorAnsys{name}.txt") for name in ROTOR])
+    assert draft.remark == "" and draft.elastic_hz == pytest.approx(104.63701055079783, rel=1e-10)
+    stiffness, mass = (MatrixSource(path, matrix or None) for path, matrix in (draft.stiffness, draft.mass))
+    body = read_body("rotor", stiffness=stiffness, mass=mass, geometry=draft.geometry, rows=draft.rows)
+    found = np.sqrt(la.eigh(body.K.toarray(), body.M.toarray(), eigvals_only=True)[6:9]) / 2 / np.pi
+    np.testing.assert_allclose(found, [104.63701055079783, 104.637010550788, 187.824], rtol=3e-6)
+
+
+@pytest.mark.parametrize("shift", [(7, 8), (1, 24)])
+def test_exchanged_nodes_of_a_mapping_are_found(tmp_path: Path, shift: tuple[int, int]) -> None:
+    """Entries that were left out do not excuse a wrong order."""
+    exported(tmp_path)
+    mapping = tmp_path / "partMapping.mtx"
+    head, *ids = mapping.read_text().rsplit("\n", 25)
+    first, second = (ids.index(str(node)) for node in shift)
+    ids[first], ids[second] = ids[second], ids[first]
+    mapping.write_text("\n".join([head, *ids]))
+    with pytest.raises(Exception, match="row order of the stiffness matrix"):
+        read_body(
+            "part",
+            stiffness=MatrixSource(tmp_path / "partStiffness.mtx"),
+            mass=MatrixSource(tmp_path / "partMass.mtx"),
+            rows=mapping,
+            geometry=tmp_path / "partNodes.txt",
+        )
+
+
+def test_six_dofs_of_a_node(tmp_path: Path) -> None:
+    scipy.io.mmwrite(tmp_path / "K.mtx", sp.eye_array(12, format="coo"))
+    scipy.io.mmwrite(tmp_path / "map.mtx", np.array([[7], [3]]))
+    found = read_matrix(tmp_path / "K.mtx", dofs=tmp_path / "map.mtx")
+    assert found.dofs is not None and found.dofs.labels[:7] == ["7.1", "7.2", "7.3", "7.4", "7.5", "7.6", "3.1"]
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ([[1], [2], [3], [4], [5]], "names 5 nodes for 12 rows.*list of node.component"),
+        ([[k] for k in range(1, 13)], "names 12 nodes for 12 rows"),
+        ([[3], [3]], "map.mtx: dof 3.1 is in two rows"),
+        ([[0], [3]], "positive integers"),
+        ([[1, 2]], "is not a dof"),
+    ],
+)
+def test_a_mapping_that_does_not_fit_is_refused(tmp_path: Path, values: list[list[int]], message: str) -> None:
+    scipy.io.mmwrite(tmp_path / "K.mtx", sp.eye_array(12, format="coo"))
+    scipy.io.mmwrite(tmp_path / "map.mtx", np.array(values))
+    with pytest.raises(ReadError, match=message):
+        read_matrix(tmp_path / "K.mtx", dofs=tmp_path / "map.mtx")
+
+
+NLIST = """
+ LIST ALL SELECTED NODES.   DSYS=      0
+
+    NODE        X             Y             Z           THXY     THYZ     THZX
+        9 -0.42223      0.67650     -0.10342E-15     0.00     0.00     0.00
+       32 -0.42223      0.81150     -0.10342E-15     0.00     0.00     0.00
+
+    NODE        X             Y             Z           THXY     THYZ     THZX
+      333 -0.42223     -0.67650       0.0000         0.00     0.00     0.00
+"""
+LISTINGS = {
+    "Node Number\tX Location (m)\tY Location (m)\tZ Location (m)\n9\t-0.42223\t0.6765\t0.\n32\t1\t2\t-3.e-002\n": (
+        [9, 32],
+        [[-0.42223, 0.6765, 0.0], [1, 2, -0.03]],
+    ),
+    "Knotennummer;X-Position (m);Y-Position (m);Z-Position (m)\n9;-0,42223;0,6765;0,\n": ([9], [[-0.42223, 0.6765, 0]]),
+    "node x y z\n9 0,5 0,25 1,0\n": ([9], [[0.5, 0.25, 1]]),
+    "id, x, y, z\n9, 0.5, 0.25, 1.0\n4,1,2,3\n": ([9, 4], [[0.5, 0.25, 1], [1, 2, 3]]),
+    NLIST: ([9, 32, 333], [[-0.42223, 0.6765, -1.0342e-16], [-0.42223, 0.8115, -1.0342e-16], [-0.42223, -0.6765, 0]]),
+}
+
+
+@pytest.mark.parametrize("text", LISTINGS)
+def test_listings(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "nodes.txt"
+    path.write_text(text)
+    ids, xyz = LISTINGS[text]
+    nodes = read_geometry(path).nodes
+    assert nodes.id.tolist() == ids
+    np.testing.assert_array_equal(nodes.xyz, xyz)
+    # NLIST prints five digits.
+    assert nodes.xyz_rounding == (pytest.approx(5e-6) if text == NLIST else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("0.00     0.00     0.00\n\n", "30.00     0.00     0.00\n\n", "line 6: .* node 32 are along turned axes"),
+        ("0.67650", "0.6x650", "line 9: .* is no node"),
+        ("       32", "        9", "node 9 is defined twice"),
+        (
+            "\n    NODE        X             Y             Z           THXY     THYZ     THZX\n      333",
+            "PAGE 2\n333",
+            "PAGE",
+        ),
+    ],
+)
+def test_damaged_listings_are_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
+    path = tmp_path / "nodes.txt"
+    path.write_text(new.join(NLIST.rsplit(old, 1)))
+    with pytest.raises(ReadError, match=message):
+        read_geometry(path)

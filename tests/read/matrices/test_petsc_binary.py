@@ -1,0 +1,79 @@
+"""Binary files of PETSc: the layout of its manual, and PETSc's own writer where it is installed."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.errors import ReadError
+from cmsreduce.read import detect_format, matrix_names, read_matrix
+
+K = np.array([[2.0, -1.0 / 3.0, 0.0], [-1.0 / 3.0, 4.0e6, 0.0], [0.0, 0.0, 0.0]])
+SYSTEM_PYTHON = Path("/usr/bin/python3")
+WRITE = """
+import sys
+from petsc4py import PETSc
+A = PETSc.Mat().createAIJ([3, 3])
+A.setUp()
+for i, j, v in ((0, 0, 2.0), (0, 1, -1 / 3), (1, 0, -1 / 3), (1, 1, 4e6)):
+    A.setValue(i, j, v)
+A.assemble()
+A.view(PETSc.Viewer().createBinary(sys.argv[1], "w"))
+"""
+
+
+def content(A: np.ndarray, integer: str = ">i4") -> bytes:
+    rows = sp.csr_array(A)
+    parts = [1211216, *rows.shape, rows.nnz, *np.diff(rows.indptr), *rows.indices]
+    return np.array(parts, dtype=integer).tobytes() + rows.data.astype(">f8").tobytes()
+
+
+@pytest.mark.parametrize("integer", [">i4", ">i8"])
+@pytest.mark.parametrize("A", [K, np.ones((2, 3))])
+def test_one_matrix(tmp_path: Path, A: np.ndarray, integer: str) -> None:
+    path = tmp_path / "K.dat"
+    path.write_bytes(content(A, integer))
+    assert detect_format(path) == "petsc"
+    assert np.array_equal(read_matrix(path).A.toarray(), A)
+    assert [(one.name, one.rows, one.cols, one.nnz) for one in matrix_names(path)] == [
+        ("K", *A.shape, np.count_nonzero(A))
+    ]
+
+
+def test_two_matrices(tmp_path: Path) -> None:
+    path = tmp_path / "both.petsc"
+    path.write_bytes(content(K) + content(2 * K))
+    assert np.array_equal(read_matrix(path, "2").A.toarray(), 2 * K)
+    with pytest.raises(ReadError, match=r"holds 2 matrices.*: 1, 2"):
+        read_matrix(path)
+
+
+@pytest.mark.parametrize(
+    ("damaged", "message"),
+    [
+        (content(K)[:-1], "needs 76 bytes up to its end and the file has 75"),
+        (content(K) + b"1234", "no matrix of PETSc starts at byte 76"),
+        (content(K)[:12] + b"\xff\xff\xff\xff" + content(K)[16:], "is dense"),
+        (content(K)[:28] + b"\0\0\0\x07" + content(K)[32:], "contradicts itself"),
+        (content(K)[:16] + b"\0\0\0\x07" + content(K)[20:], "contradicts itself"),
+        (content(K)[:10], "header cannot be read"),
+    ],
+)
+def test_damaged(tmp_path: Path, damaged: bytes, message: str) -> None:
+    path = tmp_path / "K.dat"
+    path.write_bytes(damaged)
+    with pytest.raises(ReadError, match=message):
+        read_matrix(path)
+
+
+@pytest.mark.mumps
+def test_written_by_petsc(tmp_path: Path) -> None:
+    path = tmp_path / "K.dat"
+    done = subprocess.run([SYSTEM_PYTHON, "-c", WRITE, path], capture_output=True, check=False)
+    if done.returncode:
+        pytest.skip("no petsc4py in the interpreter of the system")
+    assert np.array_equal(read_matrix(path).A.toarray(), K)
