@@ -4,7 +4,14 @@ Every file is written whole under a temporary name and renamed.
 The choice of what to write belongs in `pipeline`.
 """
 
-from cmsreduce.write.component import COMPONENT_FORMAT, ComponentFile, basic_shapes, read_component, write_component
+from cmsreduce.write.component import (
+    COMPONENT_FORMAT,
+    SAME_MASS,
+    ComponentFile,
+    basic_shapes,
+    read_component,
+    write_component,
+)
 from cmsreduce.write.files import atomic_path, hdf5_file, put_texts
 from cmsreduce.write.own_files import refuse_foreign
 from cmsreduce.write.seal import is_sealed, verify_seal
@@ -15,6 +22,7 @@ from cmsreduce.write.targets import TARGETS, StateSpace, Target, component_state
 __all__ = [
     "COMPONENT_FORMAT",
     "ComponentFile",
+    "SAME_MASS",
     "SYSTEM_FORMAT",
     "StateSpace",
     "TARGETS",

@@ -8,6 +8,7 @@ from cmsreduce.write.component.component import write_component
 from cmsreduce.write.component.component_file import FORMAT as COMPONENT_FORMAT
 from cmsreduce.write.component.component_file import ComponentFile, read_component
 from cmsreduce.write.component.flexible_body import (
+    SAME_MASS,
     FlexibleBody,
     FrameStiffening,
     flexible_body,
@@ -22,6 +23,7 @@ __all__ = [
     "ComponentFile",
     "FlexibleBody",
     "FrameStiffening",
+    "SAME_MASS",
     "basic_shapes",
     "flexible_body",
     "frame_stiffening",
