@@ -93,7 +93,7 @@ components:
     interfaces:
       # CHECK: the grid your joint holds; all dofs it has, or {{nodes: [7, 8], dofs: 123}}, {{set: b}}
       mount: {interface}
-    damping: {{modal: 0.005}}               # CHECK: damping ratio of every mode
+{damping}
 
 scene:
   # units: m-kg-s                         # of this file and of all results
@@ -118,6 +118,8 @@ verify:
     static_lack: 0.01                     # share of strain energy missed under loads at the mount
 write: {{formats: [hdf5]}}
 """
+_DAMPING = "    damping: {modal: 0.005}               # CHECK: damping ratio of every mode"
+_DAMPING_IN_FILES = "    # damping: {modal: 0.005}             # in place of the damping that the files hold"
 # In multiples of the first elastic frequency: below that frequency, a rigid body would be enough.
 _BAND_OF_FIRST_MODE = 5.0
 _UNKNOWN_BAND = "10 Hz"
@@ -145,6 +147,8 @@ class BodyDraft:
         First elastic frequency of the free body in Hz.
     remark : str
         Reason why the files do not fit together; empty if they do.
+    damped : bool
+        True if the files hold the damping of the body.
     """
 
     stiffness: tuple[Path, str]
@@ -157,6 +161,7 @@ class BodyDraft:
     axes: str = "xyz"
     elastic_hz: float | None = None
     remark: str = ""
+    damped: bool = False
 
 
 def body_pipeline(name: str, draft: BodyDraft) -> str:
@@ -193,6 +198,7 @@ def body_pipeline(name: str, draft: BodyDraft) -> str:
         name=name,
         sources="\n".join(_sources(draft)),
         interface=draft.interface,
+        damping=_DAMPING_IN_FILES if draft.damped else _DAMPING,
         band=band,
         elastic=elastic,
         actuators="\n".join(forces),
@@ -204,7 +210,7 @@ def body_pipeline(name: str, draft: BodyDraft) -> str:
 
 def _sources(draft: BodyDraft) -> Sequence[str]:
     if draft.extseout is not None:
-        return [f'    extseout: "{draft.extseout.as_posix()}"    # stem of the .asm, .pch and .op4 of a superelement']
+        return [f'    extseout: "{draft.extseout.as_posix()}"    # stem of the files of a superelement']
     lines = [f"    {what}: {_matrix(*of)}" for what, of in (("stiffness", draft.stiffness), ("mass", draft.mass))]
     if draft.geometry is not None:
         lines.append(

@@ -10,12 +10,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.config import BodyDraft
+from cmsreduce.config import BodyDraft, Component
 from cmsreduce.errors import CmsReduceError, ReadError
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import FEModel, rigid_body_shapes
 from cmsreduce.pipeline.store import diagnostic
-from cmsreduce.read import MatrixSource, detect_format, matrix_names, read_body
+from cmsreduce.read import (
+    GEOMETRY_FORMATS,
+    MatrixSource,
+    detect_format,
+    matrix_names,
+    read_body,
+    read_head,
+    superelement_damping,
+    superelement_matrices,
+)
 from cmsreduce.verify import rigid_motions
 
 __all__ = ["draft_body"]
@@ -24,6 +33,7 @@ __all__ = ["draft_body"]
 _QUICK = 20_000
 _FREE = 6
 _AXES = "xyz"
+_HEAD = 1 << 20  # bytes that tell a superelement from a deck
 
 
 def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
@@ -34,7 +44,8 @@ def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
     name : str
         Name of the body, for messages.
     files : sequence of Path
-        Matrices and the deck or mesh they came from, in any order; or the ``.asm`` of a NASTRAN external superelement.
+        Matrices and the deck or mesh they came from, in any order; or the ``.asm`` or ``.pch`` of a NASTRAN external
+        superelement, whose matrices are in a file of the same stem.
 
     Returns
     -------
@@ -49,18 +60,32 @@ def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
     for path in files:
         if not path.is_file():
             raise ReadError(f"{path}: there is no such file")
-    superelement = next((path for path in files if path.suffix.lower() == ".asm"), None)
+    with_matrices = [path for path in files if _holds_matrices(path)]
+    superelement = next((path for path in files if _has_geometry(path, "superelement")), None)
     if superelement is not None:
-        stem = superelement.with_suffix("")
-        return _checked(
-            name, BodyDraft((stem.with_suffix(".op4"), "KXX"), (stem.with_suffix(".op4"), "MXX"), extseout=stem)
-        )
-    matrices = [(path, info.name) for path in files if _holds_matrices(path) for info in matrix_names(path)]
-    shapes = [path for path in files if not _holds_matrices(path)]
+        keys = Component.model_validate({"extseout": superelement})
+        assert keys.extseout is not None and keys.stiffness is not None and keys.geometry is not None
+        file = next(iter(with_matrices), keys.stiffness.file)
+        found = superelement_matrices(file)
+        stiffness, mass = ((file, source.matrix or "") for source in (found.stiffness, found.mass))
+        if file.with_suffix("") != keys.extseout:
+            return _checked(name, BodyDraft(stiffness, mass, superelement))
+        damped = superelement_damping(name, found) != (None, None)
+        return _checked(name, BodyDraft(stiffness, mass, keys.geometry.file, keys.extseout, damped=damped))
+    matrices = [(path, info.name) for path in with_matrices for info in matrix_names(path)]
+    # A punch file may have the grids beside the matrices.
+    shapes = [path for path in files if path not in with_matrices] or [
+        path for path in with_matrices if _has_geometry(path, "bulk")
+    ]
     if len(shapes) > 1:
         raise ReadError(f"several decks or meshes: {', '.join(map(str, shapes))}; give the one the matrices came from")
     stiffness, mass = _one(matrices, "stiffness", "k", ".sti"), _one(matrices, "mass", "m", ".mas")
     return _checked(name, BodyDraft(stiffness, mass, shapes[0] if shapes else None))
+
+
+def _has_geometry(path: Path, format: str) -> bool:
+    head = read_head(path, _HEAD, str(path)).decode("latin-1")
+    return GEOMETRY_FORMATS[format].detect(head)
 
 
 def _holds_matrices(path: Path) -> bool:
@@ -92,10 +117,9 @@ def _one(matrices: Sequence[tuple[Path, str]], what: str, letter: str, suffix: s
 
 
 def _checked(name: str, draft: BodyDraft) -> BodyDraft:
-    geometry = draft.geometry if draft.extseout is None else draft.extseout.with_suffix(".asm")
     stiffness, mass = (MatrixSource(path, matrix or None) for path, matrix in (draft.stiffness, draft.mass))
     try:
-        body = read_body(name, stiffness=stiffness, mass=mass, geometry=geometry)
+        body = read_body(name, stiffness=stiffness, mass=mass, geometry=draft.geometry)
         if body.nodes is None:
             return replace(draft, remark="no deck or mesh is given, so that no grid can be named for the mount")
         draft = replace(draft, **_places(body))
