@@ -14,12 +14,12 @@ from cmsreduce.read.calculix_abaqus import FRD, INPUT_FILE
 from cmsreduce.read.files import read_head, reading
 from cmsreduce.read.formats import Cells, Geometry, GeometryFormat
 from cmsreduce.read.mesh import MESH
-from cmsreduce.read.nastran import BULK_DATA, EXTERNAL_SUPERELEMENT
+from cmsreduce.read.nastran import BULK_DATA, EXTERNAL_SUPERELEMENT, OP2_GEOMETRY
 
 __all__ = ["GEOMETRY_FORMATS", "read_cells", "read_geometry"]
 
 GEOMETRY_FORMATS: dict[str, GeometryFormat] = {
-    format.name: format for format in (FRD, INPUT_FILE, EXTERNAL_SUPERELEMENT, BULK_DATA)
+    format.name: format for format in (OP2_GEOMETRY, FRD, INPUT_FILE, EXTERNAL_SUPERELEMENT, BULK_DATA)
 }
 """Every registered format of geometry files by name, in the order of detection."""
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cmsreduce.config import BodyDraft, Component
 from cmsreduce.errors import CmsReduceError, ReadError
 from cmsreduce.linalg.eigen import rigid_body_modes
+from cmsreduce.mechanics import hold_undetermined
 from cmsreduce.model import FEModel, rigid_body_shapes
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import (
@@ -72,10 +73,12 @@ def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
             return _checked(name, BodyDraft(stiffness, mass, superelement))
         damped = superelement_damping(name, found) != (None, None)
         return _checked(name, BodyDraft(stiffness, mass, keys.geometry.file, keys.extseout, damped=damped))
-    matrices = [(path, info.name) for path in with_matrices for info in matrix_names(path)]
-    # A punch file may have the grids beside the matrices.
+    square = [(path, info) for path in with_matrices for info in matrix_names(path) if info.rows == info.cols]
+    # Programs write scalars as matrices of one row.
+    matrices = [(path, info.name) for path, info in square if info.rows > 1 or len(square) == 2]
+    # A punch file, or OP2, may have the grids beside the matrices.
     shapes = [path for path in files if path not in with_matrices] or [
-        path for path in with_matrices if _has_geometry(path, "bulk")
+        path for path in with_matrices if _has_geometry(path, "bulk") or _has_geometry(path, "op2")
     ]
     if len(shapes) > 1:
         raise ReadError(f"several decks or meshes: {', '.join(map(str, shapes))}; give the one the matrices came from")
@@ -153,9 +156,11 @@ def _places(body: FEModel) -> dict[str, Any]:
 
 def _first_elastic(body: FEModel) -> float | None:
     """First elastic frequency in Hz of a body that floats and is small enough."""
-    assert body.nodes is not None
     if body.n > _QUICK:
         return None
+    # The run holds what nothing moves, such as the directions that a boundary grid does not have.
+    body = hold_undetermined(body).body
+    assert body.nodes is not None
     shapes = rigid_body_shapes(body.dofs, body.nodes)
     if rigid_body_modes(body.K, body.M, shapes, body.stiffness_rounding, body.name).shape[1] != _FREE:
         return None
