@@ -124,7 +124,8 @@ def _checked(name: str, draft: BodyDraft) -> BodyDraft:
     try:
         body = read_body(name, stiffness=stiffness, mass=mass, geometry=draft.geometry)
         if body.nodes is None:
-            return replace(draft, remark="no deck or mesh is given, so that no grid can be named for the mount")
+            remark = "no deck, listing (.f06) or mesh is given, so that the place of no node is known"
+            return replace(draft, **_places(body), remark=remark)
         draft = replace(draft, **_places(body))
         return replace(draft, elastic_hz=_first_elastic(body))
     except CmsReduceError as error:
@@ -133,23 +134,26 @@ def _checked(name: str, draft: BodyDraft) -> BodyDraft:
 
 def _places(body: FEModel) -> dict[str, Any]:
     """A place where the body could be joined: the b-set of its deck, or else the first grid with most dofs."""
-    assert body.nodes is not None
     b_set = body.sets.get("b", np.empty(0, np.int64))
     chosen = 0 < b_set.size < body.n
     rows = b_set if chosen else np.arange(body.n)
     components = {
         int(node): set(body.dofs.component[rows[body.dofs.node[rows] == node]].tolist())
         for node in dict.fromkeys(body.dofs.node[rows].tolist())
-        if node in body.nodes.id
+        if body.nodes is None or node in body.nodes.id
     }
     node = max(components, key=lambda each: len(components[each]))
     axes = [axis for axis, component in zip(_AXES, (1, 2, 3), strict=True) if component in components[node]]
-    seen = np.flatnonzero(np.isin(body.nodes.id, body.dofs.node[body.dofs.component == 1 + _AXES.index(axes[0])]))
-    away = np.linalg.norm(body.nodes.xyz[seen] - body.nodes.xyz[body.nodes.id == node], axis=1)
+    far = body.dofs.node[body.dofs.component == 1 + _AXES.index(axes[0])]
+    away = np.arange(far.size, dtype=np.float64)
+    if body.nodes is not None:
+        far = far[body.nodes.index(far) >= 0]
+        at = body.nodes.xyz[body.nodes.index(far)]
+        away = np.linalg.norm(at - body.nodes.xyz[body.nodes.id == node], axis=1)
     return {
         "interface": "{set: b}" if chosen else f"{{node: {node}}}",
         "node": node,
-        "far": int(body.nodes.id[seen[away.argmax()]]),
+        "far": int(far[away.argmax()]),
         "axes": "".join(axes),
     }
 

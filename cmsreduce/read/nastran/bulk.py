@@ -17,6 +17,7 @@ from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat
 from cmsreduce.read.nastran.cards import Card, CardFile, Cards, read_cards
 from cmsreduce.read.nastran.dof_sets import SET_CARDS, Keys, Points, constrained_dofs, id_ranges, named_sets
 from cmsreduce.read.nastran.grids import GRID_CARDS, read_points
+from cmsreduce.read.nastran.listing import is_listing
 from cmsreduce.read.nastran.rigid_elements import DEPENDENCE_CARDS, dependent_dofs
 
 __all__ = ["BULK_DATA", "EXTERNAL_SUPERELEMENT", "SET_NAMES", "BulkDeck", "read_bulk", "read_extseout"]
@@ -327,10 +328,12 @@ def _superelement(nodes: Nodes, keys: Keys, files: tuple[Path, ...]) -> Geometry
 
 
 def _is_bulk_data(head: str) -> bool:
-    return "\0" not in head and _BULK_DATA.search(head) is not None
+    return "\0" not in head and (_BULK_DATA.search(head) is not None or is_listing(head))
 
 
-BULK_DATA = GeometryFormat("bulk", "NASTRAN bulk data", _is_bulk_data, _deck_geometry, _deck_cells)
+BULK_DATA = GeometryFormat(
+    "bulk", "NASTRAN bulk data, in a deck or a listing (.f06)", _is_bulk_data, _deck_geometry, _deck_cells
+)
 EXTERNAL_SUPERELEMENT = GeometryFormat(
     "superelement",
     "NASTRAN external superelement (.asm, .pch)",
