@@ -13,8 +13,11 @@ from pyyeti.nastran import bulk, op4
 
 from cmsreduce.config import Component
 from cmsreduce.errors import CmsReduceError, DampingError
+from cmsreduce.linalg.eigen import rigid_body_modes
+from cmsreduce.mechanics import Tie, rigid_mass, tie_nodes
+from cmsreduce.model import rigid_body_shapes
 from cmsreduce.pipeline.bodies import draft_body
-from cmsreduce.read import read_body, superelement_damping, superelement_matrices
+from cmsreduce.read import InterfaceSpec, read_body, superelement_damping, superelement_matrices
 
 pytestmark = pytest.mark.shared
 
@@ -78,6 +81,21 @@ def test_damping_that_comes_with_a_superelement(theirs: dict[str, np.ndarray], t
     for B, K4, message in ((1e-4 * K, 0.02 * K, "viscous damping BAA and structural"), (none, uneven, "no multiple")):
         with pytest.raises(DampingError, match=message):
             damping(B, K4)
+
+
+@pytest.mark.parametrize("stem", ["inboard", "outboard"])
+def test_one_point_may_move_the_whole_boundary(shared_data: Path, stem: str) -> None:
+    """The boundary resists no rigid motion: what cancels in its stiffness is noise that would hold the body."""
+    files = shared_data / "nas2cam" / stem
+    found = superelement_matrices(files.with_suffix(".op4"))
+    faces = {"hub": InterfaceSpec((3, 11, 19, 27))}
+    geometry = files.with_suffix(".asm")
+    body = read_body("x", stiffness=found.stiffness, mass=found.mass, geometry=geometry, interfaces=faces)
+    tied = tie_nodes(body, "hub", Tie("rigid"))
+    assert tied.nodes is not None
+    shapes = rigid_body_shapes(tied.dofs, tied.nodes)
+    assert rigid_body_modes(tied.K, tied.M, shapes, tied.stiffness_rounding, "x").shape[1] == 6
+    np.testing.assert_allclose(rigid_mass(tied), rigid_mass(body), rtol=1e-9, atol=1e-6)
 
 
 def test_a_file_without_a_pair_names_what_it_holds(theirs: dict[str, np.ndarray], tmp_path: Path) -> None:
