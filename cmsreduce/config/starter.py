@@ -145,7 +145,9 @@ _COMPONENT = """\
     # grounded: true                      # if the matrices hold the body to the ground
     interfaces:
 {interfaces}
-    damping: {{modal: 0.005}}               # CHECK: damping ratio of every mode"""
+{damping}"""
+_DAMPING = "    damping: {modal: 0.005}               # CHECK: damping ratio of every mode"
+_DAMPING_IN_FILES = "    # damping: {modal: 0.005}             # in place of the damping that the files hold"
 _UNITS = "# units: mm-t-s                       # of the files: length-mass-time; by default those of the scene"
 _CHOICE = "all dofs it has, or {nodes: [7, 8], dofs: 123}, {set: b}, {near: [x, y, z], within: 2 mm}"
 # In multiples of the first elastic frequency: below that frequency, a rigid body would be enough.
@@ -189,6 +191,8 @@ class BodyDraft:
         Reason why the files do not fit together; empty if they do.
     notes : tuple of str
         What the content of the files says against their names.
+    damped : bool
+        True if the files hold the damping of the body.
     """
 
     name: str
@@ -207,6 +211,7 @@ class BodyDraft:
     units_remark: str = ""
     remark: str = ""
     notes: tuple[str, ...] = ()
+    damped: bool = False
 
 
 def body_pipeline(name: str, draft: BodyDraft) -> str:
@@ -312,13 +317,17 @@ def _component(draft: BodyDraft, choice: str) -> str:
     elif draft.units_remark:
         units = f"# CHECK the units of the files: {draft.units_remark}\n    {_UNITS}"
     return _COMPONENT.format(
-        name=draft.name, sources="\n".join(_sources(draft)), units=units, interfaces="\n".join(lines)
+        name=draft.name,
+        sources="\n".join(_sources(draft)),
+        units=units,
+        interfaces="\n".join(lines),
+        damping=_DAMPING_IN_FILES if draft.damped else _DAMPING,
     )
 
 
 def _sources(draft: BodyDraft) -> Sequence[str]:
     if draft.extseout is not None:
-        return [f'    extseout: "{draft.extseout.as_posix()}"    # stem of the .asm, .pch and .op4 of a superelement']
+        return [f'    extseout: "{draft.extseout.as_posix()}"    # stem of the files of a superelement']
     lines = [f"    {what}: {_matrix(*of)}" for what, of in (("stiffness", draft.stiffness), ("mass", draft.mass))]
     if draft.geometry is not None:
         lines.append(

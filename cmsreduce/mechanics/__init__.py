@@ -18,7 +18,7 @@ from cmsreduce.mechanics.floating_frames import REMOVED, best_fit, floating_fram
 from cmsreduce.mechanics.geometric_stiffness import bars_stiffness, modal_stiffening
 from cmsreduce.mechanics.hidden_motion import condensed_dofs, hidden_motion
 from cmsreduce.mechanics.integrator_steps import ACCURACIES, INTEGRATORS, advised_steps, numerical_damping
-from cmsreduce.mechanics.lumped_mass import lumped_mass, untied_body
+from cmsreduce.mechanics.lumped_mass import lumped_mass, moves_generalised, untied_body
 from cmsreduce.mechanics.modal_integrals import energies, modal_integrals, rigid_mass, spinning_modes
 from cmsreduce.mechanics.ties import Tie, tie_nodes
 from cmsreduce.mechanics.undetermined import Determined, check_connected, hold_undetermined
@@ -44,6 +44,7 @@ __all__ = [
     "lumped_mass",
     "modal_integrals",
     "modal_stiffening",
+    "moves_generalised",
     "multiple_of",
     "numerical_damping",
     "refuse_gain",

@@ -11,7 +11,18 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError
 from cmsreduce.model import Damping, FEModel, Lumping, rigid_body_shapes
 
-__all__ = ["lumped_mass", "total_mass", "untied_body"]
+__all__ = ["lumped_mass", "moves_generalised", "total_mass", "untied_body"]
+
+
+def moves_generalised(body: FEModel) -> bool:
+    """Return whether mass moves with scalar dofs, as with the generalised coordinates of a superelement.
+
+    The shapes of such coordinates over the body are not in its matrices. These determine the rigid mass and the
+    momentum and modal mass of all shapes, but no integral of one direction with another, and no mass of a node.
+    """
+    as_read, _ = untied_body(body)
+    scalar = np.flatnonzero(as_read.dofs.component == 0)
+    return bool(abs(as_read.M[:, scalar]).sum() > 0)
 
 
 def untied_body(body: FEModel) -> tuple[FEModel, sp.csr_array]:
@@ -67,13 +78,13 @@ def lumped_mass(body: FEModel, lumping: Lumping) -> sp.csc_array:
     (n, n) sparse array
         A point mass at every node, the same in all directions in which the node can move, and a 3 x 3 inertia of its
         rotations: the sum of their own rows, or their own block scaled like the masses. Coupling between translations
-        and rotations is left out. Scalar dofs keep their diagonal, or row sum, without scaling. The mass of tied nodes
+        and rotations is left out. Scalar dofs have none. The mass of tied nodes
         is lumped at these nodes, and then written in the rows that they follow.
 
     Raises
     ------
     DofMapError
-        If the body has no geometry.
+        If the body has no geometry, or generalised coordinates have mass, which has no place among the nodes.
 
     Notes
     -----
@@ -84,6 +95,11 @@ def lumped_mass(body: FEModel, lumping: Lumping) -> sp.csc_array:
         return body.M
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so its mass cannot be lumped at its nodes")
+    if moves_generalised(body):
+        raise DofMapError(
+            f"body '{body.name}': its mass cannot be lumped at its nodes, because generalised coordinates (scalar "
+            "points) carry a part of it; ask for the consistent mass"
+        )
     if body.untied_mass is not None:
         as_read, T = untied_body(body)
         return sp.csc_array(T.T @ lumped_mass(as_read, lumping) @ T)
@@ -102,7 +118,7 @@ def lumped_mass(body: FEModel, lumping: Lumping) -> sp.csc_array:
     factor = 1.0
     if lumping == "diagonal" and mass.any():
         factor = total_mass(body) / mass.sum()
-    values = np.where(component == 0, np.asarray(M.sum(axis=1)) if lumping == "row-sum" else M.diagonal(), 0.0)
+    values = np.zeros(body.n)
     values[translations] = factor * mass[at]
     inertia = factor * _nodal_inertia(body, rotations, whole_rows=lumping == "row-sum")
     return sp.csc_array(sp.diags_array(values) + inertia)

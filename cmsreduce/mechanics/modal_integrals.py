@@ -11,8 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.blocks import column_blocks
-from cmsreduce.mechanics.lumped_mass import lumped_mass, untied_body
-from cmsreduce.model import FEModel, Lumping, Matrix, ModalIntegrals, cross_matrix, mapped_in, rigid_body_shapes
+from cmsreduce.mechanics.lumped_mass import lumped_mass, moves_generalised, untied_body
+from cmsreduce.model import (
+    FEModel,
+    Lumping,
+    Matrix,
+    ModalIntegrals,
+    SecondOrder,
+    cross_matrix,
+    mapped_in,
+    rigid_body_shapes,
+)
 
 __all__ = [
     "CROSS",
@@ -88,6 +97,10 @@ def modal_integrals(
     bending inertia of the same section (Bernoulli beams) is used as given, although no body has such an inertia. For
     any matrix the trace of int phi phi'^T is phi^T M phi', and the skew part of int r phi^T is R^T M phi. Tied nodes
     are integrated at their own places, as before the tie. A direction in which a node is held has no mass.
+
+    Where generalised coordinates carry mass, the matrices hold no such blocks of the whole body. R^T M R, R^T M phi
+    and phi^T M phi' are exact there, because the motions of the boundary contain the rigid ones; the integrals of
+    second order, but for the trace and the skew part named above, are left undetermined.
     """
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so there is nothing to integrate over")
@@ -102,6 +115,26 @@ def modal_integrals(
     rigid = R.T @ (M @ R)
     mass, first_moment = mass_and_first_moment(body, rigid)
     momentum = (M @ R).T @ shapes
+    of_second_order = None if moves_generalised(body) else _second_order(body, M, shapes, origin, axes, momentum[3:])
+    return ModalIntegrals(
+        origin=origin,
+        axes=axes,
+        lumping=lumping,
+        mass=mass,
+        first_moment=first_moment,
+        inertia=np.asarray(rigid[3:, 3:]),
+        phi=momentum[:3],
+        r_cross_phi=momentum[3:],
+        modes=np.arange(shapes.shape[1]) if modes is None else np.asarray(modes, dtype=np.int64),
+        second_order=of_second_order,
+    )
+
+
+def _second_order(
+    body: FEModel, M: sp.csc_array, shapes: Array, origin: Array, axes: Array, turning: Array
+) -> SecondOrder:
+    """Integrals of the mass of one direction with the motion of another; ``turning`` is int r x phi dm (3, k)."""
+    assert body.nodes is not None
     to_axes = nodal_motion(body, axes)
     at = np.unique(body.dofs.node[body.dofs.component > 0])
     r = (body.nodes.xyz[body.nodes.index(at)] - origin) @ axes.T
@@ -117,24 +150,12 @@ def modal_integrals(
     r_phi, phi_phi = np.empty((3, 3, k)), np.empty((3, 3, k, k))
     for number, a in enumerate(parts):
         u, t = nodal_motions(a)
-        r_phi[..., a] = pairs.with_position(r, u, t, momentum[3:, a])
+        r_phi[..., a] = pairs.with_position(r, u, t, turning[:, a])
         phi_phi[..., a, a] = pairs.with_shapes(u, t)
         for b in parts[:number]:
             phi_phi[..., a, b] = pairs.with_shapes(u, t, *nodal_motions(b))
             phi_phi[..., b, a] = phi_phi[..., a, b].transpose(1, 0, 3, 2)
-    return ModalIntegrals(
-        origin=origin,
-        axes=axes,
-        lumping=lumping,
-        mass=mass,
-        first_moment=first_moment,
-        inertia=np.asarray(rigid[3:, 3:]),
-        phi=momentum[:3],
-        r_cross_phi=momentum[3:],
-        r_phi=r_phi,
-        phi_phi=phi_phi,
-        modes=np.arange(shapes.shape[1]) if modes is None else np.asarray(modes, dtype=np.int64),
-    )
+    return SecondOrder(r_phi, phi_phi)
 
 
 def rigid_mass(body: FEModel, about: ArrayLike = (0.0, 0.0, 0.0), lumping: Lumping = "consistent") -> Array:

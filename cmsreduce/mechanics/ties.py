@@ -212,7 +212,7 @@ def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str
     sets = {label: place[rows] for label, rows in body.sets.items() if (place[rows] >= 0).all()}
     return replace(
         body,
-        K=_congruent(body.K, T),
+        K=_without_noise(_congruent(body.K, T), body, T),
         M=_congruent(body.M, T),
         D=None if body.D is None else _congruent(body.D, T),
         dofs=dofs,
@@ -234,6 +234,22 @@ def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str
 
 def _congruent(A: sp.csc_array, T: sp.csr_array) -> sp.csc_array:
     return sp.csc_array(T.T @ A @ T)
+
+
+def _without_noise(K: sp.csc_array, body: FEModel, T: sp.csr_array) -> sp.csc_array:
+    """Stiffness after a tie, zero in the rows of the point if rounding of the files explains all that they hold.
+
+    The boundary of a superelement resists no rigid motion, and its modes are not coupled to it by stiffness. If one
+    point moves all of the boundary, only noise is left, which would hold the body or push it.
+    """
+    point = np.arange(K.shape[0] - 6, K.shape[0])
+    explained = body.stiffness_rounding * (abs(T.T)[point] @ abs(body.K) @ abs(T))
+    if (abs(K[point]) - explained).max() > 0:
+        return K
+    kept = sp.diags_array((np.arange(K.shape[0]) < point[0]).astype(np.float64))
+    cleaned = sp.csc_array(kept @ K @ kept)
+    cleaned.eliminate_zeros()
+    return cleaned
 
 
 def _listed(nodes: NDArray[np.int64]) -> str:

@@ -30,12 +30,14 @@ from cmsreduce.model.geometric_stiffness import (
 from cmsreduce.model.hdf5_items import HARMLESS_BYTES, LARGEST_GROWTH, check_dataset, hdf5_items
 from cmsreduce.model.integrals import (
     LUMPINGS,
+    UNDETERMINED,
     FloatingFrame,
     FrameCondition,
     FrameKind,
     IntegralFrame,
     Lumping,
     ModalIntegrals,
+    SecondOrder,
 )
 from cmsreduce.model.mapped_array import (
     CHECKSUM,
@@ -140,10 +142,12 @@ __all__ = [
     "SINGLE",
     "SQUARES",
     "Scene",
+    "SecondOrder",
     "Source",
     "StrutTerm",
     "Substructure",
     "System",
+    "UNDETERMINED",
     "UNITS",
     "UnitKind",
     "UnitLoad",

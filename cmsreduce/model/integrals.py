@@ -8,6 +8,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.errors import DofMapError
+
 __all__ = [
     "FloatingFrame",
     "FrameCondition",
@@ -16,7 +18,15 @@ __all__ = [
     "LUMPINGS",
     "Lumping",
     "ModalIntegrals",
+    "SecondOrder",
+    "UNDETERMINED",
 ]
+
+UNDETERMINED = (
+    "int r_i phi_j dm and int phi_i phi_j dm are not determined: mass moves with generalised coordinates, whose shapes "
+    "over the body are not in its files"
+)
+"""Reason why a body lacks the integrals of second order."""
 
 Lumping = Literal["consistent", "row-sum", "diagonal"]
 """Mass matrix of the integrals: M itself, M lumped by row sums, or its diagonal scaled to the body's mass."""
@@ -25,6 +35,23 @@ LUMPINGS: tuple[Lumping, ...] = get_args(Lumping)
 
 FrameKind = Literal["clamped", "mean-axis", "chord"]
 """Relative to the frame, deforming modes do not move an interface, a line between two, or have no momentum."""
+
+
+@dataclass(frozen=True, eq=False)
+class SecondOrder:
+    """Integrals that need the shapes all over the body; momenta and modal mass do not determine them.
+
+    Parameters
+    ----------
+    r_phi : (3, 3, k) float64
+        int r_i phi_j dm, with the rotational inertia of the nodes; its skew part is int r x phi dm.
+    phi_phi : (3, 3, k, k) float64
+        int phi_i phi_j dm: entry [i, j, a, b] belongs to component i of mode a and component j of mode b. With the
+        rotational inertia of the nodes; its trace over i = j is the modal mass.
+    """
+
+    r_phi: NDArray[np.float64]
+    phi_phi: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +76,10 @@ class ModalIntegrals:
         int phi dm of each mode.
     r_cross_phi : (3, k) float64
         int r x phi dm, with the rotational inertia of the nodes.
-    r_phi : (3, 3, k) float64
-        int r_i phi_j dm, with the rotational inertia of the nodes; its skew part is r_cross_phi.
-    phi_phi : (3, 3, k, k) float64
-        int phi_i phi_j dm: entry [i, j, a, b] belongs to component i of mode a and component j of mode b. With the
-        rotational inertia of the nodes; its trace over i = j is the modal mass.
     modes : (k,) int64
         Columns of the component's shapes: its elastic and static modes.
+    second_order : SecondOrder, optional
+        None if the files of the body do not determine them.
     """
 
     origin: NDArray[np.float64]
@@ -66,9 +90,24 @@ class ModalIntegrals:
     inertia: NDArray[np.float64]
     phi: NDArray[np.float64]
     r_cross_phi: NDArray[np.float64]
-    r_phi: NDArray[np.float64]
-    phi_phi: NDArray[np.float64]
     modes: NDArray[np.int64]
+    second_order: SecondOrder | None
+
+    @property
+    def r_phi(self) -> NDArray[np.float64]:
+        """Int r_i phi_j dm (3, 3, k)."""
+        return self._determined.r_phi
+
+    @property
+    def phi_phi(self) -> NDArray[np.float64]:
+        """Int phi_i phi_j dm (3, 3, k, k)."""
+        return self._determined.phi_phi
+
+    @property
+    def _determined(self) -> SecondOrder:
+        if self.second_order is None:
+            raise DofMapError(f"{UNDETERMINED}; no integral of second order can be used")
+        return self.second_order
 
     @property
     def centre_of_mass(self) -> NDArray[np.float64]:

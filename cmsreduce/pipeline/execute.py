@@ -10,7 +10,8 @@ import numpy as np
 
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import StageError
-from cmsreduce.model import Configuration, RunResult
+from cmsreduce.mechanics import moves_generalised
+from cmsreduce.model import UNDETERMINED, Configuration, RunResult
 from cmsreduce.multifrontal import blas_threads
 from cmsreduce.pipeline.results import (
     body_costly_modes,
@@ -226,6 +227,11 @@ def _write_body(run: Run, name: str, path: Path) -> Path | None:
         costly=body_costly_modes(run, name),
         stiffening=run.bodies[name].stiffening,
     )
+    if component.body.nodes is not None and moves_generalised(component.body):
+        run.stages.note(
+            f"{name}: {UNDETERMINED}. Its file leaves them out; exudyn and sid files are for slow rotations, without "
+            "forces by squares of angular velocities; 42, mbdyn, mbsim, discos, dads and treetops need them"
+        )
     return path
 
 

@@ -30,6 +30,7 @@ from cmsreduce.read.nastran import (
     read_members,
 )
 from cmsreduce.read.row_order import MassOrder, RowOrderProof, prove_mass_order, prove_row_order
+from cmsreduce.read.superelement import SuperelementMatrices, superelement_damping, superelement_matrices
 
 __all__ = [
     "BulkDeck",
@@ -46,6 +47,7 @@ __all__ = [
     "MatrixSource",
     "RowOrderProof",
     "StoredMatrix",
+    "SuperelementMatrices",
     "bars_in_units",
     "STRAINS",
     "StatedEnergy",
@@ -71,4 +73,6 @@ __all__ = [
     "read_matrix",
     "read_members",
     "sha256_of",
+    "superelement_damping",
+    "superelement_matrices",
 ]

@@ -17,7 +17,7 @@ from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, FRD, INPUT_FILE
 from cmsreduce.read.files import LIBRARY_ERRORS, read_head, require_file
 from cmsreduce.read.formats import GeometryFormat, MatrixFormat
 from cmsreduce.read.matrices import HARWELL_BOEING, MATLAB, MATRIX_MARKET, NPY, NPZ, PETSC, is_hdf5
-from cmsreduce.read.nastran import BULK_DATA, DMIG, EXTERNAL_SUPERELEMENT, OP2, OP4
+from cmsreduce.read.nastran import BULK_DATA, DMIG, EXTERNAL_SUPERELEMENT, OP2, OP2_GEOMETRY, OP4
 
 __all__ = [
     "FORMATS",
@@ -39,7 +39,8 @@ FORMATS: dict[str, MatrixFormat] = {
 """Every format that matrices are read from, by name."""
 
 GEOMETRY_FORMATS: dict[str, GeometryFormat] = {
-    format.name: format for format in (FRD, NODE_FILE, INPUT_FILE, EXTERNAL_SUPERELEMENT, BULK_DATA, NODE_LISTING)
+    format.name: format
+    for format in (OP2_GEOMETRY, FRD, NODE_FILE, INPUT_FILE, EXTERNAL_SUPERELEMENT, BULK_DATA, NODE_LISTING)
 }
 """Every registered format of geometry files by name, in the order of detection."""
 

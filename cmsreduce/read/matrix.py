@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
@@ -64,8 +66,8 @@ def read_matrix(
     path : Path
         The file.
     matrix : str, optional
-        Name of the matrix; capitals do not matter unless two names differ in them only. Not needed where the file
-        holds one matrix.
+        Name of the matrix; capitals do not matter unless two names differ in them only. Of several matrices of one
+        name, ``KAA#2`` is the second. Not needed where the file holds one matrix.
     format : str, optional
         A key of ``FORMATS``, in place of detection by content.
     dofs : Path, optional
@@ -90,7 +92,7 @@ def read_matrix(
     path = Path(path)
     chosen = _format_of(path, format)
     with reading(path, f"the file ({chosen.words})"):
-        found = _choose(path, chosen.read(path), matrix, chosen)
+        found = _choose(path, _numbered(chosen.read(path)), matrix, chosen)
     if found.numbers.startswith("complex"):
         raise ReadError(f"{path}: matrix '{found.name}' is complex; stiffness, mass and damping must be real")
     if chosen is DMIG and found.form == "rectangular" and not rectangular:
@@ -132,7 +134,7 @@ def matrix_names(path: Path, format: str | None = None) -> list[MatrixInfo]:
     path = Path(path)
     chosen = _format_of(path, format)
     with reading(path, f"the file ({chosen.words})"):
-        return [stored.info for stored in chosen.read(path) if stored.usable]
+        return [stored.info for stored in _numbered(chosen.read(path)) if stored.usable]
 
 
 def _format_of(path: Path, name: str | None) -> MatrixFormat:
@@ -145,6 +147,16 @@ def _format_of(path: Path, name: str | None) -> MatrixFormat:
         raise ReadError(f"{path}: there is no matrix format '{name}'; {hint}known are {', '.join(FORMATS)}")
     require_file(path)
     return FORMATS[name]
+
+
+def _numbered(stored: list[StoredMatrix]) -> list[StoredMatrix]:
+    """Matrices of one name get their number in it, as in KAA#1 and KAA#2; a file of superelements has one for each."""
+    count, seen = Counter(one.name for one in stored), Counter[str]()
+    found = []
+    for one in stored:
+        seen[one.name] += 1
+        found.append(one if count[one.name] == 1 else replace(one, name=f"{one.name}#{seen[one.name]}"))
+    return found
 
 
 def _choose(path: Path, stored: list[StoredMatrix], wanted: str | None, format: MatrixFormat) -> StoredMatrix:
@@ -163,9 +175,14 @@ def _choose(path: Path, stored: list[StoredMatrix], wanted: str | None, format: 
     if len(found) == 1:
         return found[0]
     if len(found) > 1:
+        same = ", ".join(one.name for one in found)
         raise ReadError(
-            f"{path}: holds {len(found)} matrices named '{wanted}'; write the one of this body to a file of its own"
+            f"{path}: holds {len(found)} matrices whose names differ in capitals only: {same}; name one of them"
         )
+    several = [one.info for one in usable if one.name.lower().rpartition("#")[0] == wanted.lower()]
+    if several:
+        sizes = ", ".join(f"{info.name} ({info.rows} x {info.cols})" for info in several)
+        raise ReadError(f"{path}: holds {len(several)} matrices named '{wanted}': name one of {sizes}")
     if not format.named:
         raise ReadError(
             f"{path}: holds one matrix without a name, so there is no '{wanted}' in it; leave `matrix:` out"

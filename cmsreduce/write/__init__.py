@@ -4,7 +4,7 @@ Every file is written whole under a temporary name and renamed.
 The choice of what to write belongs in `pipeline`.
 """
 
-from cmsreduce.write.component import ComponentFile, basic_shapes, read_component, write_component
+from cmsreduce.write.component import SAME_MASS, ComponentFile, basic_shapes, read_component, write_component
 from cmsreduce.write.files import atomic_path, hdf5_file, put_texts
 from cmsreduce.write.own_files import refuse_foreign
 from cmsreduce.write.seal import is_sealed, verify_seal
@@ -14,6 +14,7 @@ from cmsreduce.write.targets import TARGETS, StateSpace, Target, component_state
 
 __all__ = [
     "ComponentFile",
+    "SAME_MASS",
     "StateSpace",
     "TARGETS",
     "Target",

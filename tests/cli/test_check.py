@@ -236,11 +236,18 @@ def test_a_summary_alone_has_frequencies_to_compare(finished: Path, copied: Path
     assert "arm: baseline: mode shapes" not in result.stdout
 
 
-def test_a_file_whose_mass_is_not_that_of_its_modes_fails(copied: Path) -> None:
-    edited(copied / "arm.h5", "integrals/rigid_mass", heavier)
+@pytest.mark.parametrize(
+    ("item", "finding"),
+    [
+        ("integrals/rigid_mass", "momentum of the rigid modes against the rigid mass"),
+        ("integrals/phi_phi", "trace of int phi_i phi_j dm against the modal mass"),
+    ],
+)
+def test_a_file_whose_mass_is_not_that_of_its_modes_fails(copied: Path, item: str, finding: str) -> None:
+    edited(copied / "arm.h5", item, heavier)
     result = call("check", copied / "arm.h5")
     assert result.exit_code == 1
-    line = line_of(result, "momentum of the rigid modes against the rigid mass")
+    line = line_of(result, finding)
     assert line.startswith("FAIL") and float(line.split(": ")[2].split()[0]) == pytest.approx(1e-3, rel=0.01)
 
 

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from cmsreduce.config import load_pipeline
+from cmsreduce.errors import WriteError
 from cmsreduce.mechanics import rigid_mass
 from cmsreduce.model import rigid_body_shapes
 from cmsreduce.pipeline import Run, Silent, execute, inspected
 from cmsreduce.verify import rigid_mass_properties
+from cmsreduce.write import convert, read_component
 
 pytestmark = pytest.mark.shared
 
@@ -109,6 +111,24 @@ def test_nas2cam_shape_without_mass_is_a_static_mode(shared_data: Path, opened: 
     assert not [line for line in lines if "inf" in line or "nan" in line]
     page = (tmp_path / "out" / "report.html").read_text()
     assert "25 elastic and 1 static modes" in page and "infinite" not in page.partition("<script")[0]
+
+
+def test_nas2cam_integrals_that_the_superelement_does_not_determine(
+    shared_data: Path, opened: Opened, tmp_path: Path
+) -> None:
+    """Sums over its six boundary grids had a trace of int phi_i phi_j of 48, where the modal mass is 1."""
+    run = opened(SUPERELEMENTS + "reduce: {{cutoff: 30}}\nwrite: {{}}\n", data=shared_data / "nas2cam", **WELD)
+    assert execute(run, tmp_path / "study.yaml") is not None
+    assert any("outboard: int r_i phi_j dm and int phi_i phi_j dm are not" in note for note in run.stages.notes)
+    file = read_component(tmp_path / "out" / "outboard.h5")
+    assert not {"integrals/r_phi", "integrals/phi_phi", "integrals/rigid_mass_row_sum"} & file.arrays.keys()
+    # assemble.out has the mass.
+    assert float(file.arrays["integrals/mass"]) == pytest.approx(1.590384, rel=1e-6)
+    with pytest.raises(WriteError, match=r"outboard.*not determined"):
+        convert(tmp_path / "out" / "outboard.h5", tmp_path / "outboard.42.txt")
+    with np.load(*convert(tmp_path / "out" / "outboard.h5", tmp_path / "outboard.npz"), allow_pickle=True) as made:
+        np.testing.assert_allclose(made["massMatrixReduced"], file.arrays["modes/mass"][6:, 6:], atol=1e-12)
+        np.testing.assert_array_equal(made["mPhitTPsi"], file.arrays["integrals/phi"])
 
 
 def test_nas2cam_one_body_reduced(shared_data: Path, opened: Opened, tmp_path: Path) -> None:

@@ -294,6 +294,40 @@ def test_a_disk_on_a_cantilever_turns_with_its_tip():
     np.testing.assert_allclose(found.r_phi[:, :, 0], [[0, m * L, 0], [-J * turn, 0, 0], [0, 0, 0]], atol=1e-6)
 
 
+def superelement(whole, boundary, count):
+    """Craig-Bampton matrices of a body, scalar points for its fixed-interface modes, and T from them to its rows."""
+    rows = np.flatnonzero(np.isin(whole.dofs.node, boundary))
+    inner = np.setdiff1d(np.arange(whole.n), rows)
+    K, M = whole.K.toarray(), whole.M.toarray()
+    T = np.zeros((whole.n, rows.size + count))
+    T[rows, np.arange(rows.size)] = 1
+    T[inner, : rows.size] = -la.solve(K[np.ix_(inner, inner)], K[np.ix_(inner, rows)])
+    T[inner, rows.size :] = la.eigh(K[np.ix_(inner, inner)], M[np.ix_(inner, inner)])[1][:, :count]
+    points = DofTable(900 + np.arange(count), np.zeros(count, np.int8))
+    at = whole.nodes.index(np.array(boundary))
+    nodes = Nodes(np.array(boundary), whole.nodes.xyz[at], whole.nodes.frame[at])
+    K, M = (sp.csc_array(T.T @ A @ T) for A in (K, M))
+    return FEModel("reduced", K, M, whole.dofs[rows].joined(points), nodes), T
+
+
+def test_a_superelement_has_the_momenta_of_its_body_and_no_integrals_of_second_order():
+    """Its boundary alone has a trace of int phi_i phi_j that is not the modal mass."""
+    whole = block("solid", SIDES, [3, 2, 1])
+    body, T = superelement(whole, face([3, 2, 1], 0), 9)
+    shapes = np.random.default_rng(1).normal(size=(body.n, 4))
+    found = modal_integrals(body, shapes, origin=AWAY, axes=TURN)
+    right = modal_integrals(whole, T @ shapes, origin=AWAY, axes=TURN)
+    for name in ("mass", "first_moment", "inertia", "phi", "r_cross_phi"):
+        expected = getattr(right, name)
+        np.testing.assert_allclose(getattr(found, name), expected, atol=1e-10 * abs(np.asarray(expected)).max())
+    np.testing.assert_allclose(np.einsum("iiab->ab", right.phi_phi), shapes.T @ body.M @ shapes, rtol=1e-9)
+    assert found.second_order is None
+    with pytest.raises(DofMapError, match="not determined: mass moves with generalised coordinates"):
+        _ = found.phi_phi
+    with pytest.raises(DofMapError, match="cannot be lumped at its nodes"):
+        lumped_mass(body, "row-sum")
+
+
 def test_without_geometry_there_is_nothing_to_integrate_over():
     with pytest.raises(DofMapError, match="'rod' has no geometry"):
         modal_integrals(replace(line("rod", [0, 0, 0], [1, 0, 0], 1), nodes=None), np.zeros((12, 0)))

@@ -164,7 +164,7 @@ def test_commands_say_what_they_were_given(
 @pytest.mark.parametrize(
     ("file", "name"),
     [
-        ("nas2cam/inboard.out", "f06"),
+        ("nas2cam/inboard.out", "bulk"),
         ("swept_plane/sol103_swept_plane.f06", "f06"),
         ("swept_plane/sol103_swept_plane.pch1", "dmig"),
         ("abaqus_c3d10/blockC3D10.inp", "inp"),

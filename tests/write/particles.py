@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cmsreduce.model import ModalIntegrals
+from cmsreduce.model import ModalIntegrals, SecondOrder
 from cmsreduce.write import ComponentFile
 
 __all__ = ["FORMATS", "Particles", "particles"]
@@ -100,9 +100,8 @@ def particles(size: float = 0.3, *, blind: bool = False, static: bool = False) -
         inertia=np.trace(squares) * np.eye(3) - squares,
         phi=np.einsum("n,nia->ia", m, u),
         r_cross_phi=np.einsum("n,nia->ia", m, np.cross(x[:, :, None], u, axis=1)),
-        r_phi=np.einsum("n,ni,nja->ija", m, x, u),
-        phi_phi=np.einsum("n,nia,njb->ijab", m, u, u),
         modes=np.arange(k),
+        second_order=SecondOrder(np.einsum("n,ni,nja->ija", m, x, u), np.einsum("n,nia,njb->ijab", m, u, u)),
     )
     node_J = axes @ node_J @ axes.T
     return Particles(m, x, u, node_m, node_J, node_x, axes @ node_u, axes @ node_v, omega, file, integrals)

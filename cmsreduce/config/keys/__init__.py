@@ -6,7 +6,7 @@ References between parts of the file are checked in `config.references`.
 
 from cmsreduce.config.keys.balance import KeepKeys, RankingKeys, ScalingKeys
 from cmsreduce.config.keys.channels import ActuatorKeys, SensorKeys, Size, channel_kind, parse_row
-from cmsreduce.config.keys.component import FLEXIBLE_ONLY, Component
+from cmsreduce.config.keys.component import EXTSEOUT_NAMES, FLEXIBLE_ONLY, Component
 from cmsreduce.config.keys.files import MatrixFile
 from cmsreduce.config.keys.interface import InterfaceKeys
 from cmsreduce.config.keys.joints import Articulation
@@ -30,6 +30,7 @@ __all__ = [
     "CENTRE",
     "Component",
     "Count",
+    "EXTSEOUT_NAMES",
     "FLEXIBLE_ONLY",
     "GeometricStiffnessKeys",
     "InterfaceKeys",

@@ -33,14 +33,19 @@ from cmsreduce.config.located import Text
 from cmsreduce.errors import DampingError, MatrixError
 from cmsreduce.model import Damping, Placement, RigidBody, Units
 
-__all__ = ["Component", "DampingKeys", "FLEXIBLE_ONLY", "PlacementKeys", "RayleighKeys", "RigidKeys"]
+__all__ = ["Component", "DampingKeys", "EXTSEOUT_NAMES", "FLEXIBLE_ONLY", "PlacementKeys", "RayleighKeys", "RigidKeys"]
 
 FLEXIBLE_ONLY = (
     *("extseout", "stiffness", "mass", "geometry", "rows", "damping", "grounded", "geometric_stiffness"),
     *("reduce", "balance", "write"),
 )
 """Keys that a rigid body does not have."""
-_EXTSEOUT_SUFFIXES = (".op4", ".asm", ".pch")
+
+EXTSEOUT_NAMES = ("KXX", "MXX")
+"""Stiffness and mass that an EXTSEOUT stem stands for; where the file names them otherwise, its content decides."""
+
+# Files of a superelement by what they hold, the likeliest first.
+_EXTSEOUT_MATRICES, _EXTSEOUT_GEOMETRY = (".op4", ".op2", ".pch"), (".asm", ".pch")
 _LAWS = ("modal", "table", "per_mode", "rayleigh", "structural", "matrix")
 
 
@@ -177,8 +182,9 @@ class Component(Keys):
     )
     extseout: DataPath | None = Field(
         default=None,
-        description="NASTRAN EXTSEOUT body by the common stem of its .asm, .pch and .op4. Stands for stiffness KXX and "
-        "mass MXX of the .op4 and for the geometry of the .asm, unless these keys are given.",
+        description="NASTRAN EXTSEOUT body by the common stem of its files. Stands for stiffness, mass and damping of "
+        "the .op4, .op2 or .pch (KXX, MXX, BXX, K4XX, or KAA and so on) and for the geometry of the .asm or .pch, "
+        "unless these keys are given.",
         examples=["../bodies/inboard"],
     )
     stiffness: MatrixFile | None = Field(
@@ -239,21 +245,24 @@ class Component(Keys):
 
     @classmethod
     def written_out(cls, value: object) -> object:
-        """Add the files that an EXTSEOUT stem stands for."""
+        """Add the files that an EXTSEOUT stem stands for; their content names the matrices."""
         stem = value.get("extseout") if isinstance(value, dict) else None
         if not isinstance(value, dict) or not isinstance(stem, (str, Path)) or not str(stem):
             return value
         text = str(stem)
-        if text.lower().endswith(_EXTSEOUT_SUFFIXES):
+        if text.lower().endswith((*_EXTSEOUT_MATRICES, *_EXTSEOUT_GEOMETRY)):
             text = text[:-4]
 
-        def beside(suffix: str) -> str | Path:
-            return Text.at(text + suffix, stem.folder) if isinstance(stem, Text) else Path(text + suffix)
+        def beside(suffixes: tuple[str, ...]) -> str | Path:
+            folder = stem.folder if isinstance(stem, Text) else None
+            names = [text + each for suffix in suffixes for each in (suffix, suffix.upper())]
+            name = next((name for name in names if Path(folder or "", name).is_file()), names[0])
+            return Text.at(name, stem.folder) if isinstance(stem, Text) else Path(name)
 
         implied = {
-            "stiffness": {"file": beside(".op4"), "matrix": "KXX"},
-            "mass": {"file": beside(".op4"), "matrix": "MXX"},
-            "geometry": {"file": beside(".asm")},
+            "stiffness": {"file": beside(_EXTSEOUT_MATRICES), "matrix": EXTSEOUT_NAMES[0]},
+            "mass": {"file": beside(_EXTSEOUT_MATRICES), "matrix": EXTSEOUT_NAMES[1]},
+            "geometry": {"file": beside(_EXTSEOUT_GEOMETRY)},
         }
         given = {key: item for key, item in value.items() if item is not None}
         stem_only = Text.at(text, stem.folder) if isinstance(stem, Text) else Path(text)

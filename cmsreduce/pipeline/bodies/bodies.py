@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import Ports, body_points, body_ports, modal_substructure, physical_substructure
-from cmsreduce.config import Component, InterfaceKeys, MatrixFile, Pipeline
+from cmsreduce.config import EXTSEOUT_NAMES, Component, InterfaceKeys, MatrixFile, Pipeline
 from cmsreduce.errors import DofMapError, SceneError
 from cmsreduce.linalg.eigen import motions_held, only_motions, rigid_body_modes
 from cmsreduce.mechanics import Determined, Tie, check_connected, hold_undetermined, tie_nodes
@@ -37,7 +37,15 @@ from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_health
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
-from cmsreduce.read import InterfaceSpec, MatrixSource, prove_mass_order, prove_row_order, read_body
+from cmsreduce.read import (
+    InterfaceSpec,
+    MatrixSource,
+    prove_mass_order,
+    prove_row_order,
+    read_body,
+    superelement_damping,
+    superelement_matrices,
+)
 from cmsreduce.verify import rigid_motions_proof
 
 __all__ = ["FlexibleBody", "probing_loads", "read_flexible", "read_rigid"]
@@ -257,16 +265,23 @@ def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tupl
 def _as_read(name: str, part: Component, units: Units) -> FEModel:
     """The body as its files have it."""
     assert part.stiffness is not None and part.mass is not None
-    matrix = None if part.damping is None else part.damping.matrix
+    matrix = None if part.damping is None or part.damping.matrix is None else _source(part.damping.matrix)
+    stiffness, mass = _source(part.stiffness), _source(part.mass)
+    damping = None if part.damping is None else part.damping.law()
+    if part.extseout is not None and (stiffness.matrix, mass.matrix) == EXTSEOUT_NAMES:
+        found = superelement_matrices(stiffness.path)
+        stiffness, mass = found.stiffness, found.mass
+        if part.damping is None:
+            damping, matrix = superelement_damping(name, found)
     return read_body(
         name,
-        stiffness=_source(part.stiffness),
-        mass=_source(part.mass),
+        stiffness=stiffness,
+        mass=mass,
         geometry=None if part.geometry is None else part.geometry.file,
         rows=None if part.rows is None else part.rows.file or part.rows.set,
         rows_trusted=part.rows is not None and part.rows.trusted,
-        damping=None if part.damping is None else part.damping.law(),
-        damping_matrix=None if matrix is None else _source(matrix),
+        damping=damping,
+        damping_matrix=matrix,
         units=units,
         grounded=part.grounded,
         interfaces={label: _interface(label, name, keys) for label, keys in part.interfaces.items()},

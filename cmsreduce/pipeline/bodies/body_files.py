@@ -67,24 +67,24 @@ class _Candidate:
     """A square matrix, with the evidence for what it is."""
 
     matrix: LabelledMatrix
-    named: bool
+    name: str
     quiet: float
     massive: bool
 
     @property
     def source(self) -> tuple[Path, str]:
-        return self.matrix.path, self.matrix.name if self.named else ""
+        return self.matrix.path, self.name
 
     @property
     def words(self) -> str:
-        return f"{self.matrix.name} in {self.matrix.path}" if self.named else str(self.matrix.path)
+        return f"{self.name} in {self.matrix.path}" if self.name else str(self.matrix.path)
 
     def called(self, letter: str) -> bool:
         """True if the matrix, or else its file, has the name of a stiffness (k) or of a mass (m)."""
         stem = self.matrix.path.stem.lower()
         # A matrix in a struct of MATLAB has the name of its field.
-        name = self.matrix.name.lower().rpartition(".")[2] if self.named else stem
-        file = not self.named and (self.matrix.path.suffix.lower() == _SUFFIXES[letter] or _WORDS[letter][:4] in stem)
+        name = self.name.lower().rpartition(".")[2] or stem
+        file = not self.name and (self.matrix.path.suffix.lower() == _SUFFIXES[letter] or _WORDS[letter][:4] in stem)
         return file or name.startswith((letter, _WORDS[letter][:4]))
 
 
@@ -201,7 +201,9 @@ def _matrices(path: Path, rows: Path | None, geometries: Iterable[Geometry]) -> 
     named = FORMATS[file_kind(path).matrices].named
     names: list[str | None] = [None]
     if named:
-        names = [info.name for info in matrix_names(path) if info.rows == info.cols > 0]
+        square = [info for info in matrix_names(path) if info.rows == info.cols > 0]
+        # Programs write scalars as matrices of one row.
+        names = [info.name for info in square if info.rows > 1 or len(square) <= 2]
     found = []
     for each in names:
         try:
@@ -216,7 +218,7 @@ def _matrices(path: Path, rows: Path | None, geometries: Iterable[Geometry]) -> 
             shares = [quiet_share(matrix.A, T) for T in tables or _patterns(matrix)]
             diagonal = matrix.A.diagonal()
             massive = bool((diagonal >= 0).all() and (diagonal > 0).any())
-            found.append(_Candidate(matrix, named, max(shares, default=0.0), massive))
+            found.append(_Candidate(matrix, each or "", max(shares, default=0.0), massive))
     return found
 
 

@@ -9,16 +9,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.config import BodyDraft, body_pipeline, scene_pipeline
+from cmsreduce.config import BodyDraft, Component, body_pipeline, scene_pipeline
 from cmsreduce.errors import CmsReduceError, ReadError
 from cmsreduce.linalg.eigen import rigid_body_modes
+from cmsreduce.mechanics import hold_undetermined
 from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
 from cmsreduce.pipeline.bodies.body_files import BodyFiles, bodies_of_files
 from cmsreduce.pipeline.bodies.coincident_nodes import Meeting, meetings
 from cmsreduce.pipeline.bodies.plausible_units import material_of, plausible_units
 from cmsreduce.pipeline.bodies.proposed_interfaces import Place, proposed_interfaces
 from cmsreduce.pipeline.store import diagnostic
-from cmsreduce.read import MatrixSource, file_kind, read_body, read_cells
+from cmsreduce.read import (
+    MatrixSource,
+    file_kind,
+    read_body,
+    read_cells,
+    superelement_damping,
+    superelement_matrices,
+)
 from cmsreduce.verify import rigid_motions
 
 __all__ = ["Draft", "draft_body", "draft_pipeline"]
@@ -54,7 +62,7 @@ def draft_pipeline(name: str, files: Sequence[Path]) -> Draft:
         Name of the study, and of the body if there is one.
     files : sequence of Path
         Matrices, the decks or meshes they came from and a list of the nodes of their rows, in any order; or the
-        ``.asm`` of a NASTRAN external superelement.
+        ``.asm`` or ``.pch`` of a NASTRAN external superelement, whose matrices are in a file of the same stem.
 
     Raises
     ------
@@ -90,41 +98,61 @@ def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
 
 def _found(name: str, files: Sequence[Path]) -> list[tuple[FEModel | None, BodyDraft]]:
     """Bodies as far as they can be read, without interfaces."""
-    superelement = _superelement(files)
-    if superelement is not None:
-        stem = superelement.with_suffix("")
-        matrices = stem.with_suffix(".op4")
-        draft = BodyDraft(name, (matrices, "KXX"), (matrices, "MXX"), extseout=stem)
-        return [_read(draft, superelement)]
-    return [_read(_draft(each), each.geometry) for each in bodies_of_files(name, files)]
-
-
-def _superelement(files: Sequence[Path]) -> Path | None:
-    """Order of the rows of an external superelement whose matrices are beside it."""
     for path in files:
         if not path.is_file():
             raise ReadError(f"{path}: there is no such file; `ls` shows the files that there are")
-    beside = (path for path in files if path.with_suffix(".op4").is_file() and path.suffix.lower() != ".op4")
-    return next((path for path in beside if file_kind(path).geometry == "superelement"), None)
+    superelement = next((path for path in files if file_kind(path).geometry == "superelement"), None)
+    drafts = (
+        [_draft(each) for each in bodies_of_files(name, files)]
+        if superelement is None
+        else [_superelement(name, superelement, files)]
+    )
+    return [_read(draft) for draft in drafts]
+
+
+def _superelement(name: str, superelement: Path, files: Sequence[Path]) -> BodyDraft:
+    """Draft of an external superelement, whose matrices are given or in a file of the same stem."""
+    keys = Component.model_validate({"extseout": superelement})
+    assert keys.extseout is not None and keys.stiffness is not None and keys.geometry is not None
+    file = next((path for path in files if file_kind(path).matrices), keys.stiffness.file)
+    found = superelement_matrices(file)
+    stiffness, mass = ((file, source.matrix or "") for source in (found.stiffness, found.mass))
+    if file.with_suffix("") != keys.extseout:
+        return BodyDraft(name, stiffness, mass, superelement)
+    damped = superelement_damping(name, found) != (None, None)
+    return BodyDraft(name, stiffness, mass, keys.geometry.file, extseout=keys.extseout, damped=damped)
 
 
 def _draft(files: BodyFiles) -> BodyDraft:
     return BodyDraft(files.name, files.stiffness, files.mass, files.geometry, files.rows, notes=files.notes)
 
 
-def _read(draft: BodyDraft, geometry: Path | None) -> tuple[FEModel | None, BodyDraft]:
+def _read(draft: BodyDraft) -> tuple[FEModel | None, BodyDraft]:
     """The body of a draft, and the draft with its units and first frequency, or a remark."""
     stiffness, mass = (MatrixSource(path, matrix or None) for path, matrix in (draft.stiffness, draft.mass))
     try:
-        body = read_body(draft.name, stiffness=stiffness, mass=mass, geometry=geometry, rows=draft.rows)
+        body = read_body(draft.name, stiffness=stiffness, mass=mass, geometry=draft.geometry, rows=draft.rows)
         if body.nodes is None:
-            return None, replace(draft, remark="no deck or mesh is given, so that no grid can be named for the mount")
+            return None, _without_places(draft, body)
         draft = _with_units(draft, body)
         hz = _first_elastic(body)
     except CmsReduceError as error:
         return None, replace(draft, remark=str(error))
     time = Units.parse(draft.units).time if draft.units else 1.0
     return body, replace(draft, elastic_hz=None if hz is None else hz / time)
+
+
+def _without_places(draft: BodyDraft, body: FEModel) -> BodyDraft:
+    """The draft of a body without geometry: its mount is the node with most dofs, and the last node is the far one."""
+    remark = "no deck, listing (.f06) or mesh is given, so that the place of no node is known"
+    nodes, counts = np.unique(body.dofs.node[body.dofs.component > 0], return_counts=True)
+    if not nodes.size:
+        return replace(draft, remark=remark)
+    node = int(nodes[counts.argmax()])
+    own = set(body.dofs.component[body.dofs.node == node].tolist())
+    axes = "".join(axis for axis, component in zip(_AXES, (1, 2, 3), strict=True) if component in own)
+    mount = (("mount", f"{{node: {node}}}", ""),)
+    return replace(draft, interfaces=mount, point=str(node), far=int(nodes[-1]), axes=axes or _AXES, remark=remark)
 
 
 def _with_units(draft: BodyDraft, body: FEModel) -> BodyDraft:
@@ -198,6 +226,9 @@ def _first_elastic(body: FEModel) -> float | None:
     assert body.nodes is not None
     if body.n > _QUICK:
         return None
+    # The run holds what nothing moves, such as the directions that a boundary grid does not have.
+    body = hold_undetermined(body).body
+    assert body.nodes is not None
     shapes = rigid_body_shapes(body.dofs, body.nodes)
     if rigid_body_modes(body.K, body.M, shapes, body.stiffness_rounding, body.name).shape[1] != _FREE:
         return None

@@ -12,7 +12,7 @@ from cmsreduce.config import SpinKeys
 from cmsreduce.linalg.blocks import combined
 from cmsreduce.linalg.eigen import motions_held, null_space
 from cmsreduce.mechanics import modal_integrals, modal_stiffening, spinning_modes
-from cmsreduce.model import ModalComponent
+from cmsreduce.model import UNDETERMINED, ModalComponent
 from cmsreduce.pipeline.bodies.bodies import FlexibleBody
 
 __all__ = ["spin_notes"]
@@ -58,7 +58,11 @@ def _of_body(name: str, spin: SpinKeys, flexible: FlexibleBody, component: Modal
     Phi, omega, support = _held_modes(component)
     if not omega.size:
         return
-    phi_phi = modal_integrals(component.body, Phi).phi_phi
+    second_order = modal_integrals(component.body, Phi).second_order
+    if second_order is None:
+        yield f"{name}: nothing is said of its spin of {spin.rate:.4g} Hz: {UNDETERMINED}"
+        return
+    phi_phi = second_order.phi_phi
     named = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
     axes = {label: axis for label, axis in named.items() if spin.axis in (None, axis)}
     if spin.axis is not None and not axes:

@@ -18,7 +18,7 @@ from cmsreduce.pipeline.results.mass_and_frame import file_totals, total_finding
 from cmsreduce.pipeline.results.step_advice import file_rounding
 from cmsreduce.report import junit_xml, markdown_summary, place
 from cmsreduce.verify import REALISABLE, inertia_excess, momentum_balance
-from cmsreduce.write import ComponentFile, atomic_path
+from cmsreduce.write import SAME_MASS, ComponentFile, atomic_path
 
 __all__ = ["check_result", "write_junit", "write_markdown"]
 
@@ -71,6 +71,7 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> tu
             seal = Finding("unsealed", float(not result.files[name].sealed), note=_UNSEALED, subject=name)
             (unlisted if result.files[name].sealed else findings).append(seal)
             findings += _file_alone(name, result.files[name])
+            findings += _modal_mass(name, result.files[name])
             findings += _rounding(name, result.files[name])
             findings += total_findings(name, file_totals(result.files[name]))
     if baseline is not None:
@@ -163,6 +164,18 @@ def _file_alone(name: str, file: ComponentFile) -> Iterator[Finding]:
         carried, left = momentum_balance(rigid, momentum, file.rigid_count)
         yield Finding("momentum of the rigid modes against the rigid mass", carried, _MOMENTUM, subject=name)
         yield Finding("momentum of the elastic modes", left, _MOMENTUM, subject=name)
+
+
+def _modal_mass(name: str, file: ComponentFile) -> Iterator[Finding]:
+    """Trace of int phi_i phi_j dm against the modal mass, where both are over one mass."""
+    facts, arrays = file.attributes.get("integrals", {}), file.arrays
+    if "integrals/phi_phi" not in arrays or facts.get("lumping", "consistent") != "consistent":
+        return
+    modes = arrays["integrals/modes"]
+    mass = arrays["modes/mass"][np.ix_(modes, modes)]
+    apart = abs(np.einsum("iiab->ab", arrays["integrals/phi_phi"]) - mass).max(initial=0.0)
+    relative = float(apart / max(abs(mass).max(initial=0.0), np.finfo(float).tiny))
+    yield Finding("trace of int phi_i phi_j dm against the modal mass", relative, SAME_MASS, subject=name)
 
 
 def _rounding(name: str, file: ComponentFile) -> Iterator[Finding]:

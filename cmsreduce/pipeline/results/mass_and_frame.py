@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmsreduce.assemble import outboard_masses
 from cmsreduce.config import BASIC, CENTRE
 from cmsreduce.errors import SceneError
-from cmsreduce.mechanics import REMOVED, floating_frame, rigid_mass
+from cmsreduce.mechanics import REMOVED, floating_frame, moves_generalised, rigid_mass
 from cmsreduce.model import (
     LUMPINGS,
     FEModel,
@@ -53,14 +53,14 @@ def body_totals(body: FEModel) -> Totals:
     """Totals of a body; empty for a body without geometry or without mass."""
     if body.nodes is None or not body.M.nnz:
         return {}
-    return {lumping: rigid_mass(body, lumping=lumping) for lumping in LUMPINGS}
+    # The mass of generalised coordinates has no place among the nodes, so it cannot be lumped.
+    lumpings = LUMPINGS[:1] if moves_generalised(body) else LUMPINGS
+    return {lumping: rigid_mass(body, lumping=lumping) for lumping in lumpings}
 
 
 def file_totals(file: ComponentFile) -> Totals:
-    """Totals of a component file; empty for files of early versions, which do not hold them."""
-    if any(path not in file.arrays for path in _STORED.values()):
-        return {}
-    return {lumping: file.arrays[path] for lumping, path in _STORED.items()}
+    """Totals of a component file, those that it holds; files of early versions have only the consistent one."""
+    return {lumping: file.arrays[path] for lumping, path in _STORED.items() if path in file.arrays}
 
 
 def total_lines(totals: Totals) -> Iterator[InspectedLine]:
@@ -168,6 +168,8 @@ def frame_lines(file: ComponentFile) -> Iterator[InspectedLine]:
     integrals = file.attributes.get("integrals", {})
     if "lumping" in integrals and "about" in integrals:
         yield InspectedLine(f"integrals about {integrals['about']}, mass {integrals['lumping']}")
+    if "undetermined" in integrals:
+        yield InspectedLine(str(integrals["undetermined"]))
     for path, names in file.texts.items():
         if path.startswith("augmented/"):
             face = path.split("/")[1]

@@ -10,6 +10,7 @@ from cmsreduce.read.nastran.deck_energy import STRAINS, StatedEnergy, deck_energ
 from cmsreduce.read.nastran.deck_mass import StatedMass, deck_mass
 from cmsreduce.read.nastran.dmig import DMIG
 from cmsreduce.read.nastran.op2 import OP2
+from cmsreduce.read.nastran.op2_geometry import OP2_GEOMETRY
 from cmsreduce.read.nastran.op4 import OP4
 from cmsreduce.read.nastran.rigid_elements import read_followers
 
@@ -19,6 +20,7 @@ __all__ = [
     "DMIG",
     "EXTERNAL_SUPERELEMENT",
     "OP2",
+    "OP2_GEOMETRY",
     "OP4",
     "SET_NAMES",
     "bars_in_units",

@@ -17,6 +17,7 @@ from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat
 from cmsreduce.read.nastran.cards import Card, CardFile, Cards, read_cards
 from cmsreduce.read.nastran.dof_sets import SET_CARDS, Keys, Points, constrained_dofs, id_ranges, named_sets
 from cmsreduce.read.nastran.grids import GRID_CARDS, read_points
+from cmsreduce.read.nastran.listing import is_listing
 from cmsreduce.read.nastran.rigid_elements import DEPENDENCE_CARDS, dependent_dofs
 
 __all__ = ["BULK_DATA", "EXTERNAL_SUPERELEMENT", "SET_NAMES", "BulkDeck", "read_bulk", "read_extseout"]
@@ -329,11 +330,18 @@ def _superelement(nodes: Nodes, keys: Keys, files: tuple[Path, ...]) -> Geometry
 
 def _is_bulk_data(head: str) -> bool:
     # A listing echoes the deck; its first line is the 1 that starts a page.
-    return "\0" not in head and _BULK_DATA.search(head) is not None and not _PAGE.match(head)
+    return "\0" not in head and (is_listing(head) or (_BULK_DATA.search(head) is not None and not _PAGE.match(head)))
 
 
 _MATRICES = "name the OP4, OP2 or DMIG punch file that the run of the deck wrote"
-BULK_DATA = GeometryFormat("bulk", "NASTRAN bulk data", _is_bulk_data, _deck_geometry, _deck_cells, _MATRICES)
+BULK_DATA = GeometryFormat(
+    "bulk",
+    "NASTRAN bulk data",
+    _is_bulk_data,
+    _deck_geometry,
+    _deck_cells,
+    _MATRICES,
+)
 EXTERNAL_SUPERELEMENT = GeometryFormat(
     "superelement",
     "NASTRAN external superelement (.asm, .pch)",

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from cmsreduce.errors import ReadError
 from cmsreduce.read.files import read_text
+from cmsreduce.read.nastran.listing import echoed_deck, is_listing
 from cmsreduce.read.printed_numbers import real_number
 
 __all__ = ["FIELDS_PER_LINE", "INTEGER", "Card", "CardFile", "Cards", "read_cards"]
@@ -142,7 +143,7 @@ def read_cards(path: Path, names: Collection[str]) -> CardFile:
     Parameters
     ----------
     path : Path
-        Input file, with or without executive and case control.
+        Input file, with or without executive and case control, or a listing (.f06) that echoes the sorted bulk data.
     names : collection of str
         Cards to read, upper case; others are skipped.
 
@@ -155,7 +156,10 @@ def read_cards(path: Path, names: Collection[str]) -> CardFile:
     ReadError
         If a file is missing, includes itself, or a card is broken over lines in a way that cannot be read.
     """
-    text = read_text(path).splitlines()
+    content = read_text(path)
+    text = content.splitlines()
+    if is_listing(content):
+        text = echoed_deck(text)
     begins = [_BEGIN.match(line) for line in text]
     # A punched superelement has BEGIN SUPER but no case control before it.
     controlled = any(_CEND.match(line) for line in text) or any(b is not None and b[2] is None for b in begins)

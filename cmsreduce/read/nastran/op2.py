@@ -19,7 +19,7 @@ from cmsreduce.read.labelled_matrix import DOUBLE, SINGLE, LabelledMatrix, canon
 from cmsreduce.read.nastran.op4 import FORMS, SYMMETRIC, first_record
 from cmsreduce.read.nastran.op4_header import TYPES
 
-__all__ = ["OP2"]
+__all__ = ["OP2", "check_records"]
 
 _MATRIX = 1  # type of a data block
 _SMALLEST = 12  # bytes of the first record
@@ -47,7 +47,7 @@ def _op2_matrices(path: Path) -> list[StoredMatrix]:
     """
     from pyyeti.nastran import op2
 
-    _check_records(path)
+    check_records(path)
     with reading(path, "the table of contents of the OP2 file"), op2.OP2(str(path)) as file:
         blocks = []
         for found in file.dblist:
@@ -77,7 +77,7 @@ def _order(content: mmap.mmap) -> str:
     return "<" if struct.unpack_from("<i", content)[0] in (4, 8) else ">"
 
 
-def _check_records(path: Path) -> None:
+def check_records(path: Path) -> None:
     """Check that every record has the same length before and after it."""
     if path.stat().st_size < _SMALLEST:
         raise ReadError(f"{path}: the OP2 file is truncated: it has no more than {path.stat().st_size} bytes")

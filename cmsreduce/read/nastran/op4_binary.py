@@ -99,7 +99,9 @@ class BinaryRecords:
             if length != self.header.size:
                 raise self._damaged(what, f"has {length} bytes instead of {self.header.size}")
             cols, rows, form, kind, raw = self.header.unpack_from(self.content, start)
-            name = raw.decode("latin-1").strip(" \0")
+            # NASTRAN spreads a name over words of eight bytes, four letters in each.
+            spread = self.wide and not raw[4:8].strip(b" \0")
+            name = (raw[:4] + raw[8:12] if spread else raw).decode("latin-1").strip(" \0")
             check_size(self.path, name, abs(rows), cols, self.size)
             if kind not in TYPES:
                 raise self._damaged(what, f"gives type {kind} to '{name}', which is none of 1, 2, 3, 4")

@@ -7,6 +7,7 @@ Files of other programs belong in `write.targets`.
 from cmsreduce.write.component.component import write_component
 from cmsreduce.write.component.component_file import ComponentFile, read_component
 from cmsreduce.write.component.flexible_body import (
+    SAME_MASS,
     FlexibleBody,
     FrameStiffening,
     flexible_body,
@@ -20,6 +21,7 @@ __all__ = [
     "ComponentFile",
     "FlexibleBody",
     "FrameStiffening",
+    "SAME_MASS",
     "basic_shapes",
     "flexible_body",
     "frame_stiffening",

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import combined, observed
-from cmsreduce.mechanics import ACCURACIES, advised_steps, numerical_damping
+from cmsreduce.mechanics import ACCURACIES, advised_steps, moves_generalised, numerical_damping
 from cmsreduce.model import (
     CostlyModes,
     FEModel,
@@ -111,7 +111,7 @@ def write_component(
         _dofs(file.create_group("dofs"), component, chosen)
         if body.nodes is not None:
             _nodes(file.create_group("nodes"), component, chosen)
-            if all_nodes:
+            if all_nodes and not moves_generalised(body):
                 _lumps(file["nodes"], body)
             put_integrals(file.create_group("integrals"), inertial, about or IntegralFrame.basic())
         if augmented:

@@ -72,16 +72,20 @@ _WITH_GEOMETRY: Mapping[str, tuple[str | int, ...]] = {
 }
 """Datasets of a body with geometry."""
 
-_SECOND_ORDER: Mapping[str, tuple[str | int, ...]] = {
+_DEFORMING: Mapping[str, tuple[str | int, ...]] = {
     "integrals/origin": (3,),
     "integrals/axes": (3, 3),
     "integrals/modes": ("e",),
     "integrals/phi": (3, "e"),
     "integrals/r_cross_phi": (3, "e"),
+}
+"""Integrals of the deforming modes; files of early versions have none of them."""
+
+_SECOND_ORDER: Mapping[str, tuple[str | int, ...]] = {
     "integrals/r_phi": (3, 3, "e"),
     "integrals/phi_phi": (3, 3, "e", "e"),
 }
-"""Integrals of the deforming modes; files of early versions have none of them."""
+"""Integrals that the files of some bodies do not determine; the attribute ``undetermined`` then says why."""
 
 _FRAME: Mapping[str, tuple[str | int, ...]] = {
     "frame/origin": (3,),
@@ -274,8 +278,9 @@ def fault(groups: Iterable[str], shapes: Mapping[str, tuple[int, ...]]) -> str |
     wanted = dict(_SHAPES)
     if "nodes" in groups or "integrals" in groups:
         wanted |= _WITH_GEOMETRY
-    if any(path in shapes for path in _SECOND_ORDER):
-        wanted |= _SECOND_ORDER
+    for integrals in (_DEFORMING, _SECOND_ORDER):
+        if any(path in shapes for path in integrals):
+            wanted |= integrals
     if any(path in shapes for path in _FRAME):
         wanted |= _FRAME
     wanted |= {path: ("m",) for path in shapes if path.startswith("modes/rankings/")}

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
-from cmsreduce.model import INERTIA_LOADS, SQUARES, ModalIntegrals, ModalStiffening
+from cmsreduce.model import INERTIA_LOADS, SQUARES, UNDETERMINED, ModalIntegrals, ModalStiffening, SecondOrder
 from cmsreduce.write.component.component_file import ComponentFile
 from cmsreduce.write.component.integrals import stored_stiffening
 
-__all__ = ["FlexibleBody", "FrameStiffening", "flexible_body", "frame_stiffening", "require_mass"]
+__all__ = ["FlexibleBody", "FrameStiffening", "SAME_MASS", "flexible_body", "frame_stiffening", "require_mass"]
 
-# Relative to the largest modal mass. Integrals over the same mass differ from it by round-off of sums over all nodes,
-# integrals over another mass by per cents (theory section 8).
-_SAME_MASS = 1e-9
+SAME_MASS = 1e-9
+"""Relative to the largest modal mass. Integrals over the same mass differ from it by round-off of sums over all nodes,
+integrals over another mass by per cents (theory section 8)."""
 # Relative to a unit length and a direction: two equal frames differ by round-off of their axes.
 _SAME_FRAME = 1e-12
 # Rigid motions of a floating frame.
@@ -106,7 +106,7 @@ class FrameStiffening:
     moment: Mapping[int, Array]
 
 
-def flexible_body(component: ComponentFile, integrals: ModalIntegrals) -> FlexibleBody:
+def flexible_body(component: ComponentFile, integrals: ModalIntegrals, *, slow: bool = False) -> FlexibleBody:
     """Data of a component file for floating-frame codes.
 
     Parameters
@@ -115,12 +115,15 @@ def flexible_body(component: ComponentFile, integrals: ModalIntegrals) -> Flexib
         The body.
     integrals : ModalIntegrals
         Integrals over its modes; their frame becomes the frame of the body.
+    slow : bool
+        True if the format can be written for slow rotations: integrals of second order that are not determined are
+        zero, which leaves out forces by squares of angular velocities and the change of inertia with the deformation.
 
     Raises
     ------
     WriteError
-        If the body has no nodes, the integrals are over other modes or another mass than the modal mass, or its damping
-        is a complex stiffness.
+        If the body has no nodes, integrals that the format needs are not determined, the integrals are over other modes
+        or another mass than the modal mass, or its damping is a complex stiffness.
     """
     arrays, columns = component.arrays, integrals.modes
     if "nodes/id" not in arrays:
@@ -152,10 +155,19 @@ def flexible_body(component: ComponentFile, integrals: ModalIntegrals) -> Flexib
         raise WriteError(f"component '{component.name}': the motion of node {lost[0]} is not known in every direction")
     unknown = np.isnan(rotation).any(axis=(1, 2))
     square = np.ix_(columns, columns)
+    mass = _modal_mass(component, integrals)
+    if integrals.second_order is None:
+        if not slow:
+            raise WriteError(
+                f"component '{component.name}': {UNDETERMINED}, and this format needs them. Write the body as exudyn "
+                "or sid, for slow rotations, or as nastran, matlab or abcd; or reduce the matrices of its whole mesh"
+            )
+        k = columns.size
+        integrals = replace(integrals, second_order=SecondOrder(np.zeros((3, 3, k)), np.zeros((3, 3, k, k))))
     return FlexibleBody(
         name=component.name,
         integrals=integrals,
-        mass=_modal_mass(component, integrals),
+        mass=mass,
         stiffness=arrays["modes/stiffness"][square],
         damping=arrays["modes/damping"][square],
         omega=component.omega[columns],
@@ -243,14 +255,16 @@ def _modal_mass(component: ComponentFile, integrals: ModalIntegrals) -> Array:
 
     For any mass matrix, it is the trace of int phi_i phi_j dm.
     """
+    mass = np.asarray(component.arrays["modes/mass"][np.ix_(integrals.modes, integrals.modes)])
+    if integrals.second_order is None:
+        return mass
     total = np.asarray(np.einsum("iiab->ab", integrals.phi_phi))
     if integrals.lumping != "consistent":
         return total
-    mass = component.arrays["modes/mass"][np.ix_(integrals.modes, integrals.modes)]
     apart = abs(total - mass).max(initial=0.0)
-    if apart > _SAME_MASS * abs(mass).max(initial=0.0):
+    if apart > SAME_MASS * abs(mass).max(initial=0.0):
         raise WriteError(
             f"component '{component.name}': the modal mass of its integrals differs by {apart:.2e} from its modal "
             "mass: they are over another mass or other shapes; write the component file again"
         )
-    return np.asarray(mass)
+    return mass

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
-from cmsreduce.mechanics import modal_integrals, modal_stiffening, rigid_mass
+from cmsreduce.mechanics import modal_integrals, modal_stiffening, moves_generalised, rigid_mass
 from cmsreduce.model import (
+    UNDETERMINED,
     FloatingFrame,
     GeometricStiffness,
     IntegralFrame,
@@ -19,6 +20,7 @@ from cmsreduce.model import (
     ModalIntegrals,
     ModalStiffening,
     OutboardMass,
+    SecondOrder,
     UnitLoad,
     rigid_body_shapes,
 )
@@ -36,7 +38,8 @@ __all__ = [
 ]
 
 _LUMPED: tuple[tuple[Lumping, str], ...] = (("row-sum", "rigid_mass_row_sum"), ("diagonal", "rigid_mass_diagonal"))
-_ARRAYS = ("origin", "axes", "first_moment", "inertia", "phi", "r_cross_phi", "r_phi", "phi_phi", "modes")
+_ARRAYS = ("origin", "axes", "first_moment", "inertia", "phi", "r_cross_phi", "modes")
+_SECOND_ORDER = ("r_phi", "phi_phi")
 _GROUP = "geometric_stiffness"
 
 
@@ -58,7 +61,7 @@ def put_integrals(group: Any, component: ModalComponent, about: IntegralFrame) -
     MR = body.M @ R
     rigid, momentum = np.asarray(R.T @ MR), MR.T @ component.Phi
     put(group, "rigid_mass", rigid, "", "R^T M R, 6 x 6, consistent mass, basic frame")
-    for lumping, name in _LUMPED:
+    for lumping, name in () if moves_generalised(body) else _LUMPED:
         lumped = rigid_mass(body, lumping=lumping)
         put(group, name, lumped, "", f"R^T M R of the mass lumped by {lumping}, basic frame")
     put(group, "int_phi", momentum[:3], "", "int phi dm, one column per mode, consistent mass, basic frame")
@@ -81,6 +84,9 @@ def put_integrals(group: Any, component: ModalComponent, about: IntegralFrame) -
     put(group, "modes", found.modes, "", "columns of the shapes that phi stands for below: elastic and static modes")
     put(group, "phi", found.phi, "", "int phi dm")
     put(group, "r_cross_phi", found.r_cross_phi, "", "int r x phi dm")
+    if found.second_order is None:
+        group.attrs["undetermined"] = UNDETERMINED
+        return
     put(group, "r_phi", found.r_phi, "", "int r_i phi_j dm, entry [i, j, mode]")
     put(group, "phi_phi", found.phi_phi, "", "int phi_i phi_j dm, entry [i, j, a, b] of modes a and b")
 
@@ -94,7 +100,9 @@ def stored_integrals(component: ComponentFile) -> ModalIntegrals:
         If it has none, or is of an early version without integrals of second order.
     """
     arrays = component.arrays
-    missing = [name for name in ("mass", *_ARRAYS) if f"integrals/{name}" not in arrays]
+    whole = "undetermined" not in component.attributes.get("integrals", {})
+    needed = ("mass", *_ARRAYS, *(_SECOND_ORDER if whole else ()))
+    missing = [name for name in needed if f"integrals/{name}" not in arrays]
     if missing:
         raise WriteError(
             f"component '{component.name}': its file has no modal integrals (integrals/{missing[0]} is missing). A "
@@ -104,6 +112,7 @@ def stored_integrals(component: ComponentFile) -> ModalIntegrals:
         mass=float(arrays["integrals/mass"]),
         lumping=cast(Lumping, str(component.attributes["integrals"].get("lumping", "consistent"))),
         **{name: np.asarray(arrays[f"integrals/{name}"]) for name in _ARRAYS},
+        second_order=SecondOrder(*(arrays[f"integrals/{name}"] for name in _SECOND_ORDER)) if whole else None,
     )
 
 

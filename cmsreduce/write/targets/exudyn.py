@@ -39,7 +39,7 @@ def write_exudyn(path: Path, component: ComponentFile, integrals: ModalIntegrals
         If the component file lacks data, or the file cannot be written.
     """
     image = io.BytesIO()
-    np.savez(image, **exudyn_arrays(flexible_body(component, integrals)))  # type: ignore[arg-type]
+    np.savez(image, **exudyn_arrays(flexible_body(component, integrals, slow=True)))  # type: ignore[arg-type]
     with atomic_path(path) as temporary:
         temporary.write_bytes(image.getvalue())
 

@@ -64,7 +64,7 @@ def write_sid(path: Path, component: ComponentFile, integrals: ModalIntegrals, d
     WriteError
         If the component file lacks data, a mode has no mass, or the file cannot be written.
     """
-    body = flexible_body(component, integrals)
+    body = flexible_body(component, integrals, slow=True)
     require_mass(body, "a code that reads SID inverts Me")
     put_lines(path, _lines(body, frame_stiffening(component, integrals), dialect))
 

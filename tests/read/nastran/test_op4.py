@@ -49,7 +49,9 @@ def op4_bytes(name: str, A: np.ndarray, order: str, wide: bool, single: bool, la
     number, words_each = ("f", 1) if single and not wide else ("d", 1 if wide else 2)
     rows, cols = A.shape
     head = struct.pack(f"{order}4{integer}", cols, -rows if layout == "bigmat" else rows, form, 1 if single else 2)
-    out = record(order, head + name.ljust(16 if wide else 8).encode())
+    # Words of eight bytes hold four letters each.
+    spread = "".join(name.ljust(8)[at : at + 4].ljust(8 if wide else 4) for at in (0, 4))
+    out = record(order, head + spread.encode())
     for c in range(cols):
         if not A[:, c].any():
             continue
@@ -75,7 +77,7 @@ def op4_bytes(name: str, A: np.ndarray, order: str, wide: bool, single: bool, la
 def test_binary_written_by_hand(tmp_path: Path, order: str, wide: bool, single: bool, layout: str) -> None:
     path = tmp_path / "body.bin"
     path.write_bytes(
-        op4_bytes("KAA", K, order, wide, single, layout) + op4_bytes("RECT", R, order, wide, single, layout, form=2)
+        op4_bytes("KAA", K, order, wide, single, layout) + op4_bytes("RECTAN", R, order, wide, single, layout, form=2)
     )
     found = read_matrix(path, "kaa")
     # Words of 64 bits have no single precision: NASTRAN's type 1 is then as fine as type 2.
@@ -85,10 +87,10 @@ def test_binary_written_by_hand(tmp_path: Path, order: str, wide: bool, single: 
     assert found.rounding == rounding
     assert abs(found.A - K).max() <= rounding * abs(K).max()
     assert found.A.nnz == np.count_nonzero(K)
-    assert np.array_equal(read_matrix(path, "RECT").A.toarray(), R)
+    assert np.array_equal(read_matrix(path, "RECTAN").A.toarray(), R)
     assert [(one.name, one.rows, one.cols, one.form) for one in matrix_names(path)] == [
         ("KAA", 5, 5, "symmetric"),
-        ("RECT", 2, 3, "rectangular"),
+        ("RECTAN", 2, 3, "rectangular"),
     ]
 
 
@@ -236,9 +238,11 @@ def test_damaged_number_is_named_with_its_place(tmp_path: Path) -> None:
 
 def test_two_matrices_of_one_name_are_ambiguous(tmp_path: Path) -> None:
     path = tmp_path / "body.op4"
-    path.write_bytes(WHOLE + WHOLE)
-    with pytest.raises(ReadError, match="2 matrices named 'kaa'"):
+    path.write_bytes(WHOLE + op4_bytes("KAA", R @ R.T, "<", False, False, "dense"))
+    with pytest.raises(ReadError, match=r"2 matrices named 'kaa': name one of KAA#1 \(5 x 5\), KAA#2 \(2 x 2\)"):
         read_matrix(path, "kaa")
+    assert np.array_equal(read_matrix(path, "kaa#1").A.toarray(), K)
+    assert np.array_equal(read_matrix(path, "KAA#2").A.toarray(), R @ R.T)
 
 
 @pytest.mark.shared

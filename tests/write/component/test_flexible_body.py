@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import WriteError
-from cmsreduce.model import ModalIntegrals
+from cmsreduce.model import ModalIntegrals, SecondOrder
 from cmsreduce.write import ComponentFile
 from cmsreduce.write.component.flexible_body import flexible_body
 from tests.write.particles import particles
@@ -20,7 +20,8 @@ def changed(file: ComponentFile, **arrays: np.ndarray | None) -> ComponentFile:
 
 
 def lumped(integrals: ModalIntegrals, scale: float) -> ModalIntegrals:
-    return replace(integrals, lumping="row-sum", phi_phi=scale * integrals.phi_phi)
+    second_order = SecondOrder(integrals.r_phi, scale * integrals.phi_phi)
+    return replace(integrals, lumping="row-sum", second_order=second_order)
 
 
 def test_lumped_integrals_come_with_the_modal_mass_of_the_same_lumping() -> None:
@@ -30,13 +31,24 @@ def test_lumped_integrals_come_with_the_modal_mass_of_the_same_lumping() -> None
     np.testing.assert_allclose(made.mass, 1.1 * np.eye(4), atol=1e-14)
 
 
+def test_undetermined_integrals_are_left_out_for_slow_rotations_only() -> None:
+    body = particles()
+    momenta = replace(body.integrals, second_order=None)
+    with pytest.raises(WriteError, match=r"not determined.* Write the body as exudyn or sid"):
+        flexible_body(body.file, momenta)
+    made, whole = flexible_body(body.file, momenta, slow=True), flexible_body(body.file, body.integrals)
+    assert not made.integrals.r_phi.any() and not made.phi_cross_phi.any()
+    np.testing.assert_array_equal(made.integrals.r_cross_phi, whole.integrals.r_cross_phi)
+    np.testing.assert_array_equal(made.mass, whole.mass)
+
+
 @pytest.mark.parametrize(
     ("file", "integrals", "message"),
     [
         (particles().file, replace(particles().integrals, modes=np.arange(1, 5)), "modes 2 to 5, but .* are 1 to 4"),
         (
             particles().file,
-            replace(particles().integrals, phi_phi=1.1 * particles().integrals.phi_phi),
+            replace(lumped(particles().integrals, 1.1), lumping="consistent"),
             r"differs by 1\.00e-01 from its modal mass",
         ),
         (changed(particles().file, nodes__id=None), particles().integrals, "a floating frame cannot hold it"),

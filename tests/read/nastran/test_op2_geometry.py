@@ -1,0 +1,82 @@
+"""Geometry and dof sets of OUTPUT2 files that NX and MSC NASTRAN wrote, against their decks and frequencies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyyeti
+import scipy.linalg as la
+
+from cmsreduce.errors import ReadError
+from cmsreduce.pipeline.bodies import draft_body
+from cmsreduce.read import MatrixSource, prove_row_order, read_body, read_geometry, read_matrix
+
+THEIRS = Path(pyyeti.__file__).parent / "tests"
+pytestmark = pytest.mark.skipif(not THEIRS.is_dir(), reason="pyYeti is installed without its test data")
+
+
+def test_the_model_has_the_grids_of_its_deck() -> None:
+    deck = read_geometry(THEIRS / "nas2cam_extseout" / "full.dat").nodes
+    nodes = read_geometry(THEIRS / "nas2cam_extseout" / "full.op2").nodes
+    assert np.array_equal(nodes.id, np.sort(deck.id))
+    at = deck.index(nodes.id)
+    np.testing.assert_allclose(nodes.xyz, deck.xyz[at], atol=1e-4)
+    np.testing.assert_allclose(nodes.frame, deck.frame[at], atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("stem", "number", "rows", "eigenvalues"),
+    [
+        ("nas2cam_extseout/nas2cam", 1, 46, None),
+        ("nas2cam_extseout/nas2cam", 2, 32, None),
+        ("nas2cam_extseout/nas2cam", 3, 54, "LAMBDA"),
+        ("nas2cam_extseout/nas2cam_notall6_msc2017", 2, 29, "LAMBDA#2"),
+        ("nas2cam_extseout/nas2cam_notall6_nx2021", 2, 29, "LAMBDA#2"),
+        # Generalised coordinates on grids.
+        ("nas2cam_csuper/nas2cam", 2, 36, None),
+        ("nas2cam_csuper/nas2cam", 3, 54, "LAMBDA#3"),
+        ("cla_test_data_2020/nas2cam", 2, 178, "LAMBDA#2"),
+    ],
+)
+def test_matrices_of_superelements_are_proven(stem: str, number: int, rows: int, eigenvalues: str | None) -> None:
+    """Rows are found by size and proven, and the eigenvalues are those that NASTRAN wrote beside the matrices."""
+    op4, op2 = (THEIRS / f"{stem}.{kind}" for kind in ("op4", "op2"))
+    stiffness, mass = (MatrixSource(op4, f"{name}#{number}") for name in ("KAA", "MAA"))
+    body = read_body("x", stiffness=stiffness, mass=mass, geometry=op2)
+    assert body.n == rows
+    proof = prove_row_order(body)
+    assert (proof.status, proof.motions) == ("proven", 6)
+    if eigenvalues is not None:
+        theirs = np.sort(read_matrix(op4, eigenvalues).A.toarray().ravel())
+        K, M = body.K.toarray(), body.M.toarray()
+        # Shifted off the rigid motions, and inverted for the rows without mass.
+        shifted = la.eigh(M, K + 100 * M, eigvals_only=True)
+        ours = np.sort(1 / shifted[shifted > 1e-12 * shifted.max()] - 100)
+        count = min(theirs.size, 12)
+        np.testing.assert_allclose(ours[6:count], theirs[6:count], rtol=1e-5)
+
+
+def test_a_pair_of_files_gives_a_draft() -> None:
+    files = [THEIRS / "nas2cam_extseout" / f"nas2cam_notall6_nx2021.{kind}" for kind in ("op2", "op4")]
+    draft = draft_body("x", files)
+    assert (draft.remark, draft.geometry) == ("", files[0])
+    assert [name for _, name in (draft.stiffness, draft.mass)] == ["KAA#1", "MAA#1"]
+
+
+def test_a_file_without_grids_is_refused() -> None:
+    with pytest.raises(ReadError, match="this is NASTRAN OUTPUT2, which holds no nodes"):
+        read_geometry(THEIRS / "nastran_op2_data" / "double_le.op2")
+
+
+@pytest.mark.parametrize(
+    "stem",
+    [
+        *("nas2cam_extseout/inboard", "nas2cam_extseout/outboard", "nas2cam_extseout/reduced_bset_notall6"),
+        *("nas2cam_csuper/inboard", "cla_test_data/outboard", "cla_test_data_2020/outboard"),
+    ],
+)
+def test_every_superelement_gives_a_draft(stem: str) -> None:
+    draft = draft_body("x", [THEIRS / f"{stem}.asm"])
+    assert (draft.remark, draft.interfaces[0][1], draft.extseout) == ("", "{set: b}", THEIRS / stem)
