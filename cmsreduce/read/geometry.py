@@ -9,18 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from cmsreduce.errors import ReadError
+from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.read.ansys import NODE_FILE, NODE_LISTING
 from cmsreduce.read.calculix_abaqus import FRD, INPUT_FILE
 from cmsreduce.read.files import read_head, reading
 from cmsreduce.read.formats import Cells, Geometry, GeometryFormat
-from cmsreduce.read.mesh import MESH
+from cmsreduce.read.mesh import MESH, UNIVERSAL
 from cmsreduce.read.nastran import BULK_DATA, EXTERNAL_SUPERELEMENT
 
 __all__ = ["GEOMETRY_FORMATS", "read_cells", "read_geometry"]
 
 GEOMETRY_FORMATS: dict[str, GeometryFormat] = {
-    format.name: format for format in (FRD, NODE_FILE, INPUT_FILE, EXTERNAL_SUPERELEMENT, BULK_DATA, NODE_LISTING)
+    format.name: format
+    for format in (FRD, NODE_FILE, UNIVERSAL, INPUT_FILE, EXTERNAL_SUPERELEMENT, BULK_DATA, NODE_LISTING)
 }
 """Every registered format of geometry files by name, in the order of detection."""
 
@@ -46,8 +47,11 @@ def read_geometry(path: Path) -> Geometry:
         If the file is missing, damaged or of an unknown format.
     """
     format = _format_of(path)
-    with reading(path, "its nodes"):
-        found = format.read(path)
+    try:
+        with reading(path, "its nodes"):
+            found = format.read(path)
+    except DofMapError as error:
+        raise ReadError(f"{path}: {error}") from error
     lost = ~np.isfinite(found.nodes.xyz).all(axis=1)
     if lost.any():
         raise ReadError(

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.read.files import reading
+from cmsreduce.read.formats import CELL_CORNERS, Cells
 
-__all__ = ["Arrays", "arrays_of"]
+__all__ = ["Arrays", "arrays_of", "cells_of"]
 
 Arrays = dict[str, NDArray[np.generic]]
 """Arrays that a library read from a file, by name."""
@@ -38,7 +39,7 @@ def arrays_of(path: Path, kind: str, refused: Callable[[str], ReadError]) -> Arr
     path : Path
         The file.
     kind : str
-        Reader of ``library_process.py``: ``mesh``, ``ansys-nodes`` or ``ansys-full``.
+        Reader of ``library_process.py``: ``mesh``, ``med``, ``universal``, ``ansys-nodes`` or ``ansys-full``.
     refused : callable
         Error for the reason that the library gives.
 
@@ -66,3 +67,13 @@ def arrays_of(path: Path, kind: str, refused: Callable[[str], ReadError]) -> Arr
             raise refused(said[:_LONGEST_REASON])
         with reading(path, "what the library read"), np.load(arrays, allow_pickle=False) as loaded:
             return {name: loaded[name] for name in loaded.files}
+
+
+def cells_of(arrays: Arrays) -> Cells:
+    """Elements of the arrays of a library, which are named by a number and the kind of cell."""
+    found: dict[str, list[NDArray[np.int64]]] = {}
+    for name, nodes in arrays.items():
+        kind = name.partition(" ")[2]
+        if kind in CELL_CORNERS and nodes.ndim == 2 and nodes.shape[1] >= CELL_CORNERS[kind]:
+            found.setdefault(kind, []).append(nodes[:, : CELL_CORNERS[kind]].astype(np.int64))
+    return {kind: np.vstack(parts) for kind, parts in found.items()}

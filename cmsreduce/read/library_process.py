@@ -28,10 +28,7 @@ def mesh(path: str) -> Arrays:
     import meshio
     import numpy as np
 
-    with open(path, "rb") as file:  # noqa: PTH123
-        hdf5 = file.read(8) == b"\x89HDF\r\n\x1a\n"
-    # code_aster names its MED files .rmed and .mmed, which meshio does not know.
-    found = meshio.read(path, "med" if hdf5 and path.lower().endswith("med") else None)
+    found = meshio.read(path)
     cells = {f"{number} {block.type}": np.asarray(block.data) for number, block in enumerate(found.cells)}
     return {"points": np.asarray(found.points), **cells}
 
@@ -75,7 +72,86 @@ def ansys_full(path: str) -> Arrays:
     return arrays
 
 
-_READERS = {"mesh": mesh, "ansys-nodes": ansys_nodes, "ansys-full": ansys_full}
+# Elements of MED by the letters of their names; the digits after them count nodes, corners first.
+_MED_KINDS = {
+    "SE": "line",
+    "TR": "triangle",
+    "QU": "quad",
+    "TE": "tetra",
+    "PE": "wedge",
+    "PY": "pyramid",
+    "HE": "hexahedron",
+}
+
+
+def med(path: str) -> Arrays:
+    """Points, their numbers if there are any, and cells by number and kind, of a MED file with one mesh.
+
+    meshio needs groups of nodes and elements, and names ending in .med; gmsh and code_aster write neither.
+    """
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        meshes = [*file["ENS_MAA"].values()]
+        if len(meshes) != 1:
+            raise ValueError(f"it holds {len(meshes)} meshes; write the one of this body to a file of its own")
+        mesh = meshes[0]
+        dimension = int(mesh.attrs["ESP"])
+        if "NOE" not in mesh:
+            steps = [*mesh.values()]
+            if len(steps) != 1:
+                raise ValueError(f"it holds {len(steps)} steps of the mesh; write one")
+            mesh = steps[0]
+        nodes = mesh["NOE"]
+        # One coordinate of all points follows the other.
+        arrays = {"points": nodes["COO"][()].reshape(dimension, -1).T}
+        if "NUM" in nodes:
+            arrays["number"] = nodes["NUM"][()]
+        for at, (name, cells) in enumerate(mesh.get("MAI", {}).items()):
+            kind, count = _MED_KINDS.get(name[:2]), name[2:]
+            if kind is not None and count.isdigit():
+                arrays[f"{at} {kind}"] = cells["NOD"][()].reshape(int(count), -1).T - 1
+    return arrays
+
+
+# Linear elements of I-DEAS; those with nodes between corners list them in another order.
+_UNIVERSAL_KINDS = {
+    **dict.fromkeys((11, 21), "line"),
+    **dict.fromkeys((41, 91), "triangle"),
+    **dict.fromkeys((44, 94), "quad"),
+    111: "tetra",
+    112: "wedge",
+    115: "hexahedron",
+}
+
+
+def universal(path: str) -> Arrays:
+    """Nodes, frames and cells by number and kind of a universal file (datasets 15, 2411, 2412, 2420)."""
+    import numpy as np
+    import pyuff
+
+    file = pyuff.UFF(path)
+    types = [int(kind) for kind in file.get_set_types()]
+    sets = {kind: [file.read_sets(at) for at, each in enumerate(types) if each == kind] for kind in {*types}}
+    nodes = [*sets.get(15, []), *sets.get(2411, [])]
+    systems = sets.get(2420, [])
+    arrays: Arrays = {
+        name: np.concatenate([np.ravel(each[name]) for each in nodes] or [np.empty(0)])
+        for name in ("node_nums", "disp_cs", "x", "y", "z")
+    }
+    arrays["systems"] = np.concatenate([np.ravel(each["CS_sys_labels"]) for each in systems] or [np.empty(0)])
+    matrices = [np.asarray(matrix)[:3] for each in systems for matrix in each["CS_matrices"]]
+    arrays["axes"] = np.array(matrices).reshape(-1, 3, 3)
+    for at, each in enumerate(sets.get(2412, [])):
+        for number, kind in _UNIVERSAL_KINDS.items():
+            if number in each:
+                arrays[f"{at}-{number} {kind}"] = np.array(
+                    [np.ravel(one["nodes_nums"]) for one in each[number]], dtype=int
+                )
+    return arrays
+
+
+_READERS = {"mesh": mesh, "med": med, "universal": universal, "ansys-nodes": ansys_nodes, "ansys-full": ansys_full}
 
 
 def main(kind: str, path: str, arrays: str, most_bytes: str, seconds: str) -> None:

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import HARMLESS_BYTES, LARGEST_GROWTH, check_dataset
-from cmsreduce.read.files import reading
+from cmsreduce.read.files import is_med, reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrices.matlab_layout import check_layout, is_level_4
@@ -176,18 +176,6 @@ def _load_hdf5_sparse(path: Path, name: str) -> LabelledMatrix:
     return from_array(path, name, "mat", A)
 
 
-def _is_med(path: Path) -> bool:
-    """True for an HDF5 file that holds meshes of MED (Salome, code_aster)."""
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            return "ENS_MAA" in file
-    except OSError:
-        # The reader says what is damaged.
-        return False
-
-
 def _is_hdf5(head: bytes) -> bool:
     return any(head[at:].startswith(_HDF5) for at in _HDF5_STARTS)
 
@@ -196,7 +184,7 @@ MATLAB = MatrixFormat(
     "mat",
     "MATLAB .mat",
     lambda path, head: (
-        head.startswith((b"MATLAB 5", b"MATLAB 7.3")) or (_is_hdf5(head) and not _is_med(path)) or is_level_4(head)
+        head.startswith((b"MATLAB 5", b"MATLAB 7.3")) or (_is_hdf5(head) and not is_med(path)) or is_level_4(head)
     ),
     _matlab_matrices,
 )
