@@ -74,6 +74,6 @@ def cells_of(arrays: Arrays) -> Cells:
     found: dict[str, list[NDArray[np.int64]]] = {}
     for name, nodes in arrays.items():
         kind = name.partition(" ")[2]
-        if kind in CELL_CORNERS and nodes.ndim == 2 and nodes.shape[1] >= CELL_CORNERS[kind]:
+        if kind in CELL_CORNERS and kind != "vertex" and nodes.ndim == 2 and nodes.shape[1] >= CELL_CORNERS[kind]:
             found.setdefault(kind, []).append(nodes[:, : CELL_CORNERS[kind]].astype(np.int64))
     return {kind: np.vstack(parts) for kind, parts in found.items()}

@@ -7,6 +7,7 @@ some damaged files. It imports nothing of cmsreduce, so that it starts quickly.
 import contextlib
 import sys
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 Arrays = dict[str, Any]
@@ -23,12 +24,12 @@ _VTK_KINDS = {
 }
 
 
-def mesh(path: str) -> Arrays:
+def mesh(path: str, format: str | None = None) -> Arrays:
     """Points, and cells by number and kind, of a mesh that meshio reads."""
     import meshio
     import numpy as np
 
-    found = meshio.read(path)
+    found = meshio.read(path, format)
     cells = {f"{number} {block.type}": np.asarray(block.data) for number, block in enumerate(found.cells)}
     return {"points": np.asarray(found.points), **cells}
 
@@ -72,46 +73,18 @@ def ansys_full(path: str) -> Arrays:
     return arrays
 
 
-# Elements of MED by the letters of their names; the digits after them count nodes, corners first.
-_MED_KINDS = {
-    "SE": "line",
-    "TR": "triangle",
-    "QU": "quad",
-    "TE": "tetra",
-    "PE": "wedge",
-    "PY": "pyramid",
-    "HE": "hexahedron",
-}
-
-
 def med(path: str) -> Arrays:
-    """Points, their numbers if there are any, and cells by number and kind, of a MED file with one mesh.
-
-    meshio needs groups of nodes and elements, and names ending in .med; gmsh and code_aster write neither.
-    """
+    """Arrays of ``mesh`` for a MED file, and the numbers of its points if it has them."""
     import h5py
+    from meshio.med import _med
 
+    # gmsh writes families without groups, at which meshio stops.
+    families = _med._read_families
+    _med._read_families = lambda found: families({name: one for name, one in found.items() if "GRO" in one})
+    arrays = mesh(path, "med")
     with h5py.File(path, "r") as file:
-        meshes = [*file["ENS_MAA"].values()]
-        if len(meshes) != 1:
-            raise ValueError(f"it holds {len(meshes)} meshes; write the one of this body to a file of its own")
-        mesh = meshes[0]
-        dimension = int(mesh.attrs["ESP"])
-        if "NOE" not in mesh:
-            steps = [*mesh.values()]
-            if len(steps) != 1:
-                raise ValueError(f"it holds {len(steps)} steps of the mesh; write one")
-            mesh = steps[0]
-        nodes = mesh["NOE"]
-        # One coordinate of all points follows the other.
-        arrays = {"points": nodes["COO"][()].reshape(dimension, -1).T}
-        if "NUM" in nodes:
-            arrays["number"] = nodes["NUM"][()]
-        for at, (name, cells) in enumerate(mesh.get("MAI", {}).items()):
-            kind, count = _MED_KINDS.get(name[:2]), name[2:]
-            if kind is not None and count.isdigit():
-                arrays[f"{at} {kind}"] = cells["NOD"][()].reshape(int(count), -1).T - 1
-    return arrays
+        number = file["ENS_MAA"].visititems(lambda name, item: item[()] if name.endswith("NOE/NUM") else None)
+    return arrays if number is None else {**arrays, "number": number}
 
 
 # Linear elements of I-DEAS; those with nodes between corners list them in another order.
@@ -151,7 +124,13 @@ def universal(path: str) -> Arrays:
     return arrays
 
 
-_READERS = {"mesh": mesh, "med": med, "universal": universal, "ansys-nodes": ansys_nodes, "ansys-full": ansys_full}
+_READERS: dict[str, Callable[[str], Arrays]] = {
+    "mesh": mesh,
+    "med": med,
+    "universal": universal,
+    "ansys-nodes": ansys_nodes,
+    "ansys-full": ansys_full,
+}
 
 
 def main(kind: str, path: str, arrays: str, most_bytes: str, seconds: str) -> None:

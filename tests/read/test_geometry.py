@@ -256,9 +256,9 @@ def test_med_is_a_mesh_and_no_file_of_matlab(tmp_path: Path, suffix: str) -> Non
     meshio.write(tmp_path / "part.med", meshio.Mesh(points, [("tetra", np.arange(4)[None])]))
     path = (tmp_path / "part.med").rename(tmp_path / f"part{suffix}")
     if suffix == ".rmed":
-        # gmsh writes no groups, code_aster numbers of nodes.
+        # gmsh writes numbers of nodes, and families without groups.
         with h5py.File(path, "r+") as file:
-            del file["FAS"]
+            file["FAS/mesh"].create_group("ELEME/FAM_-1").attrs["NUM"] = -1
             file["ENS_MAA/mesh"].visit(lambda name: found.append(name) if name.endswith("NOE") else None)
             file[f"ENS_MAA/mesh/{found[0]}/NUM"] = [7, 3, 5, 9]
     np.testing.assert_array_equal(read_geometry(path).nodes.xyz, points)
