@@ -27,6 +27,8 @@ _PROGRAM = Path(__file__).with_name("library_process.py")
 _SECONDS, _SECONDS_A_BYTE = 5.0, 1e-6
 _WAITING = 6.0  # on the clock, times those of a processor
 _BYTES, _BYTES_A_BYTE = 3 << 29, 60
+# Signals that end a process at the limit of its time: SIGKILL and SIGXCPU.
+_STOPPED = (9, 24)
 # Characters of a library's complaint that are shown.
 _LONGEST_REASON = 300
 
@@ -59,9 +61,10 @@ def arrays_of(path: Path, kind: str, refused: Callable[[str], ReadError]) -> Arr
             done = subprocess.run(command, capture_output=True, timeout=_WAITING * seconds, check=False)
         except subprocess.TimeoutExpired:
             done = None
-        if done is None or done.returncode < 0:
-            # A signal ends the process at the limit of its time.
+        if done is None or -done.returncode in _STOPPED:
             raise refused(f"Reading it was stopped after {seconds:.0f} s: it is damaged")
+        if done.returncode < 0:
+            raise refused(f"The library crashed (signal {-done.returncode}): it is damaged")
         if done.returncode or not arrays.is_file():
             said = " ".join((done.stdout + b" " + done.stderr).decode(errors="replace").split())
             raise refused(said[:_LONGEST_REASON])

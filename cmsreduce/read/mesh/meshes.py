@@ -67,7 +67,8 @@ def _arrays(path: Path) -> Arrays:
 def _no_mesh(path: Path, reason: str) -> ReadError:
     return ReadError(
         f"{path}: no geometry in a format that is known: CalculiX .frd, Abaqus or CalculiX .inp, NASTRAN bulk data or "
-        f"external superelement, {MESH.words}. {reason}".rstrip()
+        "external superelement, ANSYS .rst, .cdb or list of nodes under a heading, universal files, "
+        f"{MESH.words}. {reason}".rstrip()
     )
 
 
