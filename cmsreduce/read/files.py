@@ -123,7 +123,7 @@ def is_med(path: Path) -> bool:
     try:
         with h5py.File(path, "r") as file:
             return "ENS_MAA" in file
-    except OSError:
+    except LIBRARY_ERRORS:
         # A reader says what is damaged.
         return False
 
