@@ -17,6 +17,7 @@ from cmsreduce.read.calculix_abaqus import ABAQUS, CALCULIX, FRD, INPUT_FILE
 from cmsreduce.read.files import LIBRARY_ERRORS, read_head, require_file
 from cmsreduce.read.formats import GeometryFormat, MatrixFormat
 from cmsreduce.read.matrices import HARWELL_BOEING, MATLAB, MATRIX_MARKET, NPY, NPZ, PETSC, is_hdf5
+from cmsreduce.read.mesh import UNIVERSAL
 from cmsreduce.read.nastran import BULK_DATA, DMIG, EXTERNAL_SUPERELEMENT, OP2, OP2_GEOMETRY, OP4
 
 __all__ = [
@@ -40,7 +41,7 @@ FORMATS: dict[str, MatrixFormat] = {
 
 GEOMETRY_FORMATS: dict[str, GeometryFormat] = {
     format.name: format
-    for format in (OP2_GEOMETRY, FRD, NODE_FILE, INPUT_FILE, EXTERNAL_SUPERELEMENT, BULK_DATA, NODE_LISTING)
+    for format in (OP2_GEOMETRY, FRD, NODE_FILE, UNIVERSAL, INPUT_FILE, EXTERNAL_SUPERELEMENT, BULK_DATA, NODE_LISTING)
 }
 """Every registered format of geometry files by name, in the order of detection."""
 
@@ -117,12 +118,6 @@ _MARKS = (
     _Mark("picture", "a picture", _starts(b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"II*\0", b"MM\0*")),
     _Mark("pdf", "a PDF document", _starts(b"%PDF")),
     _Mark("office", "a document of an office program", _starts(b"\xd0\xcf\x11\xe0")),
-    _Mark(
-        "unv",
-        "a universal file (UFF, UNV)",
-        _matches(rb"\A\s*-1[ ]*\r?\n[ ]*\d+b?[ ]*"),
-        "write its nodes as a mesh that meshio reads, or as NASTRAN bulk data",
-    ),
     _Mark(
         "ls-dyna",
         "an LS-DYNA keyword file",

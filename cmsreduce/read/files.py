@@ -14,7 +14,7 @@ from pathlib import Path
 
 from cmsreduce.errors import ReadError
 
-__all__ = ["LIBRARY_ERRORS", "is_text", "read_head", "read_text", "reading", "require_file", "sha256_of"]
+__all__ = ["LIBRARY_ERRORS", "is_med", "is_text", "read_head", "read_text", "reading", "require_file", "sha256_of"]
 
 LIBRARY_ERRORS = (
     # scipy, h5py, zipfile and pyYeti trust the sizes, types and offsets in a file, so that one wrong byte can raise any
@@ -37,6 +37,7 @@ LIBRARY_ERRORS = (
 """Readers of binary formats raise any of these when a file is damaged; none is a message for an engineer."""
 
 
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 _TEXT_CONTROLS = b"\t\n\r\f\x1a"
 
 
@@ -117,6 +118,20 @@ def read_head(path: Path, count: int, subject: str = "") -> bytes:
 def is_text(head: bytes) -> bool:
     """True for bytes of plain text."""
     return not any(byte < 32 and byte not in _TEXT_CONTROLS for byte in head)
+
+
+def is_med(path: Path) -> bool:
+    """True for an HDF5 file that holds meshes of MED (Salome, code_aster, gmsh)."""
+    if not read_head(path, len(_HDF5)).startswith(_HDF5):
+        return False
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            return "ENS_MAA" in file
+    except LIBRARY_ERRORS:
+        # A reader says what is damaged.
+        return False
 
 
 def read_text(path: Path, subject: str = "") -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cmsreduce.errors import ReadError
+from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.read.file_kind import GEOMETRY_HEAD, file_kind, geometry_format
 from cmsreduce.read.files import read_head, reading
 from cmsreduce.read.formats import Cells, Geometry, GeometryFormat
@@ -37,8 +37,11 @@ def read_geometry(path: Path) -> Geometry:
         If the file is missing, damaged or of an unknown format.
     """
     format = _format_of(path)
-    with reading(path, "its nodes"):
-        found = format.read(path)
+    try:
+        with reading(path, "its nodes"):
+            found = format.read(path)
+    except DofMapError as error:
+        raise ReadError(f"{path}: {error}") from error
     lost = ~np.isfinite(found.nodes.xyz).all(axis=1)
     if lost.any():
         raise ReadError(

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.read.files import reading
+from cmsreduce.read.formats import CELL_CORNERS, Cells
 
-__all__ = ["Arrays", "arrays_of"]
+__all__ = ["Arrays", "arrays_of", "cells_of"]
 
 Arrays = dict[str, NDArray[np.generic]]
 """Arrays that a library read from a file, by name."""
@@ -26,6 +27,8 @@ _PROGRAM = Path(__file__).with_name("library_process.py")
 _SECONDS, _SECONDS_A_BYTE = 5.0, 1e-6
 _WAITING = 6.0  # on the clock, times those of a processor
 _BYTES, _BYTES_A_BYTE = 3 << 29, 60
+# Signals that end a process at the limit of its time: SIGKILL and SIGXCPU.
+_STOPPED = (9, 24)
 # Characters of a library's complaint that are shown.
 _LONGEST_REASON = 300
 
@@ -38,7 +41,7 @@ def arrays_of(path: Path, kind: str, refused: Callable[[str], ReadError]) -> Arr
     path : Path
         The file.
     kind : str
-        Reader of ``library_process.py``: ``mesh``, ``ansys-nodes`` or ``ansys-full``.
+        Reader of ``library_process.py``: ``mesh``, ``med``, ``universal``, ``ansys-nodes`` or ``ansys-full``.
     refused : callable
         Error for the reason that the library gives.
 
@@ -58,11 +61,33 @@ def arrays_of(path: Path, kind: str, refused: Callable[[str], ReadError]) -> Arr
             done = subprocess.run(command, capture_output=True, timeout=_WAITING * seconds, check=False)
         except subprocess.TimeoutExpired:
             done = None
-        if done is None or done.returncode < 0:
-            # A signal ends the process at the limit of its time.
+        if done is None or -done.returncode in _STOPPED:
             raise refused(f"Reading it was stopped after {seconds:.0f} s: it is damaged")
+        if done.returncode < 0:
+            raise refused(f"The library crashed (signal {-done.returncode}): it is damaged")
         if done.returncode or not arrays.is_file():
             said = " ".join((done.stdout + b" " + done.stderr).decode(errors="replace").split())
             raise refused(said[:_LONGEST_REASON])
         with reading(path, "what the library read"), np.load(arrays, allow_pickle=False) as loaded:
             return {name: loaded[name] for name in loaded.files}
+
+
+def cells_of(path: Path, arrays: Arrays) -> Cells:
+    """Elements of the arrays of a library, which are named by a number and the kind of cell, such as ``0 tetra10``.
+
+    Raises
+    ------
+    ReadError
+        If the numbers of nodes are no integers, or do not fit one of 64 bits.
+    """
+    found: dict[str, list[NDArray[np.int64]]] = {}
+    for name, nodes in arrays.items():
+        kind = next((kind for kind in CELL_CORNERS if name.partition(" ")[2].startswith(kind)), None)
+        if kind is None or kind == "vertex" or nodes.ndim != 2 or nodes.shape[1] < CELL_CORNERS[kind]:
+            continue
+        corners = nodes[:, : CELL_CORNERS[kind]]
+        # A damaged number may be the largest of an unsigned type.
+        if corners.dtype.kind not in "iu" or int(corners.max(initial=0)) > np.iinfo(np.int64).max:
+            raise ReadError(f"{path}: a {kind} names its points by numbers that are no indices; write the mesh again")
+        found.setdefault(kind, []).append(corners.astype(np.int64))
+    return {kind: np.vstack(parts) for kind, parts in found.items()}

@@ -7,6 +7,7 @@ some damaged files. It imports nothing of cmsreduce, so that it starts quickly.
 import contextlib
 import sys
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 Arrays = dict[str, Any]
@@ -23,15 +24,12 @@ _VTK_KINDS = {
 }
 
 
-def mesh(path: str) -> Arrays:
+def mesh(path: str, format: str | None = None) -> Arrays:
     """Points, and cells by number and kind, of a mesh that meshio reads."""
     import meshio
     import numpy as np
 
-    with open(path, "rb") as file:  # noqa: PTH123
-        hdf5 = file.read(8) == b"\x89HDF\r\n\x1a\n"
-    # code_aster names its MED files .rmed and .mmed, which meshio does not know.
-    found = meshio.read(path, "med" if hdf5 and path.lower().endswith("med") else None)
+    found = meshio.read(path, format)
     cells = {f"{number} {block.type}": np.asarray(block.data) for number, block in enumerate(found.cells)}
     return {"points": np.asarray(found.points), **cells}
 
@@ -75,7 +73,64 @@ def ansys_full(path: str) -> Arrays:
     return arrays
 
 
-_READERS = {"mesh": mesh, "ansys-nodes": ansys_nodes, "ansys-full": ansys_full}
+def med(path: str) -> Arrays:
+    """Arrays of ``mesh`` for a MED file, and the numbers of its points if it has them."""
+    import h5py
+    from meshio.med import _med
+
+    # gmsh writes families without groups, at which meshio stops.
+    families = _med._read_families
+    _med._read_families = lambda found: families({name: one for name, one in found.items() if "GRO" in one})
+    arrays = mesh(path, "med")
+    with h5py.File(path, "r") as file:
+        number = file["ENS_MAA"].visititems(lambda name, item: item[()] if name.endswith("NOE/NUM") else None)
+    return arrays if number is None else {**arrays, "number": number}
+
+
+# Linear elements of I-DEAS; those with nodes between corners list them in another order.
+_UNIVERSAL_KINDS = {
+    **dict.fromkeys((11, 21), "line"),
+    **dict.fromkeys((41, 91), "triangle"),
+    **dict.fromkeys((44, 94), "quad"),
+    111: "tetra",
+    112: "wedge",
+    115: "hexahedron",
+}
+
+
+def universal(path: str) -> Arrays:
+    """Nodes, frames and cells by number and kind of a universal file (datasets 15, 2411, 2412, 2420)."""
+    import numpy as np
+    import pyuff
+
+    file = pyuff.UFF(path)
+    types = [int(kind) for kind in file.get_set_types()]
+    sets = {kind: [file.read_sets(at) for at, each in enumerate(types) if each == kind] for kind in {*types}}
+    nodes = [*sets.get(15, []), *sets.get(2411, [])]
+    systems = sets.get(2420, [])
+    arrays: Arrays = {
+        name: np.concatenate([np.ravel(each[name]) for each in nodes] or [np.empty(0)])
+        for name in ("node_nums", "disp_cs", "x", "y", "z")
+    }
+    arrays["systems"] = np.concatenate([np.ravel(each["CS_sys_labels"]) for each in systems] or [np.empty(0)])
+    matrices = [np.asarray(matrix)[:3] for each in systems for matrix in each["CS_matrices"]]
+    arrays["axes"] = np.array(matrices).reshape(-1, 3, 3)
+    for at, each in enumerate(sets.get(2412, [])):
+        for number, kind in _UNIVERSAL_KINDS.items():
+            if number in each:
+                arrays[f"{at}-{number} {kind}"] = np.array(
+                    [np.ravel(one["nodes_nums"]) for one in each[number]], dtype=int
+                )
+    return arrays
+
+
+_READERS: dict[str, Callable[[str], Arrays]] = {
+    "mesh": mesh,
+    "med": med,
+    "universal": universal,
+    "ansys-nodes": ansys_nodes,
+    "ansys-full": ansys_full,
+}
 
 
 def main(kind: str, path: str, arrays: str, most_bytes: str, seconds: str) -> None:

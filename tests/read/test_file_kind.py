@@ -68,7 +68,7 @@ CONTENT = {
     "petsc": np.array([1211216, 2, 2, 3], dtype=">i4").tobytes(),
     "harwell-boeing": HARWELL_BOEING.encode(),
     "ansys-full": np.array([100, -(2**31), 4], dtype="<i4").tobytes() + bytes(400),
-    "unv": b"    -1\n  2411\n         1         1         1        11\n",
+    "universal": b"    -1\n  2411\n         1         1         1        11\n",
     "ls-dyna": b"*KEYWORD\n*NODE\n       1             0.0             0.0             0.0\n",
     "dofs": b"1.1\n1.2\n1.3\n",
     "pipeline": b"# a study\nname: bracket\ncomponents:\n",

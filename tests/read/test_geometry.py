@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
 import meshio
 import numpy as np
 import pytest
@@ -266,10 +267,16 @@ def test_elements_of_the_body_of_another_program(shared_data: Path) -> None:
 @pytest.mark.parametrize("suffix", [".med", ".rmed"])
 def test_med_is_a_mesh_and_no_file_of_matlab(tmp_path: Path, suffix: str) -> None:
     """Salome writes .med and code_aster .rmed; both are HDF5."""
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3.0]])
+    points, found = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3.0]]), list[str]()
     meshio.write(tmp_path / "part.med", meshio.Mesh(points, [("tetra", np.arange(4)[None])]))
     path = (tmp_path / "part.med").rename(tmp_path / f"part{suffix}")
+    if suffix == ".rmed":
+        # gmsh writes numbers of nodes, and families without groups.
+        with h5py.File(path, "r+") as file:
+            file["FAS/mesh"].create_group("ELEME/FAM_-1").attrs["NUM"] = -1
+            file["ENS_MAA/mesh"].visit(lambda name: found.append(name) if name.endswith("NOE") else None)
+            file[f"ENS_MAA/mesh/{found[0]}/NUM"] = [7, 3, 5, 9]
     np.testing.assert_array_equal(read_geometry(path).nodes.xyz, points)
-    assert read_cells(path)["tetra"].tolist() == [[1, 2, 3, 4]]
+    assert read_cells(path)["tetra"].tolist() == [[7, 3, 5, 9] if suffix == ".rmed" else [1, 2, 3, 4]]
     with pytest.raises(ReadError, match="this is a MED file"):
         detect_format(path)

@@ -6,13 +6,12 @@ import re
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmsreduce.errors import DofMapError, ReadError
+from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.ansys.full_file import RESULT, binary_kind, library_refused
-from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat
-from cmsreduce.read.libraries import Arrays, arrays_of
+from cmsreduce.read.formats import Geometry, GeometryFormat
+from cmsreduce.read.libraries import Arrays, arrays_of, cells_of
 from cmsreduce.read.printed_numbers import coordinate_rounding
 
 __all__ = ["NODE_FILE"]
@@ -44,19 +43,7 @@ def _read_nodes(path: Path) -> Geometry:
         )
     if not number.size:
         raise ReadError(f"{path}: there are no nodes in it; write them with CDWRITE,DB")
-    try:
-        return Geometry.of_mesh(path, Nodes.in_basic(number, xyz, coordinate_rounding(xyz)))
-    except DofMapError as error:
-        raise ReadError(f"{path}: {error}") from error
-
-
-def _read_cells(path: Path) -> Cells:
-    found: dict[str, list[NDArray[np.int64]]] = {}
-    for name, nodes in _arrays(path).items():
-        kind = name.partition(" ")[2]
-        if kind in CELL_CORNERS:
-            found.setdefault(kind, []).append(nodes[:, : CELL_CORNERS[kind]].astype(np.int64))
-    return {kind: np.vstack(parts) for kind, parts in found.items()}
+    return Geometry.of_mesh(path, Nodes.in_basic(number, xyz, coordinate_rounding(xyz)))
 
 
 NODE_FILE = GeometryFormat(
@@ -64,5 +51,5 @@ NODE_FILE = GeometryFormat(
     "ANSYS .rst or .cdb",
     lambda head: binary_kind(head[:12].encode("latin-1")) == RESULT or _NODE_BLOCK.search(head) is not None,
     _read_nodes,
-    _read_cells,
+    lambda path: cells_of(path, _arrays(path)),
 )

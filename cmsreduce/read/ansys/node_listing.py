@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cmsreduce.errors import DofMapError, ReadError
+from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.files import read_text
 from cmsreduce.read.formats import Geometry, GeometryFormat
@@ -97,10 +97,7 @@ def _read_listing(path: Path) -> Geometry:
         largest = float(np.abs(xyz).max(initial=0.0))
         decade = 10.0 ** math.ceil(math.log10(largest)) if largest else 0.0
         rounding = max(rounding, decade * rounding_of_digits(_NLIST_DIGITS))
-    try:
-        return Geometry.of_mesh(path, Nodes.in_basic(ids, xyz, rounding))
-    except DofMapError as error:
-        raise ReadError(f"{path}: {error}") from error
+    return Geometry.of_mesh(path, Nodes.in_basic(ids, xyz, rounding))
 
 
 NODE_LISTING = GeometryFormat(

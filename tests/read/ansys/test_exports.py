@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ import scipy.sparse as sp
 from click.testing import CliRunner
 
 from cmsreduce.cli import main
-from cmsreduce.errors import ReadError
+from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import FEModel
 from cmsreduce.pipeline.bodies import draft_body
 from cmsreduce.read import MatrixSource, read_body, read_geometry, read_matrix
@@ -92,7 +93,7 @@ def test_exchanged_nodes_of_a_mapping_are_found(tmp_path: Path, shift: tuple[int
     first, second = (ids.index(str(node)) for node in shift)
     ids[first], ids[second] = ids[second], ids[first]
     mapping.write_text("\n".join([head, *ids]))
-    with pytest.raises(Exception, match="row order of the stiffness matrix"):
+    with pytest.raises(DofMapError, match="row order of the stiffness matrix"):
         read_body(
             "part",
             stiffness=MatrixSource(tmp_path / "partStiffness.mtx"),
@@ -100,6 +101,20 @@ def test_exchanged_nodes_of_a_mapping_are_found(tmp_path: Path, shift: tuple[int
             rows=mapping,
             geometry=tmp_path / "partNodes.txt",
         )
+
+
+@pytest.mark.parametrize(("spring", "found"), [(1e-14, False), (1e-8, True)])
+def test_a_spring_to_ground_is_no_entry_that_was_left_out(tmp_path: Path, spring: float, found: bool) -> None:
+    """A force of rigid motion is excused up to the smallest entries of the file, and no further."""
+    exported(tmp_path)
+    path = tmp_path / "partStiffness.mtx"
+    K = scipy.io.mmread(path, spmatrix=False).tolil()
+    K[4, 4] += spring * abs(K).max()
+    scipy.io.mmwrite(path, K.tocoo(), precision=16, symmetry="symmetric")
+    files = {"stiffness": MatrixSource(path), "mass": MatrixSource(tmp_path / "partMass.mtx")}
+    places = {"rows": tmp_path / "partMapping.mtx", "geometry": tmp_path / "partNodes.txt"}
+    with pytest.raises(DofMapError, match="rigid motion must cost no force") if found else nullcontext():
+        read_body("part", **files, **places)
 
 
 def test_six_dofs_of_a_node(tmp_path: Path) -> None:

@@ -1,0 +1,69 @@
+"""Nodes and elements of universal files (.unv, .uff), through the library pyuff.
+
+The library is an extra: ``pip install cmsreduce[uff]``.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from cmsreduce.errors import ReadError
+from cmsreduce.model import Nodes
+from cmsreduce.read.formats import Geometry, GeometryFormat
+from cmsreduce.read.libraries import Arrays, arrays_of, cells_of
+from cmsreduce.read.printed_numbers import coordinate_rounding
+
+__all__ = ["UNIVERSAL"]
+
+# The mark of a dataset, then its number.
+_START = re.compile(r"\s*-1\s*\n\s*\d{2,5}[bB]?\s")
+# Axes are printed with sixteen digits.
+_ALONG_BASIC = 1e-12
+
+
+def _arrays(path: Path) -> Arrays:
+    return arrays_of(path, "universal", lambda reason: _refused(path, reason))
+
+
+def _refused(path: Path, reason: str) -> ReadError:
+    if "No module named" in reason:
+        return ReadError(
+            f"{path}: universal files are read by the library pyuff, which is not installed ({reason}): "
+            "pip install 'cmsreduce[uff]'"
+        )
+    return ReadError(f"{path}: pyuff cannot read the universal file: {reason}; it is damaged: write or copy it again")
+
+
+def _read_nodes(path: Path) -> Geometry:
+    """Nodes of datasets 15 and 2411, along the basic axes.
+
+    Raises
+    ------
+    ReadError
+        If there are no nodes, or displacements of a node are along axes of its own.
+    """
+    arrays = _arrays(path)
+    number = arrays["node_nums"].astype(np.int64)
+    if not number.size:
+        raise ReadError(f"{path}: there are no nodes in it (dataset 15 or 2411); write the geometry into the file")
+    xyz = np.column_stack([arrays[axis].astype(np.float64) for axis in "xyz"])
+    turned = np.abs(arrays["axes"].astype(np.float64) - np.eye(3)).max(axis=(1, 2), initial=0.0) > _ALONG_BASIC
+    own = np.flatnonzero(np.isin(arrays["disp_cs"], arrays["systems"][turned]))
+    if own.size:
+        raise ReadError(
+            f"{path}: the displacements of {own.size} nodes are along turned axes (dataset 2420), the first is node "
+            f"{number[own[0]]}, and such axes are not read yet; write matrices and nodes along the basic axes"
+        )
+    return Geometry.of_mesh(path, Nodes.in_basic(number, xyz, coordinate_rounding(xyz)))
+
+
+UNIVERSAL = GeometryFormat(
+    "universal",
+    "universal files (.unv, .uff)",
+    lambda head: _START.match(head.replace("\r", "")) is not None,
+    _read_nodes,
+    lambda path: cells_of(path, _arrays(path)),
+)
