@@ -37,7 +37,7 @@ NAMES = (
     *("deck.bdf", "bars.bdf", "dmig.pch", "abaqus.mtx", "calculix.sti", "calculix.dof", "mesh.inp", "mesh.frd"),
     *("mesh.asm", "binary.op2", "wide.op2", "dense.op4", "bigmat.op4", "nonbigmat.op4", "printed.op4", "sparse.op4"),
     *("market.mtx", "array.mtx", "harwell.hb", "level4.mat", "level5.mat", "struct.mat", "packed.mat", "level73.mat"),
-    *("dense.npy", "arrays.npz"),
+    *("dense.npy", "arrays.npz", "nodes.txt"),
     *("sparse.npz", "mesh.msh", "mesh2.msh", "mesh.vtk", "mesh.vtu", "mesh.xdmf", "mesh.med", "mesh.mesh", "mesh.stl"),
     *("mesh.off", "mesh.ply", "mesh.obj", "mesh.su2", "controller.txt", "controller.csv", "component_beam.h5"),
     *("summary.json", "pipeline.yaml"),

@@ -85,6 +85,7 @@ def samples(folder: Path) -> dict[str, bytes]:
         "calculix.dof": b"1.1\n1.2\n1.3\n2.1\n",
         "mesh.inp": _INP.encode(),
         "mesh.frd": _FRD.encode(),
+        "nodes.txt": b"Knoten\tX (m)\tY (m)\tZ (m)\n1\t0,5\t1,e-002\t0,\n2\t-1,25\t3,0\t0,333333\n7\t0,\t0,\t1,\n",
         "binary.op2": op2_bytes("KAA", A, "<", False, False),
         "wide.op2": op2_bytes("KAA", A, ">", True, False),
     }

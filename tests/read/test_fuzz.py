@@ -18,7 +18,7 @@ from tests.read.mutations import damaged, samples
 # The files have a kilobyte: a damaged size must not make the reader allocate memory of that size.
 MOST = 64 * 2**20
 CASES = 60
-GEOMETRY = ("deck.bdf", "mesh.inp", "mesh.frd")
+GEOMETRY = ("deck.bdf", "mesh.inp", "mesh.frd", "nodes.txt")
 NAMES = (
     *GEOMETRY,
     *("dmig.pch", "abaqus.mtx", "calculix.sti", "binary.op2", "wide.op2", "dense.op4", "bigmat.op4", "nonbigmat.op4"),
