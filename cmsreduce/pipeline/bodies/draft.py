@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -62,11 +62,19 @@ def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
         if not path.is_file():
             raise ReadError(f"{path}: there is no such file")
     with_matrices = [path for path in files if _holds_matrices(path)]
-    superelement = next((path for path in files if _has_geometry(path, "superelement")), None)
+    # Matrices alone may be those of a superelement whose other files lie beside them.
+    beside = [path.with_suffix(end) for path in files for end in (".asm", ".pch")] if len(files) == 1 else []
+    shown = [*files, *(path for path in beside if path.is_file())]
+    superelement = next((path for path in shown if _has_geometry(path, "superelement")), None)
     if superelement is not None:
         keys = Component.model_validate({"extseout": superelement})
         assert keys.extseout is not None and keys.stiffness is not None and keys.geometry is not None
         file = next(iter(with_matrices), keys.stiffness.file)
+        if not _holds_matrices(file):
+            raise ReadError(
+                f"{superelement}: the matrices of this superelement are missing: there is no {keys.extseout}.op4 or "
+                ".op2, and there are no DMIG entries in its punch file; name the file of the matrices beside this one"
+            )
         found = superelement_matrices(file)
         stiffness, mass = ((file, source.matrix or "") for source in (found.stiffness, found.mass))
         if file.with_suffix("") != keys.extseout:
@@ -83,7 +91,21 @@ def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
     if len(shapes) > 1:
         raise ReadError(f"several decks or meshes: {', '.join(map(str, shapes))}; give the one the matrices came from")
     stiffness, mass = _one(matrices, "stiffness", "k", ".sti"), _one(matrices, "mass", "m", ".mas")
-    return _checked(name, BodyDraft(stiffness, mass, shapes[0] if shapes else None))
+    pairs = [(stiffness, mass), *_pairs_after(stiffness, matrices)]
+    drafts = (_checked(name, BodyDraft(*pair, shapes[0] if shapes else None)) for pair in pairs)
+    first = next(drafts)
+    return first if not first.remark else next((draft for draft in drafts if not draft.remark), first)
+
+
+def _pairs_after(
+    stiffness: tuple[Path, str], matrices: Sequence[tuple[Path, str]]
+) -> Iterator[tuple[tuple[Path, str], tuple[Path, str]]]:
+    """The pairs KAA#2 and MAA#2, and so on, of a file that holds those of several superelements."""
+    path, (stem, _, number) = stiffness[0], stiffness[1].partition("#")
+    for k in range(int(number or 0) + 1, len(matrices) if number else 0):
+        pair = (path, f"{stem}#{k}"), (path, f"M{stem[1:]}#{k}")
+        if set(pair) <= set(matrices):
+            yield pair
 
 
 def _has_geometry(path: Path, format: str) -> bool:
