@@ -12,10 +12,12 @@ from cmsreduce.errors import DofMapError, SceneError, SingularInterfaceError
 from cmsreduce.linalg.blocks import congruence
 from cmsreduce.linalg.sparse import NotPositiveDefiniteError, factorise
 from cmsreduce.mechanics.bars import BarStiffness
+from cmsreduce.mechanics.lumped_mass import moves_generalised
 from cmsreduce.mechanics.modal_integrals import CROSS, MassBlocks, nodal_motion
 from cmsreduce.model import (
     INERTIA_LOADS,
     SQUARES,
+    UNDETERMINED,
     Bars,
     FEModel,
     GeometricStiffness,
@@ -60,7 +62,7 @@ def inertia_loads(body: FEModel, origin: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
     Raises
     ------
     DofMapError
-        If the body has no geometry.
+        If the body has no geometry, or generalised coordinates have mass.
 
     Notes
     -----
@@ -71,6 +73,8 @@ def inertia_loads(body: FEModel, origin: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
     """
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so its inertia forces are unknown")
+    if moves_generalised(body):
+        raise DofMapError(f"body '{body.name}': {UNDETERMINED}, so its centrifugal forces are unknown")
     origin = np.asarray(origin, dtype=np.float64)
     steady = -(body.M @ rigid_body_shapes(body.dofs, body.nodes, origin))
     W = _position_loads(body, origin)

@@ -98,7 +98,7 @@ def lumped_mass(body: FEModel, lumping: Lumping) -> sp.csc_array:
     if moves_generalised(body):
         raise DofMapError(
             f"body '{body.name}': its mass cannot be lumped at its nodes, because generalised coordinates (scalar "
-            "points) carry a part of it; ask for the consistent mass"
+            "points) carry a part of it; leave `mass` of `write.integrals` out, which gives the consistent mass"
         )
     if body.untied_mass is not None:
         as_read, T = untied_body(body)

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from cmsreduce.errors import DofMapError
 from cmsreduce.mechanics import Tie, energies, lumped_mass, modal_integrals, tie_nodes
+from cmsreduce.mechanics.geometric_stiffness import inertia_loads
 from cmsreduce.mechanics.lumped_mass import total_mass
 from cmsreduce.model import DofTable, FEModel, Interface, Nodes, Units, cross_matrix, in_units, rigid_body_shapes
 from tests.frames import BAR, Section, frame, line, rotation
@@ -326,6 +327,8 @@ def test_a_superelement_has_the_momenta_of_its_body_and_no_integrals_of_second_o
         _ = found.phi_phi
     with pytest.raises(DofMapError, match="cannot be lumped at its nodes"):
         lumped_mass(body, "row-sum")
+    with pytest.raises(DofMapError, match="centrifugal forces are unknown"):
+        inertia_loads(body)
 
 
 def test_without_geometry_there_is_nothing_to_integrate_over():

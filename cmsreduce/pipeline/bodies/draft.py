@@ -101,7 +101,10 @@ def _found(name: str, files: Sequence[Path]) -> list[tuple[FEModel | None, BodyD
     for path in files:
         if not path.is_file():
             raise ReadError(f"{path}: there is no such file; `ls` shows the files that there are")
-    superelement = next((path for path in files if file_kind(path).geometry == "superelement"), None)
+    # Matrices alone may be those of a superelement whose other files lie beside them.
+    beside = [path.with_suffix(end) for path in files for end in (".asm", ".pch")] if len(files) == 1 else []
+    shown = [*files, *(path for path in beside if path.is_file())]
+    superelement = next((path for path in shown if file_kind(path).geometry == "superelement"), None)
     drafts = (
         [_draft(each) for each in bodies_of_files(name, files)]
         if superelement is None
@@ -115,6 +118,11 @@ def _superelement(name: str, superelement: Path, files: Sequence[Path]) -> BodyD
     keys = Component.model_validate({"extseout": superelement})
     assert keys.extseout is not None and keys.stiffness is not None and keys.geometry is not None
     file = next((path for path in files if file_kind(path).matrices), keys.stiffness.file)
+    if not (file.is_file() and file_kind(file).matrices):
+        raise ReadError(
+            f"{superelement}: the matrices of this superelement are missing: there is no {keys.extseout}.op4 or .op2, "
+            "and there are no DMIG entries in its punch file; name the file of the matrices beside this one"
+        )
     found = superelement_matrices(file)
     stiffness, mass = ((file, source.matrix or "") for source in (found.stiffness, found.mass))
     if file.with_suffix("") != keys.extseout:

@@ -22,12 +22,12 @@ from cmsreduce.read.nastran.cards import INTEGER, Card, read_cards
 from cmsreduce.read.nastran.op4_header import TYPES
 from cmsreduce.read.printed_numbers import real_number, rounding_of_printed
 
-__all__ = ["DMIG"]
+__all__ = ["DMIG", "DMIG_FORMS", "assembled_dmig"]
 
 Keys = NDArray[np.int64]
 
 _CARD = re.compile(rb"(?:^|\n)[ ]{0,7}DMIG(?:\*|[ ,\t])", re.IGNORECASE)
-_FORMS = {1: "square", 2: "rectangular", 6: "symmetric", 9: "rectangular"}
+DMIG_FORMS = {1: "square", 2: "rectangular", 6: "symmetric", 9: "rectangular"}
 _FIELD = 8  # characters of a small field, which cut the numbers printed in it
 _LINE = 120  # bytes that the last line cannot exceed
 _FIRST, _GROUP = 4, 4  # data fields before the first entry, and of each entry: node, component, real, imaginary
@@ -77,7 +77,7 @@ def _dmig_matrices(path: Path) -> list[StoredMatrix]:
     _check_end(path, [card for dmig in found.values() for card in dmig.columns])
     return [
         StoredMatrix(
-            dmig.name, TYPES[dmig.type], _FORMS[dmig.form], partial(_size, dmig), partial(_assemble, dmig, path)
+            dmig.name, TYPES[dmig.type], DMIG_FORMS[dmig.form], partial(_size, dmig), partial(_assemble, dmig, path)
         )
         for dmig in found.values()
     ]
@@ -86,7 +86,7 @@ def _dmig_matrices(path: Path) -> list[StoredMatrix]:
 def _add_header(found: dict[str, _Dmig], name: str, card: Card) -> None:
     """Start a matrix; a second header must be equal to the first."""
     form, kind = card.integer(2), card.integer(3)
-    if form not in _FORMS:
+    if form not in DMIG_FORMS:
         raise ReadError(f"{card.where}: form {form} of matrix '{name}' is none of 1, 6 (square), 2, 9 (rectangular)")
     if kind not in TYPES:
         raise ReadError(f"{card.where}: type {kind} of matrix '{name}' is none of 1, 2 (real), 3, 4 (complex)")
@@ -187,10 +187,45 @@ def _values(dmig: _Dmig) -> tuple[NDArray[np.float64], list[str]]:
 
 def _assemble(dmig: _Dmig, path: Path) -> LabelledMatrix:
     """Sparse matrix of one DMIG."""
-    row_keys, col_keys, rows, cols = _labels(dmig)
+    row_keys, col_keys, _, _ = _labels(dmig)
     values, printed = _values(dmig)
+    narrow = _FIELD if printed and max(map(len, printed)) <= _FIELD else None
+    rounding = rounding_of_printed(printed, narrow)
+    rounding = max(rounding, SINGLE) if dmig.type == 1 else rounding
+    return assembled_dmig(path, dmig.name, dmig.form, row_keys, col_keys, values, rounding)
+
+
+def assembled_dmig(
+    path: Path, name: str, form: int, row_keys: Keys, col_keys: Keys, values: NDArray[np.float64], rounding: float
+) -> LabelledMatrix:
+    """Sparse matrix of DMIG entries.
+
+    Parameters
+    ----------
+    path : Path
+        Their file.
+    name : str
+        Name of the matrix.
+    form : int
+        1 square, 6 symmetric, 2 and 9 rectangular.
+    row_keys, col_keys : (k,) int64
+        Dof keys of the row and of the column of each entry.
+    values : (k,) float64
+        Their numbers.
+    rounding : float
+        Relative rounding of the numbers.
+
+    Raises
+    ------
+    ReadError
+        If one place has two values.
+    """
+    rows, cols = np.unique(row_keys), np.unique(col_keys)
+    if form in (1, 6):
+        # A square matrix has the same dofs as rows and as columns.
+        rows = cols = np.union1d(rows, cols)
     row, col = np.searchsorted(rows, row_keys), np.searchsorted(cols, col_keys)
-    if dmig.form == 6:
+    if form == 6:
         row, col = np.maximum(row, col), np.minimum(row, col)
     _, at, inverse = np.unique(row * max(cols.size, 1) + col, return_index=True, return_inverse=True)
     first = values[at][inverse]
@@ -198,23 +233,21 @@ def _assemble(dmig: _Dmig, path: Path) -> LabelledMatrix:
     if differs.size:
         k = int(differs[0])
         i, j = (DofTable.from_keys(keys).labels[0] for keys in (rows[[row[k]]], cols[[col[k]]]))
-        across = " (or across the diagonal)" if dmig.form == 6 and i != j else ""
+        across = " (or across the diagonal)" if form == 6 and i != j else ""
         raise ReadError(
-            f"{path}: matrix '{dmig.name}' has two values at row {i}, column {j}{across}: {first[k]:.10g} and "
+            f"{path}: matrix '{name}' has two values at row {i}, column {j}{across}: {first[k]:.10g} and "
             f"{values[k]:.10g}; a DMIG names each place once, and a symmetric one only one triangle"
         )
     A = canonical(row[at], col[at], values[at], (rows.size, cols.size))
-    narrow = _FIELD if printed and max(map(len, printed)) <= _FIELD else None
-    rounding = rounding_of_printed(printed, narrow)
     return LabelledMatrix(
-        mirrored(A) if dmig.form == 6 else A,
-        dmig.name,
+        mirrored(A) if form == 6 else A,
+        name,
         path,
         "dmig",
-        max(rounding, SINGLE) if dmig.type == 1 else rounding,
+        rounding,
         DofTable.from_keys(rows),
         # Columns of form 9 are mere numbers.
-        DofTable.from_keys(cols) if dmig.form == 2 else None,
+        DofTable.from_keys(cols) if form == 2 else None,
     )
 
 

@@ -8,20 +8,28 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
+from cmsreduce.model import KEY_STEP
 from cmsreduce.read.files import reading
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import DOUBLE, SINGLE, LabelledMatrix, canonical, check_size, mirrored
+from cmsreduce.read.nastran.dmig import DMIG_FORMS, assembled_dmig
 from cmsreduce.read.nastran.op4 import FORMS, SYMMETRIC, first_record
 from cmsreduce.read.nastran.op4_header import TYPES
 
+if TYPE_CHECKING:
+    import pyyeti.nastran.op2
+
 __all__ = ["OP2", "check_records"]
 
-_MATRIX = 1  # type of a data block
+_TABLE, _MATRIX = 0, 1  # types of a data block
+_DMIG_HEAD = (114, 1, 120)  # first words of a table of DMIG entries
+_FIRST_COLUMN = 12  # words of such a table before its first column
 _SMALLEST = 12  # bytes of the first record
 
 
@@ -38,7 +46,7 @@ class _Block:
 
 
 def _op2_matrices(path: Path) -> list[StoredMatrix]:
-    """Matrices of an OP2 file of 32 or 64-bit words in either byte order; its tables are skipped.
+    """Matrices of an OP2 file of 32 or 64-bit words in either byte order, and tables of DMIG entries.
 
     Raises
     ------
@@ -49,12 +57,14 @@ def _op2_matrices(path: Path) -> list[StoredMatrix]:
 
     check_records(path)
     with reading(path, "the table of contents of the OP2 file"), op2.OP2(str(path)) as file:
-        blocks = []
+        blocks, tables = [], []
         for found in file.dblist:
             if found.dbtype == _MATRIX:
                 file.set_position(found.start)
                 name, (_, cols, rows, form, kind, *_), _ = file.rdop2nt()
                 blocks.append(_Block(name, rows, cols, form, kind, file.file_handle().tell()))
+            elif found.dbtype == _TABLE and _is_dmig(path, found.start, file):
+                tables.append(_dmig(path, found.start))
     size = path.stat().st_size
     for block in blocks:
         check_size(path, block.name, block.rows, block.cols, size)
@@ -69,7 +79,70 @@ def _op2_matrices(path: Path) -> list[StoredMatrix]:
             partial(_load, path, block),
         )
         for block in blocks
-    ]
+    ] + tables
+
+
+def _is_dmig(path: Path, start: int, file: pyyeti.nastran.op2.OP2) -> bool:
+    """Return whether a table holds DMIG entries, from its first words; other tables may be large."""
+    file.set_position(start)
+    file.rdop2nt()
+    at = file.file_handle().tell()
+    with path.open("rb") as handle:
+        order = "<" if struct.unpack("<i", handle.read(4))[0] in (4, 8) else ">"
+        handle.seek(at)
+        word = struct.unpack(order + "i", handle.read(4))[0]
+        # A key of one word comes before the record.
+        handle.seek(at + 8 + word + 4)
+        head = handle.read(3 * word)
+    return len(head) == 3 * word and struct.unpack(f"{order}3{'i' if word == 4 else 'q'}", head) == _DMIG_HEAD
+
+
+def _dmig(path: Path, start: int) -> StoredMatrix:
+    """The matrix of a table of DMIG entries, which has the labels of its dofs."""
+    from pyyeti.nastran import op2
+
+    with op2.OP2(str(path)) as file:
+        file.set_position(start)
+        file.rdop2nt()
+        record = np.asarray(file.rdop2record())
+    name = record[3:5].tobytes().decode("latin-1").replace("\0", "").strip()
+    if record.itemsize == 8:
+        name = "".join(part[:4] for part in (name[:8], name[8:])).strip()
+    form, kind = int(record[6]), int(record[7])
+    if form not in DMIG_FORMS or kind not in TYPES:
+        raise ReadError(f"{path}: the OP2 table of DMIG '{name}' has form {form} and type {kind}; the file is damaged")
+
+    def load() -> LabelledMatrix:
+        rows, cols, values = _dmig_entries(record, kind)
+        rounding = SINGLE if kind == 1 and record.itemsize == 4 else DOUBLE
+        return assembled_dmig(path, name, form, rows, cols, values, rounding)
+
+    def size() -> tuple[int, int, int | None]:
+        return (*load().A.shape, None)
+
+    return StoredMatrix(name, TYPES[kind], DMIG_FORMS[form], size, load)
+
+
+def _dmig_entries(
+    record: NDArray[np.signedinteger], kind: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Dof keys of rows and columns, and real parts: each column is its dof, then entries up to a pair of -1."""
+    number = np.dtype(f"f{4 if kind in (1, 3) and record.itemsize == 4 else 8}")
+    step = 2 + number.itemsize // record.itemsize * (1 if kind <= 2 else 2)
+    rows, cols, values = [np.empty(0, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
+    at = _FIRST_COLUMN
+    while at < record.size - 2:
+        column = int(record[at]) * KEY_STEP + int(record[at + 1])
+        ends = np.flatnonzero(record[at + 2 :: step] == -1)
+        if not ends.size:
+            raise ValueError(f"column {record[at]}.{record[at + 1]} of a DMIG has no end")
+        count = int(ends[0])
+        entries = record[at + 2 : at + 2 + count * step].reshape(count, step)
+        rows.append(entries[:, 0].astype(np.int64) * KEY_STEP + entries[:, 1])
+        cols.append(np.full(count, column))
+        values.append(np.ascontiguousarray(entries[:, 2:]).view(number)[:, 0].astype(np.float64))
+        at += 2 + count * step + 2
+    return np.concatenate(rows), np.concatenate(cols), np.concatenate(values)
 
 
 def _order(content: mmap.mmap) -> str:

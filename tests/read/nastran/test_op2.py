@@ -93,6 +93,25 @@ def test_as_pyyeti_reads_them(name: str, matrix: str, size: tuple[int, int]) -> 
     assert np.array_equal(found.A.toarray(), expected)
 
 
+@written_by_nastran
+@pytest.mark.parametrize("name", ["PATRN", "IDENT", "RANDM"])
+def test_tables_of_dmig_entries(name: str) -> None:
+    """NASTRAN wrote one DMIG to both files; the punch file has ten digits."""
+    found, punched = (
+        read_matrix(NASTRAN_FILES / "nastran_dmig_data" / file, name) for file in ("matrix.op2", "matrix_factory.pch")
+    )
+    assert found.dofs is not None and list(found.dofs.labels[:2]) == ["1.1", "1.2"]
+    assert abs(found.A - punched.on(found.dofs).A).max() <= 2 * punched.rounding * abs(found.A).max()
+
+
+@written_by_nastran
+def test_a_cut_table_of_dmig_entries_is_refused(tmp_path: Path) -> None:
+    content = (NASTRAN_FILES / "nastran_dmig_data" / "matrix.op2").read_bytes()
+    (tmp_path / "cut.op2").write_bytes(content[:4000])
+    with pytest.raises(ReadError, match="truncated"):
+        matrix_names(tmp_path / "cut.op2")
+
+
 def test_cut_anywhere_is_refused_or_whole(tmp_path: Path) -> None:
     path = tmp_path / "body.op2"
     content = write(path)

@@ -65,6 +65,14 @@ def test_a_pair_of_files_gives_a_draft() -> None:
     assert [name for _, name in (draft.stiffness, draft.mass)] == ["KAA#1", "MAA#1"]
 
 
+def test_the_pair_that_fits_the_deck_is_found() -> None:
+    """The first pair of the file is of another superelement."""
+    folder = THEIRS / "cla_test_data_2020"
+    draft = draft_body("x", [folder / "residual.dat", folder / "nas2cam.op4"])
+    assert draft.remark == ""
+    assert [name for _, name in (draft.stiffness, draft.mass)] == ["KAA#2", "MAA#2"]
+
+
 def test_a_file_without_grids_is_refused() -> None:
     with pytest.raises(ReadError, match="this is NASTRAN OUTPUT2, which holds no nodes"):
         read_geometry(THEIRS / "nastran_op2_data" / "double_le.op2")
@@ -77,6 +85,12 @@ def test_a_file_without_grids_is_refused() -> None:
         *("nas2cam_csuper/inboard", "cla_test_data/outboard", "cla_test_data_2020/outboard"),
     ],
 )
-def test_every_superelement_gives_a_draft(stem: str) -> None:
+def test_every_superelement_gives_a_draft_from_any_of_its_files(stem: str) -> None:
     draft = draft_body("x", [THEIRS / f"{stem}.asm"])
+    assert draft == draft_body("x", [THEIRS / f"{stem}.op4"])
     assert (draft.remark, draft.interfaces[0][1], draft.extseout) == ("", "{set: b}", THEIRS / stem)
+
+
+def test_a_superelement_without_its_matrices_is_refused() -> None:
+    with pytest.raises(ReadError, match=r"matrices of this superelement are missing: there is no .*fake_dtipch\.op4"):
+        draft_body("x", [THEIRS / "nas2cam_csuper" / "fake_dtipch.pch"])
