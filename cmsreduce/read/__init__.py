@@ -11,7 +11,7 @@ from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, FileKind, expect
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import Geometry, GeometryFormat, MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.geometry import read_cells, read_geometry
-from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource
+from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, Nearby
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix
 from cmsreduce.read.nastran import (
@@ -43,6 +43,7 @@ __all__ = [
     "MatrixFormat",
     "MatrixInfo",
     "MatrixSource",
+    "Nearby",
     "RowOrderProof",
     "StoredMatrix",
     "bars_in_units",
