@@ -142,11 +142,13 @@ _COMPONENT = """\
   {name}:
 {sources}
     {units}
-    # grounded: true                      # if the matrices hold the body to the ground
+    {grounded}
     interfaces:
 {interfaces}
     damping: {{modal: 0.005}}               # CHECK: damping ratio of every mode"""
 _UNITS = "# units: mm-t-s                       # of the files: length-mass-time; by default those of the scene"
+_FREE = "# grounded: true                      # if the matrices hold the body to the ground"
+_HELD = "grounded: true    # CHECK: the matrices hold the body; the other nodes are in order"
 _CHOICE = "all dofs it has, or {nodes: [7, 8], dofs: 123}, {set: b}, {near: [x, y, z], within: 2 mm}"
 # In multiples of the first elastic frequency: below that frequency, a rigid body would be enough.
 _BAND_OF_FIRST_MODE = 5.0
@@ -183,6 +185,8 @@ class BodyDraft:
         Unit system of the files where it is certain; empty for that of the scene.
     units_remark : str
         What speaks against the units of the scene.
+    grounded : bool
+        True if the matrices hold the body to the ground, and the nodes away from it are proven.
     remark : str
         Reason why the files do not fit together; empty if they do.
     notes : tuple of str
@@ -202,6 +206,7 @@ class BodyDraft:
     elastic_hz: float | None = None
     units: str = ""
     units_remark: str = ""
+    grounded: bool = False
     remark: str = ""
     notes: tuple[str, ...] = ()
 
@@ -309,7 +314,11 @@ def _component(draft: BodyDraft, choice: str) -> str:
     elif draft.units_remark:
         units = f"# CHECK the units of the files: {draft.units_remark}\n    {_UNITS}"
     return _COMPONENT.format(
-        name=draft.name, sources="\n".join(_sources(draft)), units=units, interfaces="\n".join(lines)
+        name=draft.name,
+        sources="\n".join(_sources(draft)),
+        units=units,
+        grounded=_HELD if draft.grounded else _FREE,
+        interfaces="\n".join(lines),
     )
 
 

@@ -28,7 +28,15 @@ from cmsreduce.read.nastran import (
     read_followers,
     read_members,
 )
-from cmsreduce.read.row_order import MassOrder, RowOrderProof, prove_mass_order, prove_row_order
+from cmsreduce.read.row_order import (
+    LOUD,
+    QUIET,
+    MassOrder,
+    RowOrderProof,
+    prove_mass_order,
+    prove_row_order,
+    quiet_share,
+)
 
 __all__ = [
     "BulkDeck",
@@ -38,12 +46,14 @@ __all__ = [
     "Geometry",
     "GeometryFormat",
     "InterfaceSpec",
+    "LOUD",
     "LabelledMatrix",
     "MassOrder",
     "MatrixFormat",
     "MatrixInfo",
     "MatrixSource",
     "Nearby",
+    "QUIET",
     "RowOrderProof",
     "StoredMatrix",
     "bars_in_units",
@@ -59,6 +69,7 @@ __all__ = [
     "matrix_names",
     "prove_mass_order",
     "prove_row_order",
+    "quiet_share",
     "read_bars",
     "read_body",
     "read_bulk",

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.config import BodyDraft, body_pipeline, scene_pipeline
-from cmsreduce.errors import CmsReduceError, ReadError
+from cmsreduce.errors import CmsReduceError, DofMapError, ReadError
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
-from cmsreduce.pipeline.bodies.body_files import BodyFiles, bodies_of_files
+from cmsreduce.pipeline.bodies.body_files import BodyFiles, bodies_of_files, body_names
 from cmsreduce.pipeline.bodies.coincident_nodes import Meeting, meetings
 from cmsreduce.pipeline.bodies.plausible_units import material_of, plausible_units
 from cmsreduce.pipeline.bodies.proposed_interfaces import Place, proposed_interfaces
 from cmsreduce.pipeline.store import diagnostic
-from cmsreduce.read import MatrixSource, file_kind, read_body, read_cells
+from cmsreduce.read import MatrixSource, file_kind, prove_row_order, read_body, read_cells
 from cmsreduce.verify import rigid_motions
 
 __all__ = ["Draft", "draft_body", "draft_pipeline"]
@@ -26,6 +27,7 @@ __all__ = ["Draft", "draft_body", "draft_pipeline"]
 # A larger body takes more than a minute to factorise; only the run computes its first frequency.
 _QUICK = 20_000
 _FREE = 6
+_NO_DECK = "no deck or mesh is given, so that no grid can be named for the mount: cmsreduce new {}2 STIFFNESS MASS DECK"
 _AXES = "xyz"
 
 
@@ -90,22 +92,32 @@ def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
 
 def _found(name: str, files: Sequence[Path]) -> list[tuple[FEModel | None, BodyDraft]]:
     """Bodies as far as they can be read, without interfaces."""
-    superelement = _superelement(files)
-    if superelement is not None:
-        stem = superelement.with_suffix("")
-        matrices = stem.with_suffix(".op4")
-        draft = BodyDraft(name, (matrices, "KXX"), (matrices, "MXX"), extseout=stem)
-        return [_read(draft, superelement)]
-    return [_read(_draft(each), each.geometry) for each in bodies_of_files(name, files)]
-
-
-def _superelement(files: Sequence[Path]) -> Path | None:
-    """Order of the rows of an external superelement whose matrices are beside it."""
     for path in files:
         if not path.is_file():
-            raise ReadError(f"{path}: there is no such file; `ls` shows the files that there are")
-    beside = (path for path in files if path.with_suffix(".op4").is_file() and path.suffix.lower() != ".op4")
-    return next((path for path in beside if file_kind(path).geometry == "superelement"), None)
+            raise ReadError(f"{path}: there is no such file; `ls {path.parent}` shows those that there are")
+    superelements = _superelements(files)
+    stems = [stem for stem, _ in superelements]
+    # Files of a superelement belong to it, the matrices too.
+    rest = [path for path in files if path.with_suffix("") not in stems]
+    labels = [name] if len(stems) == 1 and not rest else body_names(stems)
+    found = []
+    for label, (stem, rows) in zip(labels, superelements, strict=True):
+        matrices = stem.with_suffix(".op4")
+        found.append(_read(BodyDraft(label, (matrices, "KXX"), (matrices, "MXX"), extseout=stem), rows))
+    if rest or not found:
+        found += [_read(_draft(each), each.geometry) for each in bodies_of_files(name, rest)]
+    return found
+
+
+def _superelements(files: Sequence[Path]) -> list[tuple[Path, Path]]:
+    """Stem of every external superelement whose matrices are beside it, and the file with the order of its rows."""
+    found: dict[Path, Path] = {}
+    for path in files:
+        stem = path.with_suffix("")
+        beside = stem.with_suffix(".op4").is_file() and path.suffix.lower() != ".op4"
+        if beside and stem not in found and file_kind(path).geometry == "superelement":
+            found[stem] = path
+    return list(found.items())
 
 
 def _draft(files: BodyFiles) -> BodyDraft:
@@ -115,16 +127,33 @@ def _draft(files: BodyFiles) -> BodyDraft:
 def _read(draft: BodyDraft, geometry: Path | None) -> tuple[FEModel | None, BodyDraft]:
     """The body of a draft, and the draft with its units and first frequency, or a remark."""
     stiffness, mass = (MatrixSource(path, matrix or None) for path, matrix in (draft.stiffness, draft.mass))
+    read = partial(read_body, draft.name, stiffness=stiffness, mass=mass, geometry=geometry)
     try:
-        body = read_body(draft.name, stiffness=stiffness, mass=mass, geometry=geometry)
+        try:
+            body = read()
+        except DofMapError as error:
+            body = _held(read, error)
+            draft = replace(draft, grounded=True)
         if body.nodes is None:
-            return None, replace(draft, remark="no deck or mesh is given, so that no grid can be named for the mount")
+            return None, replace(draft, remark=_NO_DECK.format(draft.name))
         draft = _with_units(draft, body)
         hz = _first_elastic(body)
     except CmsReduceError as error:
         return None, replace(draft, remark=str(error))
     time = Units.parse(draft.units).time if draft.units else 1.0
     return body, replace(draft, elastic_hz=None if hz is None else hz / time)
+
+
+def _held(read: Callable[..., FEModel], refused: DofMapError) -> FEModel:
+    """The body as one that the ground holds, if the order of its other rows is proven; else the first refusal."""
+    try:
+        body = read(grounded=True)
+        proven = prove_row_order(body).status == "proven"
+    except DofMapError:
+        proven = False
+    if not proven:
+        raise refused
+    return body
 
 
 def _with_units(draft: BodyDraft, body: FEModel) -> BodyDraft:
