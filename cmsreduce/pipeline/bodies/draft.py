@@ -68,14 +68,15 @@ def draft_pipeline(name: str, files: Sequence[Path]) -> Draft:
     found = _found(name, files)
     if len(found) == 1:
         body, draft = found[0]
-        return Draft(body_pipeline(name, draft if body is None else _mounted(draft, body)), _warnings([draft]))
+        draft = draft if body is None else _mounted(draft, body)
+        return Draft(body_pipeline(name, draft), _warnings([draft]))
     drafts = [draft for _, draft in found]
     bodies = {draft.name: body for body, draft in found if body is not None and body.nodes is not None}
     lengths = {draft.name: (Units.parse(draft.units) if draft.units else SI).length for draft in drafts}
     meeting, apart = meetings(bodies, lengths)
     joined = [_joined(draft, bodies.get(draft.name), meeting) for draft in drafts]
     joints = [(f"{one.body}_{other.body}", str(one), str(other)) for one, other in meeting]
-    return Draft(scene_pipeline(name, joined, joints), (*_warnings(drafts), *apart))
+    return Draft(scene_pipeline(name, joined, joints), (*_warnings(joined), *apart))
 
 
 def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
@@ -184,6 +185,8 @@ def _warnings(drafts: Sequence[BodyDraft]) -> tuple[str, ...]:
 def _mounted(draft: BodyDraft, body: FEModel) -> BodyDraft:
     """The draft with the best place to join the body as its mount, and the others as proposals."""
     places = proposed_interfaces(body, _cells(draft))
+    if not places:
+        return replace(draft, remark="no node of the deck has rows in the matrices, so that none can be the mount")
     mount, rest = places[0], tuple((each.name, each.interface, each.words) for each in places[1:])
     return _placed(replace(draft, interfaces=(("mount", mount.interface, mount.words),), proposed=rest), body, mount)
 
