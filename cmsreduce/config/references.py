@@ -121,7 +121,7 @@ def _components(pipeline: Pipeline) -> Iterator[BrokenReference]:
                 )
             if component.rigid is None and keys.position is not None and keys.tie is None:
                 yield BrokenReference(
-                    at, "an interface of a flexible body is given by node, nodes or set, e.g. {node: 1001}"
+                    at, "an interface of a flexible body is given by node, nodes, set or near, e.g. {node: 1001}"
                 )
         if component.balance is not None:
             at = ("components", name, "balance", "keep")

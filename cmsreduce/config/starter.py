@@ -142,13 +142,15 @@ _COMPONENT = """\
   {name}:
 {sources}
     {units}
-    # grounded: true                      # if the matrices hold the body to the ground
+    {grounded}
     interfaces:
 {interfaces}
 {damping}"""
 _DAMPING = "    damping: {modal: 0.005}               # CHECK: damping ratio of every mode"
 _DAMPING_IN_FILES = "    # damping: {modal: 0.005}             # in place of the damping that the files hold"
 _UNITS = "# units: mm-t-s                       # of the files: length-mass-time; by default those of the scene"
+_FREE = "# grounded: true                      # if the matrices hold the body to the ground"
+_HELD = "grounded: true    # CHECK: the matrices hold the body; the other nodes are in order"
 _CHOICE = "all dofs it has, or {nodes: [7, 8], dofs: 123}, {set: b}, {near: [x, y, z], within: 2 mm}"
 # In multiples of the first elastic frequency: below that frequency, a rigid body would be enough.
 _BAND_OF_FIRST_MODE = 5.0
@@ -187,6 +189,8 @@ class BodyDraft:
         Unit system of the files where it is certain; empty for that of the scene.
     units_remark : str
         What speaks against the units of the scene.
+    grounded : bool
+        True if the matrices hold the body to the ground, and the nodes away from it are proven.
     remark : str
         Reason why the files do not fit together; empty if they do.
     notes : tuple of str
@@ -209,6 +213,7 @@ class BodyDraft:
     elastic_hz: float | None = None
     units: str = ""
     units_remark: str = ""
+    grounded: bool = False
     remark: str = ""
     notes: tuple[str, ...] = ()
     damped: bool = False
@@ -320,6 +325,7 @@ def _component(draft: BodyDraft, choice: str) -> str:
         name=draft.name,
         sources="\n".join(_sources(draft)),
         units=units,
+        grounded=_HELD if draft.grounded else _FREE,
         interfaces="\n".join(lines),
         damping=_DAMPING_IN_FILES if draft.damped else _DAMPING,
     )

@@ -12,7 +12,7 @@ from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, FileKind, expect
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import Geometry, GeometryFormat, MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.geometry import read_cells, read_geometry
-from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource
+from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, Nearby
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix
 from cmsreduce.read.nastran import (
@@ -29,7 +29,15 @@ from cmsreduce.read.nastran import (
     read_followers,
     read_members,
 )
-from cmsreduce.read.row_order import MassOrder, RowOrderProof, prove_mass_order, prove_row_order
+from cmsreduce.read.row_order import (
+    LOUD,
+    QUIET,
+    MassOrder,
+    RowOrderProof,
+    prove_mass_order,
+    prove_row_order,
+    quiet_share,
+)
 from cmsreduce.read.superelement import SuperelementMatrices, superelement_damping, superelement_matrices
 
 __all__ = [
@@ -40,11 +48,14 @@ __all__ = [
     "Geometry",
     "GeometryFormat",
     "InterfaceSpec",
+    "LOUD",
     "LabelledMatrix",
     "MassOrder",
     "MatrixFormat",
     "MatrixInfo",
     "MatrixSource",
+    "Nearby",
+    "QUIET",
     "RowOrderProof",
     "StoredMatrix",
     "SuperelementMatrices",
@@ -62,6 +73,7 @@ __all__ = [
     "matrix_names",
     "prove_mass_order",
     "prove_row_order",
+    "quiet_share",
     "read_bars",
     "read_body",
     "read_bulk",

@@ -12,12 +12,17 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError, SceneError
 from cmsreduce.model import SCALAR, DofTable, Interface, Nodes, components_from_digits
 
-__all__ = ["InterfaceSpec", "MatrixSource", "resolve_interface"]
+__all__ = ["InterfaceSpec", "MatrixSource", "Nearby", "resolve_interface"]
 
 Digits = str | tuple[int, ...] | None
 
+_TRANSLATIONS = 3
 # Nodes that a message suggests in place of an unknown one.
 _NEAREST = 3
+# Positions that differ by less than this share of the body's size are the same coordinate, for the order of nodes.
+_SAME_COORDINATE = 1e-5
+# A nearest node that is farther away by this factor is in coordinates of other units, or of another frame.
+_FAR = 100.0
 # Axes typed with four digits are accepted as a rotation; they are made orthonormal.
 _CROOKED = 1e-3
 
@@ -41,9 +46,28 @@ class MatrixSource:
     format: str | None = None
 
 
+@dataclass(frozen=True)
+class Nearby:
+    """Nodes of an interface by their position.
+
+    Parameters
+    ----------
+    position : tuple of three float
+        Place in the body's basic frame and unit of length.
+    within : float
+        Largest distance of a node from it.
+    nearest : bool
+        True for the nearest node alone.
+    """
+
+    position: tuple[float, float, float]
+    within: float
+    nearest: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class InterfaceSpec:
-    """An interface as the user names it: by nodes, or by a dof set.
+    """An interface as the user names it: by nodes, by a dof set, or by position.
 
     Parameters
     ----------
@@ -55,12 +79,15 @@ class InterfaceSpec:
         Dof set of the geometry instead of nodes, such as ``b``.
     frame : (3, 3) float64, optional
         Axes as rows, in basic; by default the displacement frame of the first node.
+    near : Nearby, optional
+        Position instead of nodes; nodes with translations in the matrices count.
     """
 
     nodes: tuple[int, ...] | None = None
     dofs: Digits = None
     set: str | None = None
     frame: NDArray[np.float64] | None = None
+    near: Nearby | None = None
 
 
 def resolve_interface(
@@ -96,12 +123,12 @@ def resolve_interface(
         If a node is unknown, has no rows or lacks a dof, or the set or the frame is wrong.
     """
     where = f"body '{body}', interface '{name}'"
-    if (spec.nodes is None) == (spec.set is None):
-        raise SceneError(f"{where}: give either `node:` (or `nodes:`) or `set:`")
+    if sum(given is not None for given in (spec.nodes, spec.set, spec.near)) != 1:
+        raise SceneError(f"{where}: give either `node:` (or `nodes:`), `set:` or `near:`")
     if spec.set is not None:
         members, components = _of_set(where, spec.set, spec.dofs, dofs, sets)
     else:
-        members = tuple(spec.nodes or ())
+        members = tuple(spec.nodes or ()) if spec.near is None else _nearby(where, spec.near, dofs, nodes)
         components = tuple(_components(where, node, spec.dofs, dofs, nodes) for node in members)
     if not members:
         raise SceneError(f"{where}: it has no nodes")
@@ -114,6 +141,38 @@ def resolve_interface(
         position, axes = nodes.xyz[at], nodes.frame[at]
     frame = axes[0] if spec.frame is None else _rotation(where, spec.frame)
     return Interface(name, np.array(members, dtype=np.int64), components, position, frame, axes)
+
+
+def _nearby(where: str, near: Nearby, dofs: DofTable, nodes: Nodes | None) -> tuple[int, ...]:
+    """Nodes near a position, ordered along x, then y, then z, so that nodes of two bodies that coincide pair up."""
+    if nodes is None or not len(nodes):
+        raise SceneError(f"{where}: `near:` needs coordinates; give `geometry:`, or name the nodes")
+    ids = np.unique(dofs.node[(dofs.component > 0) & (dofs.component <= _TRANSLATIONS)])
+    ids = ids[nodes.index(ids) >= 0]
+    xyz = nodes.xyz[nodes.index(ids)]
+    away = np.linalg.norm(xyz - near.position, axis=1)
+    found = np.flatnonzero(away <= near.within)
+    place = "[{}]".format(", ".join(f"{x:g}" for x in near.position))
+    if not found.size:
+        closest = ", ".join(f"{ids[k]} ({away[k]:.4g} away)" for k in np.argsort(away, kind="stable")[:_NEAREST])
+        low, high = ("[{}]".format(", ".join(f"{x:.4g}" for x in corner)) for corner in (xyz.min(0), xyz.max(0)))
+        units = away.min(initial=np.inf) > _FAR * near.within
+        raise SceneError(
+            f"{where}: no node with rows lies within {near.within:g} of {place}; the nearest are {closest}, and the "
+            f"body reaches from {low} to {high} in its own unit of length"
+            + (": is the position in the body's basic frame, and in its units?" if units else "; make `within:` larger")
+        )
+    if near.nearest:
+        best = found[away[found].argmin()]
+        rival = found[(found != best) & (away[found] <= away[best] + _SAME_COORDINATE * near.within)]
+        if rival.size:
+            raise SceneError(
+                f"{where}: nodes {ids[best]} and {ids[rival[0]]} are equally near to {place}; name one by `node:`"
+            )
+        return (int(ids[best]),)
+    size = float(np.abs(xyz - xyz.mean(axis=0)).max()) or 1.0
+    steps = np.round(xyz[found] / (_SAME_COORDINATE * size))
+    return tuple(ids[found[np.lexsort((ids[found], *steps.T[::-1]))]].tolist())
 
 
 def _of_set(

@@ -4,12 +4,27 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
 import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
 
 from cmsreduce.model import FEModel
 from tests.frames import frame, line
 
-__all__ = ["ARM", "ARM_FILES", "CANTILEVER", "PANEL", "PIPELINE", "Log", "arm", "panel", "write_body", "write_study"]
+__all__ = [
+    "ARM",
+    "ARM_FILES",
+    "CANTILEVER",
+    "PANEL",
+    "PIPELINE",
+    "Log",
+    "arm",
+    "panel",
+    "system_frequencies",
+    "write_body",
+    "write_study",
+]
 
 ARM_FILES = """\
   arm:
@@ -126,6 +141,20 @@ def write_body(folder: Path, body: FEModel, *, length: float = 1.0, mass: float 
         x, y, z = (f"{value:.9E}".rjust(16) for value in xyz)
         cards.append(f"GRID*   {node:16d}{'':16}{x}{y}\n*       {z}\n")
     (folder / f"{body.name}.bdf").write_text("BEGIN BULK\n" + "".join(cards) + "ENDDATA\n")
+
+
+def system_frequencies(path: Path) -> np.ndarray:
+    """Frequencies in Hz of the first configuration in a system.h5, the rigid ones first."""
+    with h5py.File(path) as file:
+        group = file["configuration_0"]
+        if "frequency_hz" in group:
+            return group["frequency_hz"][()]
+        parts = {
+            name: [group[name][part][()] for part in ("data", "indices", "indptr", "shape")] for name in ("K", "M")
+        }
+    K, M = (sp.csc_array(tuple(arrays), shape=tuple(shape)) for *arrays, shape in parts.values())
+    squared = la.eigvalsh(K.toarray(), M.toarray())
+    return np.sqrt(np.maximum(squared, 0.0)) / (2 * np.pi)
 
 
 def write_study(folder: Path, text: str = PIPELINE) -> Path:

@@ -234,3 +234,23 @@ def test_the_plane_frame_of_a_tie_goes_without_what_its_plane_lacks(study: Path,
     rows = body.recovery.dofs.rows([2, 2], [1, 2])
     point = body.interface_rows("root")
     np.testing.assert_allclose(body.recovery.T.toarray()[np.ix_(rows, point)], carried[np.ix_([0, 1], [0, 1, 5])])
+
+
+def test_places_by_position_are_the_same_interfaces(tmp_path: Path) -> None:
+    """The last section of the near block, tied; in a body of millimetres, with the position in metres."""
+    near, far = solids()
+    write_body(tmp_path, near, length=1e3, mass=1e-3)
+    write_body(tmp_path, far)
+    text = SOLIDS.format(output=tmp_path / "out", node=11, force=[1, 0, 0], axis="x")
+    by_nodes = "nodes: [46, 47, 48, 49, 50, 51, 52, 53, 54], tie"
+    assert by_nodes in text
+    text = text.replace("geometry: near.bdf", "geometry: near.bdf\n    units: mm-t-s")
+    shapes = []
+    for place in (by_nodes, "near: [400, 30, 50 mm], within: 6 cm, tie"):
+        (tmp_path / "solids.yaml").write_text(text.replace(by_nodes, place))
+        run = Run(load_pipeline(tmp_path / "solids.yaml"), tmp_path / "out", Silent())
+        body = run.flexible("near").body
+        shapes.append((body.interfaces["end"].position, body.K))
+    np.testing.assert_array_equal(shapes[0][0], shapes[1][0])
+    np.testing.assert_allclose(shapes[0][0], [HINGE], atol=1e-12)
+    assert abs(shapes[0][1] - shapes[1][1]).max() == 0

@@ -9,7 +9,7 @@ import pytest
 
 from cmsreduce.errors import SceneError
 from cmsreduce.model import DofTable, FEModel, Interface, Nodes
-from cmsreduce.read import InterfaceSpec
+from cmsreduce.read import InterfaceSpec, Nearby
 from cmsreduce.read.interfaces import resolve_interface
 
 TURNED = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
@@ -91,3 +91,46 @@ def test_rows_of_an_interface_follow_its_nodes(space_frame: Callable[..., FEMode
     face = resolve_interface("frame", "root", InterfaceSpec(nodes=(40, 3), dofs="13"), body.dofs, body.nodes, {})
     rows = space_frame(interfaces={"root": face}).interface_rows("root")
     assert [body.dofs.labels[row] for row in rows] == ["40.1", "40.3", "3.1", "3.3"]
+
+
+# A line of nodes along z and two beside it; node 6 has no rows.
+ROW = DofTable(np.repeat([9, 4, 2, 8, 5], 3), np.tile([1, 2, 3], 5))
+LINE = Nodes.in_basic(
+    np.array([9, 4, 2, 8, 5, 6]),
+    np.array([[0.0, 0, 0.2], [0, 0, 0.1], [0, 0, 0], [0.003, 0, 0.1], [0, 0.003, 0.1], [0, 0, 0.1]]),
+)
+
+
+def near(*position: float, within: float, nearest: bool = False) -> list[int]:
+    spec = InterfaceSpec(near=Nearby(position, within, nearest))  # type: ignore[arg-type]
+    return resolve_interface("boom", "root", spec, ROW, LINE, {}).node.tolist()
+
+
+def test_nodes_by_position_are_ordered_along_x_y_z() -> None:
+    assert near(0, 0, 0.1, within=0.004) == [4, 5, 8]
+    assert near(0, 0, 0.1, within=1.0) == [2, 4, 9, 5, 8]
+    assert near(0, 0, 0.101, within=0.004, nearest=True) == [4]
+
+
+@pytest.mark.parametrize(
+    ("position", "within", "message"),
+    [
+        (
+            (0, 0, 0.15),
+            0.01,
+            r"no node with rows lies within 0\.01 of \[0, 0, 0\.15\]; .* \(0\.05 away\)",
+        ),
+        ((0, 0, 100.0), 2.0, r"reaches from \[0, 0, 0\] to \[0\.003, 0\.003, 0\.2\] in its own unit of length"),
+        ((0, 0, 1000.0), 2.0, r"basic frame, and in its units\?$"),
+    ],
+)
+def test_positions_without_nodes(position: tuple[float, ...], within: float, message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        near(*position, within=within)
+
+
+def test_two_nodes_that_are_equally_near() -> None:
+    with pytest.raises(SceneError, match="are equally near"):
+        near(0.003, 0.003, 0.1, within=0.0035, nearest=True)
+    with pytest.raises(SceneError, match="`near:` needs coordinates"):
+        resolve_interface("boom", "root", InterfaceSpec(near=Nearby((0, 0, 0), 1.0)), ROW, None, {})

@@ -12,6 +12,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, St
 from cmsreduce.config.keys.mapping import (
     DofNames,
     Keys,
+    Length,
+    LengthVector,
     Name,
     OneOrMore,
     Plain,
@@ -168,7 +170,7 @@ class FrameKeys(Keys):
 class InterfaceKeys(Keys):
     """Place of a body at which a joint can attach; a lone number is a node."""
 
-    alternatives: ClassVar[tuple[str, ...]] = ("node", "nodes", "set", "position")
+    alternatives: ClassVar[tuple[str, ...]] = ("node", "nodes", "set", "position", "near")
     short_key: ClassVar[str] = "node"
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"type": "integer"},)
 
@@ -182,6 +184,17 @@ class InterfaceKeys(Keys):
         description="Point of a rigid body, or point to which nodes are tied (by default their centroid), in the "
         "body's basic frame and unit of length.",
         examples=[[0, 0, 0]],
+    )
+    near: LengthVector | None = Field(
+        default=None,
+        description="Place of the nodes, in the body's basic frame and unit of length, or with units.",
+        examples=[[0, 0, "120 mm"]],
+    )
+    within: Length | None = Field(
+        default=None, description="Distance from `near` up to which nodes belong to the interface.", examples=["2 mm"]
+    )
+    match: Literal["all", "nearest"] = Field(
+        default="all", description="Takes all nodes within the distance, or the nearest alone."
     )
     dofs: DofNames | None = Field(
         default=None,
@@ -209,18 +222,24 @@ class InterfaceKeys(Keys):
 
     @model_validator(mode="after")
     def _one_place(self) -> InterfaceKeys:
+        if self.near is not None and (self.within is None or self.within.value <= 0):
+            raise ValueError("`near` needs the distance within which nodes count, above zero: add `within: 2 mm`")
+        if self.near is None and (self.within is not None or self.match != "all"):
+            raise ValueError("`within` and `match` belong to a position: add `near: [x, y, z]`, or take them out")
         if self.tie is None:
-            exactly_one(self, ("node", "nodes", "set", "position"), "an interface")
+            exactly_one(self, ("node", "nodes", "set", "position", "near"), "an interface")
             if self.weights is not None:
                 raise ValueError("only an average tie has weights: add `tie: average`, or take `weights` out")
             return self
-        if self.nodes is None or self.node is not None or self.set is not None:
-            raise ValueError(f"`tie: {self.tie}` ties a list of nodes: name them by `nodes: [...]` alone")
+        if len(self.given(("nodes", "near"))) != 1 or self.node is not None or self.set is not None:
+            raise ValueError(f"`tie: {self.tie}` ties a list of nodes: name them by `nodes: [...]` or `near:` alone")
+        if self.weights is not None and self.nodes is None:
+            raise ValueError("weights belong to a list of nodes: name them by `nodes: [...]`, or take `weights` out")
         if self.tie == "rigid" and self.weights is not None:
             raise ValueError("a rigid tie has no weights: take them out, or use `tie: average`")
         if self.tie == "average" and self.dofs is not None:
             raise ValueError("an average tie uses the translations of the nodes: take `dofs` out, or use `tie: rigid`")
-        if self.weights is not None and len(self.weights) != len(self.nodes):
+        if self.weights is not None and self.nodes is not None and len(self.weights) != len(self.nodes):
             raise ValueError(f"{len(self.nodes)} nodes need as many weights, found {len(self.weights)}")
         return self
 

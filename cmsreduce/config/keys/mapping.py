@@ -36,6 +36,7 @@ __all__ = [
     "Flag",
     "Frequency",
     "Keys",
+    "Length",
     "LengthVector",
     "Name",
     "Number",
@@ -281,6 +282,8 @@ Written = Annotated[
 """Number with or without a unit, kept as written until its dimension is known."""
 WrittenItems = tuple[Written, ...]
 """Numbers with or without units."""
+Length = Annotated[Written, AfterValidator(lambda item: _check_lengths((item, item, item))[0])]
+"""One length with or without a unit."""
 LengthVector = Annotated[
     tuple[Written, Written, Written], BeforeValidator(_check_vector), AfterValidator(_check_lengths)
 ]

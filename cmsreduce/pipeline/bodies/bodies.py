@@ -40,6 +40,7 @@ from cmsreduce.pipeline.bodies.stiffening import body_stiffening
 from cmsreduce.read import (
     InterfaceSpec,
     MatrixSource,
+    Nearby,
     prove_mass_order,
     prove_row_order,
     read_body,
@@ -284,7 +285,7 @@ def _as_read(name: str, part: Component, units: Units) -> FEModel:
         damping_matrix=matrix,
         units=units,
         grounded=part.grounded,
-        interfaces={label: _interface(label, name, keys) for label, keys in part.interfaces.items()},
+        interfaces={label: _interface(label, name, keys, units) for label, keys in part.interfaces.items()},
     )
 
 
@@ -292,12 +293,18 @@ def _source(keys: MatrixFile) -> MatrixSource:
     return MatrixSource(keys.file, keys.matrix, keys.format)
 
 
-def _interface(label: str, body: str, keys: InterfaceKeys) -> InterfaceSpec:
+def _interface(label: str, body: str, keys: InterfaceKeys, units: Units) -> InterfaceSpec:
     if keys.position is not None and keys.tie is None:
-        raise SceneError(f"'{body}.{label}': a flexible body is joined at its nodes; give `node:`, not `position:`")
+        raise SceneError(
+            f"'{body}.{label}': a flexible body is joined at its nodes; give `node:` or `near:`, not `position:`"
+        )
     nodes = (keys.node,) if keys.node is not None else keys.nodes
     dofs = None if keys.dofs is None else "".join(str(c) for c in sorted(keys.components))
-    return InterfaceSpec(nodes, dofs, keys.set, None if keys.frame is None else keys.frame.rows())
+    near = None
+    if keys.near is not None and keys.within is not None:
+        x, y, z = (item.length_in(units) for item in keys.near)
+        near = Nearby((x, y, z), keys.within.length_in(units), keys.match == "nearest")
+    return InterfaceSpec(nodes, dofs, keys.set, None if keys.frame is None else keys.frame.rows(), near)
 
 
 def _tied(body: FEModel, part: Component) -> FEModel:

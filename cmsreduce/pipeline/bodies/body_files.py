@@ -8,30 +8,27 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable, Nodes, rigid_body_shapes
 from cmsreduce.read import (
     FORMATS,
+    LOUD,
+    QUIET,
     FileKind,
     Geometry,
     LabelledMatrix,
     file_kind,
     matrix_names,
+    quiet_share,
     read_geometry,
     read_matrix,
     sha256_of,
 )
 
-__all__ = ["BodyFiles", "bodies_of_files", "quiet_share"]
+__all__ = ["BodyFiles", "bodies_of_files", "body_names"]
 
-# A translation cancels in a row of a free stiffness, to the digits of the file: text may have four of them. In a row
-# of a mass matrix it adds up.
-_NO_FORCE = 1e-3
-# Shares of rows without force in a translation. Supports disturb the rows of a stiffness next to them.
-_STIFFNESS, _MASS = 0.5, 0.1
 _SUFFIXES = {"k": ".sti", "m": ".mas"}
 _WORDS = {"k": "stiffness", "m": "mass"}
 
@@ -108,9 +105,14 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyFiles]:
     ReadError
         If a file is missing, damaged or of no use, or a body lacks a matrix; the message ends with what to type.
     """
-    kinds, notes = _kinds(files)
-    shapes = [path for path, kind in kinds.items() if kind.geometry]
+    kinds = _kinds(files)
+    every_shape = [path for path, kind in kinds.items() if kind.geometry]
     sources = [path for path, kind in kinds.items() if kind.matrices and not (kind.geometry and _has_others(kinds))]
+    shapes, notes = _each_once(every_shape)
+    stems = {path.stem.lower() for path in sources}
+    if len(shapes) < len(every_shape) and {path.stem.lower() for path in every_shape} <= stems:
+        # Bodies of one mesh, each with matrices of its own.
+        shapes, notes = every_shape, ()
     rows = _rows(kinds, len(shapes))
     geometries = {path: read_geometry(path) for path in shapes}
     matrices = {path: _matrices(path, rows, geometries.values()) for path in sources}
@@ -119,44 +121,29 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyFiles]:
         given = ", ".join(f"{path} ({kind.words})" for path, kind in kinds.items())
         raise ReadError(f"no square matrix in the files given: {given}; name the stiffness and the mass: {command}")
     if len(shapes) < 2:
+        every, copies = _each_once(sources)
         shape = geometries[shapes[0]] if shapes else None
-        every = [one for found in matrices.values() for one in found]
-        return [replace(_body(name, every, shape, notes, command), rows=rows)]
+        own = [one for path in every for one in matrices[path]]
+        return [replace(_body(name, own, shape, notes + copies, command), rows=rows)]
     owners = {path: _owner(path, matrices[path], geometries, list(kinds)) for path in sources}
     bodies = []
-    for path, label in zip(shapes, _labels(shapes), strict=True):
-        own = [one for source in sources if owners[source] == path for one in matrices[source]]
-        if not own:
+    for path, label in zip(shapes, body_names(shapes), strict=True):
+        every, copies = _each_once([source for source in sources if owners[source] == path])
+        if not every:
             others = ", ".join(map(str, shapes))
             raise ReadError(
                 f"{path}: no matrices are given for this deck (decks: {others}); name the matrices of each body before "
                 f"its deck: cmsreduce new {name} K1 M1 DECK1 K2 M2 DECK2"
             )
-        bodies.append(_body(label, own, geometries[path], notes, command))
+        own = [one for source in every for one in matrices[source]]
+        bodies.append(_body(label, own, geometries[path], notes + copies, command))
         notes = ()
     return bodies
 
 
-def quiet_share(A: sp.csc_array, T: NDArray[np.float64]) -> float:
-    """Share of the rows in which translations cost no force: 1 for a free stiffness, 0 for a mass.
-
-    Parameters
-    ----------
-    A : (n, n) sparse array
-        Stiffness or mass.
-    T : (n, 3) float64
-        Translations; rows that do not translate do not count.
-    """
-    whole, force = abs(A) @ abs(T), abs(A @ T)
-    rows = (abs(T).sum(axis=1) > 0)[:, None] & (whole > 0)
-    return float((force[rows] <= _NO_FORCE * whole[rows]).mean()) if rows.any() else 0.0
-
-
-def _kinds(files: Sequence[Path]) -> tuple[dict[Path, FileKind], tuple[str, ...]]:
-    """Kind of every file that is of use, each content once."""
+def _kinds(files: Sequence[Path]) -> dict[Path, FileKind]:
+    """Kind of every file that is of use."""
     kinds: dict[Path, FileKind] = {}
-    notes: list[str] = []
-    seen: dict[str, Path] = {}
     for path in files:
         kind = file_kind(path)
         # A dof list is found beside its matrix.
@@ -172,12 +159,18 @@ def _kinds(files: Sequence[Path]) -> tuple[dict[Path, FileKind], tuple[str, ...]
                 raise ReadError(f"{path}: this is {kind.words}, which holds no matrix and no nodes: {said}")
             read_geometry(path)
             kind = FileKind("mesh", kind.words, "", "mesh")
-        digest = sha256_of(path)
-        if digest in seen:
-            notes.append(f"{path} has the same content as {seen[digest]}, and is left out")
-            continue
-        seen[digest], kinds[path] = path, kind
-    return kinds, tuple(notes)
+        kinds[path] = kind
+    return kinds
+
+
+def _each_once(paths: Sequence[Path]) -> tuple[list[Path], tuple[str, ...]]:
+    """Files of one body without copies, and a note on each copy."""
+    first: dict[str, Path] = {}
+    notes = []
+    for path in paths:
+        if (same := first.setdefault(sha256_of(path), path)) != path:
+            notes.append(f"{path} has the same content as {same}, and is left out")
+    return list(first.values()), tuple(notes)
 
 
 def _rows(kinds: Mapping[Path, FileKind], decks: int) -> Path | None:
@@ -265,8 +258,8 @@ def _fits(matrix: LabelledMatrix, geometry: Geometry) -> bool:
     return any(len(table) == matrix.A.shape[0] for table in geometry.rows.values())
 
 
-def _labels(shapes: Sequence[Path]) -> list[str]:
-    """Names of bodies from their decks, each once."""
+def body_names(shapes: Sequence[Path]) -> list[str]:
+    """Names of bodies from the stems of their files, each once."""
     labels: list[str] = []
     for path in shapes:
         base = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem).strip("-") or "body"
@@ -285,8 +278,8 @@ def _body(
     ]
     # Files that fit no deck are compared all the same: the draft says that they do not fit.
     candidates = fitting or list(every)
-    stiff = [one for one in candidates if one.quiet >= _STIFFNESS]
-    heavy = [one for one in candidates if one.quiet <= _MASS and one.massive]
+    stiff = [one for one in candidates if one.quiet >= QUIET]
+    heavy = [one for one in candidates if one.quiet <= LOUD and one.massive]
     held = ", ".join(one.words for one in every)
     if stiff and not heavy and len(stiff) == len(candidates):
         same = _twice(stiff)
@@ -306,6 +299,7 @@ def _body(
             f"no matrix is clearly the {what}; matrices found: {held}. Their content does not tell, so the name of the "
             f"matrix, or that of its file, should begin with K or M. Name the two alone: {command}"
         )
+    notes = (*notes, *_rivals(K, stiff or candidates, "k"), *_rivals(M, heavy or candidates, "m"))
     if stiff and heavy and K.called("m") and M.called("k"):
         notes = (
             *notes,
@@ -313,6 +307,14 @@ def _body(
             "is the mass; they are taken by their content",
         )
     return BodyFiles(name, K.source, M.source, None if geometry is None else geometry.path, notes=notes)
+
+
+def _rivals(chosen: _Candidate, found: Sequence[_Candidate], letter: str) -> tuple[str, ...]:
+    """Note on other matrices with the content and the name of the chosen one."""
+    others = ", ".join(one.words for one in found if one is not chosen and one.called(letter))
+    if not others:
+        return ()
+    return (f"taken as the {_WORDS[letter]}: {chosen.words}; by content and name these could be it, too: {others}",)
 
 
 def _twice(found: Sequence[_Candidate]) -> str:

@@ -18,6 +18,8 @@ __all__ = ["Meeting", "meetings"]
 _COINCIDENT = 1e-5
 # Bodies that share more of their nodes lie in one place: their files have coordinates of their own.
 _SAME_PLACE = 0.5
+# Up to so many nodes are joined one by one, which is exact; a tie of more costs a reduced body less.
+_EXACT = 12
 # Nodes with less spread across a line, relative to that along it, are in line.
 _IN_LINE = 1e-6
 _SIX = 6
@@ -57,30 +59,39 @@ def meetings(
     places = {name: lengths[name] * _xyz(bodies[name], ids) for name, ids in nodes.items()}
     size = max((float(np.ptp(xyz, axis=0).max(initial=0.0)) for xyz in places.values()), default=0.0)
     pairs: list[tuple[Meeting, Meeting]] = []
-    remarks, used = [], {name: set[int]() for name in bodies}
+    remarks, apart = [], set(bodies)
+    used, tied_before = ({name: set[int]() for name in bodies} for _ in range(2))
     for one, other in combinations(bodies, 2):
         here, there = _coincident(places[one], places[other], _COINCIDENT * size)
-        if here.size > _SAME_PLACE * min(len(nodes[one]), len(nodes[other])) and here.size > 1:
+        whole = here.size > max(1.0, _SAME_PLACE * min(len(nodes[one]), len(nodes[other])))
+        if whole and not any(_has_boundary(bodies[name]) for name in (one, other)):
             remarks.append(
                 f"'{one}' and '{other}' have {here.size} nodes in the same places, as if each had coordinates of its "
                 f"own: move one with `place: {{at: [x, y, z]}}` and join them by hand"
             )
+            apart -= {one, other}
             continue
-        free = [
-            k
-            for k in range(here.size)
-            if nodes[one][here[k]] not in used[one] and nodes[other][there[k]] not in used[other]
-        ]
-        if not free:
+        meet = zip(nodes[one][here].tolist(), nodes[other][there].tolist(), strict=True)
+        # Where both nodes are joined already, it is to each other, through a third body.
+        found = [(i, j) for i, j in meet if not (i in used[one] and j in used[other])]
+        found = [(i, j) for i, j in found if i not in tied_before[one] and j not in tied_before[other]]
+        if not found:
             continue
-        ids = {one: nodes[one][here[free]].tolist(), other: nodes[other][there[free]].tolist()}
-        tied = all(_tieable(bodies[name], ids[name]) for name in ids)
+        ids = {one: [i for i, _ in found], other: [j for _, j in found]}
+        alone = not any(set(ids[name]) & used[name] for name in ids)
+        tied = alone and len(found) > _EXACT and all(_tieable(bodies[name], ids[name]) for name in ids)
         pairs.append((_side(bodies, one, other, ids[one], tied), _side(bodies, other, one, ids[other], tied)))
+        apart -= {one, other}
         for name in ids:
             used[name] |= set(ids[name])
-    joined = {side.body for pair in pairs for side in pair}
-    remarks += [_nearest(name, nodes, places) for name in bodies if name not in joined and len(bodies) > 1]
+            tied_before[name] |= set(ids[name]) if tied else set()
+    remarks += [_nearest(name, nodes, places) for name in bodies if name in apart and len(bodies) > 1]
     return pairs, tuple(remarks)
+
+
+def _has_boundary(body: FEModel) -> bool:
+    """True if a body was reduced to its interface, so that it has few other nodes to meet with."""
+    return 0 < body.sets.get("b", np.empty(0)).size < body.n
 
 
 def _moving(body: FEModel) -> NDArray[np.int64]:
@@ -121,11 +132,14 @@ def _tieable(body: FEModel, ids: list[int]) -> bool:
 def _side(bodies: Mapping[str, FEModel], name: str, other: str, ids: list[int], tied: bool) -> Meeting:
     at = position(bodies[name], ids)
     many = f"{len(ids)} nodes that coincide with those of {other}, about {at}"
+    many += "; the tie stiffens them" if tied else "; `tie: rigid` beside them makes one point, as a hinge needs"
     listed = ", ".join(map(str, ids))
     if len(ids) == 1:
         place = Place(f"to_{other}", f"{{node: {ids[0]}}}", (ids[0],), f"coincides with {other}, at {at}")
     elif tied:
-        place = Place(f"to_{other}", f"{{nodes: [{listed}], tie: rigid}}", tuple(ids), many, tied=True)
+        place = Place(
+            f"to_{other}", f"{{nodes: [{listed}], tie: rigid}}", tuple(ids), f"{many}; the tie stiffens them", tied=True
+        )
     else:
         place = Place(f"to_{other}", f"{{nodes: [{listed}]}}", tuple(ids), many)
     return Meeting(name, place)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.config import BodyDraft, Component, body_pipeline, scene_pipeline
-from cmsreduce.errors import CmsReduceError, ReadError
+from cmsreduce.errors import CmsReduceError, DofMapError, ReadError
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.mechanics import hold_undetermined
 from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
-from cmsreduce.pipeline.bodies.body_files import BodyFiles, bodies_of_files
+from cmsreduce.pipeline.bodies.body_files import BodyFiles, bodies_of_files, body_names
 from cmsreduce.pipeline.bodies.coincident_nodes import Meeting, meetings
 from cmsreduce.pipeline.bodies.plausible_units import material_of, plausible_units
 from cmsreduce.pipeline.bodies.proposed_interfaces import Place, proposed_interfaces
@@ -22,6 +23,7 @@ from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.read import (
     MatrixSource,
     file_kind,
+    prove_row_order,
     read_body,
     read_cells,
     superelement_damping,
@@ -34,6 +36,10 @@ __all__ = ["Draft", "draft_body", "draft_pipeline"]
 # A larger body takes more than a minute to factorise; only the run computes its first frequency.
 _QUICK = 20_000
 _FREE = 6
+_NO_DECK = (
+    "no deck, listing (.f06) or mesh is given, so that the place of no node is known: "
+    "cmsreduce new {}2 STIFFNESS MASS DECK"
+)
 _AXES = "xyz"
 
 
@@ -74,14 +80,15 @@ def draft_pipeline(name: str, files: Sequence[Path]) -> Draft:
     found = _found(name, files)
     if len(found) == 1:
         body, draft = found[0]
-        return Draft(body_pipeline(name, draft if body is None else _mounted(draft, body)), _warnings([draft]))
+        draft = draft if body is None else _mounted(draft, body)
+        return Draft(body_pipeline(name, draft), _warnings([draft]))
     drafts = [draft for _, draft in found]
     bodies = {draft.name: body for body, draft in found if body is not None and body.nodes is not None}
     lengths = {draft.name: (Units.parse(draft.units) if draft.units else SI).length for draft in drafts}
     meeting, apart = meetings(bodies, lengths)
     joined = [_joined(draft, bodies.get(draft.name), meeting) for draft in drafts]
     joints = [(f"{one.body}_{other.body}", str(one), str(other)) for one, other in meeting]
-    return Draft(scene_pipeline(name, joined, joints), (*_warnings(drafts), *apart))
+    return Draft(scene_pipeline(name, joined, joints), (*_warnings(joined), *apart))
 
 
 def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
@@ -100,17 +107,30 @@ def _found(name: str, files: Sequence[Path]) -> list[tuple[FEModel | None, BodyD
     """Bodies as far as they can be read, without interfaces."""
     for path in files:
         if not path.is_file():
-            raise ReadError(f"{path}: there is no such file; `ls` shows the files that there are")
+            raise ReadError(f"{path}: there is no such file; `ls {path.parent}` shows those that there are")
+    superelements = _superelements(files)
+    # Files of a superelement belong to it, the matrices too.
+    rest = [path for path in files if path.with_suffix("") not in superelements]
+    alone = len(superelements) == 1 and not any(file_kind(path).geometry for path in rest)
+    labels = [name] if alone else body_names(list(superelements))
+    drafts = [
+        _superelement(label, rows, files if alone else [path for path in files if path.with_suffix("") == stem])
+        for label, (stem, rows) in zip(labels, superelements.items(), strict=True)
+    ]
+    if not superelements or (rest and not alone):
+        drafts += [_draft(each) for each in bodies_of_files(name, rest)]
+    return [_read(draft) for draft in drafts]
+
+
+def _superelements(files: Sequence[Path]) -> dict[Path, Path]:
+    """Stem of every external superelement, and the file with the order of its rows."""
     # Matrices alone may be those of a superelement whose other files lie beside them.
     beside = [path.with_suffix(end) for path in files for end in (".asm", ".pch")] if len(files) == 1 else []
-    shown = [*files, *(path for path in beside if path.is_file())]
-    superelement = next((path for path in shown if file_kind(path).geometry == "superelement"), None)
-    drafts = (
-        [_draft(each) for each in bodies_of_files(name, files)]
-        if superelement is None
-        else [_superelement(name, superelement, files)]
-    )
-    return [_read(draft) for draft in drafts]
+    found: dict[Path, Path] = {}
+    for path in (*files, *(path for path in beside if path.is_file())):
+        if path.with_suffix("") not in found and file_kind(path).geometry == "superelement":
+            found[path.with_suffix("")] = path
+    return found
 
 
 def _superelement(name: str, superelement: Path, files: Sequence[Path]) -> BodyDraft:
@@ -138,8 +158,13 @@ def _draft(files: BodyFiles) -> BodyDraft:
 def _read(draft: BodyDraft) -> tuple[FEModel | None, BodyDraft]:
     """The body of a draft, and the draft with its units and first frequency, or a remark."""
     stiffness, mass = (MatrixSource(path, matrix or None) for path, matrix in (draft.stiffness, draft.mass))
+    read = partial(read_body, draft.name, stiffness=stiffness, mass=mass, geometry=draft.geometry, rows=draft.rows)
     try:
-        body = read_body(draft.name, stiffness=stiffness, mass=mass, geometry=draft.geometry, rows=draft.rows)
+        try:
+            body = read()
+        except DofMapError as error:
+            body = _held(read, error)
+            draft = replace(draft, grounded=True)
         if body.nodes is None:
             return None, _without_places(draft, body)
         draft = _with_units(draft, body)
@@ -152,7 +177,7 @@ def _read(draft: BodyDraft) -> tuple[FEModel | None, BodyDraft]:
 
 def _without_places(draft: BodyDraft, body: FEModel) -> BodyDraft:
     """The draft of a body without geometry: its mount is the node with most dofs, and the last node is the far one."""
-    remark = "no deck, listing (.f06) or mesh is given, so that the place of no node is known"
+    remark = _NO_DECK.format(draft.name)
     nodes, counts = np.unique(body.dofs.node[body.dofs.component > 0], return_counts=True)
     if not nodes.size:
         return replace(draft, remark=remark)
@@ -161,6 +186,18 @@ def _without_places(draft: BodyDraft, body: FEModel) -> BodyDraft:
     axes = "".join(axis for axis, component in zip(_AXES, (1, 2, 3), strict=True) if component in own)
     mount = (("mount", f"{{node: {node}}}", ""),)
     return replace(draft, interfaces=mount, point=str(node), far=int(nodes[-1]), axes=axes or _AXES, remark=remark)
+
+
+def _held(read: Callable[..., FEModel], refused: DofMapError) -> FEModel:
+    """The body as one that the ground holds, if the order of its other rows is proven; else the first refusal."""
+    try:
+        body = read(grounded=True)
+        proven = prove_row_order(body).status == "proven"
+    except DofMapError:
+        proven = False
+    if not proven:
+        raise refused
+    return body
 
 
 def _with_units(draft: BodyDraft, body: FEModel) -> BodyDraft:
@@ -191,6 +228,8 @@ def _warnings(drafts: Sequence[BodyDraft]) -> tuple[str, ...]:
 def _mounted(draft: BodyDraft, body: FEModel) -> BodyDraft:
     """The draft with the best place to join the body as its mount, and the others as proposals."""
     places = proposed_interfaces(body, _cells(draft))
+    if not places:
+        return replace(draft, remark="no node of the deck has rows in the matrices, so that none can be the mount")
     mount, rest = places[0], tuple((each.name, each.interface, each.words) for each in places[1:])
     return _placed(replace(draft, interfaces=(("mount", mount.interface, mount.words),), proposed=rest), body, mount)
 

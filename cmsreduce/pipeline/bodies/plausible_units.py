@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
-from cmsreduce.pipeline.bodies.body_files import quiet_share
+from cmsreduce.read import quiet_share
 
 __all__ = ["Material", "material_of", "plausible_units"]
 

@@ -73,7 +73,7 @@ class _Surface:
 
 
 def proposed_interfaces(body: FEModel, cells: Mapping[str, Ids]) -> list[Place]:
-    """Places where a body could be joined, the best first; at least one if any node has translations.
+    """Places where a body could be joined, the best first; none if no node with coordinates has rows.
 
     Parameters
     ----------
@@ -86,9 +86,9 @@ def proposed_interfaces(body: FEModel, cells: Mapping[str, Ids]) -> list[Place]:
     found = list(_sets(body))
     lone, shaped = list(_lone_nodes(body, cells)), list(_shaped(body, cells))
     turning = (body.dofs.component > _TRANSLATIONS).any()
-    grid = _first_grid(body)
+    grid = list(_first_grid(body))
     # A grid with rotations takes a joint as it is; a node of a solid leaves the rotations free.
-    found += [*lone, grid, *shaped] if turning and not lone else [*lone, *shaped, grid]
+    found += [*lone, *grid, *shaped] if turning and not lone else [*lone, *shaped, *grid]
     return found[:_MOST_PLACES]
 
 
@@ -110,10 +110,13 @@ def _components(body: FEModel) -> dict[int, set[int]]:
     return found
 
 
-def _first_grid(body: FEModel) -> Place:
+def _first_grid(body: FEModel) -> Iterator[Place]:
+    """The first node with most dofs."""
     components = _components(body)
+    if not components:
+        return
     node = max(components, key=lambda each: len(components[each]))
-    return Place("grid", f"{{node: {node}}}", (node,), f"node {node}, at {position(body, [node])}")
+    yield Place("grid", f"{{node: {node}}}", (node,), f"node {node}, at {position(body, [node])}")
 
 
 def _lone_nodes(body: FEModel, cells: Mapping[str, Ids]) -> Iterator[Place]:
@@ -225,7 +228,7 @@ def _smooth_faces(surface: _Surface) -> Iterator[Ids]:
     n = len(surface.corners)
     graph = sp.coo_array((np.ones(smooth.sum()), (one[smooth], other[smooth])), shape=(n, n))
     count, of = connected_components(graph, directed=False)
-    yield from (np.flatnonzero(of == k) for k in range(count))
+    yield from np.split(np.argsort(of, kind="stable"), np.cumsum(np.bincount(of, minlength=count))[:-1])
 
 
 def _cylinder(points: Array, normals: Array, centres: Array) -> float | None:

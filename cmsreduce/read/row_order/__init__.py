@@ -6,5 +6,15 @@ The readers of files belong in their own rooms, the labels of rows in `read.body
 
 from cmsreduce.read.row_order.mass_order import MassOrder, prove_mass_order
 from cmsreduce.read.row_order.proof import RowOrderProof, is_condensed, prove_row_order
+from cmsreduce.read.row_order.quiet_rows import LOUD, QUIET, quiet_share
 
-__all__ = ["MassOrder", "RowOrderProof", "is_condensed", "prove_mass_order", "prove_row_order"]
+__all__ = [
+    "LOUD",
+    "MassOrder",
+    "QUIET",
+    "RowOrderProof",
+    "is_condensed",
+    "prove_mass_order",
+    "prove_row_order",
+    "quiet_share",
+]

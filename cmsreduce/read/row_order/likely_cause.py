@@ -9,8 +9,9 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import DofTable, FEModel, Nodes
+from cmsreduce.model import DofTable, FEModel, Nodes, rigid_body_shapes
 from cmsreduce.read.row_order.mislabelled_nodes import mislabelled_nodes
+from cmsreduce.read.row_order.quiet_rows import LOUD, QUIET, quiet_share
 from cmsreduce.read.row_order.rigid_residual import RigidResidual, rigid_residual
 
 __all__ = ["Failure", "likely_cause", "other_order"]
@@ -72,6 +73,7 @@ def other_order(case: Failure) -> str | None:
 def likely_cause(case: Failure) -> str:
     """The first cause that explains why a stiffness matrix resists rigid motion, and the remedy."""
     causes: tuple[Callable[[Failure], str | None], ...] = (
+        _exchanged,
         _displacements_in_basic,
         _order_of_appearance,
         _component_by_component,
@@ -83,6 +85,21 @@ def likely_cause(case: Failure) -> str:
         _unexplained,
     )
     return next(filter(None, (cause(case) for cause in causes)))
+
+
+def _exchanged(case: Failure) -> str | None:
+    """The stiffness and the mass have each other's place, or the mass stands for both."""
+    body = case.body
+    T = rigid_body_shapes(body.dofs, case.nodes)[:, :3]
+    if quiet_share(body.K, T) > LOUD:
+        return None
+    if quiet_share(body.M, T) >= QUIET:
+        return (
+            "the stiffness and the mass are exchanged: translations cost no force in the matrix that is given as mass. "
+            "Exchange the two"
+        )
+    same = body.K.nnz == body.M.nnz and not abs(body.K - body.M).sum()
+    return "the mass is given as stiffness, too. Name the stiffness" if same else None
 
 
 def _displacements_in_basic(case: Failure) -> str | None:

@@ -14,7 +14,7 @@ from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ConfigError, ReadError
 from cmsreduce.pipeline.bodies import draft_body, draft_pipeline
-from tests.pipeline.study import write_study
+from tests.pipeline.study import system_frequencies, write_study
 
 SAMPLES = Path(__file__).parents[3] / "sample_models"
 
@@ -54,6 +54,23 @@ def test_a_superelement_is_joined_at_its_boundary(shared_data: Path) -> None:
     draft = draft_body("inboard", [shared_data / "nas2cam" / "inboard.asm"])
     assert (draft.interfaces[0][1], draft.point, draft.remark) == ("{set: b}", "3", "")
     assert draft.extseout == shared_data / "nas2cam" / "inboard"
+
+
+@pytest.mark.shared
+def test_superelements_in_one_scene(shared_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Frequencies as NX Nastran printed them."""
+    monkeypatch.chdir(tmp_path)
+    stems = [str(shared_data / "nas2cam" / f"{name}.asm") for name in ("inboard", "outboard")]
+    code, said = typed("new", "scene", *stems)
+    assert (code, "warning" in said) == (0, False)
+    text = Path("scene.yaml").read_text()
+    assert "inboard_outboard: {connect: [inboard.to_outboard, outboard.to_inboard]}" in text
+    # As they are, without a second reduction.
+    Path("scene.yaml").write_text(text.split("reduce:")[0])
+    assert typed("run", "scene.yaml", "--until", "assemble", "--quiet") == (0, "")
+    # The model that was never cut (full.out).
+    hz = system_frequencies(Path("build/scene/system.h5"))
+    np.testing.assert_allclose(hz[6:11], [1.698800, 1.767487, 1.857720, 3.419612, 7.024210], rtol=1e-4)
 
 
 def test_a_stranger_gets_a_checked_component(arm: Path) -> None:

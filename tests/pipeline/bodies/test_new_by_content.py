@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 import scipy.io
@@ -13,11 +13,15 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from click.testing import CliRunner
 
+import cmsreduce as cms
 from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
-from cmsreduce.errors import ReadError
+from cmsreduce.errors import DofMapError, ReadError
+from cmsreduce.model import DofTable, FEModel, Nodes
 from cmsreduce.pipeline.bodies import draft_body, draft_pipeline
-from tests.pipeline.study import arm, panel, write_body
+from cmsreduce.pipeline.bodies.proposed_interfaces import proposed_interfaces
+from tests.pipeline.study import arm, panel, system_frequencies, write_body
+from tests.solids import block, face
 
 E, NU, RHO = 70e9, 0.3, 2700.0
 LAME, G = E * NU / (1 + NU) / (1 - 2 * NU), E / 2 / (1 + NU)
@@ -214,18 +218,98 @@ def test_bodies_are_joined_where_they_coincide(tmp_path: Path, monkeypatch: pyte
     pairs = ((left.K, right.K), (left.M, right.M))
     K, M = (T.T @ la.block_diag(*(each.toarray() for each in pair)) @ T for pair in pairs)
     hz = np.sqrt(la.eigvalsh(K, M)[6:12]) / (2 * np.pi)
-    with h5py.File("build/scene/system.h5") as file:
-        reduced = file["configuration_0/frequency_hz"][6:12]
+    reduced = system_frequencies(Path("build/scene/system.h5"))[6:12]
     # The limit on frequencies that the draft sets.
     np.testing.assert_allclose(reduced, hz, rtol=1e-3)
 
 
+def moved(body: FEModel, x: float) -> FEModel:
+    return replace(body, nodes=replace(body.nodes, xyz=body.nodes.xyz + np.array([x, 0, 0])))
+
+
 def test_bodies_that_do_not_meet_are_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    for body in (arm(), panel()):
+    for body in (arm(), moved(panel(), 0.01)):
         write_body(tmp_path, body)
-    text = Path("panel.bdf").read_text()
-    Path("panel.bdf").write_text(text.replace("8.000000000E-01", "8.100000000E-01"))
     draft = draft_pipeline("scene", [Path(f"{name}.{kind}") for name in ("arm", "panel") for kind in ("op4", "bdf")])
-    # The row order of the panel is not proven with a node moved, which is said first.
-    assert any("do not fit together" in said or "coincides" in said for said in draft.warnings)
+    words = "the nearest are its node 5 and node 1 of 'panel', 0.01 m apart: move a body with `place:`"
+    assert len(draft.warnings) == 2 and words in draft.warnings[0]
+
+
+def test_bodies_in_coordinates_of_their_own_are_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two arms of one mesh that both begin at the origin; the second is heavier."""
+    monkeypatch.chdir(tmp_path)
+    write_body(tmp_path, arm())
+    write_body(tmp_path, replace(arm(), name="second", M=2 * arm().M))
+    draft = draft_pipeline("scene", [Path(f"{name}.{kind}") for name in ("arm", "second") for kind in ("op4", "bdf")])
+    assert "have 5 nodes in the same places, as if each had coordinates of its own" in draft.warnings[0]
+
+
+@pytest.mark.parametrize("cells", [(2, 2, 2), (2, 3, 3)])
+def test_solids_share_a_face(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cells: tuple[int, int, int]) -> None:
+    """Two blocks make one of twice the length: a few nodes are joined one by one, more are tied."""
+    monkeypatch.chdir(tmp_path)
+    sides = (0.1, 0.06, 0.1)
+    for body in (block("left", sides, cells), block("right", sides, cells, origin=(0.1, 0, 0))):
+        write_body(tmp_path, body)
+    code, _ = typed("new", "pair", "left.op4", "right.op4", "right.bdf", "left.bdf")
+    assert code == 0
+    parts = load_pipeline(Path("pair.yaml")).components
+    near, far = parts["left"].interfaces["to_right"], parts["right"].interfaces["to_left"]
+    assert (near.nodes, far.nodes) == (tuple(face(cells, 2)), tuple(face(cells, 0)))
+    assert near.tie == far.tie == (None if cells == (2, 2, 2) else "rigid")
+    assert typed("run", "pair.yaml", "--until", "assemble", "--quiet") == (0, "")
+    whole = block("whole", (0.2, 0.06, 0.1), (4, *cells[1:]))
+    hz = np.sqrt(la.eigvalsh(whole.K.toarray(), whole.M.toarray(), subset_by_index=[6, 8])) / (2 * np.pi)
+    reduced = system_frequencies(Path("build/pair/system.h5"))[6:9]
+    # Ties stiffen, and modes are left out: frequencies from above.
+    assert (reduced >= hz * (1 - 1e-9)).all()
+    if near.tie is None:
+        np.testing.assert_allclose(reduced, hz, rtol=1e-3)
+
+
+def test_a_body_on_the_ground_is_grounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Springs hold the first section of a block; the deck does not say it, and the other nodes are still proven."""
+    monkeypatch.chdir(tmp_path)
+    cells = (5, 2, 2)
+    body = block("post", (0.4, 0.06, 0.1), cells)
+    springs = np.zeros(body.n)
+    springs[np.isin(body.dofs.node, face(cells, 0))] = 1e9
+    write_body(tmp_path, replace(body, K=sp.csc_array(body.K + sp.diags_array(springs))))
+    draft = draft_body("post", [Path("post.op4"), Path("post.bdf")])
+    assert (draft.grounded, draft.remark, draft.units_remark) == (True, "", "")
+    assert "grounded: true    # CHECK" in draft_pipeline("post", [Path("post.op4"), Path("post.bdf")]).text
+
+
+@pytest.mark.parametrize(
+    ("mass", "cause"), [("KAA", "the stiffness and the mass are exchanged"), ("MAA", "the mass is given as stiffness")]
+)
+def test_a_run_says_that_the_matrices_are_exchanged(tmp_path: Path, mass: str, cause: str) -> None:
+    write_body(tmp_path, arm())
+    with pytest.raises(DofMapError, match=f"Likely cause: {cause}"):
+        cms.read_body(
+            "arm",
+            stiffness=(tmp_path / "arm.op4", "MAA"),
+            mass=(tmp_path / "arm.op4", mass),
+            geometry=tmp_path / "arm.bdf",
+        )
+
+
+def test_lone_nodes_come_before_faces() -> None:
+    """A brick with a node beside it."""
+    body = block("body", (0.1, 0.06, 0.1), (1, 1, 1))
+    lone = DofTable(np.full(6, 99), np.arange(1, 7))
+    xyz = np.vstack([body.nodes.xyz, [0.5, 0, 0]])
+    body = replace(
+        body,
+        K=sp.block_diag([body.K, sp.eye_array(6)], format="csc"),
+        M=sp.block_diag([body.M, sp.eye_array(6)], format="csc"),
+        dofs=body.dofs.joined(lone),
+        nodes=Nodes.in_basic(np.append(body.nodes.id, 99), xyz),
+    )
+    cells = {"hexahedron": np.array([[1, 5, 7, 3, 2, 6, 8, 4]])}
+    places = proposed_interfaces(body, cells)
+    assert [place.name for place in places] == ["node_99", "face_1", "face_2", "face_3", "face_4", "face_5"]
+    assert places[0].words == "lone node with six dofs, at [0.5, 0, 0]"
+    # The faces farthest from the centre are the ends of the longer sides.
+    assert sorted(places[1].nodes) in ([1, 2, 3, 4], [5, 6, 7, 8], [1, 3, 5, 7], [2, 4, 6, 8])

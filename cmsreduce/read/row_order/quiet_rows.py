@@ -1,0 +1,31 @@
+"""Rows of a matrix in which translations cost no force: what tells a stiffness from a mass."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+__all__ = ["LOUD", "QUIET", "quiet_share"]
+
+QUIET, LOUD = 0.5, 0.1
+"""Least share of a stiffness, whose supports disturb the rows next to them, and largest of a mass."""
+
+# A translation cancels in a row of a free stiffness, to the digits of the file: text may have four of them. In a row
+# of a mass matrix it adds up.
+_NO_FORCE = 1e-3
+
+
+def quiet_share(A: sp.csc_array, T: NDArray[np.float64]) -> float:
+    """Share of the rows in which translations cost no force: 1 for a free stiffness, 0 for a mass.
+
+    Parameters
+    ----------
+    A : (n, n) sparse array
+        Stiffness or mass.
+    T : (n, 3) float64
+        Translations; rows that do not translate do not count.
+    """
+    whole, force = abs(A) @ abs(T), abs(A @ T)
+    rows = (abs(T).sum(axis=1) > 0)[:, None] & (whole > 0)
+    return float((force[rows] <= _NO_FORCE * whole[rows]).mean()) if rows.any() else 0.0
