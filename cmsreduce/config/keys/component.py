@@ -18,6 +18,7 @@ from cmsreduce.config.keys.mapping import (
     Frequency,
     Keys,
     LengthVector,
+    Name,
     Number,
     Positive,
     Ratio,
@@ -168,8 +169,14 @@ class PlacementKeys(Keys):
 
 
 class Component(Keys):
-    """A body: `rigid`, or matrices (`stiffness` and `mass`, or `extseout`)."""
+    """A body: `rigid`, or matrices (`stiffness` and `mass`, or `extseout`), or `like` another one."""
 
+    like: Name | None = Field(
+        default=None,
+        description="Name of another component: this is the same body at another place. It has all keys of that "
+        "component; keys given here win, key by key. Its files are read, and it is reduced, once.",
+        examples=["wheel"],
+    )
     rigid: RigidKeys | None = Field(
         default=None,
         description="Mass properties of a body that does not deform.",
@@ -264,7 +271,7 @@ class Component(Keys):
         if self.rigid is not None:
             return self
         if self.stiffness is None and self.mass is None:
-            raise ValueError("a component needs `rigid`, or `stiffness` and `mass`, or `extseout`")
+            raise ValueError("a component needs `rigid`, or `stiffness` and `mass`, or `extseout`, or `like`")
         if self.stiffness is None or self.mass is None:
             given, lacking = ("mass", "stiffness") if self.stiffness is None else ("stiffness", "mass")
             raise ValueError(f"`{given}` is given without `{lacking}`: a flexible body needs both")
