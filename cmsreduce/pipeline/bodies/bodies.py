@@ -40,7 +40,7 @@ from cmsreduce.pipeline.bodies.stiffening import body_stiffening
 from cmsreduce.read import InterfaceSpec, MatrixSource, prove_mass_order, prove_row_order, read_body
 from cmsreduce.verify import rigid_motions_proof
 
-__all__ = ["FlexibleBody", "probing_loads", "read_flexible", "read_rigid"]
+__all__ = ["FlexibleBody", "copy_of", "probing_loads", "read_flexible", "read_rigid"]
 
 # Bodies up to this number of dofs are factorised for their health before every reduction, as `inspect` does.
 _THOROUGH = 3000
@@ -72,6 +72,10 @@ class FlexibleBody:
         Motions of negative energy, where they are counted.
     damping : DampingHealth, optional
         Findings on its damping matrix, if it has one.
+    determined : Determined, optional
+        The body with the motions that nothing determines.
+    original : FlexibleBody, optional
+        The body that this one is a copy of, at another place of the scene.
     """
 
     body: FEModel
@@ -83,6 +87,8 @@ class FlexibleBody:
     proofs: tuple[Proof, ...] = ()
     negative: Mapping[str, int | None] | None = None
     damping: DampingHealth | None = None
+    determined: Determined | None = None
+    original: FlexibleBody | None = None
 
     @property
     def undamped(self) -> FEModel:
@@ -92,6 +98,8 @@ class FlexibleBody:
     @cached_property
     def health(self) -> BodyHealth:
         """Health of the matrices and of the geometry; without factorisations if the body is large."""
+        if self.original is not None:
+            return self.original.health
         return body_health(self.body, self.rigid, thorough=self.body.n <= _THOROUGH, negative=self.negative)
 
     @cached_property
@@ -163,19 +171,48 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         notes.append(f"{name}: no damping is given; its resonances are infinite")
     if determined.note:
         notes.append(determined.note)
-    keys = pipeline.reduce_of(name)
-    ports = body_ports(body, scene, () if keys is None else keys.residuals)
-    _check_ports(determined, ports)
-    if not body.interfaces and motions_held(rigid, ports.interface) < rigid.shape[1]:
-        # No joint and no actuator holds the body: it has no constraint modes.
-        ports = ports.as_loads()
+    ports = _ports(pipeline, determined, rigid, scene)
     stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
     # A dof that is held because nothing moves it may take a rigid motion with it, such as the spin of a straight bar.
     shown = proof.motions if proof.status == "proven" and proof.motions and not determined.held else None
     every = (*proved.proofs, rigid_motions_proof(body, rigid.shape[1], shown))
     proofs = tuple(replace(each, subject=name) for each in every)
-    damping = damping_health(body, rigid, reduced=keys is not None)
-    return FlexibleBody(body, ports, rigid, proved.checks, (*notes, *remarks), stiffening, proofs, negative, damping)
+    damping = damping_health(body, rigid, reduced=pipeline.reduce_of(name) is not None)
+    return FlexibleBody(
+        body, ports, rigid, proved.checks, (*notes, *remarks), stiffening, proofs, negative, damping, determined
+    )
+
+
+def copy_of(original: FlexibleBody, pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
+    """The body of a component whose files and keys are those of another one: only its ports are its own.
+
+    Parameters
+    ----------
+    original : FlexibleBody
+        The other body, read and proven.
+    pipeline : Pipeline
+        The pipeline.
+    name : str
+        Name of the component.
+    scene : Scene
+        The scene.
+
+    Raises
+    ------
+    SceneError
+        If an actuator or a sensor of the scene does not fit the body.
+    """
+    assert original.determined is not None
+    determined = replace(original.determined, body=original.body.named(name))
+    return replace(
+        original,
+        body=determined.body,
+        ports=_ports(pipeline, determined, original.rigid, scene),
+        notes=(f"{name}: the same body as {original.body.name}, read and proven once",),
+        proofs=tuple(replace(each, subject=name) for each in original.proofs),
+        determined=determined,
+        original=original,
+    )
 
 
 def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
@@ -297,6 +334,18 @@ def _check_grounded(body: FEModel, rigid: NDArray[np.float64]) -> None:
             "geometry. Likely cause: its rows are shuffled or of another set. Give the order of the rows as a list of "
             "node.component under `rows:`, and remove `grounded: true` if nothing holds the body"
         )
+
+
+def _ports(pipeline: Pipeline, determined: Determined, rigid: NDArray[np.float64], scene: Scene) -> Ports:
+    """Inputs and outputs of the scene on a body."""
+    body = determined.body
+    keys = pipeline.reduce_of(body.name)
+    ports = body_ports(body, scene, () if keys is None else keys.residuals)
+    _check_ports(determined, ports)
+    if not body.interfaces and motions_held(rigid, ports.interface) < rigid.shape[1]:
+        # No joint and no actuator holds the body: it has no constraint modes.
+        return ports.as_loads()
+    return ports
 
 
 def _check_ports(determined: Determined, ports: Ports) -> None:
