@@ -27,6 +27,7 @@ from cmsreduce.read.nastran import (
     read_followers,
     read_members,
 )
+from cmsreduce.read.reduced import ModalBody, in_dofs, is_sid, read_sid
 from cmsreduce.read.row_order import MassOrder, RowOrderProof, prove_mass_order, prove_row_order
 
 __all__ = [
@@ -41,6 +42,7 @@ __all__ = [
     "MatrixFormat",
     "MatrixInfo",
     "MatrixSource",
+    "ModalBody",
     "RowOrderProof",
     "StoredMatrix",
     "bars_in_units",
@@ -51,6 +53,8 @@ __all__ = [
     "deck_mass",
     "deck_statement",
     "detect_format",
+    "in_dofs",
+    "is_sid",
     "matrix_names",
     "prove_mass_order",
     "prove_row_order",
@@ -65,5 +69,6 @@ __all__ = [
     "read_head",
     "read_matrix",
     "read_members",
+    "read_sid",
     "sha256_of",
 ]

@@ -37,10 +37,11 @@ from cmsreduce.model import Damping, Placement, RigidBody, Units
 __all__ = ["Component", "DampingKeys", "FLEXIBLE_ONLY", "PlacementKeys", "RayleighKeys", "RigidKeys"]
 
 FLEXIBLE_ONLY = (
-    *("extseout", "stiffness", "mass", "geometry", "rows", "damping", "grounded", "geometric_stiffness"),
+    *("extseout", "reduced", "stiffness", "mass", "geometry", "rows", "damping", "grounded", "geometric_stiffness"),
     *("reduce", "balance", "write"),
 )
 """Keys that a rigid body does not have."""
+_NOT_BESIDE_REDUCED = ("rigid", "extseout", "stiffness", "mass", "geometry", "rows", "grounded", "geometric_stiffness")
 _EXTSEOUT_SUFFIXES = (".op4", ".asm", ".pch")
 _LAWS = ("modal", "table", "per_mode", "rayleigh", "structural", "matrix")
 
@@ -169,7 +170,7 @@ class PlacementKeys(Keys):
 
 
 class Component(Keys):
-    """A body: `rigid`, or matrices (`stiffness` and `mass`, or `extseout`), or `like` another one."""
+    """A body: `rigid`, matrices (`stiffness` and `mass`, or `extseout`), `reduced`, or `like` another one."""
 
     like: Name | None = Field(
         default=None,
@@ -187,6 +188,12 @@ class Component(Keys):
         description="NASTRAN EXTSEOUT body by the common stem of its .asm, .pch and .op4. Stands for stiffness KXX and "
         "mass MXX of the .op4 and for the geometry of the .asm, unless these keys are given.",
         examples=["../bodies/inboard"],
+    )
+    reduced: DataPath | None = Field(
+        default=None,
+        description="File that holds the whole body in a few modes, as others reduced it: a component file of "
+        "cmsreduce, or an SID file. An interface is one of its nodes, or `set: NAME` for an interface of the file.",
+        examples=["../build/arm/panel.h5"],
     )
     stiffness: MatrixFile | None = Field(
         default=None, description="Stiffness matrix.", examples=[{"file": "rotor.op4", "matrix": "KAA"}]
@@ -268,10 +275,15 @@ class Component(Keys):
 
     @model_validator(mode="after")
     def _rigid_or_flexible(self) -> Component:
+        if self.reduced is not None:
+            beside = [key for key in _NOT_BESIDE_REDUCED if getattr(self, key) not in (None, False)]
+            if beside:
+                raise ValueError(f"`reduced` is a whole body: take `{beside[0]}` out, or `reduced`")
+            return self
         if self.rigid is not None:
             return self
         if self.stiffness is None and self.mass is None:
-            raise ValueError("a component needs `rigid`, or `stiffness` and `mass`, or `extseout`, or `like`")
+            raise ValueError("a component needs `rigid`, or `stiffness` and `mass`, or `extseout`, `reduced` or `like`")
         if self.stiffness is None or self.mass is None:
             given, lacking = ("mass", "stiffness") if self.stiffness is None else ("stiffness", "mass")
             raise ValueError(f"`{given}` is given without `{lacking}`: a flexible body needs both")

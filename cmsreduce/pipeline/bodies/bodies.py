@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble import Ports, body_points, body_ports, modal_substructure, physical_substructure
 from cmsreduce.config import Component, InterfaceKeys, MatrixFile, Pipeline
-from cmsreduce.errors import DofMapError, SceneError
+from cmsreduce.errors import DampingError, DofMapError, SceneError, UnitsError
 from cmsreduce.linalg.eigen import motions_held, only_motions, rigid_body_modes
 from cmsreduce.mechanics import Determined, Tie, check_connected, hold_undetermined, tie_nodes
 from cmsreduce.model import (
@@ -36,8 +36,9 @@ from cmsreduce.model import (
 from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_health
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
+from cmsreduce.pipeline.bodies.component_input import read_reduced
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
-from cmsreduce.read import InterfaceSpec, MatrixSource, prove_mass_order, prove_row_order, read_body
+from cmsreduce.read import InterfaceSpec, MatrixSource, in_dofs, prove_mass_order, prove_row_order, read_body
 from cmsreduce.verify import rigid_motions_proof
 
 __all__ = ["FlexibleBody", "copy_of", "probing_loads", "read_flexible", "read_rigid"]
@@ -155,7 +156,9 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
     determined = hold_undetermined(converted, named, proven)
     body = determined.body
-    check_connected(body)
+    if part.reduced is None:
+        # A mode that no other one excites shares neither stiffness nor mass with them.
+        check_connected(body)
     if body is not converted:
         large, proven = False, None
     rounding = body.stiffness_rounding
@@ -283,6 +286,9 @@ def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tupl
 
 def _as_read(name: str, part: Component, units: Units) -> FEModel:
     """The body as its files have it."""
+    interfaces = {label: _interface(label, name, keys) for label, keys in part.interfaces.items()}
+    if part.reduced is not None:
+        return _as_reduced(name, part, units, interfaces)
     assert part.stiffness is not None and part.mass is not None
     matrix = None if part.damping is None else part.damping.matrix
     return read_body(
@@ -296,8 +302,29 @@ def _as_read(name: str, part: Component, units: Units) -> FEModel:
         damping_matrix=None if matrix is None else _source(matrix),
         units=units,
         grounded=part.grounded,
-        interfaces={label: _interface(label, name, keys) for label, keys in part.interfaces.items()},
+        interfaces=interfaces,
     )
+
+
+def _as_reduced(name: str, part: Component, units: Units, interfaces: Mapping[str, InterfaceSpec]) -> FEModel:
+    """The body of a file that holds it reduced, with the damping of the file unless the pipeline states another."""
+    assert part.reduced is not None
+    modal = read_reduced(name, part.reduced, units)
+    if part.units is not None and modal.units != units:
+        raise UnitsError(
+            f"component '{name}': {part.reduced} states the units {modal.units.name}, the pipeline {units.name}; take "
+            "`units` out"
+        )
+    if part.damping is not None:
+        if part.damping.matrix is not None:
+            raise DampingError(
+                f"component '{name}': the rows of a reduced body are no dofs of a damping matrix; state a damping law"
+            )
+        modal = replace(modal, damping=part.damping.law())
+    tied = [label for label, keys in part.interfaces.items() if keys.tie is not None]
+    if tied:
+        raise SceneError(f"'{name}.{tied[0]}': nodes of a reduced body cannot be tied; tie them where it is reduced")
+    return in_dofs(modal, interfaces)
 
 
 def _source(keys: MatrixFile) -> MatrixSource:
