@@ -27,7 +27,7 @@ from cmsreduce.read.nastran import (
     read_followers,
     read_members,
 )
-from cmsreduce.read.reduced import ModalBody, in_dofs, is_sid, read_sid
+from cmsreduce.read.reduced import ModalBody, in_dofs, is_sid, read_modes, read_sid
 from cmsreduce.read.row_order import MassOrder, RowOrderProof, prove_mass_order, prove_row_order
 
 __all__ = [
@@ -69,6 +69,7 @@ __all__ = [
     "read_head",
     "read_matrix",
     "read_members",
+    "read_modes",
     "read_sid",
     "sha256_of",
 ]

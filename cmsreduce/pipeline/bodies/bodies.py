@@ -13,8 +13,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import Ports, body_points, body_ports, modal_substructure, physical_substructure
-from cmsreduce.config import Component, InterfaceKeys, MatrixFile, Pipeline
-from cmsreduce.errors import DampingError, DofMapError, SceneError, UnitsError
+from cmsreduce.config import Component, InterfaceKeys, Pipeline
+from cmsreduce.errors import DofMapError, SceneError
 from cmsreduce.linalg.eigen import motions_held, only_motions, rigid_body_modes
 from cmsreduce.mechanics import Determined, Tie, check_connected, hold_undetermined, tie_nodes
 from cmsreduce.model import (
@@ -36,9 +36,9 @@ from cmsreduce.model import (
 from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_health
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
-from cmsreduce.pipeline.bodies.component_input import read_reduced
+from cmsreduce.pipeline.bodies.modal_input import matrix_source, modal_input
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
-from cmsreduce.read import InterfaceSpec, MatrixSource, in_dofs, prove_mass_order, prove_row_order, read_body
+from cmsreduce.read import InterfaceSpec, RowOrderProof, in_dofs, prove_mass_order, prove_row_order, read_body
 from cmsreduce.verify import rigid_motions_proof
 
 __all__ = ["FlexibleBody", "copy_of", "probing_loads", "read_flexible", "read_rigid"]
@@ -146,9 +146,11 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         As `read_body` does.
     """
     part = pipeline.components[name]
-    as_read = _as_read(name, part, part.units_in(scene.units))
+    as_read, unproven = _as_read(name, part, part.units_in(scene.units))
     # The rows are proven on the matrices as they are read; ties and units change them.
     proof, order, tied = prove_row_order(as_read), prove_mass_order(as_read), _tied(as_read, part)
+    if unproven:
+        proof = RowOrderProof("labelled", remark=unproven)
     converted = in_units(tied, scene.units)
     # One factorisation proves that a large body has stiffness and mass in every motion but its rigid ones.
     large = converted.n > _LARGE
@@ -156,7 +158,7 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
     determined = hold_undetermined(converted, named, proven)
     body = determined.body
-    if part.reduced is None:
+    if part.reduced is None and part.modes is None:
         # A mode that no other one excites shares neither stiffness nor mass with them.
         check_connected(body)
     if body is not converted:
@@ -284,51 +286,28 @@ def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tupl
     return names, np.column_stack([load for _, load in found]) if found else np.empty((body.n, 0))
 
 
-def _as_read(name: str, part: Component, units: Units) -> FEModel:
-    """The body as its files have it."""
+def _as_read(name: str, part: Component, units: Units) -> tuple[FEModel, str]:
+    """The body as its files have it, and the reason why its rows cannot be proven; empty if they can."""
     interfaces = {label: _interface(label, name, keys) for label, keys in part.interfaces.items()}
-    if part.reduced is not None:
-        return _as_reduced(name, part, units, interfaces)
+    if part.reduced is not None or part.modes is not None:
+        modal = modal_input(name, part, units)
+        return in_dofs(modal, interfaces), modal.unproven
     assert part.stiffness is not None and part.mass is not None
     matrix = None if part.damping is None else part.damping.matrix
-    return read_body(
+    body = read_body(
         name,
-        stiffness=_source(part.stiffness),
-        mass=_source(part.mass),
+        stiffness=matrix_source(part.stiffness),
+        mass=matrix_source(part.mass),
         geometry=None if part.geometry is None else part.geometry.file,
         rows=None if part.rows is None else part.rows.file or part.rows.set,
         rows_trusted=part.rows is not None and part.rows.trusted,
         damping=None if part.damping is None else part.damping.law(),
-        damping_matrix=None if matrix is None else _source(matrix),
+        damping_matrix=None if matrix is None else matrix_source(matrix),
         units=units,
         grounded=part.grounded,
         interfaces=interfaces,
     )
-
-
-def _as_reduced(name: str, part: Component, units: Units, interfaces: Mapping[str, InterfaceSpec]) -> FEModel:
-    """The body of a file that holds it reduced, with the damping of the file unless the pipeline states another."""
-    assert part.reduced is not None
-    modal = read_reduced(name, part.reduced, units)
-    if part.units is not None and modal.units != units:
-        raise UnitsError(
-            f"component '{name}': {part.reduced} states the units {modal.units.name}, the pipeline {units.name}; take "
-            "`units` out"
-        )
-    if part.damping is not None:
-        if part.damping.matrix is not None:
-            raise DampingError(
-                f"component '{name}': the rows of a reduced body are no dofs of a damping matrix; state a damping law"
-            )
-        modal = replace(modal, damping=part.damping.law())
-    tied = [label for label, keys in part.interfaces.items() if keys.tie is not None]
-    if tied:
-        raise SceneError(f"'{name}.{tied[0]}': nodes of a reduced body cannot be tied; tie them where it is reduced")
-    return in_dofs(modal, interfaces)
-
-
-def _source(keys: MatrixFile) -> MatrixSource:
-    return MatrixSource(keys.file, keys.matrix, keys.format)
+    return body, ""
 
 
 def _interface(label: str, body: str, keys: InterfaceKeys) -> InterfaceSpec:

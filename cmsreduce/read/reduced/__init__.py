@@ -5,6 +5,7 @@ Superelements whose rows are dofs already belong with the matrices of their prog
 """
 
 from cmsreduce.read.reduced.modal_body import ModalBody, in_dofs
+from cmsreduce.read.reduced.modes import read_modes
 from cmsreduce.read.reduced.sid import is_sid, read_sid
 
-__all__ = ["ModalBody", "in_dofs", "is_sid", "read_sid"]
+__all__ = ["ModalBody", "in_dofs", "is_sid", "read_modes", "read_sid"]

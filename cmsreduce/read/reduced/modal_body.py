@@ -65,6 +65,8 @@ class ModalBody:
         Relative rounding of its numbers.
     sources : tuple of Source
         Files that it was read from.
+    unproven : str
+        Reason why rigid motions prove nothing about the places of the shapes, if they were made from these places.
     """
 
     name: str
@@ -79,6 +81,7 @@ class ModalBody:
     units: Units = SI
     rounding: float = 2.0**-53
     sources: tuple[Source, ...] = ()
+    unproven: str = ""
 
 
 def in_dofs(modal: ModalBody, interfaces: Mapping[str, InterfaceSpec]) -> FEModel:

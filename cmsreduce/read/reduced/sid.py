@@ -125,6 +125,7 @@ def read_sid(name: str, path: Path, units: Units) -> ModalBody:
         units=units,
         rounding=_ROUNDING,
         sources=(Source(str(path), sha256_of(path), "SID"),),
+        unproven="its file names the node of each shape, and nothing in it proves that the shape belongs there",
     )
 
 

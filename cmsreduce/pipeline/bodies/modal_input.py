@@ -1,26 +1,81 @@
-"""A body from a file that holds it reduced: a component file of this program, or a file of another one."""
+"""A body in modes, by the keys of a component: a file that holds it reduced, or its modes."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.errors import ReadError
-from cmsreduce.model import SCALAR, Damping, DofTable, Nodes, Source, Units
-from cmsreduce.read import InterfaceSpec, ModalBody, is_sid, read_head, read_sid, sha256_of
+from cmsreduce.config import Component, MatrixFile
+from cmsreduce.errors import DampingError, ReadError, SceneError, UnitsError
+from cmsreduce.model import SCALAR, Damping, DofTable, Nodes, RigidBody, Source, Units
+from cmsreduce.read import InterfaceSpec, MatrixSource, ModalBody, is_sid, read_head, read_modes, read_sid, sha256_of
 from cmsreduce.write import ComponentFile, read_component
 
-__all__ = ["read_reduced"]
+__all__ = ["matrix_source", "modal_input"]
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 # Loss factors of the modes that differ by less than this share are one: they are quotients of stored numbers.
 _ONE_FACTOR = 1e-9
 
 
-def read_reduced(name: str, path: Path, units: Units) -> ModalBody:
-    """Read a reduced body; the content of the file tells what it is.
+def modal_input(name: str, part: Component, units: Units) -> ModalBody:
+    """Read a body that is given by `reduced` or `modes`, with the damping of its file unless the keys state another.
+
+    Raises
+    ------
+    CmsReduceError
+        If its files cannot be read, or the keys contradict them.
+    """
+    if part.reduced is not None:
+        modal = _of_file(name, part.reduced, units)
+        if part.units is not None and modal.units != units:
+            raise UnitsError(
+                f"component '{name}': {part.reduced} states the units {modal.units.name}, the pipeline {units.name}; "
+                "take `units` out"
+            )
+    else:
+        modal = _of_modes(name, part, units)
+    tied = [label for label, keys in part.interfaces.items() if keys.tie is not None]
+    if tied:
+        raise SceneError(f"'{name}.{tied[0]}': nodes of a reduced body cannot be tied; tie them where it is reduced")
+    if part.damping is None:
+        return modal
+    if part.damping.matrix is not None:
+        raise DampingError(
+            f"component '{name}': the rows of a reduced body are no dofs of a damping matrix; state a damping law"
+        )
+    return replace(modal, damping=part.damping.law())
+
+
+def matrix_source(keys: MatrixFile) -> MatrixSource:
+    """A matrix in a file, by its keys."""
+    return MatrixSource(keys.file, keys.matrix, keys.format)
+
+
+def _of_modes(name: str, part: Component, units: Units) -> ModalBody:
+    keys = part.modes
+    assert keys is not None and part.geometry is not None
+    rigid = keys.rigid
+    return read_modes(
+        name,
+        shapes=matrix_source(keys.shapes),
+        geometry=part.geometry.file,
+        rows=None if part.rows is None else part.rows.file or part.rows.set,
+        units=units,
+        frequencies=keys.frequencies,
+        modal_mass=keys.modal_mass,
+        stiffness=None if keys.stiffness is None else matrix_source(keys.stiffness),
+        mass=None if keys.mass is None else matrix_source(keys.mass),
+        rigid=None if rigid is None else RigidBody(name, rigid.mass, np.array(rigid.cg), rigid.tensor()),
+        grounded=part.grounded,
+    )
+
+
+def _of_file(name: str, path: Path, units: Units) -> ModalBody:
+    """Reduced body of a file, whose content tells what it is.
 
     Parameters
     ----------
@@ -40,7 +95,7 @@ def read_reduced(name: str, path: Path, units: Units) -> ModalBody:
         raise ReadError(f"{path}: there is no such file")
     head = read_head(path, 4096)
     if head.startswith(_HDF5):
-        return modal_body(name, path, read_component(path))
+        return _of_component(name, path, read_component(path))
     if is_sid(head):
         return read_sid(name, path, units)
     raise ReadError(
@@ -49,7 +104,7 @@ def read_reduced(name: str, path: Path, units: Units) -> ModalBody:
     )
 
 
-def modal_body(name: str, path: Path, file: ComponentFile) -> ModalBody:
+def _of_component(name: str, path: Path, file: ComponentFile) -> ModalBody:
     """The body of a component file.
 
     Raises
