@@ -34,7 +34,7 @@ def response(run, configuration=1):
 @pytest.fixture
 def written(opened, study):
     """A run whose files another pipeline takes as its bodies, and a way to open that pipeline."""
-    text = PIPELINE.replace("cutoff: 15", "cutoff: 8")
+    text = PIPELINE.replace("cutoff: 15", "cutoff: 8").replace("[hdf5]", "[hdf5, sid]")
     run = opened(text=text)
     execute(run, study, report=False)
     run.folder.rename(study.parent / "finished")
@@ -72,6 +72,17 @@ def test_bodies_of_files_answer_as_the_bodies_that_were_written(written, files, 
     ]
     Fs = [shapes @ shapes.T for shapes in flexibility]
     np.testing.assert_allclose(Fs[1], Fs[0], rtol=0, atol=1e-8 * abs(Fs[0]).max())
+
+
+def test_a_sid_file_of_a_run_answers_as_the_body_that_was_written(written, study):
+    first, text, open_files = written
+    [sid] = (study.parent / "finished").glob("arm*SID*")
+    of_sid = OF_FILES.replace("arm.h5", sid.name).replace("set: root", "node: 1")
+    again = open_files(text.replace(ARM, of_sid), "components.arm.reduce={cutoff: 10000}")
+    H, expected = response(again), response(first)
+    np.testing.assert_allclose(H, expected, rtol=0, atol=1e-7 * abs(expected).max())
+    proofs = {proof.what: proof for proof in again.bodies["arm"].proofs}
+    assert proofs["row order"].state == "unproven"
 
 
 @pytest.mark.parametrize(

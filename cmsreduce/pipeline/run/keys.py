@@ -73,9 +73,8 @@ def system_key(stage: str, pipeline: Pipeline, points: int, bodies: Mapping[str,
         Keys of the bodies' orthonormal modes.
     """
     # File names are left out: their contents are in the keys of the bodies.
-    files: dict[str, Any] = {
-        "components": {"__all__": {"stiffness", "mass", "geometry", "extseout", "rows", "damping"}}
-    }
+    read = {"like", "extseout", "reduced", "modes", "stiffness", "mass", "geometry", "rows", "damping"}
+    files: dict[str, Any] = {"components": {"__all__": read}}
     elsewhere = dict.fromkeys(("name", "output", "include", "write"), True)
     # A controller closes loops around finished results.
     files["scene"] = {"controller"}
