@@ -144,7 +144,8 @@ class Component(Keys):
     like: Name | None = Field(
         default=None,
         description="Name of another component: this is the same body at another place. It has all keys of that "
-        "component; keys given here win, key by key. Its files are read, and it is reduced, once.",
+        "component; keys given here win, key by key. Files are read once, and copies that the scene loads alike are "
+        "reduced once.",
         examples=["wheel"],
     )
     rigid: RigidKeys | None = Field(
