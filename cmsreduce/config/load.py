@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
+from cmsreduce.config.copies import copies_written_out, without_repetitions
 from cmsreduce.config.grammar import is_mapping_of_values, models_at
 from cmsreduce.config.keys import Pipeline
 from cmsreduce.config.located import Entry, Location, merge, parse, plain
@@ -75,13 +77,17 @@ def pipeline_from_keys(keys: Mapping[str, Any], source: str) -> Pipeline:
 
 def _checked(root: Entry) -> Pipeline:
     """Validate a tree of keys; all errors make one message."""
+    root = copies_written_out(root, _adapt)
     try:
         pipeline = Pipeline.model_validate(plain(root))
     except ValidationError as error:
-        raise config_error(problems_of(root, error.errors(include_url=False))) from None
-    problems = [located(root, broken.keys, broken.message) for broken in broken_references(pipeline)]
-    if problems:
-        raise config_error(problems)
+        errors = error.errors(include_url=False)
+        own = without_repetitions(((each["loc"], each["type"]) for each in errors), root)
+        raise config_error(problems_of(root, list(compress(errors, own)))) from None
+    broken = list(broken_references(pipeline))
+    own = without_repetitions(((each.keys, each.message) for each in broken), root)
+    if broken:
+        raise config_error([located(root, each.keys, each.message) for each in compress(broken, own)])
     return pipeline
 
 

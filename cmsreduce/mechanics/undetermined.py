@@ -54,6 +54,11 @@ def check_connected(body: FEModel) -> None:
         )
     part = parts(body)
     count = int(part.max()) + 1
+    if count > 1 and all(np.array_equal(A.nonzero()[0], A.nonzero()[1]) for A in (body.K, body.M)):
+        raise MatrixError(
+            f"body '{body.name}': stiffness and mass are diagonal, {body.n} x {body.n}, so they are modal matrices and "
+            "no dofs of nodes. Give them with their shapes: `modes: {stiffness: ..., mass: ..., shapes: ...}`"
+        )
     if count > 1:
         sizes = np.bincount(part)
         order = np.argsort(-sizes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -252,6 +253,13 @@ class FEModel:
 
     def __repr__(self) -> str:
         return f"<FEModel {self.name}: {self.n} dofs, {len(self.interfaces)} interfaces>"
+
+    def named(self, name: str) -> FEModel:
+        """The same body under another name; it shares the matrices."""
+        # A new instance would check and copy them again.
+        found = copy(self)
+        object.__setattr__(found, "name", name)
+        return found
 
     @property
     def n(self) -> int:

@@ -29,6 +29,7 @@ from cmsreduce.read.nastran import (
     read_followers,
     read_members,
 )
+from cmsreduce.read.reduced import ModalBody, in_dofs, read_modes, read_sid
 from cmsreduce.read.row_order import (
     LOUD,
     QUIET,
@@ -54,6 +55,7 @@ __all__ = [
     "MatrixFormat",
     "MatrixInfo",
     "MatrixSource",
+    "ModalBody",
     "Nearby",
     "QUIET",
     "RowOrderProof",
@@ -69,6 +71,7 @@ __all__ = [
     "detect_format",
     "expect_kind",
     "file_kind",
+    "in_dofs",
     "is_row_mapping",
     "matrix_names",
     "prove_mass_order",
@@ -84,6 +87,8 @@ __all__ = [
     "read_geometry",
     "read_matrix",
     "read_members",
+    "read_modes",
+    "read_sid",
     "sha256_of",
     "superelement_damping",
     "superelement_matrices",

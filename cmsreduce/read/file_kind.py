@@ -54,6 +54,7 @@ GEOMETRY_HEAD = 1 << 20
 _START = 4096  # bytes that tell a file that is not read
 
 _INSPECT = "`cmsreduce inspect {path}` shows what is in it"
+_REDUCED = "name it as `reduced:` of a component"
 _UNPACK = "unpack it, and name the file in it"
 _NO_MODEL = "name the matrices and the deck or mesh of the body"
 _NAMED_IN_HDF5 = 4
@@ -136,7 +137,7 @@ _MARKS = (
         _matches(rb"\A1[ \t]*\r?\n(?s:.)*?(?:N A S T R A N|NASTRAN|MSC Software|Siemens)"),
         "name the deck and the OP4, OP2 or punch file of the run",
     ),
-    _Mark("sid", "a SID file, a body that is reduced already", _matches(rb"^\s*new modal\s*=?\s*$")),
+    _Mark("sid", "an SID file, a body that is reduced already", _matches(rb"^\s*part\s*$\s*^\s*new modal\b"), _REDUCED),
     _Mark("mbdyn", "a modal body of MBDyn, which is reduced already", _matches(rb"MBDyn MODAL DATA FILE")),
     _Mark("html", "a web page", _matches(rb"\A\s*<(?:!doctype\s+)?html")),
     _Mark(
@@ -160,7 +161,7 @@ _MARKS = (
 """Kinds of files that are known and not read, in the order of detection."""
 
 _OWN = {
-    "component": ("a component file of cmsreduce, a body that is reduced already", _INSPECT),
+    "component": ("a component file of cmsreduce, a body that is reduced already", f"{_REDUCED}; {_INSPECT}"),
     "system": ("the assembled reduced system that cmsreduce wrote", _INSPECT),
     "sweep": (
         "the table of a sweep of cmsreduce",

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from cmsreduce.config.keys.balance import RankingKeys
@@ -18,26 +17,27 @@ from cmsreduce.config.keys.mapping import (
     Frequency,
     Keys,
     LengthVector,
+    Name,
     Number,
-    Positive,
     Ratio,
     UnitSystem,
-    Vector,
     exactly_one,
 )
+from cmsreduce.config.keys.modes import ModesKeys
 from cmsreduce.config.keys.quantities import Quantity
 from cmsreduce.config.keys.reduce import ReduceKeys
+from cmsreduce.config.keys.rigid import RigidKeys
 from cmsreduce.config.keys.stiffening import GeometricStiffnessKeys
 from cmsreduce.config.keys.write import BodyWriteKeys
 from cmsreduce.config.located import Text
-from cmsreduce.errors import DampingError, MatrixError
-from cmsreduce.model import Damping, Placement, RigidBody, Units
+from cmsreduce.errors import DampingError
+from cmsreduce.model import Damping, Placement, Units
 
 __all__ = ["Component", "DampingKeys", "EXTSEOUT_NAMES", "FLEXIBLE_ONLY", "PlacementKeys", "RayleighKeys", "RigidKeys"]
 
 FLEXIBLE_ONLY = (
-    *("extseout", "stiffness", "mass", "geometry", "rows", "damping", "grounded", "geometric_stiffness"),
-    *("reduce", "balance", "write"),
+    *("extseout", "modes", "reduced", "stiffness", "mass", "geometry", "rows", "damping", "grounded"),
+    *("geometric_stiffness", "reduce", "balance", "write"),
 )
 """Keys that a rigid body does not have."""
 
@@ -46,6 +46,8 @@ EXTSEOUT_NAMES = ("KXX", "MXX")
 
 # Files of a superelement by what they hold, the likeliest first.
 _EXTSEOUT_MATRICES, _EXTSEOUT_GEOMETRY = (".op4", ".op2", ".pch"), (".asm", ".pch")
+_NOT_BESIDE_MODES = ("rigid", "extseout", "reduced", "stiffness", "mass", "geometric_stiffness")
+_NOT_BESIDE_REDUCED = ("rigid", "extseout", "stiffness", "mass", "geometry", "rows", "grounded", "geometric_stiffness")
 _LAWS = ("modal", "table", "per_mode", "rayleigh", "structural", "matrix")
 
 
@@ -122,37 +124,6 @@ class DampingKeys(Keys):
         )
 
 
-def _check_inertia(value: object) -> object:
-    if isinstance(value, (list, tuple)) and len(value) != 6:
-        raise ValueError(f"6 numbers are expected, xx yy zz xy xz yz, found {len(value)}")
-    return value
-
-
-class RigidKeys(Keys):
-    """Mass properties of a body that does not deform, in its units and basic frame."""
-
-    mass: Positive = Field(description="Mass.", examples=[120.0])
-    cg: Vector = Field(default=(0.0, 0.0, 0.0), description="Centre of mass.", examples=[[0, 0, 0.2]])
-    inertia: Annotated[tuple[Number, Number, Number, Number, Number, Number], BeforeValidator(_check_inertia)] = Field(
-        description="Inertia tensor about the cg: xx yy zz xy xz yz; the last three are entries of the tensor, that "
-        "is, minus the products of inertia.",
-        examples=[[10, 12, 8, 0, 0, 0]],
-    )
-
-    @model_validator(mode="after")
-    def _physical(self) -> RigidKeys:
-        try:
-            RigidBody("", self.mass, np.asarray(self.cg), self.tensor())
-        except MatrixError as error:
-            raise ValueError(str(error).partition(": ")[2]) from None
-        return self
-
-    def tensor(self) -> NDArray[np.float64]:
-        """(3, 3) inertia about the cg."""
-        xx, yy, zz, xy, xz, yz = self.inertia
-        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
 class PlacementKeys(Keys):
     """Place of a body in the scene: it is rotated about its basic origin first, then moved."""
 
@@ -173,8 +144,15 @@ class PlacementKeys(Keys):
 
 
 class Component(Keys):
-    """A body: `rigid`, or matrices (`stiffness` and `mass`, or `extseout`)."""
+    """A body: `rigid`, matrices (`stiffness` and `mass`, or `extseout`), `modes`, `reduced`, or `like` another one."""
 
+    like: Name | None = Field(
+        default=None,
+        description="Name of another component: this is the same body at another place. It has all keys of that "
+        "component; keys given here win, key by key. Files are read once, and copies that the scene loads alike are "
+        "reduced once.",
+        examples=["wheel"],
+    )
     rigid: RigidKeys | None = Field(
         default=None,
         description="Mass properties of a body that does not deform.",
@@ -186,6 +164,18 @@ class Component(Keys):
         "the .op4, .op2 or .pch (KXX, MXX, BXX, K4XX, or KAA and so on) and for the geometry of the .asm or .pch, "
         "unless these keys are given.",
         examples=["../bodies/inboard"],
+    )
+    reduced: DataPath | None = Field(
+        default=None,
+        description="File that holds the whole body in a few modes, as others reduced it: a component file of "
+        "cmsreduce, or an SID file. An interface is one of its nodes, or `set: NAME` for an interface of the file.",
+        examples=["../build/arm/panel.h5"],
+    )
+    modes: ModesKeys | None = Field(
+        default=None,
+        description="A body that is known by its modes, computed elsewhere or measured, with `geometry` for the places "
+        "of its nodes.",
+        examples=[{"frequencies": ["12.3 Hz", "15.1 Hz"], "shapes": {"file": "modes.mat", "matrix": "PHI"}}],
     )
     stiffness: MatrixFile | None = Field(
         default=None, description="Stiffness matrix.", examples=[{"file": "rotor.op4", "matrix": "KAA"}]
@@ -270,10 +260,24 @@ class Component(Keys):
 
     @model_validator(mode="after")
     def _rigid_or_flexible(self) -> Component:
+        if self.reduced is not None:
+            beside = [key for key in _NOT_BESIDE_REDUCED if getattr(self, key) not in (None, False)]
+            if beside:
+                raise ValueError(f"`reduced` is a whole body: take `{beside[0]}` out, or `reduced`")
+            return self
+        if self.modes is not None:
+            beside = [key for key in _NOT_BESIDE_MODES if getattr(self, key) is not None]
+            if beside:
+                raise ValueError(f"`modes` is a whole body: take `{beside[0]}` out, or `modes`")
+            if self.geometry is None:
+                raise ValueError("`modes` needs `geometry`, the places of the nodes of its shapes")
+            return self
         if self.rigid is not None:
             return self
         if self.stiffness is None and self.mass is None:
-            raise ValueError("a component needs `rigid`, or `stiffness` and `mass`, or `extseout`")
+            raise ValueError(
+                "a component needs `rigid`, or `stiffness` and `mass`, or `extseout`, `modes`, `reduced` or `like`"
+            )
         if self.stiffness is None or self.mass is None:
             given, lacking = ("mass", "stiffness") if self.stiffness is None else ("stiffness", "mass")
             raise ValueError(f"`{given}` is given without `{lacking}`: a flexible body needs both")

@@ -64,8 +64,9 @@ class ParallelRun(Run):
         self._task = _Task(source.resolve(), tuple(overrides), folder.resolve(), workers.memory)
 
     def finish_bodies(self) -> None:
-        """Reduce and orthonormalise all bodies, each in a process of its own."""
-        names = self.flexible_names
+        """Reduce and orthonormalise all bodies, each in a process of its own; copies of a body are done with it."""
+        asked = {name: (self.body_key(name), self.pipeline.reduce_of(name)) for name in self.flexible_names}
+        names = [name for k, (name, keys) in enumerate(asked.items()) if keys not in [*asked.values()][:k]]
         if len(names) > 1:
             self.stages.progress.stage("reduce", f"{len(names)} bodies in {self._workers.count} processes")
             for _ in self._outcomes(_finish_body, [(name,) for name in names]):

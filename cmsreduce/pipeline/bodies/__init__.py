@@ -4,7 +4,7 @@ Steps from the keys of one component to one body in the units of the scene belon
 The joined system belongs in `pipeline.system`.
 """
 
-from cmsreduce.pipeline.bodies.bodies import FlexibleBody, probing_loads, read_flexible, read_rigid
+from cmsreduce.pipeline.bodies.bodies import FlexibleBody, copy_of, probing_loads, read_flexible, read_rigid
 from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_proof, damping_remark
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effective_masses
 from cmsreduce.pipeline.bodies.draft import Draft, draft_body, draft_pipeline
@@ -25,6 +25,7 @@ __all__ = [
     "body_health",
     "body_reduction",
     "cells_of",
+    "copy_of",
     "damping_proof",
     "damping_remark",
     "effective_masses",

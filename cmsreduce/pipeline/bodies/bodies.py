@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import Ports, body_points, body_ports, modal_substructure, physical_substructure
-from cmsreduce.config import EXTSEOUT_NAMES, Component, InterfaceKeys, MatrixFile, Pipeline
+from cmsreduce.config import EXTSEOUT_NAMES, Component, InterfaceKeys, Pipeline
 from cmsreduce.errors import DofMapError, SceneError
 from cmsreduce.linalg.eigen import motions_held, only_motions, rigid_body_modes
 from cmsreduce.mechanics import Determined, Tie, check_connected, hold_undetermined, tie_nodes
@@ -36,11 +36,13 @@ from cmsreduce.model import (
 from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_health
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
+from cmsreduce.pipeline.bodies.modal_input import matrix_source, modal_input
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
 from cmsreduce.read import (
     InterfaceSpec,
-    MatrixSource,
     Nearby,
+    RowOrderProof,
+    in_dofs,
     prove_mass_order,
     prove_row_order,
     read_body,
@@ -49,7 +51,7 @@ from cmsreduce.read import (
 )
 from cmsreduce.verify import rigid_motions_proof
 
-__all__ = ["FlexibleBody", "probing_loads", "read_flexible", "read_rigid"]
+__all__ = ["FlexibleBody", "copy_of", "probing_loads", "read_flexible", "read_rigid"]
 
 # Bodies up to this number of dofs are factorised for their health before every reduction, as `inspect` does.
 _THOROUGH = 3000
@@ -81,6 +83,10 @@ class FlexibleBody:
         Motions of negative energy, where they are counted.
     damping : DampingHealth, optional
         Findings on its damping matrix, if it has one.
+    determined : Determined, optional
+        The body with the motions that nothing determines.
+    original : FlexibleBody, optional
+        The body that this one is a copy of, at another place of the scene.
     """
 
     body: FEModel
@@ -92,6 +98,8 @@ class FlexibleBody:
     proofs: tuple[Proof, ...] = ()
     negative: Mapping[str, int | None] | None = None
     damping: DampingHealth | None = None
+    determined: Determined | None = None
+    original: FlexibleBody | None = None
 
     @property
     def undamped(self) -> FEModel:
@@ -101,6 +109,8 @@ class FlexibleBody:
     @cached_property
     def health(self) -> BodyHealth:
         """Health of the matrices and of the geometry; without factorisations if the body is large."""
+        if self.original is not None:
+            return self.original.health
         return body_health(self.body, self.rigid, thorough=self.body.n <= _THOROUGH, negative=self.negative)
 
     @cached_property
@@ -146,9 +156,11 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         As `read_body` does.
     """
     part = pipeline.components[name]
-    as_read = _as_read(name, part, part.units_in(scene.units))
+    as_read, unproven = _as_read(name, part, part.units_in(scene.units))
     # The rows are proven on the matrices as they are read; ties and units change them.
     proof, order, tied = prove_row_order(as_read), prove_mass_order(as_read), _tied(as_read, part)
+    if unproven:
+        proof = RowOrderProof("labelled", remark=unproven)
     converted = in_units(tied, scene.units)
     # One factorisation proves that a large body has stiffness and mass in every motion but its rigid ones.
     large = converted.n > _LARGE
@@ -156,7 +168,9 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
     determined = hold_undetermined(converted, named, proven)
     body = determined.body
-    check_connected(body)
+    if part.reduced is None and part.modes is None:
+        # A mode that no other one excites shares neither stiffness nor mass with them.
+        check_connected(body)
     if body is not converted:
         large, proven = False, None
     rounding = body.stiffness_rounding
@@ -180,19 +194,48 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         notes.append(f"{name}: no damping is given; its resonances are infinite")
     if determined.note:
         notes.append(determined.note)
-    keys = pipeline.reduce_of(name)
-    ports = body_ports(body, scene, () if keys is None else keys.residuals)
-    _check_ports(determined, ports)
-    if not body.interfaces and motions_held(rigid, ports.interface) < rigid.shape[1]:
-        # No joint and no actuator holds the body: it has no constraint modes.
-        ports = ports.as_loads()
+    ports = _ports(pipeline, determined, rigid, scene)
     stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
     # A dof that is held because nothing moves it may take a rigid motion with it, such as the spin of a straight bar.
     shown = proof.motions if proof.status == "proven" and proof.motions and not determined.held else None
     every = (*proved.proofs, rigid_motions_proof(body, rigid.shape[1], shown))
     proofs = tuple(replace(each, subject=name) for each in every)
-    damping = damping_health(body, rigid, reduced=keys is not None)
-    return FlexibleBody(body, ports, rigid, proved.checks, (*notes, *remarks), stiffening, proofs, negative, damping)
+    damping = damping_health(body, rigid, reduced=pipeline.reduce_of(name) is not None)
+    return FlexibleBody(
+        body, ports, rigid, proved.checks, (*notes, *remarks), stiffening, proofs, negative, damping, determined
+    )
+
+
+def copy_of(original: FlexibleBody, pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
+    """The body of a component whose files and keys are those of another one: only its ports are its own.
+
+    Parameters
+    ----------
+    original : FlexibleBody
+        The other body, read and proven.
+    pipeline : Pipeline
+        The pipeline.
+    name : str
+        Name of the component.
+    scene : Scene
+        The scene.
+
+    Raises
+    ------
+    SceneError
+        If an actuator or a sensor of the scene does not fit the body.
+    """
+    assert original.determined is not None
+    determined = replace(original.determined, body=original.body.named(name))
+    return replace(
+        original,
+        body=determined.body,
+        ports=_ports(pipeline, determined, original.rigid, scene),
+        notes=(f"{name}: the same body as {original.body.name}, read and proven once",),
+        proofs=tuple(replace(each, subject=name) for each in original.proofs),
+        determined=determined,
+        original=original,
+    )
 
 
 def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
@@ -263,18 +306,23 @@ def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tupl
     return names, np.column_stack([load for _, load in found]) if found else np.empty((body.n, 0))
 
 
-def _as_read(name: str, part: Component, units: Units) -> FEModel:
-    """The body as its files have it."""
+def _as_read(name: str, part: Component, units: Units) -> tuple[FEModel, str]:
+    """The body as its files have it, and the reason why its rows cannot be proven; empty if they can."""
+    interfaces = {label: _interface(label, name, keys, units) for label, keys in part.interfaces.items()}
+    if part.reduced is not None or part.modes is not None:
+        modal = modal_input(name, part, units)
+        return in_dofs(modal, interfaces), modal.unproven
     assert part.stiffness is not None and part.mass is not None
-    matrix = None if part.damping is None or part.damping.matrix is None else _source(part.damping.matrix)
-    stiffness, mass = _source(part.stiffness), _source(part.mass)
+    given = None if part.damping is None else part.damping.matrix
+    matrix = None if given is None else matrix_source(given)
+    stiffness, mass = matrix_source(part.stiffness), matrix_source(part.mass)
     damping = None if part.damping is None else part.damping.law()
     if part.extseout is not None and (stiffness.matrix, mass.matrix) == EXTSEOUT_NAMES:
         found = superelement_matrices(stiffness.path)
         stiffness, mass = found.stiffness, found.mass
         if part.damping is None:
             damping, matrix = superelement_damping(name, found)
-    return read_body(
+    body = read_body(
         name,
         stiffness=stiffness,
         mass=mass,
@@ -285,12 +333,9 @@ def _as_read(name: str, part: Component, units: Units) -> FEModel:
         damping_matrix=matrix,
         units=units,
         grounded=part.grounded,
-        interfaces={label: _interface(label, name, keys, units) for label, keys in part.interfaces.items()},
+        interfaces=interfaces,
     )
-
-
-def _source(keys: MatrixFile) -> MatrixSource:
-    return MatrixSource(keys.file, keys.matrix, keys.format)
+    return body, ""
 
 
 def _interface(label: str, body: str, keys: InterfaceKeys, units: Units) -> InterfaceSpec:
@@ -329,6 +374,18 @@ def _check_grounded(body: FEModel, rigid: NDArray[np.float64]) -> None:
             "geometry. Likely cause: its rows are shuffled or of another set. Give the order of the rows as a list of "
             "node.component under `rows:`, and remove `grounded: true` if nothing holds the body"
         )
+
+
+def _ports(pipeline: Pipeline, determined: Determined, rigid: NDArray[np.float64], scene: Scene) -> Ports:
+    """Inputs and outputs of the scene on a body."""
+    body = determined.body
+    keys = pipeline.reduce_of(body.name)
+    ports = body_ports(body, scene, () if keys is None else keys.residuals)
+    _check_ports(determined, ports)
+    if not body.interfaces and motions_held(rigid, ports.interface) < rigid.shape[1]:
+        # No joint and no actuator holds the body: it has no constraint modes.
+        return ports.as_loads()
+    return ports
 
 
 def _check_ports(determined: Determined, ports: Ports) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 
 from cmsreduce import __version__
 from cmsreduce.assemble import rigid_substructure
@@ -140,6 +141,8 @@ class CutoffSearch:
         With actuators and sensors.
     examine : callable
         Reduces a body up to a frequency in Hz, and enriches its basis.
+    alike : callable
+        Gives the bodies whose reduction, up to the same frequency, is that of a body.
     """
 
     def __init__(
@@ -148,8 +151,10 @@ class CutoffSearch:
         rigid_bodies: Mapping[str, RigidBody],
         scene: Scene,
         examine: Callable[[str, float], Examined],
+        alike: Callable[[str], Iterable[str]] = lambda name: [name],
     ) -> None:
         self._bodies, self._rigid_bodies, self._scene, self._examine = bodies, rigid_bodies, scene, examine
+        self._alike = alike
         self._last: dict[str, tuple[float, Examined]] = {}
 
     def found(self, name: str, cutoff_hz: float) -> Examined | None:
@@ -174,7 +179,7 @@ class CutoffSearch:
         band_hz = self._scene.band[1]
         for name, cutoff_bands in cutoffs.items():
             if self.found(name, cutoff_bands * band_hz) is None:
-                self._last[name] = (cutoff_bands * band_hz, self._examine(name, cutoff_bands * band_hz))
+                self._last[name] = (cutoff_bands * band_hz, self._examined(name, cutoff_bands * band_hz))
         enriched = {name: orthogonalise(last.enriched) for name, (_, last) in self._last.items() if last.enriched}
         components = {name: orthogonalise(self._last[name][1].component) for name in cutoffs} | dict(others)
         rest = {name: rigid_substructure(body) for name, body in self._rigid_bodies.items()}
@@ -183,6 +188,16 @@ class CutoffSearch:
                 own = reference(flexible.body, flexible.ports, flexible.rigid, START * band_hz)
                 rest[name] = flexible.substructure(self._scene, own.modes)
         return neglected_errors(components, enriched, self._bodies, rest, self._scene)
+
+    def _examined(self, name: str, cutoff_hz: float) -> Examined:
+        """Reduction of a body, or that of a copy of it under its name."""
+        done = (found for other in self._alike(name) if (found := self.found(other, cutoff_hz)) is not None)
+        copied = next(done, None)
+        if copied is None:
+            return self._examine(name, cutoff_hz)
+        body = self._bodies[name].body
+        enriched = None if copied.enriched is None else replace(copied.enriched, body=body)
+        return replace(copied, component=replace(copied.component, body=body), enriched=enriched)
 
 
 def neglected_errors(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -120,6 +121,36 @@ class ModeSets:
         inside = "" if keys.interface_cutoff_bands is None else f".{keys.interface_cutoff_bands:g}"
         return f"{name}.{keys.method}.{keys.cutoff_bands:g}{inside}"
 
+    def alike(self, name: str, other: ModeSetKeys | None = None) -> list[str]:
+        """Bodies with the same reduction as one of them, in order: copies with the same ports and mode set.
+
+        Bodies whose neighbours take part in the reduction are alike with none. Where a cutoff is ``auto``, the one that
+        is found may still differ.
+        """
+        if self._loaded(name, other):
+            return [name]
+        asked = self._asked(name, other)
+        return [each for each in self.names if each == name or self._asked(each, other) == asked]
+
+    def first_alike(self, name: str, other: ModeSetKeys | None = None) -> str:
+        """The first body with the same reduction, whose result counts for all."""
+        found = self.alike(name, other)
+        return next(each for each in found if self.cutoff_hz(each, other) == self.cutoff_hz(name, other))
+
+    def _asked(self, name: str, other: ModeSetKeys | None) -> tuple[object, ...]:
+        """Inputs of a reduction that no search changes."""
+        fingerprint = self.bodies[name].fingerprint
+        if name in self.unneeded:
+            return fingerprint, "rigid"
+        keys = self.stated(name, other)
+        return fingerprint, keys.method, keys.cutoff_bands, keys.interface_cutoff_bands
+
+    def _loaded(self, name: str, other: ModeSetKeys | None) -> bool:
+        """The neighbours of a body take part in its reduction."""
+        keys = self.stated(name, other)
+        shared = keys.interface_cutoff_bands is not None or issubclass(METHODS[keys.method], BenfieldHruda)
+        return shared and name not in self.unneeded
+
     def reduce_key(self, name: str, other: ModeSetKeys | None = None) -> str:
         """Hash of everything that the reduction of a body depends on."""
         fingerprint = self.bodies[name].fingerprint
@@ -128,8 +159,7 @@ class ModeSets:
         if name in self.unneeded:
             return stage_key("reduce", __version__, fingerprint, "rigid")
         keys = self.keys(name, other)
-        loaded = keys.interface_cutoff_bands is not None or issubclass(METHODS[keys.method], BenfieldHruda)
-        loading = self._loading_key(other) if loaded else None
+        loading = self._loading_key(other) if self._loaded(name, other) else None
         asked = (keys.method, self.cutoff_hz(name, other), keys.interface_cutoff_bands, loading)
         return stage_key("reduce", __version__, fingerprint, asked)
 
@@ -142,7 +172,7 @@ class ModeSets:
     def examine(
         self, name: str, cutoff_hz: float, other: ModeSetKeys | None = None, *, enrich: bool = False
     ) -> Examined:
-        """Reduce a body, and measure the static flexibility that its basis misses.
+        """Reduce a body, and measure the static flexibility that its basis misses under loads on it and on its copies.
 
         Parameters
         ----------
@@ -161,13 +191,18 @@ class ModeSets:
         method = body_reduction(
             name, keys, cutoff_hz, self.bodies, self.rigid_bodies, self._interface_cutoffs_hz(other), self.scene
         )
-        ports, (_, tested) = flexible.ports, self._tested(name, keys)
+        ports, tested = flexible.ports, np.hstack([loads for _, (_, loads) in self._tested_on_copies(name, other)])
         return method.examine(flexible.body, ports.interface, ports.static_loads, flexible.rigid, tested, enrich=enrich)
 
-    def missed(self, name: str, found: Examined, other: ModeSetKeys | None = None) -> dict[str, float]:
-        """Shares of the static flexibility under loads of the scene that the basis of a body misses."""
-        shares = found.worst(self._tested(name, self.stated(name, other))[0])
-        return {load: share for load, share in shares.items() if share > _NOTED}
+    def missed(self, name: str, found: Examined, other: ModeSetKeys | None = None) -> dict[str, dict[str, float]]:
+        """Shares of the static flexibility that a basis misses, by body among its copies and by load of the scene."""
+        shares: dict[str, dict[str, float]] = {}
+        first = 0
+        for each, (loads, _) in self._tested_on_copies(name, other):
+            worst = replace(found, missed=found.missed[first:]).worst(loads)
+            shares[each] = {load: share for load, share in worst.items() if share > _NOTED}
+            first += len(loads)
+        return shares
 
     def notes(self, name: str, missed: Mapping[str, float], other: ModeSetKeys | None = None) -> Iterator[str]:
         """Notes on the limits of the mode set of a body."""
@@ -218,6 +253,12 @@ class ModeSets:
 
     def _tested(self, name: str, keys: ReduceKeys) -> tuple[tuple[str, ...], NDArray[np.float64]]:
         return probing_loads(self.bodies[name], self.scene, joints=issubclass(METHODS[keys.method], BenfieldHruda))
+
+    def _tested_on_copies(
+        self, name: str, other: ModeSetKeys | None
+    ) -> list[tuple[str, tuple[tuple[str, ...], NDArray[np.float64]]]]:
+        """Loads on each body that the reduction of a body counts for; the factor that they need is computed once."""
+        return [(each, self._tested(each, self.stated(each, other))) for each in self.alike(name, other)]
 
     def _interface_cutoffs_hz(self, other: ModeSetKeys | None) -> dict[str, float]:
         """Interface cutoff of every body whose interfaces of several nodes are reduced."""

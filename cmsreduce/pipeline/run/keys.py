@@ -10,9 +10,20 @@ from cmsreduce.config import Pipeline
 from cmsreduce.pipeline.bodies import ALL_MODES_LIMIT, FlexibleBody
 from cmsreduce.pipeline.store import stage_key
 
-__all__ = ["projected_error", "read_key", "reference_key", "reference_model_key", "system_key"]
+__all__ = ["body_key", "projected_error", "read_key", "reference_key", "reference_model_key", "system_key"]
 
 _DOWNSTREAM = {"reduce", "balance"}
+# Keys of a component that do not change its matrices, nodes and interfaces.
+_OF_THE_PLACE = {"like", "place", "balance", "write"}
+
+
+def body_key(pipeline: Pipeline, name: str) -> str:
+    """Hash of the keys that say which body a component is: equal for copies of one body."""
+    part = pipeline.components[name]
+    # The interface that holds a body while it is stiffened may be that of its frame.
+    frame = None if part.geometric_stiffness is None else pipeline.write_of(name).model_dump(mode="json")
+    own = part.model_dump(mode="json", exclude=_OF_THE_PLACE | _DOWNSTREAM)
+    return stage_key("read", own, frame, pipeline.reduce_of(name) is None)
 
 
 def read_key(pipeline: Pipeline, name: str) -> str:
@@ -62,9 +73,8 @@ def system_key(stage: str, pipeline: Pipeline, points: int, bodies: Mapping[str,
         Keys of the bodies' orthonormal modes.
     """
     # File names are left out: their contents are in the keys of the bodies.
-    files: dict[str, Any] = {
-        "components": {"__all__": {"stiffness", "mass", "geometry", "extseout", "rows", "damping"}}
-    }
+    read = {"like", "extseout", "reduced", "modes", "stiffness", "mass", "geometry", "rows", "damping"}
+    files: dict[str, Any] = {"components": {"__all__": read}}
     elsewhere = dict.fromkeys(("name", "output", "include", "write"), True)
     # A controller closes loops around finished results.
     files["scene"] = {"controller"}

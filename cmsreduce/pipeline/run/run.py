@@ -33,6 +33,7 @@ from cmsreduce.pipeline.bodies import (
     FlexibleBody,
     Reference,
     all_modes,
+    copy_of,
     damping_remark,
     read_flexible,
     read_rigid,
@@ -41,7 +42,14 @@ from cmsreduce.pipeline.bodies import (
 )
 from cmsreduce.pipeline.choose import Balancing, Choice, CutoffSearch, ModeSets, asked_error, cutoff_key
 from cmsreduce.pipeline.project import Projected, ProjectStage
-from cmsreduce.pipeline.run.keys import projected_error, read_key, reference_key, reference_model_key, system_key
+from cmsreduce.pipeline.run.keys import (
+    body_key,
+    projected_error,
+    read_key,
+    reference_key,
+    reference_model_key,
+    system_key,
+)
 from cmsreduce.pipeline.run.verification import MODEL, Verification, Verified
 from cmsreduce.pipeline.store import (
     CommonWork,
@@ -71,10 +79,10 @@ _BODIES = 16
 
 @dataclass(frozen=True, eq=False)
 class _Reduced:
-    """A reduced body, and the shares of the static flexibility under loads of the scene that its basis misses."""
+    """A reduced body, and shares of the static flexibility that it misses under loads on it and on its copies."""
 
     component: ReducedComponent
-    missed: Mapping[str, float]
+    missed: Mapping[str, Mapping[str, float]]
 
 
 class Run:
@@ -151,8 +159,16 @@ class Run:
         common=_BODIES,
     )
     def flexible(self, name: str) -> FlexibleBody:
-        """Read one flexible body and check it."""
-        return read_flexible(self.pipeline, name, self.scene)
+        """Read one flexible body and check it; a copy of an earlier one takes what was read and proven there."""
+        original = next(each for each in self.flexible_names if self.body_key(each) == self.body_key(name))
+        if original == name:
+            return read_flexible(self.pipeline, name, self.scene)
+        return copy_of(self.flexible(original), self.pipeline, name, self.scene)
+
+    @once
+    def body_key(self, name: str) -> str:
+        """Hash of the keys that say which body a component is."""
+        return body_key(self.pipeline, name)
 
     @property
     @once
@@ -203,7 +219,7 @@ class Run:
             with self.stages.timed("reduce", name):
                 return self.mode_sets.examine(name, cutoff_hz, enrich=True)
 
-        return CutoffSearch(self.bodies, self.rigid_bodies, self.scene, examine)
+        return CutoffSearch(self.bodies, self.rigid_bodies, self.scene, examine, self.mode_sets.alike)
 
     @property
     @once
@@ -234,9 +250,13 @@ class Run:
     def _label(self, name: str, other: ModeSetKeys | None = None) -> str:
         return self.mode_sets.label(name, other)
 
-    @stage("reduce", what=_label, key=lambda run, name, other=None: run.mode_sets.reduce_key(name, other))
+    def _reduction_label(self, name: str, other: ModeSetKeys | None = None) -> str:
+        return self._label(self.mode_sets.first_alike(name, other), other)
+
+    @stage("reduce", what=_reduction_label, key=lambda run, name, other=None: run.mode_sets.reduce_key(name, other))
     def _reduction(self, name: str, other: ModeSetKeys | None = None) -> _Reduced:
         sets, cutoff_hz = self.mode_sets, self.mode_sets.cutoff_hz(name, other)
+        name = sets.first_alike(name, other)
         found = self._cutoff_search.found(name, cutoff_hz) if other is None else None
         if found is None:
             found = sets.examine(name, cutoff_hz, other)
@@ -250,12 +270,14 @@ class Run:
         ConfigError
             If the body is not to be reduced.
         """
-        return self._reduction(name, other).component
+        found = self._reduction(name, other).component
+        return found if found.name == name else replace(found, body=self.bodies[name].body)
 
     def _mode_set_notes(self, found: ModalComponent, name: str, other: ModeSetKeys | None = None) -> Iterator[str]:
         sets = self.mode_sets
         key = sets.reduce_key(name, other)
-        notes = sets.notes(name, self.stages.recall("reduce", sets.label(name, other), key, "missed") or {}, other)
+        missed = self.stages.recall("reduce", self._reduction_label(name, other), key, "missed") or {}
+        notes = sets.notes(name, missed.get(name, {}), other)
         of = "" if other is None or sets.label(name, other) == name else f"{self._compared_by(other)}: "
         yield from (of + note for note in notes)
         if other is None and (remark := damping_remark(found, self.scene.band[1])) is not None:
@@ -267,18 +289,32 @@ class Run:
         named = [f"'{label}'" for label, each in (keys.compare if keys else {}).items() if each.reduce == mode_set]
         return f"compared model{'s' if len(named) > 1 else ''} {', '.join(named)}"
 
+    def _modal_label(self, name: str, other: ModeSetKeys | None = None) -> str:
+        sets, key = self.mode_sets, self.mode_sets.modal_key(name, other)
+        return self._label(next(n for n in sets.alike(name, other) if sets.modal_key(n, other) == key), other)
+
     @stage(
         "orthogonalise",
-        what=_label,
+        what=_modal_label,
         key=lambda run, name, other=None: run.mode_sets.modal_key(name, other),
         needs=["_reduction"],
-        notes=_mode_set_notes,
     )
-    def modal(self, name: str, other: ModeSetKeys | None = None) -> ModalComponent:
-        """Bring one reduced body to orthonormal modes; those that lose their mass become static."""
+    def _modal(self, name: str, other: ModeSetKeys | None = None) -> ModalComponent:
         found = orthogonalise(self.reduced(name, other))
         static_above_hz = self.mode_sets.static_above_hz(name, other)
         return found if static_above_hz is None else found.static_above(2 * np.pi * static_above_hz)
+
+    @stage("", what=_label, notes=_mode_set_notes)
+    def modal(self, name: str, other: ModeSetKeys | None = None) -> ModalComponent:
+        """Bring one reduced body to orthonormal modes; those that lose their mass become static.
+
+        Copies of a body in the same mode set have them from the first of them.
+        """
+        return self._named(self._modal(name, other), name)
+
+    def _named(self, found: ModalComponent, name: str) -> ModalComponent:
+        """Modes that were computed for a body or a copy of it, as those of the body."""
+        return found if found.name == name else replace(found, body=self.bodies[name].body)
 
     def joined(self, components: Mapping[str, ModalComponent]) -> ReducedModel:
         """The system of some reduced bodies; a body that is not among them enters as it was read."""
@@ -300,16 +336,25 @@ class Run:
         """The system with every mode of the mode sets, before truncation."""
         return self.joined({name: self.modal(name) for name in self.reduced_names})
 
+    @once
+    def _reference_key(self, name: str) -> str:
+        return reference_key(self.bodies[name], self.mode_sets.cutoff_hz(name))
+
     @stage(
         "reference",
-        key=lambda run, name: reference_key(run.bodies[name], run.mode_sets.cutoff_hz(name)),
+        what=lambda run, name: next(n for n in run.bodies if run._reference_key(n) == run._reference_key(name)),
+        key=lambda run, name: run._reference_key(name),
         stored="in common",
         common=_BODIES,
     )
-    def reference(self, name: str) -> Reference:
-        """Representation of one unreduced body."""
+    def _reference(self, name: str) -> Reference:
         flexible = self.bodies[name]
         return reference(flexible.body, flexible.ports, flexible.rigid, self.mode_sets.cutoff_hz(name))
+
+    def reference(self, name: str) -> Reference:
+        """Representation of one unreduced body; copies of a body have one."""
+        found = self._reference(name)
+        return found if found.modes is None else replace(found, modes=self._named(found.modes, name))
 
     @property
     @once
