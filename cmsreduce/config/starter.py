@@ -89,7 +89,7 @@ components:
   {name}:
 {sources}
     # units: mm-t-s                       # of the files: length-mass-time; by default those of the scene
-    # grounded: true                      # if the matrices hold the body to the ground
+    {grounded}
     interfaces:
       # CHECK: the grid your joint holds; all dofs it has, or {{nodes: [7, 8], dofs: 123}}, {{set: b}}
       mount: {interface}
@@ -121,6 +121,8 @@ write: {{formats: [hdf5]}}
 # In multiples of the first elastic frequency: below that frequency, a rigid body would be enough.
 _BAND_OF_FIRST_MODE = 5.0
 _UNKNOWN_BAND = "10 Hz"
+_FREE = "# grounded: true                      # if the matrices hold the body to the ground"
+_GROUNDED = "grounded: true                        # CHECK: the matrices hold the body to the ground"
 
 
 @dataclass(frozen=True)
@@ -145,6 +147,8 @@ class BodyDraft:
         First elastic frequency of the free body in Hz.
     remark : str
         Reason why the files do not fit together; empty if they do.
+    grounded : bool
+        True if the ground holds the body and the geometry does not say so.
     """
 
     stiffness: tuple[Path, str]
@@ -157,6 +161,7 @@ class BodyDraft:
     axes: str = "xyz"
     elastic_hz: float | None = None
     remark: str = ""
+    grounded: bool = False
 
 
 def body_pipeline(name: str, draft: BodyDraft) -> str:
@@ -182,7 +187,7 @@ def body_pipeline(name: str, draft: BodyDraft) -> str:
         raise ConfigError("a component cannot be named 'system': that is the file of the assembled system")
     elastic, band = "", _UNKNOWN_BAND
     if draft.elastic_hz is not None:
-        elastic = f"; the first elastic mode of the free body is at {draft.elastic_hz:.4g} Hz"
+        elastic = f"; the first elastic mode of the body is at {draft.elastic_hz:.4g} Hz"
         # Two digits without an exponent, because users edit this number.
         band = f"{float(f'{_BAND_OF_FIRST_MODE * draft.elastic_hz:.2g}'):g} Hz"
     forces = [
@@ -192,6 +197,7 @@ def body_pipeline(name: str, draft: BodyDraft) -> str:
     return _TEXT.format(
         name=name,
         sources="\n".join(_sources(draft)),
+        grounded=_GROUNDED if draft.grounded else _FREE,
         interface=draft.interface,
         band=band,
         elastic=elastic,

@@ -8,21 +8,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.config import BodyDraft
-from cmsreduce.errors import CmsReduceError, ReadError
+from cmsreduce.errors import CmsReduceError, DofMapError, ReadError
 from cmsreduce.linalg.eigen import rigid_body_modes
+from cmsreduce.linalg.sparse import factorise
+from cmsreduce.mechanics import hold_undetermined
 from cmsreduce.model import FEModel, rigid_body_shapes
 from cmsreduce.pipeline.store import diagnostic
-from cmsreduce.read import MatrixSource, detect_format, matrix_names, read_body
+from cmsreduce.read import MatrixSource, detect_format, matrix_names, prove_row_order, read_body
 from cmsreduce.verify import rigid_motions
 
 __all__ = ["draft_body"]
 
 # A larger body takes more than a minute to factorise; only the run computes its first frequency.
 _QUICK = 20_000
-_FREE = 6
 _AXES = "xyz"
 
 
@@ -95,21 +97,41 @@ def _checked(name: str, draft: BodyDraft) -> BodyDraft:
     geometry = draft.geometry if draft.extseout is None else draft.extseout.with_suffix(".asm")
     stiffness, mass = (MatrixSource(path, matrix or None) for path, matrix in (draft.stiffness, draft.mass))
     try:
-        body = read_body(name, stiffness=stiffness, mass=mass, geometry=geometry)
+        try:
+            body = read_body(name, stiffness=stiffness, mass=mass, geometry=geometry)
+        except DofMapError:
+            body = _held(name, stiffness, mass, geometry)
+            draft = replace(draft, grounded=True)
         if body.nodes is None:
             return replace(draft, remark="no deck or mesh is given, so that no grid can be named for the mount")
-        draft = replace(draft, **_places(body))
+        determined = hold_undetermined(body)
+        body = determined.body
+        draft = replace(draft, **_places(body, ~determined.moved))
         return replace(draft, elastic_hz=_first_elastic(body))
     except CmsReduceError as error:
         return replace(draft, remark=str(error))
 
 
-def _places(body: FEModel) -> dict[str, Any]:
-    """A place where the body could be joined: the b-set of its deck, or else the first grid with most dofs."""
+def _held(name: str, stiffness: MatrixSource, mass: MatrixSource, geometry: Path | None) -> FEModel:
+    """The body as one that the ground holds, if that proves its rows; else the error of a body that floats."""
+    try:
+        body = read_body(name, stiffness=stiffness, mass=mass, geometry=geometry, grounded=True)
+        if prove_row_order(body).status == "proven":
+            return body
+    except CmsReduceError:
+        pass
+    return read_body(name, stiffness=stiffness, mass=mass, geometry=geometry)
+
+
+def _places(body: FEModel, moves: NDArray[np.bool_]) -> dict[str, Any]:
+    """A place where the body could be joined: the b-set of its deck, or else the first grid with most dofs.
+
+    ``moves`` (n,) is false for rows that move without stiffness and mass.
+    """
     assert body.nodes is not None
     b_set = body.sets.get("b", np.empty(0, np.int64))
     chosen = 0 < b_set.size < body.n
-    rows = b_set if chosen else np.arange(body.n)
+    rows = b_set if chosen else np.flatnonzero(moves)
     components = {
         int(node): set(body.dofs.component[rows[body.dofs.node[rows] == node]].tolist())
         for node in dict.fromkeys(body.dofs.node[rows].tolist())
@@ -117,7 +139,9 @@ def _places(body: FEModel) -> dict[str, Any]:
     }
     node = max(components, key=lambda each: len(components[each]))
     axes = [axis for axis, component in zip(_AXES, (1, 2, 3), strict=True) if component in components[node]]
-    seen = np.flatnonzero(np.isin(body.nodes.id, body.dofs.node[body.dofs.component == 1 + _AXES.index(axes[0])]))
+    alike = moves & np.isin(body.dofs.component, [1 + _AXES.index(axis) for axis in axes])
+    known, count = np.unique(body.dofs.node[alike], return_counts=True)
+    seen = np.flatnonzero(np.isin(body.nodes.id, known[count == len(axes)]))
     away = np.linalg.norm(body.nodes.xyz[seen] - body.nodes.xyz[body.nodes.id == node], axis=1)
     return {
         "interface": "{set: b}" if chosen else f"{{node: {node}}}",
@@ -128,16 +152,23 @@ def _places(body: FEModel) -> dict[str, Any]:
 
 
 def _first_elastic(body: FEModel) -> float | None:
-    """First elastic frequency in Hz of a body that floats and is small enough."""
+    """First elastic frequency in Hz of a body that is small enough."""
     assert body.nodes is not None
     if body.n > _QUICK:
         return None
-    shapes = rigid_body_shapes(body.dofs, body.nodes)
-    if rigid_body_modes(body.K, body.M, shapes, body.stiffness_rounding, body.name).shape[1] != _FREE:
-        return None
-    return _beside_rigid_motions(body, shapes)
+    rigid = rigid_body_modes(
+        body.K, body.M, rigid_body_shapes(body.dofs, body.nodes), body.stiffness_rounding, body.name
+    )
+    return _beside_rigid_motions(body, rigid)
 
 
-@diagnostic("the first elastic frequency of '{}'", about=lambda body, shapes: body.name)
-def _beside_rigid_motions(body: FEModel, shapes: NDArray[np.float64]) -> float | None:
-    return rigid_motions(body, shapes).elastic_hz
+@diagnostic("the first elastic frequency of '{}'", about=lambda body, rigid: body.name)
+def _beside_rigid_motions(body: FEModel, rigid: NDArray[np.float64]) -> float | None:
+    if rigid.shape[1]:
+        return rigid_motions(body, rigid).elastic_hz
+    solve = factorise(body.K, what="the stiffness")
+    # The softest motion has the largest mass for its stiffness; reduced integration leaves motions without mass.
+    inverse = spla.LinearOperator(body.K.shape, solve, dtype=np.float64)
+    start = np.random.default_rng(1).standard_normal(body.n)
+    softest = spla.eigsh(body.M, 1, body.K, Minv=inverse, which="LA", return_eigenvectors=False, v0=start, tol=1e-6)
+    return float(softest[0] ** -0.5) / (2 * np.pi)
