@@ -23,6 +23,10 @@ from cmsreduce.read.row_order import prove_row_order
 __all__ = ["read_body"]
 
 _TRANSLATIONS = 3
+_LAST_NUMBERS = (
+    ". Rows with numbers beyond those of the geometry were taken as dofs inside elements; a rigid body (*RIGID BODY, "
+    "*COUPLING) has such rows too, and then the geometry must be the .inp file"
+)
 
 
 def read_body(
@@ -99,7 +103,8 @@ def read_body(
         found = {label: table.rows(one.node, one.component) for label, one in given.items()}
         # A set counts if all its dofs have rows.
         sets = {label: rows for label, rows in found.items() if rows.size and (rows >= 0).all()}
-        resolved = {face: resolve_interface(name, face, spec, table, nodes, sets) for face, spec in named.items()}
+        also = (shape.node_sets, shape.expanded) if shape is not None else ()
+        resolved = {face: resolve_interface(name, face, one, table, nodes, sets, *also) for face, one in named.items()}
         return FEModel(
             name,
             K.A,
@@ -128,7 +133,13 @@ def read_body(
                     dofs = table
                     break
     body = build(dofs, interfaces or {})
-    return prove_row_order(body).estimated(body)
+    try:
+        return prove_row_order(body).estimated(body)
+    except DofMapError as error:
+        beyond = (
+            _LAST_NUMBERS if matrices["stiffness"].format == "calculix" and (dofs.component == SCALAR).any() else ""
+        )
+        raise DofMapError(f"{error}{beyond}") from error
 
 
 def _set_or_list(rows: Path | str | None, geometry: Geometry | None) -> tuple[str | None, Path | None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +26,7 @@ __all__ = ["draft_body"]
 
 # A larger body takes more than a minute to factorise; only the run computes its first frequency.
 _QUICK = 20_000
+_FREE = 6
 _AXES = "xyz"
 
 
@@ -81,7 +83,9 @@ def _one(matrices: Sequence[tuple[Path, str]], what: str, letter: str, suffix: s
 
     by_name = [(path, name) for path, name in matrices if named(name)]
     by_file = [(path, name) for path, name in matrices if path.suffix.lower() == suffix or named(path.stem)]
-    for found in (by_name, by_file):
+    # Abaqus names its files after the job and the matrix: JOB_STIF1.mtx, JOB_MASS1.mtx.
+    by_end = [(path, name) for path, name in matrices if re.search(rf"{what[:4]}\d*$", path.stem, re.IGNORECASE)]
+    for found in (by_end, by_name, by_file):
         if len(found) == 1:
             return found[0]
     if len(by_name) > 1:
@@ -116,7 +120,7 @@ def _held(name: str, stiffness: MatrixSource, mass: MatrixSource, geometry: Path
     """The body as one that the ground holds, if that proves its rows; else the error of a body that floats."""
     try:
         body = read_body(name, stiffness=stiffness, mass=mass, geometry=geometry, grounded=True)
-        if prove_row_order(body).status == "proven":
+        if prove_row_order(body).status == "proven" and _free_motions(body).shape[1] < _FREE:
             return body
     except CmsReduceError:
         pass
@@ -153,13 +157,17 @@ def _places(body: FEModel, moves: NDArray[np.bool_]) -> dict[str, Any]:
 
 def _first_elastic(body: FEModel) -> float | None:
     """First elastic frequency in Hz of a body that is small enough."""
-    assert body.nodes is not None
     if body.n > _QUICK:
         return None
-    rigid = rigid_body_modes(
-        body.K, body.M, rigid_body_shapes(body.dofs, body.nodes), body.stiffness_rounding, body.name
-    )
-    return _beside_rigid_motions(body, rigid)
+    return _beside_rigid_motions(body, _free_motions(body))
+
+
+def _free_motions(body: FEModel) -> NDArray[np.float64]:
+    """Motions without force; none are looked for in a large body."""
+    if body.nodes is None or body.n > _QUICK:
+        return np.empty((body.n, 0))
+    shapes = rigid_body_shapes(body.dofs, body.nodes)
+    return rigid_body_modes(body.K, body.M, shapes, body.stiffness_rounding, body.name)
 
 
 @diagnostic("the first elastic frequency of '{}'", about=lambda body, rigid: body.name)

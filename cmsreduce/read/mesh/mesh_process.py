@@ -1,4 +1,4 @@
-"""Program ``mesh_process.py MESH ARRAYS BYTES SECONDS``: meshio reads a mesh, and its points and cells are saved.
+"""Program ``mesh_process.py MESH ARRAYS BYTES SECONDS``: meshio reads a mesh; points, cells and sets are saved.
 
 It runs in a process of its own, because meshio believes the sizes in a file, prints, exits, and loops without end on
 some damaged files. It imports nothing of cmsreduce, so that it starts quickly.
@@ -7,6 +7,7 @@ some damaged files. It imports nothing of cmsreduce, so that it starts quickly.
 import contextlib
 import sys
 import warnings
+from typing import Any
 
 
 def main(mesh: str, arrays: str, most_bytes: str, seconds: str) -> None:
@@ -24,7 +25,41 @@ def main(mesh: str, arrays: str, most_bytes: str, seconds: str) -> None:
     warnings.simplefilter("ignore")
     found = meshio.read(mesh)
     cells = {f"{number} {block.type}": np.asarray(block.data) for number, block in enumerate(found.cells)}
-    np.savez(arrays, points=np.asarray(found.points), **cells)  # type: ignore[arg-type]
+    named = named_points(found)
+    sets = {f"set {number}": ids for number, ids in enumerate(named.values())}
+    names = np.array(list(named), dtype=str)
+    np.savez(arrays, points=np.asarray(found.points), names=names, **cells, **sets)  # type: ignore[arg-type]
+
+
+def named_points(mesh: Any) -> dict[str, Any]:
+    """Points by the name of their set, from 0: sets of points and of cells, physical groups, families of MED."""
+    import numpy as np
+
+    found: dict[str, list[Any]] = {}
+    for name, ids in mesh.point_sets.items():
+        found.setdefault(name, []).append(ids)
+    for name, chosen in mesh.cell_sets.items():
+        for block, cells in zip(mesh.cells, chosen, strict=False):
+            if cells is not None and not name.startswith("gmsh:"):
+                found.setdefault(name, []).append(block.data[np.asarray(cells, dtype=np.int64)])
+    for number, block in enumerate(mesh.cells):
+        for key, names in _cell_tags(mesh, block.dim):
+            if key in mesh.cell_data:
+                tags = np.asarray(mesh.cell_data[key][number])
+                for tag, labels in names.items():
+                    for label in labels:
+                        found.setdefault(label, []).append(block.data[tags == tag])
+    for tag, labels in getattr(mesh, "point_tags", {}).items():
+        for label in labels:
+            found.setdefault(label, []).append(np.flatnonzero(mesh.point_data["point_tags"] == tag))
+    joined = {name: np.concatenate([np.ravel(part) for part in parts]) for name, parts in found.items()}
+    return {name: np.unique(ids.astype(np.int64)) for name, ids in joined.items() if ids.size}
+
+
+def _cell_tags(mesh: Any, dim: int) -> list[tuple[str, dict[int, list[str]]]]:
+    """Keys of cell data that hold tags, with the names of each tag: of gmsh, by dimension, and of MED."""
+    physical = {int(tag): [name] for name, (tag, of, *_) in mesh.field_data.items() if of == dim}
+    return [("gmsh:physical", physical), ("cell_tags", getattr(mesh, "cell_tags", {}))]
 
 
 if __name__ == "__main__":

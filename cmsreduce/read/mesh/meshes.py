@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,8 +36,9 @@ Arrays = dict[str, NDArray[np.generic]]
 
 
 def _mesh_geometry(path: Path) -> Geometry:
-    """Nodes of a mesh."""
-    points = _arrays(path)["points"]
+    """Nodes of a mesh, and its sets of nodes."""
+    arrays = _arrays(path)
+    points = arrays["points"]
     if points.ndim != 2 or not 1 <= points.shape[1] <= 3 or points.dtype.kind not in "fiu":
         raise ReadError(f"{path}: its points have no coordinates x, y, z; write the mesh again")
     xyz = np.zeros((len(points), 3))
@@ -44,7 +46,11 @@ def _mesh_geometry(path: Path) -> Geometry:
     rounding = coordinate_rounding(xyz)
     if points.dtype == np.float32:
         rounding = max(rounding, float(np.abs(xyz).max(initial=0.0)) * SINGLE)
-    return Geometry.of_mesh(path, Nodes.in_basic(np.arange(1, len(xyz) + 1), xyz, rounding))
+    named = {str(name): np.asarray(arrays[f"set {k}"], np.int64) + 1 for k, name in enumerate(arrays["names"])}
+    if any(ids.min() < 1 or ids.max() > len(xyz) for ids in named.values()):
+        raise ReadError(f"{path}: a set names a point that is not there; write the mesh again")
+    mesh = Geometry.of_mesh(path, Nodes.in_basic(np.arange(1, len(xyz) + 1), xyz, rounding))
+    return replace(mesh, node_sets=named)
 
 
 def _mesh_cells(path: Path) -> Cells:
@@ -67,7 +73,7 @@ def _mesh_cells(path: Path) -> Cells:
 
 
 def _arrays(path: Path) -> Arrays:
-    """Points, and cells by number and kind, as meshio reads them in a process of its own."""
+    """Points, cells by number and kind, and named sets, as meshio reads them in a process of its own."""
     if path.suffix.lower() in _NASTRAN_SUFFIXES:
         raise ReadError(f"{path}: neither a NASTRAN deck (no GRID card) nor a mesh")
     size = path.stat().st_size
