@@ -72,11 +72,11 @@ def expanded_places(
 
     Notes
     -----
-    Elements that share an expanded node share a normal, the mean of theirs. CalculiX makes a set of nodes for each
-    normal where they differ, and ties these to the node by a knot.
+    The axes at a node are the means of those of its elements: the normals of shells, the tangents and second axes of
+    beams. Where these differ too much, CalculiX makes nodes for each normal and ties them to the node by a knot.
     """
     sections = _sections(deck, sets)
-    normals: dict[int, list[Array]] = {}
+    axes: dict[int, list[Array]] = {}
     of: dict[int, tuple[int, ExpandedElement, tuple[int, ...]]] = {}
     for element in expansion.elements:
         missing = [node for node in element.nodes if node not in places]
@@ -86,16 +86,16 @@ def expanded_places(
                 f"{expansion.path}: element {element.number}: {lack} in {deck[0].path}; both must be of one job"
             )
         xyz = np.array([places[node] for node in element.nodes])
-        for node, ids, normal in zip(element.nodes, element.became, _directions(element, xyz), strict=True):
-            normals.setdefault(ids[0], []).append(normal)
+        section = sections[element.number]
+        for node, ids, direction in zip(element.nodes, element.became, _directions(element, xyz), strict=True):
+            axes.setdefault(ids[0], []).append(_axes(section, direction))
             of.setdefault(ids[0], (node, element, ids))
             if len(ids) > len(of[ids[0]][2]):
                 of[ids[0]] = (node, element, ids)
     out: Places = {}
     for first, (node, element, ids) in of.items():
-        mean = np.sum(normals[first], axis=0)
-        mean /= np.linalg.norm(mean)
-        at = np.asarray(places[node]) + _across(sections[element.number], mean, np.array(ids) - first, element.beam)
+        across = _across(sections[element.number], np.array(ids) - first, element.beam)
+        at = np.asarray(places[node]) + across @ _mean(np.sum(axes[first], axis=0))
         out |= {id: tuple(map(float, row)) for id, row in zip(ids, at, strict=True)}
     return out
 
@@ -113,17 +113,31 @@ def _directions(element: ExpandedElement, xyz: Array) -> Array:
     return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
 
 
-def _across(section: _Section, direction: Array, number: NDArray[np.int64], beam: bool) -> Array:
-    """Places of the expanded nodes of one node relative to it (k, 3); ``number`` counts them within the node."""
+def _axes(section: _Section, direction: Array) -> Array:
+    """Normal of a shell (1, 3), or tangent and second axis of a beam's section (2, 3), in one element."""
+    if not section.first_axis:
+        return direction[None]
+    second = np.cross(direction, section.first_axis)
+    return np.stack([direction, second / np.linalg.norm(second)])
+
+
+def _mean(summed: Array) -> Array:
+    """Axes of the thicknesses at a node, from the sums over its elements: a shell's normal, a beam's two axes."""
+    direction = summed[0] / np.linalg.norm(summed[0])
+    if len(summed) == 1:
+        return np.asarray(direction[None])
+    second = summed[1] - (summed[1] @ direction) * direction
+    second /= np.linalg.norm(second)
+    return np.stack([np.cross(second, direction), second])
+
+
+def _across(section: _Section, number: NDArray[np.int64], beam: bool) -> Array:
+    """Places of the expanded nodes of one node along the axes (k, 2 or 1); ``number`` counts them within the node."""
     t, offset = np.array(section.thickness), np.array(section.offset)
     if not beam:
-        return np.asarray(((number - (SHELL_NODES - 1) / 2) / 2 + offset[0])[:, None] * t[0] * direction)
-    first = np.array(section.first_axis)
-    first = first - (first @ direction) * direction
-    first /= np.linalg.norm(first)
-    axes = np.stack([first, np.cross(direction, first)])
+        return np.asarray(((number - (SHELL_NODES - 1) / 2) / 2 + offset)[:, None] * t)
     places = _SECTION * _ROUND if section.round else _SECTION
-    return np.asarray(((places[number] / 2 + offset) * t) @ axes)
+    return np.asarray((places[number] / 2 + offset) * t)
 
 
 def _sections(deck: Sequence[Block], sets: DeckSets) -> dict[int, _Section]:
