@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from cmsreduce.cli import main
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.linalg.eigen import rigid_body_modes
-from cmsreduce.mechanics import Tie, tie_nodes
+from cmsreduce.mechanics import Tie, places_by_stiffness, tie_nodes
 from cmsreduce.model import rigid_body_shapes
 from cmsreduce.pipeline.bodies import draft_body
 from cmsreduce.read import InterfaceSpec, MatrixSource, prove_row_order, read_body, read_geometry
@@ -79,13 +79,13 @@ def test_result_file_as_geometry(tmp_path, name):
 @pytest.mark.parametrize("geometry", ["bar.inp", "whole.frd"])
 @pytest.mark.parametrize("name", ["C3D8I", "S8R", "B31"])
 def test_tie_leaves_six_rigid_modes(tmp_path, name, geometry):
-    """A set of nodes, or its nodes, tied to one point; a node of a shell stands for the nodes that it became."""
+    """A node of a shell stands for the nodes that it became. A result file has coordinates of six digits."""
     deck = BODIES[name]()
     tip = [n for n in deck.nodes.values() if n in deck.at(0)]
     deck.nset("Hub", tip)
     solved(tmp_path, deck.text())
     spec = InterfaceSpec(set="hub") if geometry == "bar.inp" else InterfaceSpec(nodes=tuple(tip))
-    found = tie_nodes(read(tmp_path, geometry, interfaces={"hub": spec}), "hub", Tie("rigid"))
+    found = tie_nodes(places_by_stiffness(read(tmp_path, geometry, interfaces={"hub": spec})), "hub", Tie("rigid"))
     shapes = rigid_body_shapes(found.dofs, found.nodes)
     assert rigid_body_modes(found.K, found.M, shapes, found.stiffness_rounding, "bar").shape[1] == 6
 
