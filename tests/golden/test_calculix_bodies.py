@@ -110,6 +110,14 @@ def test_held_body_by_its_mesh_alone(tmp_path):
     np.testing.assert_allclose(draft.elastic_hz, hertz[0], rtol=1e-6)
 
 
+def test_expansion_of_an_earlier_job(tmp_path):
+    """CalculiX leaves the .12d of shells in the folder of a later job without any."""
+    solved(tmp_path, body("S8R", held=False))
+    hertz = solved(tmp_path, body("C3D8I", held=False))
+    assert (tmp_path / "bar.12d").stat().st_size
+    np.testing.assert_allclose(frequencies(read(tmp_path))[:4], hertz[6:10], rtol=1e-6)
+
+
 def test_messages(tmp_path):
     solved(tmp_path, body("S8R", held=False))
     (tmp_path / "bar.12d").unlink()

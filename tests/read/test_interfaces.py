@@ -91,3 +91,13 @@ def test_rows_of_an_interface_follow_its_nodes(space_frame: Callable[..., FEMode
     face = resolve_interface("frame", "root", InterfaceSpec(nodes=(40, 3), dofs="13"), body.dofs, body.nodes, {})
     rows = space_frame(interfaces={"root": face}).interface_rows("root")
     assert [body.dofs.labels[row] for row in rows] == ["40.1", "40.3", "3.1", "3.3"]
+
+
+def test_sets_of_nodes() -> None:
+    """Capitals do not matter; nodes that a node of a shell became stand for it; a dof set of the same name wins."""
+    named = {"HUB": np.array([7, 40]), "Two": np.array([3]), "two": np.array([7]), "b": np.array([55])}
+    for name, nodes in (("hub", [7, 3]), ("Two", [3]), ("b", [7, 3])):
+        found = resolve_interface("boom", "root", InterfaceSpec(set=name), DOFS, NODES, SETS, named, {40: (2, 3)})
+        assert found.node.tolist() == nodes
+    with pytest.raises(SceneError, match=r"no set 'TWO' \(dof sets: b \(4\), q \(1\); sets of nodes: HUB \(2\), "):
+        resolve_interface("boom", "root", InterfaceSpec(set="TWO"), DOFS, NODES, SETS, named)

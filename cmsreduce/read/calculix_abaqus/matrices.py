@@ -157,19 +157,19 @@ def read_dof_list(path: Path) -> DofTable:
     if not node:
         raise ReadError(f"{path}: the dof list is empty; it needs one node.component for each row of the matrix")
     nodes, components = np.array(node, dtype=np.int64), np.array(component, dtype=np.int64)
-    expansion = expansion_beside(path)
+    repeated = len(np.unique(np.column_stack([nodes, components]), axis=0)) < len(nodes)
+    # Without shells and beams CalculiX leaves the expansion of an earlier job where it is.
+    expansion = expansion_beside(path) if repeated else None
     if expansion is not None:
         nodes, components = expansion.relabelled(nodes, components)
     try:
         return DofTable(nodes, components.astype(np.int8))
     except (DofMapError, OverflowError) as error:
-        labels = np.column_stack([nodes, components])
-        repeated = expansion is None and len(np.unique(labels, axis=0)) < len(labels)
         hint = (
             f". CalculiX repeats the dofs of shells and beams, and writes the nodes that they became to "
             f"{path.with_suffix('.12d').name}: put that file beside the list"
         )
-        raise ReadError(f"{path}: {error}{hint if repeated else ''}") from error
+        raise ReadError(f"{path}: {error}{hint if repeated and expansion is None else ''}") from error
 
 
 def dof_list_beside(path: Path) -> Path | None:

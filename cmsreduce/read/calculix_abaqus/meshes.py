@@ -177,6 +177,9 @@ def _with_rows(path: Path, deck: list[Block], nodes: Coordinates) -> Geometry:
     held = supports(deck, sets, turning)
     rounding = coordinate_rounding(np.array(list(nodes.values())))
     expansion = expansion_beside(path)
+    if expansion is not None and any(sets.topology.get(each.number) != each.nodes for each in expansion.elements):
+        # Without shells and beams CalculiX leaves the expansion of an earlier job where it is.
+        expansion = None
     gone = set(turning)
     if expansion is not None:
         made = expanded_places(deck, nodes, sets, expansion)
