@@ -68,7 +68,7 @@ def test_the_frame_is_the_first_node_s_or_the_user_s() -> None:
         (InterfaceSpec(nodes=(900,)), "900 is a scalar point"),
         (InterfaceSpec(nodes=(3,), dofs="123"), "node 3 has no dof 3 in the matrices, it has 125"),
         (InterfaceSpec(nodes=(3,), dofs="17"), "'17' names no dofs"),
-        (InterfaceSpec(set="c"), r"no dof set 'c' \(it has: b \(4\), q \(1\)\)"),
+        (InterfaceSpec(set="c"), r"no set 'c' \(dof sets: b \(4\), q \(1\); sets of nodes: none\)"),
         (InterfaceSpec(set="q"), "set 'q' holds scalar dofs only"),
         (InterfaceSpec(set="b", dofs="3"), "node 7 has no dof 3 in set 'b'"),
         (InterfaceSpec(), "either `node:`"),

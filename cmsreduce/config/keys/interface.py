@@ -219,7 +219,7 @@ class InterfaceKeys(Keys):
             if self.weights is not None:
                 raise ValueError("only an average tie has weights: add `tie: average`, or take `weights` out")
             return self
-        exactly_one(self, ("node", "nodes", "set"), f"nodes to tie (`tie: {self.tie}`)")
+        exactly_one(self, ("node", "nodes", "set"), f"`tie: {self.tie}`")
         if self.tie == "rigid" and self.weights is not None:
             raise ValueError("a rigid tie has no weights: take them out, or use `tie: average`")
         if self.tie == "average" and self.dofs is not None:
