@@ -94,7 +94,7 @@ def test_tie_leaves_six_rigid_modes(tmp_path, name, geometry):
 def test_from_new_to_run(tmp_path, monkeypatch, name, held):
     hertz = solved(tmp_path, body(name, held))
     monkeypatch.chdir(tmp_path)
-    for command in (["new", "bar1", "bar.sti", "bar.mas", "bar.inp"], ["run", "bar1.yaml"]):
+    for command in (["new", "bar1", *(f"bar.{end}" for end in ("sti", "mas", "dof", "inp"))], ["run", "bar1.yaml"]):
         done = CliRunner().invoke(main, command)
         assert done.exit_code == 0, done.output
     found = json.loads((tmp_path / "build/bar1/summary.json").read_text())["components"]["bar1"]["frequencies_hz"]

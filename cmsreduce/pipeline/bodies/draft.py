@@ -59,6 +59,11 @@ def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
         return _checked(
             name, BodyDraft((stem.with_suffix(".op4"), "KXX"), (stem.with_suffix(".op4"), "MXX"), extseout=stem)
         )
+    # CalculiX writes lists beside its matrices, which are read with them.
+    beside = {
+        path.with_suffix(suffix) for path in files if path.suffix.lower() == ".sti" for suffix in (".dof", ".12d")
+    }
+    files = [path for path in files if path not in beside]
     matrices = [(path, info.name) for path in files if _holds_matrices(path) for info in matrix_names(path)]
     shapes = [path for path in files if not _holds_matrices(path)]
     if len(shapes) > 1:
