@@ -155,6 +155,8 @@ _CHOICE = "all dofs it has, or {nodes: [7, 8], dofs: 123}, {set: b}, {near: [x, 
 # In multiples of the first elastic frequency: below that frequency, a rigid body would be enough.
 _BAND_OF_FIRST_MODE = 5.0
 _UNKNOWN_BAND = "10 Hz"
+_FREE = "# grounded: true                      # if the matrices hold the body to the ground"
+_GROUNDED = "grounded: true                        # CHECK: the matrices hold the body to the ground"
 
 
 @dataclass(frozen=True)
@@ -302,7 +304,7 @@ def _band(drafts: Sequence[BodyDraft]) -> tuple[str, str]:
     known = [draft.elastic_hz for draft in drafts if draft.elastic_hz is not None]
     if not known:
         return "", _UNKNOWN_BAND
-    one = "the free body" if len(drafts) == 1 else "a free body"
+    one = "the body" if len(drafts) == 1 else "a body"
     # Two digits without an exponent, because users edit this number.
     band = f"{float(f'{_BAND_OF_FIRST_MODE * min(known):.2g}'):g} Hz"
     return f"; the first elastic mode of {one} is at {min(known):.4g} Hz", band

@@ -20,6 +20,7 @@ from cmsreduce.mechanics.hidden_motion import condensed_dofs, hidden_motion
 from cmsreduce.mechanics.integrator_steps import ACCURACIES, INTEGRATORS, advised_steps, numerical_damping
 from cmsreduce.mechanics.lumped_mass import lumped_mass, moves_generalised, untied_body
 from cmsreduce.mechanics.modal_integrals import energies, modal_integrals, rigid_mass, spinning_modes
+from cmsreduce.mechanics.places import places_by_stiffness
 from cmsreduce.mechanics.ties import Tie, tie_nodes
 from cmsreduce.mechanics.undetermined import Determined, check_connected, hold_undetermined
 
@@ -51,6 +52,7 @@ __all__ = [
     "refuse_overdamped",
     "rigid_mass",
     "spinning_modes",
+    "places_by_stiffness",
     "tie_nodes",
     "untied_body",
     "without_drag",

@@ -104,6 +104,12 @@ class Determined:
         text += _listed(self.held)
         return text + "".join(f"; interface '{name}' loses {_listed(labels)}" for name, labels in self.lost)
 
+    @property
+    def moved(self) -> NDArray[np.bool_]:
+        """Rows of the body that an undetermined motion moves (n,)."""
+        size = abs(self.motions).max(axis=1, initial=0.0)
+        return np.asarray(size > _AT_REST * size.max(initial=0.0))
+
     def check_untouched(self, rows: sp.csr_array, what: str) -> None:
         """Refuse actuators, sensors and loads along an undetermined motion.
 

@@ -175,7 +175,9 @@ def _geometry(path: Path) -> Inspected:
         rows.append(InspectedLine(f"{turned} nodes with a displacement frame of their own"))
         data |= {"from": low.tolist(), "to": high.tolist(), "own_frames": turned}
     rows += [InspectedLine(f"{len(table)} dofs", f"set {name}") for name, table in sets.items()]
-    return Inspected(rows, {**data, "sets": {name: len(table) for name, table in sets.items()}})
+    named = {name: len(ids) for name, ids in geometry.node_sets.items()}
+    rows += [InspectedLine(f"{count} nodes", f"set {name}") for name, count in named.items()]
+    return Inspected(rows, {**data, "sets": {name: len(table) for name, table in sets.items()}, "node_sets": named})
 
 
 def _bodies(path: Path) -> Inspected:

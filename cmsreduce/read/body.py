@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from cmsreduce.errors import DofMapError, MatrixError
-from cmsreduce.model import SI, Damping, DofTable, FEModel, Source, Units, rounding_of_values
+from cmsreduce.model import SCALAR, SI, Damping, DofTable, FEModel, Source, Units, rounding_of_values
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import NODE_ROWS, Geometry
 from cmsreduce.read.geometry import read_geometry
@@ -20,6 +21,12 @@ from cmsreduce.read.nastran import SET_NAMES
 from cmsreduce.read.row_order import prove_row_order
 
 __all__ = ["read_body"]
+
+_TRANSLATIONS = 3
+_LAST_NUMBERS = (
+    ". Rows with numbers beyond those of the geometry were taken as dofs inside elements; a rigid body (*RIGID BODY, "
+    "*COUPLING) has such rows too, and then the geometry must be the .inp file"
+)
 
 
 # Rows that a program leaves out of its matrices without a card in the deck, by the format of the matrices.
@@ -87,7 +94,7 @@ def read_body(
     shape = None if geometry is None else read_geometry(Path(geometry))
     set_name, dof_list = _set_or_list(rows, shape)
     matrices = {
-        kind: read_matrix(Path(source.path), source.matrix, source.format, dof_list)
+        kind: _in_terms_of(shape, read_matrix(Path(source.path), source.matrix, source.format, dof_list))
         for kind, source in {"stiffness": stiffness, "mass": mass, "damping": damping_matrix}.items()
         if source is not None
     }
@@ -103,7 +110,8 @@ def read_body(
         found = {label: table.rows(one.node, one.component) for label, one in given.items()}
         # A set counts if all its dofs have rows.
         sets = {label: rows for label, rows in found.items() if rows.size and (rows >= 0).all()}
-        resolved = {face: resolve_interface(name, face, spec, table, nodes, sets) for face, spec in named.items()}
+        also = (shape.node_sets, shape.expanded) if shape is not None else ()
+        resolved = {face: resolve_interface(name, face, one, table, nodes, sets, *also) for face, one in named.items()}
         return FEModel(
             name,
             K.A,
@@ -132,7 +140,13 @@ def read_body(
                     dofs = table
                     break
     body = build(dofs, interfaces or {})
-    return prove_row_order(body).estimated(body)
+    try:
+        return prove_row_order(body).estimated(body)
+    except DofMapError as error:
+        beyond = (
+            _LAST_NUMBERS if matrices["stiffness"].format == "calculix" and (dofs.component == SCALAR).any() else ""
+        )
+        raise DofMapError(f"{error}{beyond}") from error
 
 
 def _set_or_list(rows: Path | str | None, geometry: Geometry | None) -> tuple[str | None, Path | None]:
@@ -143,6 +157,24 @@ def _set_or_list(rows: Path | str | None, geometry: Geometry | None) -> tuple[st
     # A word that is no file is a misspelt set; the geometry then lists the sets that exist.
     word = geometry is not None and rows.isidentifier() and not Path(rows).exists()
     return (rows, None) if named or word else (None, Path(rows))
+
+
+def _in_terms_of(geometry: Geometry | None, matrix: LabelledMatrix) -> LabelledMatrix:
+    """The matrix with the dofs that its labels mean in a geometry.
+
+    CalculiX labels rotations as components 1..3 of a number of their own. It numbers the dofs that it adds inside
+    elements after all nodes of the deck; they are scalar.
+    """
+    if geometry is None or matrix.dofs is None or matrix.format != "calculix" or not len(geometry.nodes):
+        return matrix
+    node, component = matrix.dofs.node.copy(), matrix.dofs.component.copy()
+    for turn, of in geometry.turning.items():
+        rows = np.flatnonzero((matrix.dofs.node == turn) & (component > SCALAR) & (component <= _TRANSLATIONS))
+        node[rows], component[rows] = of, component[rows] + _TRANSLATIONS
+    inner = np.flatnonzero((component > SCALAR) & (node > max(geometry.nodes.id.max(), *geometry.turning, 0)))
+    component[inner] = SCALAR
+    node[inner] = node.max(initial=0) + 1 + np.arange(inner.size)
+    return replace(matrix, dofs=DofTable(node, component))
 
 
 def _constrained(dofs: DofTable, geometry: Geometry | None) -> DofTable | None:

@@ -158,6 +158,12 @@ class Geometry:
         Files read.
     remarks : tuple of str
         Parts of the deck that were not understood.
+    node_sets : mapping of str to (k,) int64
+        Nodes of the sets of nodes that the file names, in its order.
+    expanded : mapping of int to (tuple of int)
+        Nodes that a node of a shell or a beam became where the solver makes solids of them.
+    turning : mapping of int to int
+        Node by the number under which its rotations have rows: these are labelled with components 1..3.
     """
 
     path: Path
@@ -167,6 +173,9 @@ class Geometry:
     constrained: DofTable | None = None
     files: tuple[Path, ...] = ()
     remarks: tuple[str, ...] = ()
+    node_sets: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
+    expanded: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+    turning: Mapping[int, int] = field(default_factory=dict)
 
     @classmethod
     def of_mesh(cls, path: Path, nodes: Nodes) -> Geometry:

@@ -17,6 +17,7 @@ __all__ = ["InterfaceSpec", "MatrixSource", "Nearby", "resolve_interface"]
 Digits = str | tuple[int, ...] | None
 
 _TRANSLATIONS = 3
+_MOTIONS = np.arange(1, 7)
 # Nodes that a message suggests in place of an unknown one.
 _NEAREST = 3
 # Positions that differ by less than this share of the body's size are the same coordinate, for the order of nodes.
@@ -67,7 +68,7 @@ class Nearby:
 
 @dataclass(frozen=True, eq=False)
 class InterfaceSpec:
-    """An interface as the user names it: by nodes, by a dof set, or by position.
+    """An interface as the user names it: by nodes, by a set, or by position.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ class InterfaceSpec:
     dofs : str or tuple of int, optional
         Components 1..6 that every node must have; by default all of 123456 that a node has.
     set : str, optional
-        Dof set of the geometry instead of nodes, such as ``b``.
+        Dof set of the geometry instead of nodes, such as ``b``, or a set of nodes.
     frame : (3, 3) float64, optional
         Axes as rows, in basic; by default the displacement frame of the first node.
     near : Nearby, optional
@@ -97,6 +98,8 @@ def resolve_interface(
     dofs: DofTable,
     nodes: Nodes | None,
     sets: Mapping[str, NDArray[np.int64]],
+    node_sets: Mapping[str, NDArray[np.int64]] | None = None,
+    expanded: Mapping[int, tuple[int, ...]] | None = None,
 ) -> Interface:
     """Find the nodes and components of an interface.
 
@@ -112,6 +115,10 @@ def resolve_interface(
         Its geometry; without it positions are zero and axes basic.
     sets : mapping of str to (k,) int64
         Rows of its dof sets.
+    node_sets : mapping of str to (k,) int64, optional
+        Nodes of the sets of nodes of its geometry.
+    expanded : mapping of int to (tuple of int), optional
+        Nodes that a node of a shell or a beam became; they stand for it where it has no rows of its own.
 
     Returns
     -------
@@ -125,10 +132,15 @@ def resolve_interface(
     where = f"body '{body}', interface '{name}'"
     if sum(given is not None for given in (spec.nodes, spec.set, spec.near)) != 1:
         raise SceneError(f"{where}: give either `node:` (or `nodes:`), `set:` or `near:`")
-    if spec.set is not None:
-        members, components = _of_set(where, spec.set, spec.dofs, dofs, sets)
+    named = spec.nodes
+    if spec.near is not None:
+        named = _nearby(where, spec.near, dofs, nodes)
+    elif spec.set is not None and spec.set not in sets:
+        named = _node_set(spec.set, node_sets or {})
+    if spec.set is not None and named is None:
+        members, components = _of_set(where, spec.set, spec.dofs, dofs, sets, node_sets or {})
     else:
-        members = tuple(spec.nodes or ()) if spec.near is None else _nearby(where, spec.near, dofs, nodes)
+        members = tuple(one for node in named or () for one in _standing_for(node, dofs, expanded or {}))
         components = tuple(_components(where, node, spec.dofs, dofs, nodes) for node in members)
     if not members:
         raise SceneError(f"{where}: it has no nodes")
@@ -175,13 +187,35 @@ def _nearby(where: str, near: Nearby, dofs: DofTable, nodes: Nodes | None) -> tu
     return tuple(ids[found[np.lexsort((ids[found], *steps.T[::-1]))]].tolist())
 
 
+def _node_set(name: str, node_sets: Mapping[str, NDArray[np.int64]]) -> tuple[int, ...] | None:
+    """Nodes of a set by its name; capitals do not matter unless two names differ in them only."""
+    alike = [name] if name in node_sets else [label for label in node_sets if label.lower() == name.lower()]
+    return tuple(node_sets[alike[0]].tolist()) if len(alike) == 1 else None
+
+
+def _standing_for(node: int, dofs: DofTable, expanded: Mapping[int, tuple[int, ...]]) -> list[int]:
+    """The node itself if it has rows, else the nodes with rows that it became."""
+    if node not in expanded or (dofs.rows(node, _MOTIONS) >= 0).any():
+        return [node]
+    return [one for one in expanded[node] if (dofs.rows(one, _MOTIONS) >= 0).any()] or [node]
+
+
 def _of_set(
-    where: str, name: str, digits: Digits, dofs: DofTable, sets: Mapping[str, NDArray[np.int64]]
+    where: str,
+    name: str,
+    digits: Digits,
+    dofs: DofTable,
+    sets: Mapping[str, NDArray[np.int64]],
+    node_sets: Mapping[str, NDArray[np.int64]],
 ) -> tuple[tuple[int, ...], tuple[tuple[int, ...], ...]]:
     """Nodes of a dof set in order of their rows, and their components in it."""
     if name not in sets:
         known = ", ".join(f"{key} ({rows.size})" for key, rows in sets.items()) or "none"
-        raise SceneError(f"{where}: the body has no dof set '{name}' (it has: {known}); name nodes instead")
+        named = ", ".join(f"{key} ({nodes.size})" for key, nodes in node_sets.items()) or "none"
+        raise SceneError(
+            f"{where}: the body has no set '{name}' (dof sets: {known}; sets of nodes: {named}); name one of these, or "
+            "nodes"
+        )
     rows = sets[name]
     rows = rows[dofs.component[rows] != SCALAR]
     members = tuple(dict.fromkeys(int(node) for node in dofs.node[rows]))
@@ -208,7 +242,7 @@ def _digits(where: str, digits: str | tuple[int, ...]) -> tuple[int, ...]:
 
 def _components(where: str, node: int, digits: Digits, dofs: DofTable, nodes: Nodes | None) -> tuple[int, ...]:
     """Components of a node that belong to the interface: those that the user names, or all of the node."""
-    has = sorted(int(c) for c in dofs.component[dofs.node == node])
+    has = np.flatnonzero(dofs.rows(node, np.arange(1 + _MOTIONS.size)) >= 0).tolist()
     if not has:
         raise SceneError(f"{where}: {_absent(node, dofs, nodes)}")
     if has == [SCALAR]:

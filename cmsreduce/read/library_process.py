@@ -31,7 +31,40 @@ def mesh(path: str, format: str | None = None) -> Arrays:
 
     found = meshio.read(path, format)
     cells = {f"{number} {block.type}": np.asarray(block.data) for number, block in enumerate(found.cells)}
-    return {"points": np.asarray(found.points), **cells}
+    named = named_points(found)
+    sets = {f"set {number}": ids for number, ids in enumerate(named.values())}
+    return {"points": np.asarray(found.points), "names": np.array(list(named), dtype=str), **cells, **sets}
+
+
+def named_points(mesh: Any) -> dict[str, Any]:
+    """Points by the name of their set, from 0: sets of points and of cells, physical groups, families of MED."""
+    import numpy as np
+
+    found: dict[str, list[Any]] = {}
+    for name, ids in mesh.point_sets.items():
+        found.setdefault(name, []).append(ids)
+    for name, chosen in mesh.cell_sets.items():
+        for block, cells in zip(mesh.cells, chosen, strict=False):
+            if cells is not None and not name.startswith("gmsh:"):
+                found.setdefault(name, []).append(block.data[np.asarray(cells, dtype=np.int64)])
+    for number, block in enumerate(mesh.cells):
+        for key, names in _cell_tags(mesh, block.dim):
+            if key in mesh.cell_data:
+                tags = np.asarray(mesh.cell_data[key][number])
+                for tag, labels in names.items():
+                    for label in labels:
+                        found.setdefault(label, []).append(block.data[tags == tag])
+    for tag, labels in getattr(mesh, "point_tags", {}).items():
+        for label in labels:
+            found.setdefault(label, []).append(np.flatnonzero(mesh.point_data["point_tags"] == tag))
+    joined = {name: np.concatenate([np.ravel(part) for part in parts]) for name, parts in found.items()}
+    return {name: np.unique(ids.astype(np.int64)) for name, ids in joined.items() if ids.size}
+
+
+def _cell_tags(mesh: Any, dim: int) -> list[tuple[str, dict[int, list[str]]]]:
+    """Keys of cell data that hold tags, with the names of each tag: of gmsh, by dimension, and of MED."""
+    physical = {int(tag): [name] for name, (tag, of, *_) in mesh.field_data.items() if of == dim}
+    return [("gmsh:physical", physical), ("cell_tags", getattr(mesh, "cell_tags", {}))]
 
 
 def ansys_nodes(path: str) -> Arrays:

@@ -58,10 +58,11 @@ MISTAKES = {
         "nodes: [7, 8, 9], dofs: 123", "nodes: [7, 8, 9], tie: rigit", 0,
         "key 'components.stator.interfaces.platform_hinge.tie': found the text 'rigit', did you mean 'rigid'?"),
     "tie without nodes": (
-        "{nodes: [7, 8, 9], dofs: 123}", "{node: 7, tie: rigid}", 0,
-        "key 'components.stator.interfaces.platform_hinge': `tie: rigid` ties a list of nodes: name them by `nodes:"),
-    "tie of a set": (
-        "{nodes: [7, 8, 9], dofs: 123}", "{set: b, tie: average}", 0, "`tie: average` ties a list of nodes"),
+        "{nodes: [7, 8, 9], dofs: 123}", "{position: [0, 0, 1], tie: rigid}", 0,
+        "key 'components.stator.interfaces.platform_hinge': `tie: rigid` takes one of node, nodes, set"),
+    "weights of a set": (
+        "{nodes: [7, 8, 9], dofs: 123}", "{set: b, tie: average, weights: [1, 2]}", 0,
+        "weights belong to a list of nodes"),
     "weights of a rigid tie": (
         "nodes: [7, 8, 9], dofs: 123", "nodes: [7, 8, 9], tie: rigid, weights: [1, 2, 1]", 0,
         "a rigid tie has no weights"),

@@ -13,6 +13,7 @@ from cmsreduce.errors import WriteError
 from cmsreduce.mechanics import rigid_mass
 from cmsreduce.model import rigid_body_shapes
 from cmsreduce.pipeline import Run, Silent, execute, inspected
+from cmsreduce.pipeline.bodies import draft_body
 from cmsreduce.verify import rigid_mass_properties
 from cmsreduce.write import convert, read_component
 
@@ -277,6 +278,12 @@ def test_calculix_body_and_its_integrals(shared_data: Path, opened: Opened, tmp_
         elastic = slice(file["modes"].attrs["rigid_count"], None)
         for name in ("int_phi", "int_r_x_phi"):
             assert abs(integrals[name][:, elastic]).max() < 1e-7 * abs(integrals[name][()]).max()
+
+
+def test_abaqus_files_by_their_own_names(shared_data: Path) -> None:
+    files = [shared_data / "abaqus_c3d10" / f"blockC3D10{end}" for end in (".inp", "_MASS1.mtx", "_STIF1.mtx")]
+    draft = draft_body("block", files)
+    assert (draft.stiffness[0], draft.mass[0], draft.remark) == (files[2], files[1], "")
 
 
 def test_abaqus_c3d10_is_free(shared_data: Path, opened: Opened) -> None:

@@ -280,3 +280,26 @@ def test_med_is_a_mesh_and_no_file_of_matlab(tmp_path: Path, suffix: str) -> Non
     assert read_cells(path)["tetra"].tolist() == [[7, 3, 5, 9] if suffix == ".rmed" else [1, 2, 3, 4]]
     with pytest.raises(ReadError, match="this is a MED file"):
         detect_format(path)
+
+
+@pytest.mark.parametrize("suffix", ["gmsh22", "inp", "med"])
+def test_sets_of_nodes_in_meshes(tmp_path: Path, suffix: str) -> None:
+    """Physical groups of gmsh, node sets of Abaqus and families of MED."""
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    cells = [("tetra", np.array([[0, 1, 2, 3]])), ("triangle", np.array([[0, 2, 1]]))]
+    path = tmp_path / f"mesh.{suffix.replace('gmsh22', 'msh')}"
+    if suffix == "gmsh22":
+        tags = {key: [np.array([1]), np.array([7])] for key in ("gmsh:physical", "gmsh:geometrical")}
+        # A volume and a surface may have one number.
+        named = {"BODY": np.array([1, 3]), "HUB": np.array([7, 2]), "OTHER": np.array([7, 3])}
+        meshio.write(path, meshio.Mesh(points, cells, cell_data=tags, field_data=named), file_format="gmsh22")
+    elif suffix == "inp":
+        meshio.write(path, meshio.Mesh(points, cells[:1], point_sets={"HUB": np.array([0, 1, 2])}))
+    else:
+        mesh = meshio.Mesh(points, cells, cell_data={"cell_tags": [np.array([-1]), np.array([-2])]})
+        mesh.point_tags, mesh.cell_tags = {}, {-1: ["BODY"], -2: ["HUB"]}
+        meshio.write(path, mesh)
+    sets = read_geometry(path).node_sets
+    assert sets["HUB"].tolist() == [1, 2, 3]
+    assert suffix == "inp" or sets["BODY"].tolist() == [1, 2, 3, 4]
+    assert "OTHER" not in sets

@@ -68,7 +68,7 @@ def test_the_frame_is_the_first_node_s_or_the_user_s() -> None:
         (InterfaceSpec(nodes=(900,)), "900 is a scalar point"),
         (InterfaceSpec(nodes=(3,), dofs="123"), "node 3 has no dof 3 in the matrices, it has 125"),
         (InterfaceSpec(nodes=(3,), dofs="17"), "'17' names no dofs"),
-        (InterfaceSpec(set="c"), r"no dof set 'c' \(it has: b \(4\), q \(1\)\)"),
+        (InterfaceSpec(set="c"), r"no set 'c' \(dof sets: b \(4\), q \(1\); sets of nodes: none\)"),
         (InterfaceSpec(set="q"), "set 'q' holds scalar dofs only"),
         (InterfaceSpec(set="b", dofs="3"), "node 7 has no dof 3 in set 'b'"),
         (InterfaceSpec(), "either `node:`"),
@@ -134,3 +134,13 @@ def test_two_nodes_that_are_equally_near() -> None:
         near(0.003, 0.003, 0.1, within=0.0035, nearest=True)
     with pytest.raises(SceneError, match="`near:` needs coordinates"):
         resolve_interface("boom", "root", InterfaceSpec(near=Nearby((0, 0, 0), 1.0)), ROW, None, {})
+
+
+def test_sets_of_nodes() -> None:
+    """Capitals do not matter; nodes that a node of a shell became stand for it; a dof set of the same name wins."""
+    named = {"HUB": np.array([7, 40]), "Two": np.array([3]), "two": np.array([7]), "b": np.array([55])}
+    for name, nodes in (("hub", [7, 3]), ("Two", [3]), ("b", [7, 3])):
+        found = resolve_interface("boom", "root", InterfaceSpec(set=name), DOFS, NODES, SETS, named, {40: (2, 3)})
+        assert found.node.tolist() == nodes
+    with pytest.raises(SceneError, match=r"no set 'TWO' \(dof sets: b \(4\), q \(1\); sets of nodes: HUB \(2\), "):
+        resolve_interface("boom", "root", InterfaceSpec(set="TWO"), DOFS, NODES, SETS, named)

@@ -178,7 +178,12 @@ class InterfaceKeys(Keys):
     nodes: Annotated[tuple[NodeId, ...], Field(min_length=1), AfterValidator(_distinct)] | None = Field(
         default=None, description="Several node ids; a joint pairs them in this order.", examples=[[7, 8, 9]]
     )
-    set: Plain | None = Field(default=None, description="Dof set of the source, such as b.", examples=["b"])
+    set: Plain | None = Field(
+        default=None,
+        description="Dof set of the source, such as b, or a set of nodes that the geometry names (*NSET, physical "
+        "group, point set).",
+        examples=["b"],
+    )
     position: Vector | None = Field(
         default=None,
         description="Point of a rigid body, or point to which nodes are tied (by default their centroid), in the "
@@ -210,9 +215,9 @@ class InterfaceKeys(Keys):
     )
     tie: Literal["rigid", "average"] | None = Field(
         default=None,
-        description="Ties the nodes to one point with dofs 123456, which is then the interface. rigid: the nodes move "
-        "with the point as one rigid piece (RBE2); average: the point follows the mean motion of the nodes and adds no "
-        "stiffness (RBE3).",
+        description="Ties the nodes or the set to one point with dofs 123456, which is then the interface. rigid: the "
+        "nodes move with the point as one rigid piece (RBE2); average: the point follows the mean motion of the nodes "
+        "and adds no stiffness (RBE3).",
     )
     weights: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = Field(
         default=None,
@@ -231,14 +236,13 @@ class InterfaceKeys(Keys):
             if self.weights is not None:
                 raise ValueError("only an average tie has weights: add `tie: average`, or take `weights` out")
             return self
-        if len(self.given(("nodes", "near"))) != 1 or self.node is not None or self.set is not None:
-            raise ValueError(f"`tie: {self.tie}` ties a list of nodes: name them by `nodes: [...]` or `near:` alone")
-        if self.weights is not None and self.nodes is None:
-            raise ValueError("weights belong to a list of nodes: name them by `nodes: [...]`, or take `weights` out")
+        exactly_one(self, ("node", "nodes", "set", "near"), f"`tie: {self.tie}`")
         if self.tie == "rigid" and self.weights is not None:
             raise ValueError("a rigid tie has no weights: take them out, or use `tie: average`")
         if self.tie == "average" and self.dofs is not None:
             raise ValueError("an average tie uses the translations of the nodes: take `dofs` out, or use `tie: rigid`")
+        if self.weights is not None and self.nodes is None:
+            raise ValueError("weights belong to a list of nodes: name them by `nodes: [...]`, or take `weights` out")
         if self.weights is not None and self.nodes is not None and len(self.weights) != len(self.nodes):
             raise ValueError(f"{len(self.nodes)} nodes need as many weights, found {len(self.weights)}")
         return self

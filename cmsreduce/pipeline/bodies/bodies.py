@@ -16,7 +16,7 @@ from cmsreduce.assemble import Ports, body_points, body_ports, modal_substructur
 from cmsreduce.config import EXTSEOUT_NAMES, Component, InterfaceKeys, Pipeline
 from cmsreduce.errors import DofMapError, SceneError
 from cmsreduce.linalg.eigen import motions_held, only_motions, rigid_body_modes
-from cmsreduce.mechanics import Determined, Tie, check_connected, hold_undetermined, tie_nodes
+from cmsreduce.mechanics import Determined, Tie, check_connected, hold_undetermined, places_by_stiffness, tie_nodes
 from cmsreduce.model import (
     Damping,
     FEModel,
@@ -57,6 +57,7 @@ __all__ = ["FlexibleBody", "copy_of", "probing_loads", "read_flexible", "read_ri
 _THOROUGH = 3000
 # Below this number of dofs a search for mechanisms costs less than the proof that there are none.
 _LARGE = 2000
+_FREE = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,9 +159,11 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     part = pipeline.components[name]
     as_read, unproven = _as_read(name, part, part.units_in(scene.units))
     # The rows are proven on the matrices as they are read; ties and units change them.
-    proof, order, tied = prove_row_order(as_read), prove_mass_order(as_read), _tied(as_read, part)
+    proof, order = prove_row_order(as_read), prove_mass_order(as_read)
     if unproven:
         proof = RowOrderProof("labelled", remark=unproven)
+    free = proof.status == "proven" and proof.motions == _FREE
+    tied = _tied(as_read, part, free)
     converted = in_units(tied, scene.units)
     # One factorisation proves that a large body has stiffness and mass in every motion but its rigid ones.
     large = converted.n > _LARGE
@@ -352,7 +355,10 @@ def _interface(label: str, body: str, keys: InterfaceKeys, units: Units) -> Inte
     return InterfaceSpec(nodes, dofs, keys.set, None if keys.frame is None else keys.frame.rows(), near)
 
 
-def _tied(body: FEModel, part: Component) -> FEModel:
+def _tied(body: FEModel, part: Component, free: bool) -> FEModel:
+    """The body with its ties; those of a free body need the coordinates that its stiffness has."""
+    if free and any(keys.tie is not None for keys in part.interfaces.values()):
+        body = places_by_stiffness(body)
     for label, keys in part.interfaces.items():
         if keys.tie is not None:
             position = None if keys.position is None else np.array(keys.position)

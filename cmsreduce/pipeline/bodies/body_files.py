@@ -144,6 +144,9 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyFiles]:
 def _kinds(files: Sequence[Path]) -> dict[Path, FileKind]:
     """Kind of every file that is of use."""
     kinds: dict[Path, FileKind] = {}
+    # CalculiX writes lists beside its matrices, which are read with them.
+    beside = {path.with_suffix(end) for path in files if path.suffix.lower() == ".sti" for end in (".dof", ".12d")}
+    files = [path for path in files if path not in beside]
     for path in files:
         kind = file_kind(path)
         # A dof list is found beside its matrix.

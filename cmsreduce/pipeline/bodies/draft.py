@@ -8,11 +8,13 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.config import BodyDraft, Component, body_pipeline, scene_pipeline
 from cmsreduce.errors import CmsReduceError, DofMapError, ReadError
 from cmsreduce.linalg.eigen import rigid_body_modes
+from cmsreduce.linalg.sparse import factorise
 from cmsreduce.mechanics import hold_undetermined
 from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
 from cmsreduce.pipeline.bodies.body_files import BodyFiles, bodies_of_files, body_names
@@ -193,7 +195,9 @@ def _held(read: Callable[..., FEModel], refused: DofMapError) -> FEModel:
     try:
         body = read(grounded=True)
         proven = prove_row_order(body).status == "proven"
-    except DofMapError:
+        # A body that floats is refused for another reason than its supports.
+        proven = proven and (body.n > _QUICK or _free_motions(body).shape[1] < _FREE)
+    except CmsReduceError:
         proven = False
     if not proven:
         raise refused
@@ -269,19 +273,28 @@ def _placed(draft: BodyDraft, body: FEModel, *places: Place) -> BodyDraft:
 
 
 def _first_elastic(body: FEModel) -> float | None:
-    """First elastic frequency, per unit of time, of a body that floats and is small enough."""
-    assert body.nodes is not None
+    """First elastic frequency, per unit of time, of a body that is small enough."""
     if body.n > _QUICK:
         return None
     # The run holds what nothing moves, such as the directions that a boundary grid does not have.
-    body = hold_undetermined(body).body
+    determined = hold_undetermined(body).body
+    return _beside_rigid_motions(determined, _free_motions(determined))
+
+
+def _free_motions(body: FEModel) -> NDArray[np.float64]:
+    """Rigid motions (n, r) without force, orthonormal in M."""
     assert body.nodes is not None
     shapes = rigid_body_shapes(body.dofs, body.nodes)
-    if rigid_body_modes(body.K, body.M, shapes, body.stiffness_rounding, body.name).shape[1] != _FREE:
-        return None
-    return _beside_rigid_motions(body, shapes)
+    return rigid_body_modes(body.K, body.M, shapes, body.stiffness_rounding, body.name)
 
 
-@diagnostic("the first elastic frequency of '{}'", about=lambda body, shapes: body.name)
-def _beside_rigid_motions(body: FEModel, shapes: NDArray[np.float64]) -> float | None:
-    return rigid_motions(body, shapes).elastic_hz
+@diagnostic("the first elastic frequency of '{}'", about=lambda body, rigid: body.name)
+def _beside_rigid_motions(body: FEModel, rigid: NDArray[np.float64]) -> float | None:
+    if rigid.shape[1]:
+        return rigid_motions(body, rigid).elastic_hz
+    solve = factorise(body.K, what="the stiffness")
+    # The softest motion has the largest mass for its stiffness; reduced integration leaves motions without mass.
+    inverse = spla.LinearOperator(body.K.shape, solve, dtype=np.float64)
+    start = np.random.default_rng(1).standard_normal(body.n)
+    softest = spla.eigsh(body.M, 1, body.K, Minv=inverse, which="LA", return_eigenvectors=False, v0=start, tol=1e-6)
+    return float(softest[0] ** -0.5) / (2 * np.pi)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import KEY_STEP, DofTable
+from cmsreduce.read.calculix_abaqus.expansion import expansion_beside
 from cmsreduce.read.files import is_text, read_text
 from cmsreduce.read.formats import MatrixFormat, StoredMatrix
 from cmsreduce.read.labelled_matrix import LabelledMatrix, canonical, check_size, mirrored
@@ -127,7 +128,8 @@ def read_dof_list(path: Path) -> DofTable:
     ----------
     path : Path
         Text with one dof a line: ``node.component``, or the two separated by a blank or a comma. Empty lines and
-        lines that start with ``#``, ``%``, ``$`` or ``*`` are skipped.
+        lines that start with ``#``, ``%``, ``$`` or ``*`` are skipped. The ``.dof`` of CalculiX repeats the dofs of
+        shells and beams; the ``.12d`` beside it tells the nodes apart.
 
     Returns
     -------
@@ -156,10 +158,20 @@ def read_dof_list(path: Path) -> DofTable:
         component.append(int(match[2]))
     if not node:
         raise ReadError(f"{path}: the dof list is empty; it needs one node.component for each row of the matrix")
+    nodes, components = np.array(node, dtype=np.int64), np.array(component, dtype=np.int64)
+    repeated = len(np.unique(np.column_stack([nodes, components]), axis=0)) < len(nodes)
+    # Without shells and beams CalculiX leaves the expansion of an earlier job where it is.
+    expansion = expansion_beside(path) if repeated else None
+    if expansion is not None:
+        nodes, components = expansion.relabelled(nodes, components)
     try:
-        return DofTable(np.array(node, dtype=np.int64), np.array(component, dtype=np.int8))
+        return DofTable(nodes, components.astype(np.int8))
     except (DofMapError, OverflowError) as error:
-        raise ReadError(f"{path}: {error}") from error
+        hint = (
+            f". CalculiX repeats the dofs of shells and beams, and writes the nodes that they became to "
+            f"{path.with_suffix('.12d').name}: put that file beside the list"
+        )
+        raise ReadError(f"{path}: {error}{hint if repeated and expansion is None else ''}") from error
 
 
 def dof_list_beside(path: Path) -> Path | None:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
+from cmsreduce.read.calculix_abaqus.constraints import rotation_nodes, supports
+from cmsreduce.read.calculix_abaqus.decks import Block, blocks, deck_sets, element_nodes, longest_start
+from cmsreduce.read.calculix_abaqus.expansion import expansion_beside
 from cmsreduce.read.calculix_abaqus.matrices import LONGEST_ID
+from cmsreduce.read.calculix_abaqus.sections import expanded_places
 from cmsreduce.read.files import read_text
 from cmsreduce.read.formats import CELL_CORNERS, Geometry, GeometryFormat, cells_by_kind
 from cmsreduce.read.printed_numbers import coordinate_rounding
@@ -99,7 +103,17 @@ def _read_frd(path: Path) -> Geometry:
     if announced.isdigit() and int(announced) != len(ids):
         raise ReadError(f"{path}: {announced} nodes are announced and {len(ids)} are there; the file is truncated")
     points = np.array(xyz).reshape(-1, 3)
-    return Geometry.of_mesh(path, Nodes.in_basic(ids, points, coordinate_rounding(points)))
+    rounding = coordinate_rounding(points)
+    expansion = expansion_beside(path)
+    if expansion is None:
+        return Geometry.of_mesh(path, Nodes.in_basic(ids, points, rounding))
+    # A knot lies in the middle of the nodes that it moves.
+    at = dict(zip(ids, points, strict=True))
+    knots = {knot: [at[id] for id in expansion.nodes[knot] if id in at] for knot in expansion.knots if knot not in at}
+    knots = {knot: places for knot, places in knots.items() if places}
+    points = np.vstack([points, *(np.mean(places, axis=0)[None] for places in knots.values())])
+    mesh = Geometry.of_mesh(path, Nodes.in_basic([*ids, *knots], points, rounding))
+    return replace(mesh, expanded=expansion.nodes)
 
 
 def _frd_cells(path: Path) -> Iterator[tuple[str, list[int]]]:
@@ -120,17 +134,6 @@ def _frd_cells(path: Path) -> Iterator[tuple[str, list[int]]]:
                 return
 
 
-@dataclass
-class _Block:
-    """A keyword with its options and its data lines, each with its number."""
-
-    keyword: str
-    options: dict[str, str]
-    where: str
-    path: Path
-    data: list[tuple[int, str]] = field(default_factory=list)
-
-
 def _read_input(path: Path) -> Geometry:
     """Nodes of an input file, of its parts, instances and included files.
 
@@ -145,17 +148,18 @@ def _read_input(path: Path) -> Geometry:
     parts: dict[str, Coordinates] = {}
     nodes: Coordinates = {}
     target = nodes
-    instance: _Block | None = None
-    for block in _blocks(path):
+    instance: Block | None = None
+    deck = list(blocks(path))
+    for block in deck:
         if block.keyword in _UNREAD:
             raise ReadError(
                 f"{block.where}: {_UNREAD[block.keyword]} are not read; give the geometry as a mesh with plain nodes, "
                 "such as a flattened input file or .frd"
             )
         if block.keyword == "PART":
-            target = parts.setdefault(block.options.get("NAME", "").upper(), {})
+            target = parts.setdefault(block.option("NAME"), {})
         elif block.keyword == "INSTANCE":
-            instance, target = block, dict(parts.get(block.options.get("PART", "").upper(), {}))
+            instance, target = block, dict(parts.get(block.option("PART"), {}))
         elif block.keyword == "END PART":
             target = nodes
         elif block.keyword == "END INSTANCE" and instance is not None:
@@ -165,53 +169,50 @@ def _read_input(path: Path) -> Geometry:
             _merge(target, _node_lines(block), block.where)
     if not nodes:
         raise ReadError(f"{path}: there are no nodes in it (no *NODE in the assembly)")
-    points = np.array(list(nodes.values()))
-    return Geometry.of_mesh(path, Nodes.in_basic(list(nodes), points, coordinate_rounding(points)))
+    return _with_rows(path, deck, nodes)
+
+
+def _with_rows(path: Path, deck: list[Block], nodes: Coordinates) -> Geometry:
+    """Geometry of the nodes of a deck: its sets and supports, and the nodes that CalculiX makes of shells and beams."""
+    sets = deck_sets(deck, {name: count for name, (_, count) in _INPUT_CELLS.items()})
+    turning = rotation_nodes(deck, sets, max(nodes))
+    held = supports(deck, sets, turning)
+    rounding = coordinate_rounding(np.array(list(nodes.values())))
+    expansion = expansion_beside(path)
+    if expansion is not None and any(sets.topology.get(each.number) != each.nodes for each in expansion.elements):
+        # Without shells and beams CalculiX leaves the expansion of an earlier job where it is.
+        expansion = None
+    gone = set(turning)
+    if expansion is not None:
+        made = expanded_places(deck, nodes, sets, expansion)
+        expanded = {element.number for element in expansion.elements}
+        solid = {node for number, of in sets.topology.items() if number not in expanded for node in of}
+        gone |= set(expansion.nodes) - solid - set(expansion.knots) - set([] if held is None else held.node.tolist())
+        nodes = nodes | made
+    kept = {id: xyz for id, xyz in nodes.items() if id not in gone}
+    mesh = Geometry.of_mesh(path, Nodes.in_basic(list(kept), np.array(list(kept.values())), rounding))
+    return replace(
+        mesh,
+        constrained=held,
+        node_sets={name: np.array(ids, dtype=np.int64) for name, ids in sets.nodes.items() if ids},
+        turning=turning,
+        expanded={} if expansion is None else expansion.nodes,
+    )
 
 
 def _input_cells(path: Path) -> Iterator[tuple[str, list[int]]]:
-    for block in _blocks(path):
+    for block in blocks(path):
         if block.keyword != "ELEMENT":
             continue
-        code = block.options.get("TYPE", "").upper()
-        # The longest name that the code starts with: C3D10 is no C3D1, and C3D8R is a C3D8.
-        known = max((name for name in _INPUT_CELLS if code.startswith(name)), key=len, default=None)
-        if known is None:
+        if not (known := longest_start(block.option("TYPE"), _INPUT_CELLS)):
             continue
-        numbers = [int(text) for _, line in block.data for text in line.split(",") if text.strip().isdigit()]
         kind, count = _INPUT_CELLS[known]
-        for at in range(0, len(numbers) - count, count + 1):
-            nodes = numbers[at + 1 : at + 1 + count]
+        for _, nodes in element_nodes(block, count):
             # The middle node of a curved beam is listed between its ends.
-            yield kind, [nodes[0], nodes[-1]] if kind == "line" else nodes[: CELL_CORNERS[kind]]
+            yield kind, [nodes[0], nodes[-1]] if kind == "line" else list(nodes[: CELL_CORNERS[kind]])
 
 
-def _blocks(path: Path, chain: tuple[Path, ...] = ()) -> Iterator[_Block]:
-    """Keyword blocks of a file and of the files it includes."""
-    if path.resolve() in chain:
-        raise ReadError(f"{path} includes itself")
-    block: _Block | None = None
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
-        line = line.strip()
-        if not line or line.startswith("**"):
-            continue
-        if not line.startswith("*"):
-            if block is not None:
-                block.data.append((number, line))
-            continue
-        if block is not None:
-            yield block
-        head, *rest = (part.strip() for part in line[1:].split(","))
-        options = {key.strip().upper(): value.strip() for key, _, value in (part.partition("=") for part in rest)}
-        block = _Block(" ".join(head.upper().split()), options, f"{path}, line {number}: *{head}", path)
-        if block.keyword == "INCLUDE":
-            yield from _blocks(path.parent / options.get("INPUT", ""), (*chain, path.resolve()))
-            block = None
-    if block is not None:
-        yield block
-
-
-def _node_lines(block: _Block) -> Coordinates:
+def _node_lines(block: Block) -> Coordinates:
     """Nodes of one *NODE block: id, x, y, z, absent coordinates zero."""
     if block.options.get("SYSTEM", "R").upper()[:1] != "R":
         raise ReadError(f"{block.where}: cylindrical and spherical coordinates are not read; write rectangular ones")
@@ -234,7 +235,7 @@ def _node_lines(block: _Block) -> Coordinates:
     return out
 
 
-def _placed(nodes: Coordinates, instance: _Block) -> Coordinates:
+def _placed(nodes: Coordinates, instance: Block) -> Coordinates:
     """Nodes of an instance moved, then turned, by its data lines."""
     try:
         numbers = [[float(text) for text in line.split(",") if text.strip()] for _, line in instance.data]

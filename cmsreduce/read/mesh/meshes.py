@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ _NASTRAN_SUFFIXES = {".bdf", ".nas", ".fem", ".dat", ".blk", ".pch", ".asm"}
 
 
 def _mesh_geometry(path: Path) -> Geometry:
-    """Nodes of a mesh."""
+    """Nodes of a mesh, and its sets of nodes."""
     arrays = _arrays(path)
     points = arrays["points"]
     if points.ndim != 2 or not 1 <= points.shape[1] <= 3 or points.dtype.kind not in "fiu":
@@ -32,7 +33,12 @@ def _mesh_geometry(path: Path) -> Geometry:
     rounding = coordinate_rounding(xyz)
     if points.dtype == np.float32:
         rounding = max(rounding, float(np.abs(xyz).max(initial=0.0)) * SINGLE)
-    return Geometry.of_mesh(path, Nodes.in_basic(_numbers(arrays), xyz, rounding))
+    number = _numbers(arrays)
+    named = {str(name): np.asarray(arrays[f"set {k}"], np.int64) for k, name in enumerate(arrays.get("names", ()))}
+    if any(ids.min() < 0 or ids.max() >= number.size for ids in named.values()):
+        raise ReadError(f"{path}: a set names a point that is not there; write the mesh again")
+    mesh = Geometry.of_mesh(path, Nodes.in_basic(number, xyz, rounding))
+    return replace(mesh, node_sets={name: number[ids] for name, ids in named.items()})
 
 
 def _mesh_cells(path: Path) -> Cells:
@@ -56,7 +62,7 @@ def _numbers(arrays: Arrays) -> NDArray[np.int64]:
 
 
 def _arrays(path: Path) -> Arrays:
-    """Points, and cells by number and kind, as they are read in a process of its own."""
+    """Points, cells by number and kind, and named sets, as they are read in a process of its own."""
     if path.suffix.lower() in _NASTRAN_SUFFIXES:
         raise ReadError(f"{path}: neither a NASTRAN deck (no GRID card) nor a mesh")
     kind = "med" if is_med(path) else "mesh"

@@ -1,0 +1,111 @@
+"""Supports and rigid bodies of Abaqus and CalculiX input files, as far as they shape the rows of the matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from cmsreduce.errors import ReadError
+from cmsreduce.model import DofTable
+from cmsreduce.read.calculix_abaqus.decks import Block, DeckSets
+
+__all__ = ["rotation_nodes", "supports"]
+
+_NAMED = {
+    "ENCASTRE": range(1, 7),
+    "PINNED": range(1, 4),
+    "XSYMM": (1, 5, 6),
+    "YSYMM": (2, 4, 6),
+    "ZSYMM": (3, 4, 5),
+    "XASYMM": (2, 3, 4),
+    "YASYMM": (1, 3, 5),
+    "ZASYMM": (1, 2, 6),
+}
+"""Components that the named supports of Abaqus hold."""
+
+
+def supports(deck: Sequence[Block], sets: DeckSets, turning: Mapping[int, int]) -> DofTable | None:
+    """Dofs that *BOUNDARY holds; None without any.
+
+    Parameters
+    ----------
+    deck : sequence of Block
+        The input file.
+    sets : DeckSets
+        Its sets.
+    turning : mapping of int to int
+        Node that moves, by the number of the node whose components 1..3 are its rotations.
+
+    Raises
+    ------
+    ReadError
+        If a line names no components.
+    """
+    held: dict[tuple[int, int], None] = {}
+    for block in deck:
+        if block.keyword != "BOUNDARY":
+            continue
+        if block.option("OP") == "NEW":
+            held.clear()
+        for fields in block.rows:
+            where, components = fields[0].strip('"').rpartition(".")[2], _components(block, fields)
+            for node in sets.nodes_of(where):
+                for component in components:
+                    turns = node in turning and component <= 3
+                    held[(turning[node], component + 3) if turns else (node, component)] = None
+    if not held:
+        return None
+    node, component = np.array(sorted(held), dtype=np.int64).T
+    return DofTable(node, component.astype(np.int8))
+
+
+def _components(block: Block, fields: list[str]) -> list[int]:
+    """Components 1..6 of a line: its first and last one, or a name."""
+    first = fields[1] if len(fields) > 1 else ""
+    if first in _NAMED:
+        return list(_NAMED[first])
+    last = fields[2] if len(fields) > 2 and fields[2] else first
+    try:
+        return [component for component in range(int(first), int(last) + 1) if 1 <= component <= 6]
+    except ValueError:
+        raise ReadError(f"{block.where}: '{', '.join(fields)}' is no support: node or set, first, last dof") from None
+
+
+def rotation_nodes(deck: Sequence[Block], sets: DeckSets, last: int) -> dict[int, int]:
+    """Reference node of each rigid body by the number of its rotations, whose rows CalculiX labels 1..3.
+
+    Parameters
+    ----------
+    deck : sequence of Block
+        The input file.
+    sets : DeckSets
+        Its sets.
+    last : int
+        The largest number of a node in the file; CalculiX goes on from there. It takes one number for the rotations
+        of a body without ROT NODE, and one for each node that the body moves.
+    """
+    found: dict[int, int] = {}
+    for block, reference, members in _rigid(deck, sets):
+        turn = int(block.option("ROT NODE") or 0)
+        if not turn:
+            last += 1
+            turn = last
+        last += len(members)
+        found[turn] = reference
+    return found
+
+
+def _rigid(deck: Sequence[Block], sets: DeckSets) -> Iterator[tuple[Block, int, tuple[int, ...]]]:
+    """Rigid bodies and couplings in order of the file, each with its reference node and the nodes that it moves."""
+    for block in deck:
+        if block.keyword not in ("RIGID BODY", "COUPLING"):
+            continue
+        text = block.option("REF NODE").rpartition(".")[2]
+        reference = sets.nodes_of(text)
+        if len(reference) != 1:
+            if block.keyword == "RIGID BODY" and text:
+                raise ReadError(f"{block.where}: '{text}' is no reference node")
+            continue
+        names = [name for key in ("NSET", "ELSET", "SURFACE") if (name := block.option(key))]
+        yield block, reference[0], tuple(node for name in names for node in sets.nodes_of(name))

@@ -1,0 +1,172 @@
+"""Keyword blocks of Abaqus and CalculiX input files, and the node and element sets that they define."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from cmsreduce.errors import ReadError
+from cmsreduce.read.files import read_text
+
+__all__ = ["Block", "DeckSets", "blocks", "deck_sets", "element_nodes", "longest_start"]
+
+_NUMBER = re.compile(r"[+-]?\d+")
+
+
+@dataclass
+class Block:
+    """A keyword with its options and its data lines, each with its number."""
+
+    keyword: str
+    options: dict[str, str]
+    where: str
+    path: Path
+    data: list[tuple[int, str]] = field(default_factory=list)
+
+    @property
+    def rows(self) -> Iterator[list[str]]:
+        """Fields of each data line, without blanks, in capitals."""
+        for _, line in self.data:
+            yield [text.strip().upper() for text in line.split(",")]
+
+    def option(self, name: str) -> str:
+        """Value of an option in capitals; empty without it."""
+        return self.options.get(name, "").upper()
+
+
+@dataclass(frozen=True)
+class DeckSets:
+    """Nodes and elements by the name of their set, in capitals; names of Abaqus instances are left out.
+
+    Parameters
+    ----------
+    nodes, elements : mapping of str to (tuple of int)
+        Ids in order of the file, each once.
+    topology : mapping of int to (tuple of int)
+        Nodes of each element.
+    """
+
+    nodes: Mapping[str, tuple[int, ...]]
+    elements: Mapping[str, tuple[int, ...]]
+    topology: Mapping[int, tuple[int, ...]]
+
+    def nodes_of(self, name: str) -> tuple[int, ...]:
+        """Nodes of a set of nodes, or of the elements of a set, or the node itself."""
+        if name in self.nodes:
+            return self.nodes[name]
+        if name in self.elements:
+            return tuple(
+                dict.fromkeys(node for element in self.elements[name] for node in self.topology.get(element, ()))
+            )
+        return (int(name),) if _NUMBER.fullmatch(name) else ()
+
+
+def blocks(path: Path, chain: tuple[Path, ...] = ()) -> Iterator[Block]:
+    """Keyword blocks of a file and of the files it includes.
+
+    Raises
+    ------
+    ReadError
+        If a file is missing or includes itself.
+    """
+    if path.resolve() in chain:
+        raise ReadError(f"{path} includes itself")
+    block: Block | None = None
+    continued = False
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        line = line.strip()
+        if not line or line.startswith("**"):
+            continue
+        if continued and block is not None:
+            # A keyword line that ends with a comma goes on.
+            block.options |= _options(line.split(","))
+            continued = line.endswith(",")
+            continue
+        if not line.startswith("*"):
+            if block is not None:
+                block.data.append((number, line))
+            continue
+        if block is not None:
+            yield block
+        head, *rest = (part.strip() for part in line[1:].split(","))
+        block = Block(" ".join(head.upper().split()), _options(rest), f"{path}, line {number}: *{head}", path)
+        continued = line.endswith(",")
+        if block.keyword == "INCLUDE":
+            yield from blocks(path.parent / block.options.get("INPUT", ""), (*chain, path.resolve()))
+            block = None
+    if block is not None:
+        yield block
+
+
+def _options(parts: list[str]) -> dict[str, str]:
+    pairs = (part.partition("=") for part in parts if part.strip())
+    return {" ".join(key.upper().split()): value.strip().strip('"') for key, _, value in pairs}
+
+
+def element_nodes(block: Block, count: int) -> Iterator[tuple[int, tuple[int, ...]]]:
+    """Id and nodes of each element of an *ELEMENT block, whose data lines continue as the nodes ask for."""
+    numbers = [int(text) for fields in block.rows for text in fields if text.isdigit()]
+    for at in range(0, len(numbers) - count, count + 1):
+        yield numbers[at], tuple(numbers[at + 1 : at + 1 + count])
+
+
+def deck_sets(deck: Sequence[Block], nodes_of_type: Mapping[str, int]) -> DeckSets:
+    """Sets of a deck: *NSET, *ELSET, and those that *NODE and *ELEMENT name.
+
+    Parameters
+    ----------
+    deck : sequence of Block
+        The deck.
+    nodes_of_type : mapping of str to int
+        Number of nodes by the start of an element's name; other elements have no nodes here.
+    """
+    nodes: dict[str, dict[int, None]] = {}
+    elements: dict[str, dict[int, None]] = {}
+    topology: dict[int, tuple[int, ...]] = {}
+    for block in deck:
+        if block.keyword == "NODE" and (name := block.option("NSET")):
+            ids = (int(fields[0]) for fields in block.rows if fields[0].isdigit())
+            nodes.setdefault(name, {}).update(dict.fromkeys(ids))
+        elif block.keyword == "ELEMENT":
+            known = longest_start(block.option("TYPE"), nodes_of_type)
+            found = dict(element_nodes(block, nodes_of_type[known])) if known else {}
+            topology |= found
+            if name := block.option("ELSET"):
+                elements.setdefault(name, {}).update(dict.fromkeys(found))
+        elif block.keyword in ("NSET", "ELSET"):
+            into = nodes if block.keyword == "NSET" else elements
+            members = into.setdefault(block.option(block.keyword), {})
+            members.update(dict.fromkeys(_members(block, into)))
+            if block.keyword == "NSET" and (name := block.option("ELSET")):
+                of = (node for element in elements.get(name, ()) for node in topology.get(element, ()))
+                members.update(dict.fromkeys(of))
+    return DeckSets(
+        {name: tuple(ids) for name, ids in nodes.items()},
+        {name: tuple(ids) for name, ids in elements.items()},
+        topology,
+    )
+
+
+def _members(block: Block, known: Mapping[str, dict[int, None]]) -> Iterator[int]:
+    """Ids of a set: numbers, names of other sets, or ranges with GENERATE."""
+    for fields in block.rows:
+        # A node of an assembly is written INSTANCE.NUMBER.
+        items = [text.strip('"').rpartition(".")[2] for text in fields if text]
+        if "GENERATE" in block.options:
+            try:
+                first, last, step = (*map(int, items), 1)[:3]
+            except ValueError:
+                raise ReadError(f"{block.where}: '{','.join(fields)}' is no range: first, last, step") from None
+            if step < 1:
+                raise ReadError(f"{block.where}: the step of a range is {step}; it is 1 or more")
+            yield from range(first, (first if len(items) < 2 else last) + 1, step)
+            continue
+        for text in items:
+            yield from (int(text),) if _NUMBER.fullmatch(text) else tuple(known.get(text, ()))
+
+
+def longest_start(code: str, names: Mapping[str, object]) -> str:
+    """The longest of some names that a code starts with: C3D10 is no C3D1, and C3D8R is a C3D8; empty for none."""
+    return max((name for name in names if code.startswith(name)), key=len, default="")

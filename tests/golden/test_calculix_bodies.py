@@ -1,0 +1,135 @@
+"""Bodies of CalculiX go from its files to a run; their frequencies are those that CalculiX prints."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+from click.testing import CliRunner
+
+from cmsreduce.cli import main
+from cmsreduce.errors import CmsReduceError
+from cmsreduce.linalg.eigen import rigid_body_modes
+from cmsreduce.mechanics import Tie, places_by_stiffness, tie_nodes
+from cmsreduce.model import rigid_body_shapes
+from cmsreduce.pipeline.bodies import draft_body
+from cmsreduce.read import InterfaceSpec, MatrixSource, prove_row_order, read_body, read_geometry
+from tests.golden.calculix_bodies import BODIES, Deck, body, solve
+
+pytestmark = pytest.mark.ccx
+
+# Hourglass motions of C3D8R have neither stiffness nor mass; what CalculiX prints for them is rounding.
+FREE = [name for name in BODIES if name != "C3D8R"]
+# Zero frequencies, free and held: the shell of the mixed body turns about the edge of the solid.
+MOTIONS = {"mixed": (8, 2)}
+AT_ZERO = 0.01  # Hz
+
+
+def read(folder: Path, geometry: str = "bar.inp", **named):
+    sources = {"stiffness": MatrixSource(folder / "bar.sti"), "mass": MatrixSource(folder / "bar.mas")}
+    return read_body("bar", geometry=folder / geometry, **sources, **named)
+
+
+def solved(folder: Path, text: str) -> np.ndarray:
+    """Matrices of a body in files `bar`, a result in `whole`; its frequencies in Hz."""
+    solve(folder, "bar", text, matrices=True)
+    return np.array(solve(folder, "whole", text, matrices=False))
+
+
+def frequencies(found) -> np.ndarray:
+    """Elastic frequencies in Hz; motions without mass have none."""
+    K, M = found.K.toarray(), found.M.toarray()
+    shift = 1e-4 * K.diagonal().sum() / M.diagonal().sum()
+    inverse = la.eigh(M, K + shift * M, eigvals_only=True)[::-1]
+    hertz = np.sqrt(np.maximum(1 / inverse[inverse > 1e-9 * inverse[0]] - shift, 0)) / (2 * np.pi)
+    return hertz[hertz > 10 * AT_ZERO]
+
+
+def digits(name: str) -> float:
+    """CalculiX prints seven digits; those of a thin shell of bricks are five, because its stiffness cancels."""
+    return 5e-6 if "S" in name else 1e-6
+
+
+@pytest.mark.parametrize(("name", "held"), [(name, False) for name in FREE] + [(name, True) for name in BODIES])
+def test_frequencies(tmp_path, name, held):
+    hertz = solved(tmp_path, body(name, held))
+    elastic = hertz[hertz > AT_ZERO]
+    assert hertz.size - elastic.size == MOTIONS.get(name, (6, 0))[held]
+    draft = draft_body("bar", [tmp_path / file for file in ("bar.sti", "bar.mas", "bar.inp")])
+    assert (draft.remark, draft.grounded) == ("", False)
+    np.testing.assert_allclose(draft.elastic_hz, elastic[0], rtol=digits(name))
+    found = read(tmp_path)
+    assert held or prove_row_order(found).status == "proven"
+    np.testing.assert_allclose(frequencies(found)[:4], elastic[:4], rtol=digits(name))
+
+
+@pytest.mark.parametrize("name", ["S8R", "folded S8R", "B31", "bent B32R", "mixed", "C3D8I", "tie"])
+def test_result_file_as_geometry(tmp_path, name):
+    """The .frd has the nodes that shells and beams became at the same places as the input file."""
+    hertz = solved(tmp_path, body(name, held=False))
+    found, other = read(tmp_path), read(tmp_path, "whole.frd")
+    at = found.nodes.index(np.intersect1d(found.dofs.node[found.dofs.component > 0], other.nodes.id))
+    there = other.nodes.index(found.nodes.id[at])
+    np.testing.assert_allclose(found.nodes.xyz[at], other.nodes.xyz[there], atol=2 * other.nodes.xyz_rounding)
+    assert prove_row_order(other).status == "proven"
+    np.testing.assert_allclose(frequencies(other)[:3], hertz[hertz > AT_ZERO][:3], rtol=digits(name))
+
+
+@pytest.mark.parametrize("geometry", ["bar.inp", "whole.frd"])
+@pytest.mark.parametrize("name", ["C3D8I", "S8R", "B31"])
+def test_tie_leaves_six_rigid_modes(tmp_path, name, geometry):
+    """A node of a shell stands for the nodes that it became. A result file has coordinates of six digits."""
+    deck = BODIES[name]()
+    tip = [n for n in deck.nodes.values() if n in deck.at(0)]
+    deck.nset("Hub", tip)
+    solved(tmp_path, deck.text())
+    spec = InterfaceSpec(set="hub") if geometry == "bar.inp" else InterfaceSpec(nodes=tuple(tip))
+    found = tie_nodes(places_by_stiffness(read(tmp_path, geometry, interfaces={"hub": spec})), "hub", Tie("rigid"))
+    shapes = rigid_body_shapes(found.dofs, found.nodes)
+    assert rigid_body_modes(found.K, found.M, shapes, found.stiffness_rounding, "bar").shape[1] == 6
+
+
+@pytest.mark.parametrize(("name", "held"), [("S4", True), ("rigid C3D8I", False)])
+def test_from_new_to_run(tmp_path, monkeypatch, name, held):
+    hertz = solved(tmp_path, body(name, held))
+    monkeypatch.chdir(tmp_path)
+    for command in (["new", "bar1", *(f"bar.{end}" for end in ("sti", "mas", "dof", "inp"))], ["run", "bar1.yaml"]):
+        done = CliRunner().invoke(main, command)
+        assert done.exit_code == 0, done.output
+    found = json.loads((tmp_path / "build/bar1/summary.json").read_text())["components"]["bar1"]["frequencies_hz"]
+    found = np.array(found)[np.array(found) > AT_ZERO]
+    np.testing.assert_allclose(found[:2], hertz[hertz > AT_ZERO][:2], rtol=digits(name))
+
+
+def test_held_body_by_its_mesh_alone(tmp_path):
+    """A result file has no supports: the draft says that the ground holds the body."""
+    hertz = solved(tmp_path, body("C3D20R", held=True))
+    draft = draft_body("bar", [tmp_path / file for file in ("bar.sti", "bar.mas", "whole.frd")])
+    assert (draft.remark, draft.grounded) == ("", True)
+    np.testing.assert_allclose(draft.elastic_hz, hertz[0], rtol=1e-6)
+
+
+def test_expansion_of_an_earlier_job(tmp_path):
+    """CalculiX leaves the .12d of shells in the folder of a later job without any."""
+    solved(tmp_path, body("S8R", held=False))
+    hertz = solved(tmp_path, body("C3D8I", held=False))
+    assert (tmp_path / "bar.12d").stat().st_size
+    np.testing.assert_allclose(frequencies(read(tmp_path))[:4], hertz[6:10], rtol=1e-6)
+
+
+def test_messages(tmp_path):
+    solved(tmp_path, body("S8R", held=False))
+    (tmp_path / "bar.12d").unlink()
+    with pytest.raises(CmsReduceError, match="put that file beside the list"):
+        read(tmp_path)
+    solved(tmp_path, body("rigid", held=False))
+    with pytest.raises(CmsReduceError, match=r"the geometry must be the \.inp file"):
+        read(tmp_path, "whole.frd")
+    with pytest.raises(CmsReduceError, match=r"no set 'HUP' .* sets of nodes: ALL \(\d+\), TIP \(9\)"):
+        read(tmp_path, interfaces={"hub": InterfaceSpec(set="HUP")})
+    deck = Deck().plate("S4", (2, 2), (0, 0, 0), (1, 0, 0), (0, 1, 0))
+    deck.keywords += "*NORMAL\n1, 1, 0., 0., 1.\n"
+    solve(tmp_path, "bar", deck.text(), matrices=True)
+    with pytest.raises(CmsReduceError, match=r"give the \.frd file"):
+        read_geometry(tmp_path / "bar.inp")
