@@ -68,7 +68,7 @@ def free(tmp_path: Path) -> Callable[..., Facts]:
     """Run the arm by itself, floating free: the modes of the system are those of the body."""
     write_body(tmp_path, arm())
 
-    def run(damping: str, cutoff: float = 1.0, limit: float = 1.0) -> Facts:
+    def run(damping: str, cutoff: float = 1.0, limit: float | str = "100 %") -> Facts:
         path = tmp_path / "free.yaml"
         path.write_text(FREE.format(output=tmp_path / "out", damping=damping, cutoff=cutoff, limit=limit))
         return facts_of(Run(load_pipeline(path), tmp_path / "out", Silent()), path)

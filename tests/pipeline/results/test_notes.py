@@ -44,7 +44,6 @@ components:
 """
     + ARM
     + """\
-    damping: {{modal: 0.01}}
 scene:
   band: 60 Hz
   ground: arm.root
