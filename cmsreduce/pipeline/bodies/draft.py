@@ -28,6 +28,7 @@ from cmsreduce.read import (
     prove_row_order,
     read_body,
     read_cells,
+    read_geometry,
     superelement_damping,
     superelement_matrices,
 )
@@ -218,6 +219,12 @@ def _cells(draft: BodyDraft) -> Mapping[str, NDArray[np.int64]]:
     return {} if draft.geometry is None else read_cells(draft.geometry)
 
 
+def _proposed(draft: BodyDraft, body: FEModel) -> list[Place]:
+    """Places where the body of the draft could be joined, the best first."""
+    node_sets = {} if draft.geometry is None else read_geometry(draft.geometry).node_sets
+    return proposed_interfaces(body, _cells(draft), node_sets)
+
+
 def _warnings(drafts: Sequence[BodyDraft]) -> tuple[str, ...]:
     said = []
     for draft in drafts:
@@ -231,7 +238,7 @@ def _warnings(drafts: Sequence[BodyDraft]) -> tuple[str, ...]:
 
 def _mounted(draft: BodyDraft, body: FEModel) -> BodyDraft:
     """The draft with the best place to join the body as its mount, and the others as proposals."""
-    places = proposed_interfaces(body, _cells(draft))
+    places = _proposed(draft, body)
     if not places:
         return replace(draft, remark="no node of the deck has rows in the matrices, so that none can be the mount")
     mount, rest = places[0], tuple((each.name, each.interface, each.words) for each in places[1:])
@@ -247,7 +254,7 @@ def _joined(draft: BodyDraft, body: FEModel | None, meeting: Sequence[tuple[Meet
         return _mounted(draft, body)
     faces = tuple((name, place.interface, place.words) for name, place in own.items())
     tied = {node for place in own.values() for node in place.nodes}
-    others = [each for each in proposed_interfaces(body, _cells(draft)) if not tied & set(each.nodes)]
+    others = [each for each in _proposed(draft, body) if not tied & set(each.nodes)]
     rest = tuple((each.name, each.interface, each.words) for each in others if not each.name.startswith("grid"))
     return _placed(replace(draft, interfaces=faces, proposed=rest), body, *own.values())
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -72,7 +74,9 @@ class _Surface:
     centre: Array
 
 
-def proposed_interfaces(body: FEModel, cells: Mapping[str, Ids]) -> list[Place]:
+def proposed_interfaces(
+    body: FEModel, cells: Mapping[str, Ids], node_sets: Mapping[str, Ids] | None = None
+) -> list[Place]:
     """Places where a body could be joined, the best first; none if no node with coordinates has rows.
 
     Parameters
@@ -81,6 +85,8 @@ def proposed_interfaces(body: FEModel, cells: Mapping[str, Ids]) -> list[Place]:
         With geometry.
     cells : mapping of kind to (k, corners) int64
         Elements by node ids; holes and faces need them.
+    node_sets : mapping of str to (k,) int64, optional
+        Sets of nodes of the geometry by name. They are never the first place: a tie of a set may stiffen the body.
     """
     assert body.nodes is not None
     found = list(_sets(body))
@@ -89,7 +95,19 @@ def proposed_interfaces(body: FEModel, cells: Mapping[str, Ids]) -> list[Place]:
     grid = list(_first_grid(body))
     # A grid with rotations takes a joint as it is; a node of a solid leaves the rotations free.
     found += [*lone, *grid, *shaped] if turning and not lone else [*lone, *shaped, *grid]
+    found[1:1] = _named_sets(body, node_sets or {})
     return found[:_MOST_PLACES]
+
+
+def _named_sets(body: FEModel, node_sets: Mapping[str, Ids]) -> Iterator[Place]:
+    """Sets of nodes that are a part of the body: a user names what a joint or a load is on."""
+    every = np.unique(body.dofs.node[body.dofs.component > 0]).size
+    for name, ids in node_sets.items():
+        label = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_-")
+        if label and 0 < ids.size <= every // 2:
+            plain = name if re.fullmatch(r"[A-Za-z]\w*", name) else json.dumps(name)
+            tie = ", tie: rigid" if ids.size > 1 else ""
+            yield Place(label, f"{{set: {plain}{tie}}}", tuple(ids.tolist()), f"set, {ids.size} nodes", ids.size > 1)
 
 
 def _sets(body: FEModel) -> Iterator[Place]:

@@ -313,3 +313,11 @@ def test_lone_nodes_come_before_faces() -> None:
     assert places[0].words == "lone node with six dofs, at [0.5, 0, 0]"
     # The faces farthest from the centre are the ends of the longer sides.
     assert sorted(places[1].nodes) in ([1, 2, 3, 4], [5, 6, 7, 8], [1, 3, 5, 7], [2, 4, 6, 8])
+    sets = {"end 1": np.array([1, 2, 3, 4]), "TIP": np.array([8]), "ALL": np.arange(1, 9)}
+    named = proposed_interfaces(body, cells, sets)
+    assert [(place.name, place.interface) for place in named[:3]] == [
+        ("node_99", "{node: 99}"),
+        ("end_1", '{set: "end 1", tie: rigid}'),
+        ("TIP", "{set: TIP}"),
+    ]
+    assert "ALL" not in [place.name for place in named]
