@@ -8,8 +8,11 @@ from numpy.typing import NDArray
 
 __all__ = ["LOUD", "QUIET", "quiet_share"]
 
-QUIET, LOUD = 0.5, 0.1
-"""Least share of a stiffness, whose supports disturb the rows next to them, and largest of a mass."""
+QUIET = 0.5
+"""Least share of rows without force of a stiffness, whose supports disturb the rows next to them."""
+
+LOUD = 0.1
+"""Largest share of rows without force of a mass."""
 
 # A translation cancels in a row of a free stiffness, to the digits of the file: text may have four of them. In a row
 # of a mass matrix it adds up.
