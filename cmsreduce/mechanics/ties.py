@@ -171,9 +171,10 @@ def _check_determined(
     alike = "coincide" if spread[0] <= _IN_LINE * float(abs(body.nodes.xyz).max()) else "are in line"
     if at.shape[0] > 2 and spread[1] > _IN_LINE * spread[0]:
         alike = "have too few dofs"
+    tied = f"nodes {_listed(face.node)} {alike}" if at.shape[0] > 1 else f"node {face.node[0]} is alone"
     raise SceneError(
-        f"{where}: nodes {_listed(face.node)} {alike}, so that their motion leaves a rotation of the point they are "
-        "tied to undetermined; tie three nodes or more that are not in line, or nodes with rotations (`tie: rigid`)"
+        f"{where}: {tied}, which leaves a rotation of the tied point undetermined; tie three nodes or more that are "
+        "not in line, or nodes with rotations (`tie: rigid`)"
     )
 
 

@@ -234,7 +234,7 @@ def nodes_of(*members: int, parts: tuple[int, ...] = (1, 2, 3)) -> dict[str, Int
         ),
         (replace(FREE, interfaces=nodes_of(1, 2, 3)), Tie("average"), "nodes 1, 2, 3 are in line"),
         (replace(FREE, interfaces=nodes_of(1, 2)), Tie("average"), "nodes 1, 2 are in line"),
-        (replace(FREE, interfaces=nodes_of(7)), Tie("rigid"), "nodes 7 coincide"),
+        (replace(FREE, interfaces=nodes_of(7)), Tie("rigid"), "node 7 is alone"),
         (replace(FREE, interfaces=nodes_of(1, 3, 9, parts=(2, 3))), Tie("rigid"), "nodes 1, 3, 9 have too few dofs"),
         (FREE, Tie("average", weights=(1.0, 2.0)), "9 nodes need as many positive weights"),
         (FREE, Tie("average", weights=(0.0,) * 9), "9 nodes need as many positive weights"),

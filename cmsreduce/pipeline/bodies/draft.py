@@ -109,6 +109,8 @@ def draft_body(name: str, files: Sequence[Path]) -> BodyDraft:
 def _found(name: str, files: Sequence[Path]) -> list[tuple[FEModel | None, BodyDraft]]:
     """Bodies as far as they can be read, without interfaces."""
     for path in files:
+        if path.is_dir():
+            raise ReadError(f"{path}: this is a folder; name the files of the body in it")
         if not path.is_file():
             raise ReadError(f"{path}: there is no such file; `ls {path.parent}` shows those that there are")
     superelements = _superelements(files)

@@ -39,7 +39,8 @@ def modal_input(name: str, part: Component, units: Units) -> ModalBody:
         modal = _of_modes(name, part, units)
     tied = [label for label, keys in part.interfaces.items() if keys.tie is not None]
     if tied:
-        raise SceneError(f"'{name}.{tied[0]}': nodes of a reduced body cannot be tied; tie them where it is reduced")
+        remedy = "tie them where it is reduced" if part.modes is None else "give the shapes at one node with six dofs"
+        raise SceneError(f"'{name}.{tied[0]}': nodes of a body that is given by modes cannot be tied; {remedy}")
     if part.damping is None:
         return modal
     if part.damping.matrix is not None:

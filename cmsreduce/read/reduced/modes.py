@@ -80,6 +80,9 @@ def read_modes(
     shape = read_geometry(geometry)
     dofs = _dofs_of_rows(name, Phi, shape, rows)
     table = Phi.A.toarray()
+    columns = f"'{Phi.name}' of {Phi.path} has {table.shape[1]} columns, one for each mode"
+    if frequencies is not None and len(frequencies) != table.shape[1]:
+        raise MatrixError(f"body '{name}': {len(frequencies)} frequencies are given, but {columns}")
     if frequencies is None:
         assert stiffness is not None and mass is not None
         read = [read_matrix(Path(one.path), one.matrix, one.format) for one in (stiffness, mass)]
@@ -91,10 +94,7 @@ def read_modes(
         K = np.diag((2 * np.pi * np.array(frequencies) * units.time) ** 2) @ M
     for matrix, what in ((K, "modal stiffness"), (M, "modal mass")):
         if matrix.shape != (table.shape[1],) * 2:
-            raise MatrixError(
-                f"body '{name}': its {what} is {matrix.shape[0]} x {matrix.shape[1]}, but '{Phi.name}' of {Phi.path} "
-                f"has {table.shape[1]} columns, one for each mode"
-            )
+            raise MatrixError(f"body '{name}': its {what} is {matrix.shape[0]} x {matrix.shape[1]}, but {columns}")
     K = _without_rounding(K, M)
     if rigid is not None:
         K, M, table = _with_rigid(name, rigid, K, M, dofs, shape.nodes, table)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.errors import DofMapError
+from cmsreduce.errors import DofMapError, MatrixError
 from cmsreduce.model import SCALAR, FEModel, Nodes
 from cmsreduce.read.row_order.held_body import held_rows
 from cmsreduce.read.row_order.likely_cause import Failure, likely_cause, other_order
@@ -90,6 +90,8 @@ def prove_row_order(body: FEModel) -> RowOrderProof:
     DofMapError
         If a force is larger than its tolerance; the message names the nodes with the largest forces and the likely
         cause. Also if a body that is declared grounded is not held at all.
+    MatrixError
+        If the stiffness is given as mass, too.
     """
     if not body.rows_trusted:
         return _proven_rows(body)
@@ -119,11 +121,20 @@ def _proven_rows(body: FEModel) -> RowOrderProof:
                 f"body '{body.name}': `grounded: true` says that the ground holds the body, but its stiffness resists "
                 "no rigid motion. Remove `grounded: true`, or give the matrices that include the supports"
             )
+        _check_mass_is_no_stiffness(body)
         residual, tolerance = float(found.relative[row]), float(found.allowed[row])
         return RowOrderProof("proven", motions, residual, tolerance, "", found.rounding, found.noise)
     nodes, share = _loaded_nodes(body, found)
     head = _not_proven(body, nodes, share, float(found.allowed[row]))
     raise DofMapError(f"{head}. Likely cause: {likely_cause(Failure(body, body.nodes, found, condensed, nodes))}")
+
+
+def _check_mass_is_no_stiffness(body: FEModel) -> None:
+    if body.K.nnz == body.M.nnz and not abs(body.K - body.M).sum():
+        raise MatrixError(
+            f"body '{body.name}': the stiffness is given as mass, too: translations cost no force in it. Name the mass "
+            "matrix as `mass`"
+        )
 
 
 def _not_proven(body: FEModel, nodes: NDArray[np.int64], share: NDArray[np.float64], allowed: float) -> str:

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 import cmsreduce as cms
 from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
-from cmsreduce.errors import DofMapError, ReadError
+from cmsreduce.errors import DofMapError, MatrixError, ReadError
 from cmsreduce.model import DofTable, FEModel, Nodes
 from cmsreduce.pipeline.bodies import draft_body, draft_pipeline
 from cmsreduce.pipeline.bodies.proposed_interfaces import proposed_interfaces
@@ -175,6 +175,7 @@ def test_exchanged_matrices_are_said(files: list[Path], plate: tuple[np.ndarray,
         (["2"], r"no square matrix in the files given: 2 \(NASTRAN bulk data\); .*: cmsreduce new plate"),
         (["3", "1", "2", "picture"], r"picture: this is a picture, which holds no matrix and no nodes"),
         (["gone", "2"], r"gone: there is no such file"),
+        (["."], "this is a folder; name the files of the body"),
     ],
 )
 def test_refusals_end_with_the_next_step(
@@ -293,6 +294,14 @@ def test_a_run_says_that_the_matrices_are_exchanged(tmp_path: Path, mass: str, c
             mass=(tmp_path / "arm.op4", mass),
             geometry=tmp_path / "arm.bdf",
         )
+
+
+@pytest.mark.parametrize("trusted", [False, True])
+def test_a_run_says_that_the_stiffness_is_given_as_mass(tmp_path: Path, trusted: bool) -> None:
+    write_body(tmp_path, arm())
+    matrix = (tmp_path / "arm.op4", "KAA")
+    with pytest.raises(MatrixError, match="the stiffness is given as mass, too"):
+        cms.read_body("arm", stiffness=matrix, mass=matrix, geometry=tmp_path / "arm.bdf", rows_trusted=trusted)
 
 
 def test_lone_nodes_come_before_faces() -> None:
