@@ -223,7 +223,12 @@ def _cells(draft: BodyDraft) -> Mapping[str, NDArray[np.int64]]:
 
 def _proposed(draft: BodyDraft, body: FEModel) -> list[Place]:
     """Places where the body of the draft could be joined, the best first."""
-    node_sets = {} if draft.geometry is None else read_geometry(draft.geometry).node_sets
+    node_sets = {}
+    if draft.geometry is not None:
+        geometry = read_geometry(draft.geometry)
+        # A shell has several nodes with rows for each node of its deck, of which a set names those of the deck.
+        most = len(geometry.expanded) // 2 or len(geometry.nodes)
+        node_sets = {name: ids for name, ids in geometry.node_sets.items() if ids.size <= most}
     return proposed_interfaces(body, _cells(draft), node_sets)
 
 

@@ -106,8 +106,8 @@ def _named_sets(body: FEModel, node_sets: Mapping[str, Ids]) -> Iterator[Place]:
         label = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_-")
         if label and 0 < ids.size <= every // 2:
             plain = name if re.fullmatch(r"[A-Za-z]\w*", name) else json.dumps(name)
-            tie = ", tie: rigid" if ids.size > 1 else ""
-            yield Place(label, f"{{set: {plain}{tie}}}", tuple(ids.tolist()), f"set, {ids.size} nodes", ids.size > 1)
+            tie, words = (", tie: rigid", f"set, {ids.size} nodes") if ids.size > 1 else ("", f"set, node {ids[0]}")
+            yield Place(label, f"{{set: {plain}{tie}}}", tuple(ids.tolist()), words, ids.size > 1)
 
 
 def _sets(body: FEModel) -> Iterator[Place]:
