@@ -241,7 +241,7 @@ def actions(path: Path) -> list[Callable[[], object]]:
             lambda: draft_body("body", body),
         ]
         return found
-    if path.stem.startswith("mesh"):
+    if path.stem.startswith(("mesh", "nodes")):
         return [*found, lambda: read_cells(path)]
     return [*found, lambda: _every_matrix(path)]
 

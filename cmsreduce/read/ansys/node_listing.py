@@ -23,6 +23,8 @@ __all__ = ["NODE_LISTING"]
 # X, Y and Z as words of their own, as in "NODE X Y Z" and "Node Number, X Location (m), ...".
 _HEADING = re.compile(r"(?i)(?<![a-z])x(?![a-z]).*(?<![a-z])y(?![a-z]).*(?<![a-z])z(?![a-z])")
 _HEADING_LINES = 40
+# No line of a list is longer; patterns with blanks on both sides of a separator take the square of a length.
+_LONGEST_LINE = 1000
 _ID = re.compile(r"\d{1,15}")
 # Tabs and semicolons separate whatever the decimal sign is; a comma separates only where blanks do not.
 _SEPARATORS = (re.compile(r"\s*[\t;]\s*"), re.compile(r"\s+"), re.compile(r"\s*,\s*"))
@@ -34,6 +36,8 @@ Row = tuple[int, list[float]]
 
 def _row(line: str, separator: re.Pattern[str]) -> Row | None:
     """Node id, and the numbers after it; None if the line is something else."""
+    if len(line) > _LONGEST_LINE:
+        return None
     fields = separator.split(line.strip().strip(";\t"))
     decimal = separator is not _SEPARATORS[-1]
     if len(fields) < 4 or not _ID.fullmatch(fields[0]):
@@ -53,7 +57,7 @@ def _is_listing(head: str) -> bool:
     above = ""
     for line in islice((line for line in head.splitlines() if line.strip()), _HEADING_LINES):
         if _separator(line) is not None:
-            return _HEADING.search(above) is not None
+            return len(above) <= _LONGEST_LINE and _HEADING.search(above) is not None
         above = line
     return False
 
