@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.config import BodyDraft
 from cmsreduce.errors import ReadError
 from cmsreduce.model import DofTable, Nodes, rigid_body_shapes
 from cmsreduce.read import (
@@ -27,36 +28,10 @@ from cmsreduce.read import (
     sha256_of,
 )
 
-__all__ = ["BodyFiles", "bodies_of_files", "body_names"]
+__all__ = ["bodies_of_files", "body_names"]
 
 _SUFFIXES = {"k": ".sti", "m": ".mas"}
 _WORDS = {"k": "stiffness", "m": "mass"}
-
-
-@dataclass(frozen=True)
-class BodyFiles:
-    """Files of one body.
-
-    Parameters
-    ----------
-    name : str
-        Name of the body.
-    stiffness, mass : tuple of Path and str
-        File and name of each matrix; the name is empty where the file has only one without a name.
-    geometry : Path, optional
-        Deck or mesh.
-    rows : Path, optional
-        List of the nodes of the rows.
-    notes : tuple of str
-        What the content of the files says against their names.
-    """
-
-    name: str
-    stiffness: tuple[Path, str]
-    mass: tuple[Path, str]
-    geometry: Path | None = None
-    rows: Path | None = None
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +60,7 @@ class _Candidate:
         return file or name.startswith((letter, _WORDS[letter][:4]))
 
 
-def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyFiles]:
+def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
     """Sort files into bodies, one for each deck or mesh.
 
     Parameters
@@ -98,7 +73,8 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyFiles]:
 
     Returns
     -------
-    list of BodyFiles
+    list of BodyDraft
+        With its files, and notes on what their content says against their names.
 
     Raises
     ------
@@ -273,7 +249,7 @@ def body_names(shapes: Sequence[Path]) -> list[str]:
 
 def _body(
     name: str, every: Sequence[_Candidate], geometry: Geometry | None, notes: tuple[str, ...], command: str
-) -> BodyFiles:
+) -> BodyDraft:
     """Stiffness and mass among the matrices of a body."""
     sizes = [len(table) for table in geometry.rows.values()] if geometry is not None else []
     fitting = [
@@ -309,7 +285,7 @@ def _body(
             f"the names are exchanged: {K.words} is the stiffness, since a translation costs no force, and {M.words} "
             "is the mass; they are taken by their content",
         )
-    return BodyFiles(name, K.source, M.source, None if geometry is None else geometry.path, notes=notes)
+    return BodyDraft(name, K.source, M.source, None if geometry is None else geometry.path, notes=notes)
 
 
 def _rivals(chosen: _Candidate, found: Sequence[_Candidate], letter: str) -> tuple[str, ...]:

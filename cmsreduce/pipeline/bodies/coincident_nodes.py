@@ -85,7 +85,9 @@ def meetings(
         for name in ids:
             used[name] |= set(ids[name])
             tied_before[name] |= set(ids[name]) if tied else set()
-    remarks += [_nearest(name, nodes, places) for name in bodies if name in apart and len(bodies) > 1]
+    lonely = [name for name in bodies if name in apart and len(bodies) > 1]
+    # Of two bodies, one remark says it for both.
+    remarks += [_nearest(name, nodes, places) for name in (lonely[:1] if len(bodies) == 2 else lonely)]
     return pairs, tuple(remarks)
 
 
@@ -137,9 +139,7 @@ def _side(bodies: Mapping[str, FEModel], name: str, other: str, ids: list[int], 
     if len(ids) == 1:
         place = Place(f"to_{other}", f"{{node: {ids[0]}}}", (ids[0],), f"coincides with {other}, at {at}")
     elif tied:
-        place = Place(
-            f"to_{other}", f"{{nodes: [{listed}], tie: rigid}}", tuple(ids), f"{many}; the tie stiffens them", tied=True
-        )
+        place = Place(f"to_{other}", f"{{nodes: [{listed}], tie: rigid}}", tuple(ids), many, tied=True)
     else:
         place = Place(f"to_{other}", f"{{nodes: [{listed}]}}", tuple(ids), many)
     return Meeting(name, place)

@@ -17,7 +17,7 @@ from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.linalg.sparse import factorise
 from cmsreduce.mechanics import hold_undetermined
 from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
-from cmsreduce.pipeline.bodies.body_files import BodyFiles, bodies_of_files, body_names
+from cmsreduce.pipeline.bodies.body_files import bodies_of_files, body_names
 from cmsreduce.pipeline.bodies.coincident_nodes import Meeting, meetings
 from cmsreduce.pipeline.bodies.plausible_units import material_of, plausible_units
 from cmsreduce.pipeline.bodies.proposed_interfaces import Place, proposed_interfaces
@@ -123,7 +123,7 @@ def _found(name: str, files: Sequence[Path]) -> list[tuple[FEModel | None, BodyD
         for label, (stem, rows) in zip(labels, superelements.items(), strict=True)
     ]
     if not superelements or (rest and not alone):
-        drafts += [_draft(each) for each in bodies_of_files(name, rest)]
+        drafts += bodies_of_files(name, rest)
     return [_read(draft) for draft in drafts]
 
 
@@ -154,10 +154,6 @@ def _superelement(name: str, superelement: Path, files: Sequence[Path]) -> BodyD
         return BodyDraft(name, stiffness, mass, superelement)
     damped = superelement_damping(name, found) != (None, None)
     return BodyDraft(name, stiffness, mass, keys.geometry.file, extseout=keys.extseout, damped=damped)
-
-
-def _draft(files: BodyFiles) -> BodyDraft:
-    return BodyDraft(files.name, files.stiffness, files.mass, files.geometry, files.rows, notes=files.notes)
 
 
 def _read(draft: BodyDraft) -> tuple[FEModel | None, BodyDraft]:
