@@ -4,10 +4,11 @@ Steps from the keys of one component to one body in the units of the scene belon
 The joined system belongs in `pipeline.system`.
 """
 
-from cmsreduce.pipeline.bodies.bodies import FlexibleBody, copy_of, probing_loads, read_flexible, read_rigid
+from cmsreduce.pipeline.bodies.bodies import FlexibleBody, copy_of, probing_loads, read_flexible
 from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_proof, damping_remark
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effective_masses
 from cmsreduce.pipeline.bodies.draft import Draft, draft_body, draft_pipeline
+from cmsreduce.pipeline.bodies.from_keys import read_rigid
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
 from cmsreduce.pipeline.bodies.reference import ALL_MODES_LIMIT, WRITTEN_LIMIT, Reference, all_modes, reference
 from cmsreduce.pipeline.bodies.spinning import spin_notes

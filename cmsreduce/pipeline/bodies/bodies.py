@@ -1,4 +1,4 @@
-"""Bodies of a pipeline: from the keys of one component to a body in the scene's units."""
+"""Bodies of a pipeline: from the body as its files have it to a body in the scene's units, proven."""
 
 from __future__ import annotations
 
@@ -13,45 +13,35 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import Ports, body_points, body_ports, modal_substructure, physical_substructure
-from cmsreduce.config import EXTSEOUT_NAMES, Component, InterfaceKeys, Pipeline
-from cmsreduce.errors import DofMapError, SceneError
+from cmsreduce.config import Pipeline
+from cmsreduce.errors import DofMapError
 from cmsreduce.linalg.eigen import motions_held, only_motions, rigid_body_modes
-from cmsreduce.mechanics import Determined, Tie, check_connected, hold_undetermined, places_by_stiffness, tie_nodes
+from cmsreduce.mechanics import Determined, check_connected, hold_undetermined
 from cmsreduce.model import (
     Damping,
     FEModel,
     Finding,
     GeometricStiffness,
-    Interface,
     ModalComponent,
     Proof,
-    RigidBody,
     Scene,
     Substructure,
-    Units,
     in_units,
     rigid_body_shapes,
-    rigid_in_units,
 )
 from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_health
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
-from cmsreduce.pipeline.bodies.modal_input import matrix_source, modal_input
+from cmsreduce.pipeline.bodies.from_keys import body_as_read, tied_body
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
 from cmsreduce.read import (
-    InterfaceSpec,
-    Nearby,
     RowOrderProof,
-    in_dofs,
     prove_mass_order,
     prove_row_order,
-    read_body,
-    superelement_damping,
-    superelement_matrices,
 )
 from cmsreduce.verify import rigid_motions_proof
 
-__all__ = ["FlexibleBody", "copy_of", "probing_loads", "read_flexible", "read_rigid"]
+__all__ = ["FlexibleBody", "copy_of", "probing_loads", "read_flexible"]
 
 # Bodies up to this number of dofs are factorised for their health before every reduction, as `inspect` does.
 _THOROUGH = 3000
@@ -157,13 +147,13 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         As `read_body` does.
     """
     part = pipeline.components[name]
-    as_read, unproven = _as_read(name, part, part.units_in(scene.units))
+    as_read, unproven = body_as_read(name, part, part.units_in(scene.units))
     # The rows are proven on the matrices as they are read; ties and units change them.
     proof, order = prove_row_order(as_read), prove_mass_order(as_read)
     if unproven:
         proof = RowOrderProof("labelled", remark=unproven)
     free = proof.status == "proven" and proof.motions == _FREE
-    tied = _tied(as_read, part, free)
+    tied = tied_body(as_read, part, free)
     converted = in_units(tied, scene.units)
     # One factorisation proves that a large body has stiffness and mass in every motion but its rigid ones.
     large = converted.n > _LARGE
@@ -182,15 +172,7 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     negative = definite(body, proven)
     geometry = None if part.geometry is None else part.geometry.file
     proved = prove_body(as_read, converted, geometry, proof, order, negative)
-    notes = []
-    # Constraints that hold only what has no stiffness leave the motions of the geometry free.
-    shapes = _rigid_shapes(body)
-    whole = 0 if shapes is None else int(np.linalg.matrix_rank(shapes))
-    if rigid.shape[1] > whole > 0:
-        notes.append(
-            f"{name}: K leaves {rigid.shape[1] - whole} motions without energy beyond the {whole} rigid ones: a "
-            "hinge or release inside the body. If it has none, elements are missing"
-        )
+    notes = _mechanisms(body, rigid)
     if proof.status != "proven":
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
     if body.damping.law == "none" and body.D is None:
@@ -241,35 +223,6 @@ def copy_of(original: FlexibleBody, pipeline: Pipeline, name: str, scene: Scene)
     )
 
 
-def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
-    """Make a rigid body of a pipeline, in the scene's units.
-
-    Raises
-    ------
-    SceneError
-        If one of its interfaces is given by nodes.
-    """
-    part = pipeline.components[name]
-    assert part.rigid is not None
-    faces = {}
-    for label, keys in part.interfaces.items():
-        if keys.position is None:
-            raise SceneError(f"'{name}.{label}': a rigid body has no nodes; give the interface a `position: [x, y, z]`")
-        frame = np.eye(3) if keys.frame is None else keys.frame.rows()
-        faces[label] = Interface(
-            label,
-            np.array([-1]),
-            (tuple(sorted(keys.components)),),
-            np.array([keys.position], dtype=np.float64),
-            frame,
-            np.eye(3)[None],
-        )
-    body = RigidBody(
-        name, part.rigid.mass, np.array(part.rigid.cg), part.rigid.tensor(), faces, part.units_in(scene.units)
-    )
-    return rigid_in_units(body, scene.units)
-
-
 def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tuple[tuple[str, ...], NDArray[np.float64]]:
     """Unit loads used to measure the static flexibility that a basis misses.
 
@@ -309,64 +262,6 @@ def probing_loads(flexible: FlexibleBody, scene: Scene, *, joints: bool) -> tupl
     return names, np.column_stack([load for _, load in found]) if found else np.empty((body.n, 0))
 
 
-def _as_read(name: str, part: Component, units: Units) -> tuple[FEModel, str]:
-    """The body as its files have it, and the reason why its rows cannot be proven; empty if they can."""
-    interfaces = {label: _interface(label, name, keys, units) for label, keys in part.interfaces.items()}
-    if part.reduced is not None or part.modes is not None:
-        modal = modal_input(name, part, units)
-        return in_dofs(modal, interfaces), modal.unproven
-    assert part.stiffness is not None and part.mass is not None
-    given = None if part.damping is None else part.damping.matrix
-    matrix = None if given is None else matrix_source(given)
-    stiffness, mass = matrix_source(part.stiffness), matrix_source(part.mass)
-    damping = None if part.damping is None else part.damping.law()
-    if part.extseout is not None and (stiffness.matrix, mass.matrix) == EXTSEOUT_NAMES:
-        found = superelement_matrices(stiffness.path)
-        stiffness, mass = found.stiffness, found.mass
-        if part.damping is None:
-            damping, matrix = superelement_damping(name, found)
-    body = read_body(
-        name,
-        stiffness=stiffness,
-        mass=mass,
-        geometry=None if part.geometry is None else part.geometry.file,
-        rows=None if part.rows is None else part.rows.file or part.rows.set,
-        rows_trusted=part.rows is not None and part.rows.trusted,
-        damping=damping,
-        damping_matrix=matrix,
-        units=units,
-        grounded=part.grounded,
-        interfaces=interfaces,
-    )
-    return body, ""
-
-
-def _interface(label: str, body: str, keys: InterfaceKeys, units: Units) -> InterfaceSpec:
-    if keys.position is not None and keys.tie is None:
-        raise SceneError(
-            f"'{body}.{label}': a flexible body is joined at its nodes; give `node:` or `near:`, not `position:`"
-        )
-    nodes = (keys.node,) if keys.node is not None else keys.nodes
-    dofs = None if keys.dofs is None else "".join(str(c) for c in sorted(keys.components))
-    near = None
-    if keys.near is not None and keys.within is not None:
-        x, y, z = (item.length_in(units) for item in keys.near)
-        near = Nearby((x, y, z), keys.within.length_in(units), keys.match == "nearest")
-    return InterfaceSpec(nodes, dofs, keys.set, None if keys.frame is None else keys.frame.rows(), near)
-
-
-def _tied(body: FEModel, part: Component, free: bool) -> FEModel:
-    """The body with its ties; those of a free body need the coordinates that its stiffness has."""
-    if free and any(keys.tie is not None for keys in part.interfaces.values()):
-        body = places_by_stiffness(body)
-    for label, keys in part.interfaces.items():
-        if keys.tie is not None:
-            position = None if keys.position is None else np.array(keys.position)
-            frame = None if keys.frame is None else keys.frame.rows()
-            body = tie_nodes(body, label, Tie(keys.tie, position, keys.weights, frame))
-    return body
-
-
 def _check_grounded(body: FEModel, rigid: NDArray[np.float64]) -> None:
     """Refuse a body that is declared grounded and has as many motions without force as a free one."""
     shapes = _rigid_shapes(body)
@@ -380,6 +275,19 @@ def _check_grounded(body: FEModel, rigid: NDArray[np.float64]) -> None:
             "geometry. Likely cause: its rows are shuffled or of another set. Give the order of the rows as a list of "
             "node.component under `rows:`, and remove `grounded: true` if nothing holds the body"
         )
+
+
+def _mechanisms(body: FEModel, rigid: NDArray[np.float64]) -> list[str]:
+    """Note on motions without energy that are no rigid motions of the geometry."""
+    shapes = _rigid_shapes(body)
+    # Constraints that hold only what has no stiffness leave the motions of the geometry free.
+    whole = 0 if shapes is None else int(np.linalg.matrix_rank(shapes))
+    if not rigid.shape[1] > whole > 0:
+        return []
+    return [
+        f"{body.name}: K leaves {rigid.shape[1] - whole} motions without energy beyond the {whole} rigid ones: a hinge "
+        "or release inside the body. If it has none, elements are missing"
+    ]
 
 
 def _ports(pipeline: Pipeline, determined: Determined, rigid: NDArray[np.float64], scene: Scene) -> Ports:

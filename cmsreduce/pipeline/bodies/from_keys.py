@@ -1,0 +1,145 @@
+"""The keys of a component as a body: its files, its interfaces and ties, or its mass properties."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cmsreduce.config import EXTSEOUT_NAMES, Component, InterfaceKeys, Pipeline
+from cmsreduce.errors import SceneError
+from cmsreduce.mechanics import Tie, places_by_stiffness, tie_nodes
+from cmsreduce.model import FEModel, Interface, RigidBody, Scene, Units, rigid_in_units
+from cmsreduce.pipeline.bodies.modal_input import matrix_source, modal_input
+from cmsreduce.read import (
+    InterfaceSpec,
+    Nearby,
+    in_dofs,
+    read_body,
+    superelement_damping,
+    superelement_matrices,
+)
+
+__all__ = ["body_as_read", "read_rigid", "tied_body"]
+
+
+def body_as_read(name: str, part: Component, units: Units) -> tuple[FEModel, str]:
+    """Read the body of a component as its files have it.
+
+    Parameters
+    ----------
+    name : str
+        Name of the component.
+    part : Component
+        Its keys.
+    units : Units
+        Unit system of its files.
+
+    Returns
+    -------
+    body : FEModel
+        In the units of its files, without ties.
+    unproven : str
+        Reason why its rows cannot be proven; empty if they can.
+
+    Raises
+    ------
+    CmsReduceError
+        If a file cannot be read, or the keys contradict it.
+    """
+    interfaces = {label: _interface(label, name, keys, units) for label, keys in part.interfaces.items()}
+    if part.reduced is not None or part.modes is not None:
+        modal = modal_input(name, part, units)
+        return in_dofs(modal, interfaces), modal.unproven
+    assert part.stiffness is not None and part.mass is not None
+    given = None if part.damping is None else part.damping.matrix
+    matrix = None if given is None else matrix_source(given)
+    stiffness, mass = matrix_source(part.stiffness), matrix_source(part.mass)
+    damping = None if part.damping is None else part.damping.law()
+    if part.extseout is not None and (stiffness.matrix, mass.matrix) == EXTSEOUT_NAMES:
+        found = superelement_matrices(stiffness.path)
+        stiffness, mass = found.stiffness, found.mass
+        if part.damping is None:
+            damping, matrix = superelement_damping(name, found)
+    body = read_body(
+        name,
+        stiffness=stiffness,
+        mass=mass,
+        geometry=None if part.geometry is None else part.geometry.file,
+        rows=None if part.rows is None else part.rows.file or part.rows.set,
+        rows_trusted=part.rows is not None and part.rows.trusted,
+        damping=damping,
+        damping_matrix=matrix,
+        units=units,
+        grounded=part.grounded,
+        interfaces=interfaces,
+    )
+    return body, ""
+
+
+def tied_body(body: FEModel, part: Component, free: bool) -> FEModel:
+    """Tie the nodes of interfaces as the keys of a component say.
+
+    Parameters
+    ----------
+    body : FEModel
+        As its files have it.
+    part : Component
+        Its keys.
+    free : bool
+        True if the body moves freely in all six motions. Its ties need the coordinates that its stiffness has.
+
+    Raises
+    ------
+    SceneError
+        If the nodes cannot be tied.
+    """
+    if free and any(keys.tie is not None for keys in part.interfaces.values()):
+        body = places_by_stiffness(body)
+    for label, keys in part.interfaces.items():
+        if keys.tie is not None:
+            position = None if keys.position is None else np.array(keys.position)
+            frame = None if keys.frame is None else keys.frame.rows()
+            body = tie_nodes(body, label, Tie(keys.tie, position, keys.weights, frame))
+    return body
+
+
+def read_rigid(pipeline: Pipeline, name: str, scene: Scene) -> RigidBody:
+    """Make a rigid body of a pipeline, in the scene's units.
+
+    Raises
+    ------
+    SceneError
+        If one of its interfaces is given by nodes.
+    """
+    part = pipeline.components[name]
+    assert part.rigid is not None
+    faces = {}
+    for label, keys in part.interfaces.items():
+        if keys.position is None:
+            raise SceneError(f"'{name}.{label}': a rigid body has no nodes; give the interface a `position: [x, y, z]`")
+        frame = np.eye(3) if keys.frame is None else keys.frame.rows()
+        faces[label] = Interface(
+            label,
+            np.array([-1]),
+            (tuple(sorted(keys.components)),),
+            np.array([keys.position], dtype=np.float64),
+            frame,
+            np.eye(3)[None],
+        )
+    body = RigidBody(
+        name, part.rigid.mass, np.array(part.rigid.cg), part.rigid.tensor(), faces, part.units_in(scene.units)
+    )
+    return rigid_in_units(body, scene.units)
+
+
+def _interface(label: str, body: str, keys: InterfaceKeys, units: Units) -> InterfaceSpec:
+    if keys.position is not None and keys.tie is None:
+        raise SceneError(
+            f"'{body}.{label}': a flexible body is joined at its nodes; give `node:` or `near:`, not `position:`"
+        )
+    nodes = (keys.node,) if keys.node is not None else keys.nodes
+    dofs = None if keys.dofs is None else "".join(str(c) for c in sorted(keys.components))
+    near = None
+    if keys.near is not None and keys.within is not None:
+        x, y, z = (item.length_in(units) for item in keys.near)
+        near = Nearby((x, y, z), keys.within.length_in(units), keys.match == "nearest")
+    return InterfaceSpec(nodes, dofs, keys.set, None if keys.frame is None else keys.frame.rows(), near)
