@@ -14,6 +14,7 @@ from cmsreduce.assemble.interface_loading import (
     outboard_masses,
 )
 from cmsreduce.assemble.joint_elements import with_joint_bodies
+from cmsreduce.assemble.joints import available
 from cmsreduce.assemble.modes import check_closed_loop, closed_loop_modes, damped_modes, system_modes, undetermined
 from cmsreduce.assemble.placement import joint_axes, joint_tree, place_bodies
 from cmsreduce.assemble.points import PointStack
@@ -50,6 +51,7 @@ __all__ = [
     "Receptance",
     "Wiring",
     "assemble",
+    "available",
     "body_points",
     "body_ports",
     "body_receptances",

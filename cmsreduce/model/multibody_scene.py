@@ -65,6 +65,8 @@ class SceneJoint:
         Values of its motions x y z rx ry rz in the configuration, in the scene's unit of length and radians. They move
         the outboard body in this order, each along an axis of the first interface as it lies then; so they move the
         second interface against the first one, or the other way round.
+    locked : tuple of (tuple of int)
+        Motions 0..5 along the axes that the joint locks, for each pair of nodes: those that the interfaces have.
     outboard : str
         Body that the joint carries, away from the base; empty for a joint that closes a loop.
     """
@@ -73,6 +75,7 @@ class SceneJoint:
     first_axes: Array
     second_axes: Array
     values: Array
+    locked: tuple[tuple[int, ...], ...]
     outboard: str
 
     @property

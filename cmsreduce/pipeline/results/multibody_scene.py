@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cmsreduce.assemble import joint_axes, joint_tree, place_bodies
+from cmsreduce.assemble import available, joint_axes, joint_tree, place_bodies
 from cmsreduce.config import Pipeline, build_scene, pipeline_from_keys
 from cmsreduce.errors import ReadError, SceneError, not_among
 from cmsreduce.model import Configuration, Interface, MultibodyScene, Placement, Scene, SceneBody, SceneJoint
@@ -165,14 +165,20 @@ def _joints(scene: Scene, configuration: Configuration, bodies: tuple[SceneBody,
     built = {body.name: scene.placements.get(body.name, Placement()) for body in bodies}
     _, inboard_of = joint_tree(scene)
     outboard = {joint.name: name for name, joint in inboard_of.items()}
-    return tuple(
-        SceneJoint(
-            joint,
-            by_name[joint.first.body].interfaces[joint.first.name].frame,
-            # Rows along the scene's axes, seen from the second body.
-            joint_axes(by_name, built, joint) @ built[joint.second.body].rotation,
-            np.array([configuration.angles.get((joint.name, dof), 0.0) for dof in range(6)]),
-            outboard.get(joint.name, ""),
+    found = []
+    for joint in scene.joints:
+        face = by_name[joint.first.body].interfaces[joint.first.name]
+        # Both interfaces of a locked motion have it: the run has checked it.
+        moving = [available(face, k, face.frame) for k in range(face.node.size)]
+        found.append(
+            SceneJoint(
+                joint,
+                face.frame,
+                # Rows along the scene's axes, seen from the second body.
+                joint_axes(by_name, built, joint) @ built[joint.second.body].rotation,
+                np.array([configuration.angles.get((joint.name, dof), 0.0) for dof in range(6)]),
+                tuple(tuple(dof for dof in range(6) if can[dof] and dof not in joint.free) for can in moving),
+                outboard.get(joint.name, ""),
+            )
         )
-        for joint in scene.joints
-    )
+    return tuple(found)

@@ -100,6 +100,7 @@ def test_joints_have_their_axes_on_both_bodies(boom: tuple[Run, Path]) -> None:
     y = np.array([[c[0], 0, s[0]], [0, 1, 0], [-s[0], 0, c[0]]])
     z = np.array([[c[1], -s[1], 0], [s[1], c[1], 0], [0, 0, 1]])
     np.testing.assert_allclose(seen, y @ z, atol=1e-14)
+    assert (swing.locked, clamp.locked) == (((0, 1, 2, 3),), ((0, 1, 2, 3, 4, 5),))
     assert swing.joint.elements == boom[0].scene.joints[0].elements
     hinge = [
         scene.in_scene(p.body, scene.body(p.body).interfaces[p.name].position[0])
