@@ -258,7 +258,9 @@ def _modal_mass(component: ComponentFile, integrals: ModalIntegrals) -> Array:
     mass = np.asarray(component.arrays["modes/mass"][np.ix_(integrals.modes, integrals.modes)])
     if integrals.second_order is None:
         return mass
-    total = np.asarray(np.einsum("iiab->ab", integrals.phi_phi))
+    total = np.einsum("iiab->ab", integrals.phi_phi)
+    # Sums over nodes are symmetric to round-off; programs ask for the last digit.
+    total = np.asarray((total + total.T) / 2)
     if integrals.lumping != "consistent":
         return total
     apart = abs(total - mass).max(initial=0.0)
