@@ -139,8 +139,7 @@ def _changed(component: ComponentFile, T: Array, integrals: ModalIntegrals) -> C
         if name in (*_ROWS, *_MOMENTA) or (name.startswith("interfaces/") and name.endswith("/shapes")):
             arrays[name] = value @ T
         elif name in _FORMS:
-            form = T.T @ value @ T
-            arrays[name] = (form + np.swapaxes(form, -1, -2)) / 2
+            arrays[name] = T.T @ value @ T
         elif name == "inputs/B":
             arrays[name] = T.T @ value
     for name in ("origin", "axes", "first_moment", "inertia", "phi", "r_cross_phi"):
