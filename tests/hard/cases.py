@@ -37,7 +37,7 @@ _BY_DIFFICULTY = {
     ),
     inertia: ("massless_rotations", "massless_interface", "massless_tip", "tiny_inertia", "heavy_end"),
     loads: ("loads_1e9_apart", "loads_twice", "no_outputs", "no_damping"),
-    size: ("grillage", "mast"),
+    size: ("grillage", "slender_mast", "mast"),
 }
 
 BUILDERS: dict[str, Callable[[], Case]] = {

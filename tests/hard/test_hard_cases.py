@@ -7,6 +7,7 @@ import pytest
 
 from cmsreduce.balance import Gregory
 from cmsreduce.errors import CmsReduceError
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
 from cmsreduce.model import ModalChannels, ModalComponent
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import CraigBampton, MacNealRubin
@@ -26,10 +27,21 @@ ROUNDINGS = 10.0
 BELOW = 1e-9
 
 
+# The mast of 1e5 dofs takes a minute: benchmarks/hard_cases.py runs it. The slender mast loses as many digits.
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", BUILDERS)
+@pytest.mark.parametrize("name", [name for name in BUILDERS if name != "mast"])
 def test_hard_case(name, method):
-    case = build(name)
+    holds(build(name), method)
+
+
+def test_fronts_hold_the_digits_of_a_slender_body():
+    """The solver that is chosen by itself for bodies of more dofs."""
+    with solver_settings(SolverSettings("multifrontal")) as settings:
+        holds(build("slender_mast"), "macneal-rubin")
+    assert "multifrontal" in {work.backend for work in settings.work}
+
+
+def holds(case, method):
     if method in case.refused:
         refusal = case.refused[method]
         with pytest.raises(refusal.error, match=refusal.reason) as refused:

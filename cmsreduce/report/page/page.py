@@ -6,7 +6,7 @@ import json
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cmsreduce.model import MISSING_INERTIA, RunResult
 from cmsreduce.report.page.check_data import check_data
@@ -26,6 +26,9 @@ from cmsreduce.report.page.tables import (
 )
 from cmsreduce.report.verdict import meaning, proof_rows, verdict_lines
 from cmsreduce.report.wording import channels_left_out, checked, compared, headline, measured, number, seconds, worst
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 __all__ = [
     "embedded",
@@ -76,22 +79,14 @@ def render_report(run: RunResult) -> str:
     str
         HTML with the plotting library, styles and data inside; opening it needs no network.
     """
-    from jinja2 import Environment, FunctionLoader, StrictUndefined
     from markupsafe import Markup
 
-    environment = Environment(
-        loader=FunctionLoader(part),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"number": number, "seconds": seconds}
     models, verdict = (run.model, *compared(run)), run.verdict
     store = ArrayStore()
     data = page_data(run, store)
     script = "\n".join([*(part(f"page_{name}.js") for name in _SCRIPTS), part("page.js")])
-    html = environment.get_template("page.html.j2").render(
+    page = _templates().get_template("page.html.j2")
+    html = page.render(
         run=run,
         drawing=run.drawing,
         cards=cards(run),
@@ -160,6 +155,22 @@ def _sections(run: RunResult, data: dict[str, Any]) -> list[tuple[str, str]]:
 def packed_plotly() -> str:
     """The compressed plotting library; the page unpacks it when it opens."""
     return start_packing().result()
+
+
+@cache
+def _templates() -> Environment:
+    """Environment that keeps the templates it has compiled: a sweep renders many pages."""
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FunctionLoader(part),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": number, "seconds": seconds}
+    return environment
 
 
 @cache
