@@ -1,29 +1,50 @@
-"""Files that a run leaves: component files, system files, summaries and files of other programs.
+"""Files that a run leaves: component files, system files, summaries, and files and whole scenes of other programs.
 
 Every file is written whole under a temporary name and renamed.
 The choice of what to write belongs in `pipeline`.
 """
 
 from cmsreduce.write.component import SAME_MASS, ComponentFile, basic_shapes, read_component, write_component
+from cmsreduce.write.export import EXPORTS, export_scene
 from cmsreduce.write.files import atomic_path, hdf5_file, put_texts
 from cmsreduce.write.own_files import refuse_foreign
 from cmsreduce.write.seal import is_sealed, verify_seal
 from cmsreduce.write.summary import summary, write_summary, write_sweep_csv, write_sweep_table
 from cmsreduce.write.system import system_settings, write_system
-from cmsreduce.write.targets import TARGETS, StateSpace, Target, component_states, convert, write_matlab, write_vtu
+from cmsreduce.write.targets import (
+    PROFILES,
+    TARGETS,
+    Profile,
+    StateSpace,
+    Target,
+    TargetFiles,
+    component_states,
+    conversion,
+    convert,
+    profile_files,
+    write_matlab,
+    write_vtu,
+)
 
 __all__ = [
     "ComponentFile",
+    "EXPORTS",
+    "PROFILES",
+    "Profile",
     "SAME_MASS",
     "StateSpace",
     "TARGETS",
     "Target",
+    "TargetFiles",
     "atomic_path",
     "basic_shapes",
     "component_states",
+    "conversion",
     "convert",
+    "export_scene",
     "hdf5_file",
     "is_sealed",
+    "profile_files",
     "put_texts",
     "read_component",
     "summary",

@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.errors import WriteError
+from cmsreduce.mechanics import rigid_mass_matrix
 from cmsreduce.model import ModalIntegrals
 from cmsreduce.write.component import ComponentFile, FlexibleBody, flexible_body
 from cmsreduce.write.files import number, put_lines
@@ -16,10 +18,13 @@ from cmsreduce.write.targets.nodal import NodalMass, nodal_mass
 
 __all__ = ["MbdynDialect", "write_mbdyn"]
 
-MbdynDialect = Literal["invariants", "lumped"]
-"""Groups 14 to 18 of recent versions, or a lumped mass in groups 9, 11 and 12, which every version reads."""
+MbdynDialect = Literal["invariants", "lumped", "first-order"]
+"""Groups 14 to 18 of recent versions; a lumped mass in groups 9, 11 and 12, which every version reads; or groups 9, 10,
+12 and 13 alone, which every version reads, for modes without momentum."""
 
 _RIGID = 12  # group whose first row is one number, the mass
+# Relative to the momentum of a rigid motion of the same kinetic energy: mean axes leave round-off.
+_NO_MOMENTUM = 1e-8
 
 Array = NDArray[np.float64]
 
@@ -40,16 +45,20 @@ def write_mbdyn(
         The body.
     integrals : ModalIntegrals
         Integrals over its modes, about the origin of the modal node.
-    dialect : {"invariants", "lumped"}
+    dialect : {"invariants", "lumped", "first-order"}
         Record groups that describe the mass.
 
     Raises
     ------
     WriteError
-        If the component file lacks data, or the file cannot be written.
+        If the component file lacks data, the modes have momentum in the dialect ``first-order``, or the file cannot be
+        written.
     """
-    body = flexible_body(component, integrals)
-    groups = _invariants(body) if dialect == "invariants" else _lumped(body, nodal_mass(component, body))
+    body = flexible_body(component, integrals, slow=dialect == "first-order")
+    if dialect == "first-order":
+        groups = _first_order(body)
+    else:
+        groups = _invariants(body) if dialect == "invariants" else _lumped(body, nodal_mass(component, body))
     put_lines(path, _lines(body, groups))
 
 
@@ -93,16 +102,35 @@ def _groups(groups: dict[int, tuple[str, Array]]) -> Iterator[str]:
         yield "**"
 
 
-def _invariants(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
-    integrals, k = body.integrals, body.k
-    # S(a) S(b) = b a^T - (a . b) 1, with S(a) b = a x b.
-    eight = np.einsum("iij,ab->ajb", integrals.r_phi, np.eye(3)) - np.transpose(integrals.r_phi, (1, 2, 0))
-    nine = np.transpose(integrals.phi_phi, (1, 2, 3, 0)) - np.einsum("iijk,ab->ajkb", integrals.phi_phi, np.eye(3))
+def _first_order(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
+    """Groups of the consistent mass; without groups 11 and 14 to 18 the modes do not act on the rigid motion."""
+    integrals = body.integrals
+    momentum = np.vstack([integrals.phi, integrals.r_cross_phi])
+    rigid = np.sqrt(np.diagonal(rigid_mass_matrix(integrals)))[:, None]
+    if abs(momentum).max(initial=0.0) > _NO_MOMENTUM * np.max(rigid * np.sqrt(body.mass.diagonal()), initial=0.0):
+        raise WriteError(
+            f"component '{body.name}': the dialect first-order leaves out the momentum of the modes, and these have "
+            "some; write the body about mean axes: `--for mbdyn-1.7.3`, or `write: {frame: {kind: mean-axis}}`"
+        )
+    return _consistent(body)
+
+
+def _consistent(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
+    integrals = body.integrals
     return {
         9: ("MODAL MASS MATRIX", body.mass),
         10: ("MODAL STIFFNESS MATRIX", body.stiffness),
         _RIGID: ("RIGID BODY INERTIA MATRIX", _rigid(integrals.mass, integrals.centre_of_mass, integrals.inertia)),
         13: ("MODAL DAMPING MATRIX", body.damping),
+    }
+
+
+def _invariants(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
+    integrals, k = body.integrals, body.k
+    # S(a) S(b) = b a^T - (a . b) 1, with S(a) b = a x b.
+    eight = np.einsum("iij,ab->ajb", integrals.r_phi, np.eye(3)) - np.transpose(integrals.r_phi, (1, 2, 0))
+    nine = np.transpose(integrals.phi_phi, (1, 2, 3, 0)) - np.einsum("iijk,ab->ajkb", integrals.phi_phi, np.eye(3))
+    return _consistent(body) | {
         14: ("INVARIANT 3", integrals.phi),
         15: ("INVARIANT 4", integrals.r_cross_phi),
         16: ("INVARIANT 8", eight.reshape(3, 3 * k)),
@@ -112,17 +140,14 @@ def _invariants(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
 
 
 def _lumped(body: FlexibleBody, lumps: NodalMass) -> dict[int, tuple[str, Array]]:
-    m, J, x = lumps.mass, lumps.diagonal_inertia, body.position
-    centre = m @ x / m.sum()
-    squares = np.einsum("n,ni,nj->ij", m, x, x)
-    inertia = np.trace(squares) * np.eye(3) - squares + np.diag(J.sum(axis=0))
-    mass = np.einsum("n,nia,nib->ab", m, body.translation, body.translation)
-    mass = mass + np.einsum("ni,nia,nib->ab", J, body.rotation, body.rotation)
+    m, J = lumps.mass, lumps.diagonal_inertia
+    rigid, _, mass = lumps.modal(body)
+    centre = np.array([rigid[5, 1], rigid[3, 2], rigid[4, 0]]) / rigid[0, 0]
     return {
         9: ("MODAL MASS MATRIX", mass),
         10: ("MODAL STIFFNESS MATRIX", body.stiffness),
         11: ("DIAGONAL OF LUMPED MASS MATRIX", np.column_stack([m, m, m, J])),
-        _RIGID: ("RIGID BODY INERTIA MATRIX", _rigid(m.sum(), centre, inertia)),
+        _RIGID: ("RIGID BODY INERTIA MATRIX", _rigid(rigid[0, 0], centre, rigid[3:, 3:])),
         13: ("MODAL DAMPING MATRIX", body.damping),
     }
 
