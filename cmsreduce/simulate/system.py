@@ -279,6 +279,38 @@ class MultibodySystem:
         change[self.values], change[-1] = rates, work
         return change
 
+    def jacobian(self, t: float, y: Array) -> Array:
+        """Derivatives of `rate` by the state (s, s), for Newton's method: those of stiffness, damping and speeds.
+
+        Derivatives of the inertia and of the joints' directions are left out; they are of the size of the rates of the
+        motion, which no step may step over, and cost Newton's method a few iterations.
+        """
+        frames = self.frames(y)
+        moving = self._moving(frames)
+        _, G, _ = self._constraints(moving)
+        rows, masses = self.movement_rows(frames, moving), [M for M, _, _ in self._inertia(frames)]
+        first, u = self.first_speed, slice(self.first_speed, self.first_speed + self.n)
+        J, force = np.zeros((y.size, y.size)), np.zeros((self.n, y.size))
+        for number, (body, f, own, modal) in enumerate(
+            zip(self.bodies, frames[:-1], self.speeds, self.modal, strict=True)
+        ):
+            at, column, q = _FRAME * number, first + own.start, slice(own.start + 6, own.stop)
+            e = y[at + 3 : at + _FRAME]
+            J[at : at + 3, column : column + 3] = f.R
+            J[at + 3, column + 3 : column + 6] = -0.5 * e[1:]
+            J[at + 4 : at + _FRAME, column + 3 : column + 6] = 0.5 * (e[0] * np.eye(3) + cross_columns(e[1:]))
+            J[modal, first + q.start : first + q.stop] = np.eye(body.k)
+            force[q, modal], force[q, first + q.start : first + q.stop] = -body.K, -body.D
+        for element in self.elements:
+            row = rows[element.movement]
+            force[:, self.values.start + element.movement] -= element.stiffness * row
+            force[:, u] -= element.damping * np.outer(row, row)
+        solved = self._by_mass(masses, np.hstack([force, G.T]))
+        free, X = solved[:, : y.size], solved[:, y.size :]
+        J[u] = free - X @ _multipliers(G @ X, G @ free)
+        J[self.values, u] = rows
+        return J
+
     def projected(self, y: Array) -> Array:
         """The state nearest to ``y`` that keeps the constraints, their rates, and Euler parameters of unit length.
 
@@ -473,12 +505,13 @@ class MultibodySystem:
 
 
 def _multipliers(C: Array, wanted: Array) -> Array:
-    """Shortest solution of C l = wanted, in units in which C has a unit diagonal."""
+    """Shortest solution of C l = wanted, one or several columns, in units in which C has a unit diagonal."""
     if not len(C):
         return np.zeros(0)
     scale = np.diag(C).copy()
     scale = 1 / np.sqrt(np.where(scale > 0, scale, 1.0))
-    return scale * np.linalg.lstsq(C * scale * scale[:, None], scale * wanted, rcond=_IMPLIED)[0]
+    by_row = scale if wanted.ndim == 1 else scale[:, None]
+    return by_row * np.linalg.lstsq(C * scale * scale[:, None], by_row * wanted, rcond=_IMPLIED)[0]
 
 
 def _euler_parameters(R: Array) -> Array:

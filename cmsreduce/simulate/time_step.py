@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -145,7 +145,7 @@ def integrate(
     # Overflow is found below, and refused by name.
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        scheme = DOP853 if method == "explicit" else Radau
+        scheme = DOP853 if method == "explicit" else partial(Radau, jac=system.jacobian)
         solver = scheme(system.rate, float(times[0]), start, float(times[-1]), **options)
         for target in times[1:]:
             # Steps end at the times to return, where the constraints hold; interpolation would not keep them.
@@ -154,13 +154,13 @@ def integrate(
                 before = solver.t
                 try:
                     message = solver.step()
-                    if solver.status == "failed" or not np.isfinite(solver.y).all():
+                    if message or not np.isfinite(solver.y).all():
                         raise SimulationError(message or "values are not finite")
                     solver.y = system.projected(solver.y)
                     solver.f = solver.fun(solver.t, solver.y)
                     system.refuse_large(solver.y)
                 except (SimulationError, np.linalg.LinAlgError) as error:
-                    raise SimulationError(_diverged(error, solver.t, system, start)) from None
+                    raise SimulationError(_diverged(error, solver.t)) from None
                 steps, size = steps + 1, solver.t - before
                 sizes = [min(sizes[0], size), max(sizes[1], size)]
             found.append(solver.y)
@@ -190,12 +190,10 @@ def _tolerances(system: MultibodySystem, span: float) -> Array:
     return scales
 
 
-def _diverged(error: Exception, t: float, system: MultibodySystem, start: Array) -> str:
-    spins = [float(np.linalg.norm(f.w)) for f in system.frames(start)[:-1]]
-    fastest = f"; fastest body at the start: {max(spins, default=0.0):.4g} rad/s"
+def _diverged(error: Exception, t: float) -> str:
     return (
-        f"the motion grows without bound: at {t:.6g} s, {error}{fastest}. Modes of a body that spins near its lowest "
-        "frequency diverge without `geometric_stiffness`, and efforts may be too large for the bodies"
+        f"the motion grows without bound: at {t:.6g} s, {str(error).rstrip('.')}. Modes of a body that spins near its "
+        "lowest frequency diverge without `geometric_stiffness`; or the efforts are too large for the bodies"
     )
 
 
