@@ -12,7 +12,8 @@ from cmsreduce.errors import SimulationError
 from cmsreduce.model import MultibodyScene
 from cmsreduce.pipeline import Run, Silent, execute
 from cmsreduce.pipeline.results import floating_bodies, multibody_scene
-from cmsreduce.simulate import scene_system, simulate_scene
+from cmsreduce.simulate import MultibodySystem, scene_system, simulate_scene
+from cmsreduce.simulate.system import Movement, PointMotion
 from tests.spinning_beam import BEAM, LENGTH, PIPELINE, write_beam
 
 BASE = "  base:\n    rigid: {{mass: 1, inertia: [1, 1, 1, 0, 0, 0]}}\n    interfaces: {{a: {{position: [0, 0, 0]}}}}\n"
@@ -25,6 +26,7 @@ TEXT = (
     .replace(", tip: {{node: {tip}}}", "")
     .replace("lift: {{at: beam.tip, force: [0, 1, 1]}}", "motor: {{joint: spin, dof: rz}}")
     .replace("beam.tip", "beam.{tip}")
+    .replace("bars: all", "bars: [all, force {tip}]")
     .replace("cutoff: 3", "cutoff: 2")
     .replace("verify: {{frf: {{points: 20}}}}\n", "")
     .replace("[hdf5]}}", "[hdf5], frame: {{kind: clamped, at: root}}}}")
@@ -60,6 +62,28 @@ def test_flapping_of_a_beam_that_spins(scene: MultibodyScene, spin: float, publi
     out_of_plane = abs(bodies["beam"].markers["21"].translation[2]) > 1e-3
     lowest = np.sqrt(np.linalg.eigvals(A[np.ix_(out_of_plane, out_of_plane)]).real.min())
     assert lowest / UNIT == pytest.approx(published, rel=1e-3)
+
+
+@pytest.mark.parametrize(("share", "stands"), [(0.99, True), (1.01, False)])
+def test_a_pressed_beam_buckles_under_eulers_load(scene: MultibodyScene, share: float, stands: bool) -> None:
+    """A force that keeps its direction presses the tip of the clamped beam: pi^2 E I / 4 L^2."""
+    bodies = floating_bodies(scene)
+    plain = scene_system(scene, bodies)
+    press = PointMotion(0, bodies["beam"].markers["21"], np.array([-1.0, 0, 0, 0, 0, 0]))
+    places = [(plain.place(number), np.eye(3)) for number in range(2)]
+    system = MultibodySystem(plain.bodies, places, plain.connections, [Movement("press", (press,))])
+    load = share * np.pi**2 * BEAM.E * BEAM.Iy / (4 * LENGTH**2)
+    system.efforts = {0: lambda _: load}
+    rates = slice(system.first_speed + 6, system.first_speed + 6 + bodies["beam"].k)
+    pushed = []
+    for q in 1e-6 * np.eye(bodies["beam"].k):
+        y = system.start()
+        y[system.modal[0]] = q
+        pushed.append((system.rate(0.0, y)[rates] - system.rate(0.0, system.start())[rates]) / 1e-6)
+    bent = abs(bodies["beam"].markers["21"].translation[2]) > 1e-3
+    squares = np.linalg.eigvals(-np.array(pushed).T[np.ix_(bent, bent)]).real
+    assert (squares.min() > 0) == stands
+    assert abs(squares.min()) < 0.05 * (3.516 * UNIT) ** 2
 
 
 def test_a_beam_that_spins_and_bends_keeps_its_energy(scene: MultibodyScene) -> None:
