@@ -250,6 +250,10 @@ class FloatingBody:
         M[:3, :3], M[:3, 3:6], M[:3, 6:] = self.mass * np.eye(3), -S, C
         M[3:6, :3], M[3:6, 3:6], M[3:6, 6:] = S, J, H
         M[6:, :3], M[6:, 3:6], M[6:, 6:] = C.T, H.T, self.M
+        if self.held:
+            # The frame does not move. Its inertia lacks the nodes that are held, and M would be singular with it.
+            M[:6, 6:] = M[6:, :6] = 0.0
+            M[:6, :6] = np.diag(np.repeat([self.mass, np.trace(self.second_moment)], 3))
         flow = x_phi @ rate
         P = (self._of_modes @ rate).reshape(3, 3, self.k)
         between = np.array([P[1, 2] - P[2, 1], P[2, 0] - P[0, 2], P[0, 1] - P[1, 0]])

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 # A constraint whose pivot is below this, of the largest, says what the others say.
 _IMPLIED = 1e-9
+# Smallest eigenvalue of a mass matrix with a unit diagonal: less is round-off.
+_MASSLESS = 1e-13
 # Projections on the constraints that a step takes: each one squares the error.
 _PROJECTIONS = 8
 # Relative to the size of the scene: gap that rounding leaves.
@@ -103,6 +105,11 @@ class MultibodySystem:
     gravity : (3,) float64
         Acceleration of free fall in the scene.
 
+    Raises
+    ------
+    SimulationError
+        If a body can move without kinetic energy.
+
     Notes
     -----
     Coordinates are absolute: place and Euler parameters of every frame, and modal coordinates. Speeds of a body are
@@ -126,6 +133,8 @@ class MultibodySystem:
     ) -> None:
         self.bodies, self.connections = tuple(bodies), tuple(connections)
         self.movements, self.elements, self.inertias = tuple(movements), tuple(elements), tuple(inertias)
+        for body in bodies:
+            _refuse_massless(body)
         self.gravity = np.asarray(gravity, dtype=np.float64)
         self.efforts: Mapping[int, Law] = {}
         """Effort over time of movements by their number."""
@@ -502,6 +511,16 @@ class MultibodySystem:
             M[:6, 6:] = M[6:, :6] = 0.0
             masses.append(M)
         return masses
+
+
+def _refuse_massless(body: FloatingBody) -> None:
+    M = body.inertia(np.zeros(body.k), np.zeros(6 + body.k))[0]
+    scale = np.sqrt(np.maximum(np.diag(M), np.finfo(float).tiny))
+    if la.eigvalsh(M / scale / scale[:, None], subset_by_index=[0, 0])[0] < _MASSLESS:
+        raise SimulationError(
+            f"body '{body.name}' can move without kinetic energy: it is a point or a line without inertia about "
+            "itself, or its modes hold a rigid motion; give it the inertia of its thickness, or take these modes out"
+        )
 
 
 def _multipliers(C: Array, wanted: Array) -> Array:

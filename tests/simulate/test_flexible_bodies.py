@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import scipy.linalg as la
 from scipy.integrate import solve_ivp
 
+from cmsreduce.errors import FloatingFrameError
 from cmsreduce.model import FEModel, FrameCondition, Interface, RigidBody
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.results import floating_body
@@ -17,10 +19,10 @@ from cmsreduce.simulate import Method, Pulse, scene_system
 from cmsreduce.simulate.joints import point_row
 from tests.consumers.bodies import modes
 from tests.consumers.predictions import PlaneBeam, tumbling_tip
-from tests.frames import Section, line
+from tests.frames import Section, frame, line
 from tests.simulate.four_bar import bars
-from tests.simulate.scenes import hinged, joint, rigid_part, simulate
-from tests.solids import block
+from tests.simulate.scenes import hinged, joint, rigid_part, simulate, written
+from tests.solids import block, face
 
 # Rotating flexible beam: 2 m, 1 x 2 cm.
 BEAM = Section(E=6.895e10, G=2.6e10, A=2e-4, Iy=2e-2**3 * 1e-2 / 12, Iz=1e-2**3 * 2e-2 / 12, J=5e-9, rho=2500.0)
@@ -157,3 +159,47 @@ def test_free_tumbling(tmp_path: Path) -> None:
     for y, place in zip(found, expected, strict=True):
         f = system.frames(y)[0]
         np.testing.assert_allclose(f.x + f.R @ (marker.position + marker.translation @ f.q), place, rtol=0, atol=1e-8)
+
+
+def test_a_body_held_by_its_matrices(tmp_path: Path) -> None:
+    """Its frame stands still, and it vibrates at its own frequencies."""
+    body = frame("mast", [[0, 0, 0], [0.5, 0, 0.1], [1, 0, 0]], [(1, 2), (2, 3)], {"tip": 3}, held=[1])
+    component = modes(body)
+    found = frequencies(hinged([component], [], tmp_path))
+    np.testing.assert_allclose(found, component.omega, rtol=1e-8)
+
+
+def test_joints_on_faces_of_several_nodes(tmp_path: Path) -> None:
+    """Two blocks of solids joined node by node are one block: nodes without rotations lock displacements alone."""
+    cells = (4, 1, 1)
+    left = block("left", (1.0, 0.05, 0.04), cells, {"face": face(cells, 4)})
+    right = block("right", (1.0, 0.05, 0.04), cells, {"face": face(cells, 0)}, origin=(1.0, 0.0, 0.0))
+    n = left.n
+    ends = [np.flatnonzero(np.isin(body.dofs.node, body.interfaces["face"].node)) for body in (left, right)]
+    G = np.zeros((12, 2 * n))
+    G[np.arange(12), ends[0]], G[np.arange(12), n + ends[1]] = 1.0, -1.0
+    Z = la.null_space(G)
+    K, M = (la.block_diag(getattr(left, A).toarray(), getattr(right, A).toarray()) for A in ("K", "M"))
+    lam = la.eigh(Z.T @ K @ Z, Z.T @ M @ Z, eigvals_only=True)
+    clamp = joint("weld", "left.face", "right.face", ())
+    clamp = replace(clamp, locked=((0, 1, 2),) * 4)
+    found = frequencies(hinged([modes(left), modes(right)], [clamp], tmp_path))
+    np.testing.assert_allclose(found[6:], np.sqrt(lam[6:]), rtol=1e-7)
+
+
+def test_a_body_in_a_plane_is_refused(tmp_path: Path) -> None:
+    body = frame("flat", [[0, 0, 0], [1, 0, 0]], [(1, 2)], {"tip": 2}, held=[])
+    whole = modes(body)
+    flat = replace(
+        whole,
+        **{
+            name: getattr(whole, name)[1:] if getattr(whole, name).ndim == 1 else getattr(whole, name)[:, 1:]
+            for name in ("Phi", "omega", "zeta", "source_hz", "sigma", "spacing")
+        },
+        kind=whole.kind[1:],
+        why=whole.why[1:],
+        rigid_count=5,
+        rankings={},
+    )
+    with pytest.raises(FloatingFrameError, match="5 rigid motions"):
+        floating_body(written(tmp_path, flat))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
 from cmsreduce.errors import SceneError, SimulationError
-from cmsreduce.model import Channel, Interface, JointElement, Point, PointTerm, RigidBody
+from cmsreduce.model import Channel, Interface, JointElement, Point, PointTerm, RigidBody, StrutTerm
 from cmsreduce.simulate import Pulse, Slew
 from tests.consumers.bodies import modes
 from tests.frames import BAR, line
@@ -179,8 +180,6 @@ def test_a_pulse_and_a_ball(tmp_path: Path) -> None:
         tmp_path,
         ground=["wall.hinge"],
     )
-    from dataclasses import replace
-
     scene = replace(scene, scene=replace(scene.scene, actuators=(push,)))
     motion = simulate(scene, 2.0, efforts={"push": Pulse(4.0, 1.0)})
     # The impulse of a sin^2 is half of peak times duration; its arm is 1.
@@ -193,7 +192,63 @@ def test_what_cannot_be_simulated_is_said(tmp_path: Path) -> None:
         simulate(scene, 1.0, efforts={"motor": Pulse(1.0, 1.0)})
     with pytest.raises(SimulationError, match="positive"):
         simulate(scene, 0.0)
+    with pytest.raises(SimulationError, match="'dot' can move without kinetic energy"):
+        simulate(hinged([brick("dot", (0, 0, 0))], [], tmp_path), 1.0)
     joints = [joint("a", "one.hinge", "two.hinge"), joint("b", "one.hinge", "two.hinge")]
     pair = hinged([brick("one", (1, 2, 3)), brick("two", (1, 2, 3))], joints, tmp_path)
     with pytest.raises(SceneError, match="contradict"):
         simulate(pair, 1.0, rates={"a.rz": 1.0, "b.rz": 2.0})
+
+
+def test_a_bead_slides_out_on_a_rod_that_turns(tmp_path: Path) -> None:
+    """Angular momentum and energy give the speed of the bead at any distance; its joint has an offset."""
+    J, m, start, w = 0.4, 1.5, 0.3, 6.0
+    rod, bead = (
+        brick("rod", (1, 1, J)),
+        brick("bead", (1e-3, 1e-3, 1e-3), cg=(start, 0, 0), faces={"hinge": (start, 0, 0)}, mass=m),
+    )
+    slide = joint("slide", "rod.hinge", "bead.hinge", (0,), offset=(start, 0.0, 0.0))
+    bearing = joint("pin", "wall.hinge", "rod.hinge")
+    scene = hinged([brick("wall", (1, 1, 1)), rod, bead], [bearing, slide], tmp_path, ground=["wall.hinge"])
+    motion = simulate(scene, 0.5, points=4, rates={"pin.rz": w}, accuracy=1e-8)
+    r, spin = start + motion.joints["slide.x"], motion.angular_velocity["rod"][:, 2]
+    momentum = (J + 1e-3 + m * start**2) * w
+    assert r[-1] > 1.0
+    np.testing.assert_allclose((J + 1e-3 + m * r**2) * spin, momentum, rtol=1e-9)
+    # The rate of the slide, from its values by the energy.
+    speed = np.sqrt(np.maximum(w * momentum - spin * momentum, 0) / m)
+    found = [motion.system.movement_rates(y)[1] for y in motion.states.y]
+    np.testing.assert_allclose(found, speed, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(np.linalg.norm(motion.point("bead", "cg")[:, :2], axis=1), r, rtol=1e-9)
+
+
+def test_a_strut_pushes_two_bodies_apart(tmp_path: Path) -> None:
+    """A constant push along the line between their centres, and the change of their distance by a sensor."""
+    one, two = brick("one", (1, 1, 1), mass=2.0), brick("two", (1, 1, 1), cg=(0.3, 0.4, 0.0), mass=3.0)
+    strut = (StrutTerm(Point("one", "cg"), Point("two", "cg")),)
+    scene = hinged([one, two], [], tmp_path, floating=("two",))
+    channels = {
+        "actuators": (Channel("push", strut, "translation"),),
+        "sensors": (Channel("gap", strut, "translation"),),
+    }
+    motion = simulate(
+        replace(scene, scene=replace(scene.scene, **channels)), 1.0, points=4, efforts={"push": lambda _: 1.8}
+    )
+    expected = 0.5 * (1.8 / 2.0 + 1.8 / 3.0) * motion.time**2
+    np.testing.assert_allclose(motion.sensors["gap"], expected, rtol=0, atol=1e-9)
+    way = motion.point("two", "cg") - motion.point("one", "cg")
+    np.testing.assert_allclose(np.linalg.norm(way, axis=1), 0.5 + expected, rtol=0, atol=1e-9)
+
+
+def test_a_spring_twice_round(tmp_path: Path) -> None:
+    """A shaft that is wound up by two turns: its spring counts them, and gives the energy back."""
+    element = JointElement(5, stiffness=0.2)
+    scene = hinged(
+        [brick("wall", (1, 1, 1)), brick("shaft", (1, 1, 0.05))],
+        [joint("pin", "wall.hinge", "shaft.hinge", elements=(element,))],
+        tmp_path,
+        ground=["wall.hinge"],
+    )
+    w = np.sqrt(0.2 / 0.05)
+    motion = simulate(scene, np.pi / w, points=2, rates={"pin.rz": 4 * np.pi * w}, accuracy=1e-8)
+    np.testing.assert_allclose(motion.joints["pin.rz"], [0, 4 * np.pi, 0], rtol=0, atol=1e-6)
