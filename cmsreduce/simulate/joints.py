@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.simulate.floating_body import Marker, cross_columns
 
-__all__ = ["Connection", "Frame", "Moving", "Side", "locked_rotations", "point_row", "strut_row"]
+__all__ = ["Connection", "Frame", "Moving", "Side", "locked_rotations"]
 
 Array = NDArray[np.float64]
 
@@ -210,24 +210,3 @@ class Connection:
         if dof >= 3:
             return -axis @ a.W, axis @ b.W
         return (b.p - a.p) @ a.AJ[dof] - axis @ a.P, axis @ b.P
-
-
-def point_row(marker: Marker, direction: Array, q: Array) -> Array:
-    """Row over a body's speeds: rate of a point along weights of x y z rx ry rz (6,), along the axes of its frame."""
-    row = np.empty(6 + q.size)
-    force, moment = direction[:3], direction[3:]
-    c, translation, slope = marker.position + marker.translation @ q, marker.translation, marker.rotation
-    if marker.shortening is not None:
-        pulled = marker.shortening @ q
-        c, translation = c - 0.5 * pulled @ q, translation - pulled
-    if marker.bowing is not None:
-        slope = slope - marker.bowing @ q
-    row[:3], row[3:6], row[6:] = force, moment + cross_columns(c) @ force, translation.T @ force + slope.T @ moment
-    return row
-
-
-def strut_row(a: Moving, b: Moving) -> tuple[Array, Array]:
-    """Rows over the speeds of both bodies: rate of the distance between two points."""
-    way = b.p - a.p
-    along = way / np.linalg.norm(way)
-    return -along @ a.P, along @ b.P

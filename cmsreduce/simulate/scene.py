@@ -19,7 +19,8 @@ from cmsreduce.model import (
 )
 from cmsreduce.simulate.floating_body import FloatingBody, Marker
 from cmsreduce.simulate.joints import Connection, Side, locked_rotations
-from cmsreduce.simulate.system import Element, JointMotion, Movement, MultibodySystem, PointMotion, StrutMotion
+from cmsreduce.simulate.movements import Element, JointMotion, Movement, PointMotion, StrutMotion
+from cmsreduce.simulate.system import MultibodySystem
 
 __all__ = ["scene_system"]
 

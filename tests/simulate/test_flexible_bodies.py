@@ -16,7 +16,7 @@ from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.pipeline.results import floating_body
 from cmsreduce.reduce import CraigBampton
 from cmsreduce.simulate import Method, Pulse, scene_system
-from cmsreduce.simulate.joints import point_row
+from cmsreduce.simulate.movements import point_row
 from tests.consumers.bodies import modes
 from tests.consumers.predictions import PlaneBeam, tumbling_tip
 from tests.frames import Section, frame, line

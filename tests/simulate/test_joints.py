@@ -7,7 +7,8 @@ import pytest
 
 from cmsreduce.simulate import Marker
 from cmsreduce.simulate.floating_body import turned
-from cmsreduce.simulate.joints import Frame, Moving, Side, locked_rotations, point_row
+from cmsreduce.simulate.joints import Frame, Moving, Side, locked_rotations
+from cmsreduce.simulate.movements import point_row
 
 K = 4
 

@@ -252,3 +252,17 @@ def test_a_spring_twice_round(tmp_path: Path) -> None:
     w = np.sqrt(0.2 / 0.05)
     motion = simulate(scene, np.pi / w, points=2, rates={"pin.rz": 4 * np.pi * w}, accuracy=1e-8)
     np.testing.assert_allclose(motion.joints["pin.rz"], [0, 4 * np.pi, 0], rtol=0, atol=1e-6)
+
+
+def test_a_loop_that_does_not_close_is_refused(tmp_path: Path) -> None:
+    """Two links of one metre cannot reach three metres."""
+    faces = {"near": (0.0, 0.0, 0.0), "far": (1.0, 0.0, 0.0)}
+    wall = brick("wall", (1, 1, 1), faces={"near": (0.0, 0.0, 0.0), "far": (3.0, 0.0, 0.0)})
+    links = [brick(name, (1, 1, 1), cg=(0.5, 0, 0), faces=faces) for name in ("one", "two")]
+    joints = [
+        joint("a", "wall.near", "one.near"),
+        joint("b", "one.far", "two.near"),
+        joint("c", "wall.far", "two.far"),
+    ]
+    with pytest.raises(SimulationError, match=r"does not close: its sides are apart"):
+        simulate(hinged([wall, *links], joints, tmp_path, ground=["wall.near"]), 1.0)

@@ -13,7 +13,7 @@ from cmsreduce.model import MultibodyScene
 from cmsreduce.pipeline import Run, Silent, execute
 from cmsreduce.pipeline.results import floating_bodies, multibody_scene
 from cmsreduce.simulate import MultibodySystem, scene_system, simulate_scene
-from cmsreduce.simulate.system import Movement, PointMotion
+from cmsreduce.simulate.movements import Movement, PointMotion
 from tests.spinning_beam import BEAM, LENGTH, PIPELINE, write_beam
 
 BASE = "  base:\n    rigid: {{mass: 1, inertia: [1, 1, 1, 0, 0, 0]}}\n    interfaces: {{a: {{position: [0, 0, 0]}}}}\n"
