@@ -7,7 +7,8 @@ DOCS_STAMP := $(VENV)/.docs
 PIPELINES := $(wildcard pipelines/*.yaml)
 RUNS := $(patsubst pipelines/%.yaml,build/%/summary.json,$(PIPELINES))
 
-.PHONY: help setup demo test lint docs bench bench-full bench-peers pipelines models sweep-galileo clean
+.PHONY: help setup demo test lint docs bench bench-full bench-peers pipelines models sweep-galileo clean \
+	example-slew example-linkage example-spinup
 .DELETE_ON_ERROR:
 
 help: ## show the targets
@@ -24,6 +25,16 @@ $(STAMP): pyproject.toml
 
 demo: $(STAMP) ## reduce the Galileo sample; the report is build/galileo/report.html
 	$(BIN)/cmsreduce run pipelines/galileo.yaml
+
+# Motion in time, docs/simulate.md; each prints and leaves build/example-*/motion.html.
+example-slew: $(STAMP) ## slew of the Galileo sample, simulated in time
+	$(BIN)/python examples/slew.py
+
+example-linkage: $(STAMP) ## closed four-bar linkage with a flexible coupler
+	$(BIN)/python examples/linkage.py
+
+example-spinup: $(STAMP) ## spin-up of a flexible beam, with and without geometric stiffness
+	$(BIN)/python examples/spinup.py
 
 # One BLAS thread for each: two of them with two threads would wait for each other. Tests that stand together go to one
 # process, which then sets up once what they share; the programs that tests start find their modules compiled.

@@ -20,6 +20,10 @@ True
 (2, 3, 3)
 >>> states = system.state_space()                # control.StateSpace
 
+A run that wrote its component files can move in time, by any joint angle; `docs/simulate.md` has the equations.
+
+>>> motion = cms.simulate("build/galileo", 8, efforts={"motor": cms.Slew(1.57, 5)}, method="implicit")  # doctest: +SKIP
+
 The second calls the stages one by one, without a pipeline file.
 
 >>> sample = "sample_models/hub_beams/right"
@@ -56,7 +60,8 @@ if TYPE_CHECKING:
     from cmsreduce.errors import CmsReduceError
     from cmsreduce.model import Damping, Units, in_units
     from cmsreduce.reduce import AugmentedBody, BenfieldHruda, CraigBampton, Guyan, MacNealRubin
-    from cmsreduce.runs import FinishedRun, run
+    from cmsreduce.runs import FinishedRun, run, simulate
+    from cmsreduce.simulate import Motion, Pulse, Slew
     from cmsreduce.steps import (
         AssembledSystem,
         Component,
@@ -81,6 +86,9 @@ __all__ = [
     "FinishedRun",
     "Guyan",
     "MacNealRubin",
+    "Motion",
+    "Pulse",
+    "Slew",
     "Units",
     "assemble",
     "balance",
@@ -90,6 +98,7 @@ __all__ = [
     "read_body",
     "read_component",
     "run",
+    "simulate",
     "write_component",
 ]
 
@@ -97,7 +106,8 @@ _MODULES = {
     "errors": ("CmsReduceError",),
     "model": ("Damping", "Units", "in_units"),
     "reduce": ("AugmentedBody", "BenfieldHruda", "CraigBampton", "Guyan", "MacNealRubin"),
-    "runs": ("FinishedRun", "run"),
+    "runs": ("FinishedRun", "run", "simulate"),
+    "simulate": ("Motion", "Pulse", "Slew"),
     "steps": ("AssembledSystem", "Component", "assemble", "balance", "orthogonalise", "read_body", "write_component"),
     "write": ("convert", "read_component"),
 }

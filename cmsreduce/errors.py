@@ -13,6 +13,7 @@ __all__ = [
     "MatrixError",
     "ReadError",
     "SceneError",
+    "SimulationError",
     "SingularInterfaceError",
     "StageError",
     "UnitsError",
@@ -65,6 +66,10 @@ class SingularInterfaceError(CmsReduceError):
 
 class FloatingFrameError(CmsReduceError):
     """A floating frame that the motions of a body do not determine."""
+
+
+class SimulationError(CmsReduceError):
+    """A motion that cannot be integrated in time, or grows without bound."""
 
 
 class DampingError(CmsReduceError):

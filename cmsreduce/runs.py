@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from numpy.typing import ArrayLike
+
 from cmsreduce.errors import SceneError, StageError, not_among
-from cmsreduce.model import ERRORS, RunResult, Verdict
+from cmsreduce.model import ERRORS, MultibodyScene, RunResult, Verdict
 from cmsreduce.pipeline import STAGES, Run, execute
 from cmsreduce.pipeline.batch import opened_run
+from cmsreduce.pipeline.results import floating_bodies, multibody_scene
 from cmsreduce.report import Output
+from cmsreduce.simulate import Law, Method, Motion, simulate_scene
 from cmsreduce.steps import AssembledSystem, Component
 from cmsreduce.write import summary
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["FinishedRun", "run"]
+__all__ = ["FinishedRun", "run", "simulate"]
 
 
 class _Bodies(dict[str, Component]):
@@ -166,6 +170,79 @@ def run(
         opened_run(Path(pipeline), overrides, None if out is None else Path(out), listener, jobs=jobs) as work,
     ):
         return FinishedRun(work, execute(work, Path(pipeline), overrides, until))
+
+
+def simulate(
+    scene: str | Path | FinishedRun | MultibodyScene,
+    seconds: float,
+    *,
+    configuration: str | None = None,
+    efforts: Mapping[str, Law] | None = None,
+    gravity: Sequence[float] = (0.0, 0.0, 0.0),
+    rates: Mapping[str, float] | None = None,
+    velocity: ArrayLike | None = None,
+    spin: ArrayLike | None = None,
+    modes: Mapping[str, ArrayLike] | None = None,
+    points: int = 200,
+    accuracy: float = 1e-6,
+    step: float | None = None,
+    method: Method = "explicit",
+) -> Motion:
+    """Simulate the reduced bodies of a run in time: large motions of bodies and joints, small deflections by modes.
+
+    Parameters
+    ----------
+    scene : path, FinishedRun or MultibodyScene
+        Folder of a run, the run, or its scene.
+    seconds : float
+        Time to simulate.
+    configuration : str, optional
+        Configuration at the start, by default the first one.
+    efforts : mapping of actuator to function of time, optional
+        `Pulse`, `Slew` or any function of the time in seconds; in the units of the scene.
+    gravity : (3,) sequence of float
+        Acceleration of free fall, along the axes of the scene.
+    rates : mapping of ``JOINT.DOF`` to float, optional
+        Rates at the start. Bodies start as rigid ones, in the motion of least kinetic energy that has these rates.
+    velocity, spin : (3,) array_like, optional
+        Of the base body at the start, at the origin of its basic frame, along the axes of the scene.
+    modes : mapping of body to (k,), optional
+        Modal coordinates at the start.
+    points : int
+        Times of the motion, evenly spread, besides the start.
+    accuracy : float
+        Error of each radian of the fastest mode, and relative error of a step.
+    step : float, optional
+        Fixed step in seconds instead.
+    method : str
+        ``explicit`` (order 8; the fastest mode limits the step), or ``implicit`` (order 5; fast modes are damped).
+
+    Raises
+    ------
+    CmsReduceError
+        If the scene cannot be simulated, or the motion grows without bound; the message says where and why.
+    """
+    if isinstance(scene, FinishedRun):
+        scene = scene.folder
+    if not isinstance(scene, MultibodyScene):
+        scene = multibody_scene(Path(scene), configuration)
+    elif configuration is not None:
+        raise SceneError("the scene is in one configuration already; take `configuration` out")
+    return simulate_scene(
+        scene,
+        floating_bodies(scene),
+        seconds,
+        efforts=efforts,
+        gravity=gravity,
+        rates=rates,
+        velocity=velocity,
+        spin=spin,
+        modes=modes,
+        points=points,
+        accuracy=accuracy,
+        step=step,
+        method=method,
+    )
 
 
 def _plain(value: Any) -> Any:

@@ -8,7 +8,7 @@ from types import ModuleType
 __all__ = ["ROOMS", "api_page"]
 
 ROOMS = (
-    *("read", "reduce", "orthogonalise", "balance", "project", "assemble", "verify", "write", "report"),
+    *("read", "reduce", "orthogonalise", "balance", "project", "assemble", "verify", "write", "report", "simulate"),
     *("pipeline", "config", "model", "errors", "runs", "steps"),
 )
 """The rooms in the order of the data flow, then those that join them, the data, and the front door."""

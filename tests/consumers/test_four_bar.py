@@ -1,4 +1,4 @@
-"""A four-bar linkage with a flexible coupler in Exudyn: frozen against finite elements, moving against the example.
+"""A four-bar linkage with a flexible coupler in Exudyn: frozen against finite elements, moving against `simulate`.
 
 A mesh node of a beam has no rotation in Exudyn: crank and rocker, clamped at the ground, hang on its hinges, and the
 coupler between them on balls. In the plane that is the four-bar; out of it the coupler is free to turn about itself.
@@ -6,10 +6,7 @@ coupler between them on balls. In the plane that is the four-bar; out of it the 
 
 from __future__ import annotations
 
-import importlib
-import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,9 +14,9 @@ import scipy.linalg as la
 
 from cmsreduce.mechanics import floating_frame
 from cmsreduce.model import FrameCondition, ModalComponent
-from cmsreduce.write import write_component
 from tests.consumers.bodies import modes, npz
-from tests.examples.test_cross_checks import bars
+from tests.simulate.four_bar import bars
+from tests.simulate.scenes import hinged, joint, rigid_part, simulate
 
 pytest.importorskip("exudyn")
 from tests.consumers.exudyn_scene import Body, ExudynScene
@@ -28,7 +25,6 @@ pytestmark = pytest.mark.exudyn
 
 HINGE = 5
 CLAMPED = {"crank": "a", "rocker": "d"}
-EXAMPLES = Path(__file__).parents[2] / "examples"
 # Mesh nodes count from 0; the links have four elements.
 END, MIDDLE = 4, 2
 
@@ -77,8 +73,8 @@ def torque(t: float) -> float:
 
 
 def test_motion_with_a_flexible_coupler(tmp_path: Path) -> None:
-    """A pulse of torque turns the crank: the coupler's middle, by four modes, against the example's integration."""
-    steps, rough = 5000, 80
+    """A pulse of torque turns the crank: the coupler's middle, by four modes, against `cmsreduce.simulate`."""
+    steps = 5000
     whole = {part.name: modes(part) for part in bars()}
     elastic = slice(6, 10)
     kept = {"coupler": np.arange(elastic.start, elastic.stop)}
@@ -89,29 +85,17 @@ def test_motion_with_a_flexible_coupler(tmp_path: Path) -> None:
     sensor = scene.watch_point(coupler, MIDDLE)
     scene.move(SECONDS, steps)
     found = scene.seen(sensor)[-1, 1:]
-    tree = example(tmp_path, whole)
-    s, h = tree.rest(), SECONDS / rough
-    for number in range(rough):
-        s = tree.step(s, number * h, h, lambda t, _: np.array([torque(t), 0.0, 0.0]))
-    place, _, _ = tree.motions(s)[2]
-    middle = whole["coupler"].body.nodes.xyz[MIDDLE]
-    shape = parts["coupler"].Phi[whole["coupler"].body.dofs.node == MIDDLE + 1][:3, elastic] @ s.q
-    expected = place + s.axes[2] @ (middle + shape)
+    links = [rigid_part(whole[name]) for name in ("ground", "crank")]
+    links += [parts["coupler"], rigid_part(whole["rocker"])]
+    joints = [
+        joint("a", "ground.a", "crank.a"),
+        joint("b", "crank.b", "coupler.b"),
+        joint("c", "coupler.c", "rocker.c"),
+        joint("d", "ground.d", "rocker.d"),
+    ]
+    loop = hinged(links, joints, tmp_path, ground=["ground.a"])
+    motion = simulate(loop, SECONDS, points=4, efforts={"a.5": torque}, accuracy=1e-3)
+    bend = motion.modal["coupler"] @ motion.system.bodies[2].markers[str(MIDDLE + 1)].translation.T
     # More than half a turn, and a coupler that bends by a thousand times what is asserted.
-    assert s.angles[0] > np.pi and np.linalg.norm(shape) > 1e-3
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)
-
-
-def example(folder: Path, whole: dict[str, ModalComponent]) -> Any:
-    """The same linkage of `examples/linkage.py`, from component files about the basic frame."""
-    sys.path.insert(0, str(EXAMPLES))
-    try:
-        module = importlib.import_module("linkage")
-    finally:
-        sys.path.remove(str(EXAMPLES))
-    bodies = []
-    for name in ("ground", "crank", "coupler", "rocker"):
-        path = folder / f"{name}_basic.h5"
-        write_component(path, whole[name], nodes=(), inputs={}, outputs={}, checks=(), provenance={}, all_nodes=True)
-        bodies.append(module.load(path).cut(4 if name == "coupler" else 0))
-    return module.four_bar(bodies)
+    assert motion.joints["a.rz"][-1] > np.pi and np.linalg.norm(bend[-1]) > 1e-3
+    np.testing.assert_allclose(found, motion.point("coupler", MIDDLE + 1)[-1], rtol=0, atol=1e-6)

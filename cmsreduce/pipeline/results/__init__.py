@@ -6,6 +6,7 @@ Rendering belongs in `report`, file formats in `write`.
 
 from cmsreduce.pipeline.results.checking import check_result, write_junit, write_markdown
 from cmsreduce.pipeline.results.exports import export_pictures, export_shapes, export_tables, write_system_states
+from cmsreduce.pipeline.results.floating_bodies import floating_bodies, floating_body
 from cmsreduce.pipeline.results.health import effective_mass_data, effective_mass_lines, health_table
 from cmsreduce.pipeline.results.limits import read_limits
 from cmsreduce.pipeline.results.mass_and_frame import (
@@ -36,6 +37,8 @@ __all__ = [
     "export_tables",
     "file_rounding",
     "file_totals",
+    "floating_bodies",
+    "floating_body",
     "frame_lines",
     "frame_of",
     "health_table",
