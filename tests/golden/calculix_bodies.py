@@ -172,9 +172,9 @@ def body(name, held):
     return deck.text()
 
 
-def solve(folder: Path, name: str, text: str, matrices: bool) -> list[float]:
+def solve(folder: Path, name: str, text: str, matrices: bool, modes: int = 12) -> list[float]:
     """Run CalculiX; its frequencies in Hz, or none if it stores the matrices."""
-    step = "*FREQUENCY, SOLVER=MATRIXSTORAGE\n10\n" if matrices else "*FREQUENCY\n12\n*NODE FILE\nU\n"
+    step = "*FREQUENCY, SOLVER=MATRIXSTORAGE\n10\n" if matrices else f"*FREQUENCY\n{modes}\n*NODE FILE\nU\n"
     (folder / f"{name}.inp").write_text(text + f"*STEP\n{step}*END STEP\n")
     # CalculiX ends the storing of matrices with an error code of its own; what counts is what it wrote.
     subprocess.run(["ccx", name], cwd=folder, capture_output=True, timeout=120, check=False)

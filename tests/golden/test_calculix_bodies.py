@@ -9,10 +9,13 @@ import scipy.linalg as la
 from click.testing import CliRunner
 
 from cmsreduce.cli import main
+from cmsreduce.config import load_pipeline
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.mechanics import Tie, places_by_stiffness, tie_nodes
 from cmsreduce.model import rigid_body_shapes
+from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
+from cmsreduce.pipeline import Run, Silent
 from cmsreduce.pipeline.bodies import draft_body
 from cmsreduce.read import InterfaceSpec, MatrixSource, prove_row_order, read_body, read_geometry
 from tests.golden.calculix_bodies import BODIES, Deck, body, solve
@@ -100,6 +103,17 @@ def test_from_new_to_run(tmp_path, monkeypatch, name, held):
     found = json.loads((tmp_path / "build/bar1/summary.json").read_text())["components"]["bar1"]["frequencies_hz"]
     found = np.array(found)[np.array(found) > AT_ZERO]
     np.testing.assert_allclose(found[:2], hertz[hertz > AT_ZERO][:2], rtol=digits(name))
+
+
+def test_motions_without_stiffness_of_little_mass_leave_orthogonal_modes(tmp_path, monkeypatch):
+    """A thin shell turns about the edge of the solid, and the beam about its own axis: eight motions."""
+    monkeypatch.chdir(tmp_path)
+    solved(tmp_path, body("mixed", held=False).replace("\n0.01\n", "\n0.001\n"))
+    assert CliRunner().invoke(main, ["new", "bar1", "bar.sti", "bar.mas", "bar.inp"]).exit_code == 0
+    run = Run(load_pipeline(tmp_path / "bar1.yaml"), tmp_path / "out", Silent())
+    modes = run.modal("bar1")
+    assert modes.rigid_count == 8
+    assert max(orthogonality_errors(modes)) < ORTHOGONAL
 
 
 def test_held_body_by_its_mesh_alone(tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -161,14 +163,16 @@ def rigid_body_modes(
     if proven is None and prove and K.shape[0] > _DENSE_LIMIT:
         proven = only_motions(K, R, rounding)
     shapes = _geometric_motions(K, R, rounding)[0] if proven is None else proven
-    N = stiffness_null_space(K, rounding, shapes) if proven is None else proven
-    if N.shape[1] > shapes.shape[1]:
+    N = _null_motions(K, rounding, shapes) if proven is None else proven
+    geometric, held = shapes.shape[1], None
+    if N.shape[1] > geometric:
+        held = _hold(K, N)
         # The part outside the geometric shapes is a mechanism; the geometric shapes are more accurate.
         Qg, _ = np.linalg.qr(shapes)
-        N, _ = np.linalg.qr(N)
+        N, _ = np.linalg.qr(N if held is None else held.independent(N))
         outside = N - Qg @ (Qg.T @ N)
         u, _, _ = la.svd(outside, full_matrices=False)
-        shapes = np.hstack([shapes, u[:, : N.shape[1] - shapes.shape[1]]]) if R is not None else N
+        shapes = np.hstack([shapes, u[:, : N.shape[1] - geometric]]) if R is not None else N
     if shapes.shape[1] == 0:
         return shapes
     shapes, _ = np.linalg.qr(shapes)
@@ -179,7 +183,20 @@ def rigid_body_modes(
             f"body '{name}': a motion that K does not resist carries no mass ({weight[0]:.1e} against "
             f"{weight[-1]:.1e}); hold it by a constraint, or take the massless dofs out of the matrices"
         )
-    return np.asarray(shapes @ (V / np.sqrt(weight)))
+    if held is None:
+        return np.asarray(shapes @ (V / np.sqrt(weight)))
+    # A mechanism of little mass is a small difference of large shapes, whose rounding loads what is stiff: it is
+    # solved for again after the difference is taken.
+    rigid = _apart(shapes[:, :geometric], np.empty((K.shape[0], 0)), M)
+    mechanisms = held.solved(_apart(shapes[:, geometric:], rigid, M))
+    return np.hstack([rigid, _apart(mechanisms, rigid, M)])
+
+
+def _apart(X: Array, rigid: Array, M: sp.csc_array) -> Array:
+    """Parts of independent shapes outside rigid ones, orthonormal in M as those are."""
+    X = X - rigid @ (rigid.T @ (M @ X))
+    weight, V = la.eigh(X.T @ (M @ X))
+    return np.asarray(X @ (V / np.sqrt(weight)))
 
 
 def only_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Array | None:
@@ -234,6 +251,13 @@ def stiffness_null_space(K: sp.csc_array, rounding: float, known: Array | None =
     N : (n, k) float64
         Vectors whose strain energy is only rounding of its terms.
     """
+    N = _null_motions(K, rounding, known)
+    held = None if N is known else _hold(K, N)
+    return N if held is None else held.independent(N)
+
+
+def _null_motions(K: sp.csc_array, rounding: float, known: Array | None) -> Array:
+    """Null space as of `stiffness_null_space`, with errors of a few per cent along soft motions if not known."""
     n, (scaled, d) = K.shape[0], _unit_diagonal(K)
     if n <= _DENSE_LIMIT:
         _, V = la.eigh(scaled.toarray())
@@ -250,7 +274,7 @@ def stiffness_null_space(K: sp.csc_array, rounding: float, known: Array | None =
     if known is not None and known.shape[1] == np.count_nonzero(null):
         # Shapes from coordinates are more accurate.
         return known
-    return _sharpened(K, V[:, null] / d[:, None])
+    return np.asarray(V[:, null] / d[:, None])
 
 
 def _geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> tuple[Array, Array]:
@@ -269,26 +293,44 @@ def _geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> tup
     return shapes[:, rigid], shapes[:, ~rigid]
 
 
-def _sharpened(K: sp.csc_array, N: Array) -> Array:
-    """Null vectors solved for with one dof of each given, which removes the parts along soft motions.
+class _Held(NamedTuple):
+    """Stiffness held at as many dofs as it has null vectors, factorised; null vectors follow from their values there.
 
     The error of an eigenvector is rounding over the gap to the next eigenvalue: a few per cent beside a motion seven
     decades softer than the stiffest. Residuals in long double restore the digits.
     """
+
+    exact: sp.csc_array
+    given: NDArray[np.int64]
+    free: NDArray[np.int64]
+    solve: Factor
+
+    def independent(self, N: Array) -> Array:
+        """Null vectors that each move one of the given dofs."""
+        X = N @ np.linalg.inv(N[self.given])
+        X[self.given] = np.eye(self.given.size)
+        return self.solved(X)
+
+    def solved(self, X: Array) -> Array:
+        """Null vectors with the values of X at the given dofs."""
+        X = X.copy()
+        for _ in range(_CORRECTIONS):
+            force = np.asarray((self.exact @ X.astype(np.longdouble))[self.free], dtype=np.float64)
+            X[self.free] -= self.solve(force)
+        return X
+
+
+def _hold(K: sp.csc_array, N: Array) -> _Held | None:
+    """Stiffness held at the dofs that null vectors move independently; None where that does not hold the body."""
     if not N.shape[1] or N.shape[1] == N.shape[0]:
-        return N
+        return None
     _, _, order = la.qr((N / np.linalg.norm(N, axis=0)).T, mode="economic", pivoting=True)
     given, free = order[: N.shape[1]], np.sort(order[N.shape[1] :])
     try:
         solve = factorise(sp.csc_array(K[free][:, free]), what="the stiffness held against its free motions")
     except NotPositiveDefiniteError:
-        return N
-    X = N @ np.linalg.inv(N[given])
-    X[given] = np.eye(given.size)
-    exact = sp.csc_array(K, dtype=np.longdouble)
-    for _ in range(_CORRECTIONS):
-        X[free] -= solve(np.asarray((exact @ X.astype(np.longdouble))[free], dtype=np.float64))
-    return np.asarray(X)
+        return None
+    return _Held(sp.csc_array(K, dtype=np.longdouble), given, free, solve)
 
 
 def _weakest(K: sp.csc_array, solve: Factor, wanted: int) -> Array:
