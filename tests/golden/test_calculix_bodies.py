@@ -24,6 +24,8 @@ pytestmark = pytest.mark.ccx
 
 # Hourglass motions of C3D8R have neither stiffness nor mass; what CalculiX prints for them is rounding.
 FREE = [name for name in BODIES if name != "C3D8R"]
+# Free ones alone show the order of their nodes.
+HELD = [name for name in BODIES if name not in ("C3D6", "C3D15", "S3", "S6")]
 # Zero frequencies, free and held: the shell of the mixed body turns about the edge of the solid.
 MOTIONS = {"mixed": (8, 2)}
 AT_ZERO = 0.01  # Hz
@@ -54,7 +56,7 @@ def digits(name: str) -> float:
     return 5e-6 if "S" in name else 1e-6
 
 
-@pytest.mark.parametrize(("name", "held"), [(name, False) for name in FREE] + [(name, True) for name in BODIES])
+@pytest.mark.parametrize(("name", "held"), [(name, False) for name in FREE] + [(name, True) for name in HELD])
 def test_frequencies(tmp_path, name, held):
     hertz = solved(tmp_path, body(name, held))
     elastic = hertz[hertz > AT_ZERO]
@@ -114,6 +116,19 @@ def test_motions_without_stiffness_of_little_mass_leave_orthogonal_modes(tmp_pat
     modes = run.modal("bar1")
     assert modes.rigid_count == 8
     assert max(orthogonality_errors(modes)) < ORTHOGONAL
+
+
+def test_new_proposes_a_set_of_a_shell_or_else_the_middle_of_its_thickness(tmp_path):
+    deck = BODIES["S8R"]()
+    solve(tmp_path, "bar", deck.text(), matrices=True)
+    files = [tmp_path / f"bar.{end}" for end in ("sti", "mas", "inp")]
+    ((_, mount, words),) = draft_body("bar", files).interfaces
+    assert (mount, words) == ("{node: 39}", "node 39, at [0, 0, 0], one of 3 that node 1 of the deck became")
+    deck.nset("HUB", deck.at(0))
+    (tmp_path / "bar.inp").write_text(deck.text())
+    draft = draft_body("bar", files)
+    assert draft.interfaces[0][1:] == ("{set: HUB, tie: rigid}", "set, 5 nodes")
+    assert "cmsreduce new bar2" in (said := draft_body("bar", files[:2]).remark) and said.endswith("bar.inp")
 
 
 def test_held_body_by_its_mesh_alone(tmp_path):
