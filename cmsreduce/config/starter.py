@@ -155,8 +155,6 @@ _CHOICE = "all dofs it has, or {nodes: [7, 8], dofs: 123}, {set: b}, {near: [x, 
 # In multiples of the first elastic frequency: below that frequency, a rigid body would be enough.
 _BAND_OF_FIRST_MODE = 5.0
 _UNKNOWN_BAND = "10 Hz"
-_FREE = "# grounded: true                      # if the matrices hold the body to the ground"
-_GROUNDED = "grounded: true                        # CHECK: the matrices hold the body to the ground"
 
 
 @dataclass(frozen=True)
@@ -198,7 +196,9 @@ class BodyDraft:
     notes : tuple of str
         What the content of the files says against their names.
     damped : bool
-        True if the files hold the damping of the body.
+        True if a superelement's files hold its damping.
+    damping : tuple of Path and str, optional
+        Damping matrix beside the stiffness, as that is given.
     """
 
     name: str
@@ -219,6 +219,7 @@ class BodyDraft:
     remark: str = ""
     notes: tuple[str, ...] = ()
     damped: bool = False
+    damping: tuple[Path, str] | None = None
 
 
 def body_pipeline(name: str, draft: BodyDraft) -> str:
@@ -329,8 +330,14 @@ def _component(draft: BodyDraft, choice: str) -> str:
         units=units,
         grounded=_HELD if draft.grounded else _FREE,
         interfaces="\n".join(lines),
-        damping=_DAMPING_IN_FILES if draft.damped else _DAMPING,
+        damping=_damping(draft),
     )
+
+
+def _damping(draft: BodyDraft) -> str:
+    if draft.damping is not None:
+        return f"    damping: {{matrix: {_matrix(*draft.damping)}}}    # or {{modal: 0.005}}"
+    return _DAMPING_IN_FILES if draft.damped else _DAMPING
 
 
 def _sources(draft: BodyDraft) -> Sequence[str]:

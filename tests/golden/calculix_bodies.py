@@ -10,7 +10,9 @@ CUBE = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2,
 CUBE_EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
 TETRAHEDRA = [(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]
 TETRAHEDRON_EDGES = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
-SQUARE = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1)]
+WEDGE_EDGES = [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)]
+TRIANGLES = [[0, 1, 2, 4, 5, 8], [0, 2, 3, 8, 6, 7]]
+SQUARE = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
 STEEL = "*MATERIAL, NAME=STEEL\n*ELASTIC\n2.1e11, 0.3\n*DENSITY\n7850.\n"
 SECTIONS = {
     "C": "*SOLID SECTION, ELSET={}, MATERIAL=STEEL\n",
@@ -28,6 +30,9 @@ def cells_of(kind):
     if kind in ("C3D4", "C3D10"):
         split = [[CUBE[i] for i in corners] for corners in TETRAHEDRA]
         return split if kind == "C3D4" else [with_middles(corners, TETRAHEDRON_EDGES) for corners in split]
+    if kind in ("C3D6", "C3D15"):
+        split = [[CUBE[i] for i in (*corners, *(k + 4 for k in corners))] for corners in ((0, 1, 2), (0, 2, 3))]
+        return split if kind == "C3D6" else [with_middles(corners, WEDGE_EDGES) for corners in split]
     return [with_middles(CUBE, CUBE_EDGES) if kind.startswith("C3D20") else CUBE]
 
 
@@ -58,10 +63,12 @@ class Deck:
 
     def plate(self, kind, cells, origin, u, v):
         origin, u, v = (np.array(part, dtype=float) for part in (origin, u, v))
-        count = 8 if kind.startswith("S8") else 4
+        count = int(kind[1])
+        corners = [each[:count] for each in TRIANGLES] if count in (3, 6) else [range(count)]
         for i, j in np.ndindex(*cells):
-            at = [((2 * i + a) / (2 * cells[0]), (2 * j + b) / (2 * cells[1])) for a, b in SQUARE[:count]]
-            self.add(kind, [origin + s * u + t * v for s, t in at])
+            at = [((2 * i + a) / (2 * cells[0]), (2 * j + b) / (2 * cells[1])) for a, b in SQUARE]
+            for own in corners:
+                self.add(kind, [origin + at[k][0] * u + at[k][1] * v for k in own])
         return self
 
     def beam(self, kind, count, place):
@@ -147,8 +154,12 @@ BODIES = {
     "C3D8I": lambda: Deck().solid("C3D8I", (4, 2, 2), (1, 0.1, 0.15)),
     "C3D8R": lambda: Deck().solid("C3D8R", (4, 2, 2), (1, 0.1, 0.15)),
     "C3D10": lambda: Deck().solid("C3D10", (3, 1, 1), (1, 0.1, 0.15)),
+    "C3D6": lambda: Deck().solid("C3D6", (4, 1, 1), (1, 0.1, 0.15)),
+    "C3D15": lambda: Deck().solid("C3D15", (3, 1, 1), (1, 0.1, 0.15)),
     "C3D20R": lambda: Deck().solid("C3D20R", (3, 2, 2), (1, 0.1, 0.15)),
     "S4": lambda: Deck().plate("S4", (6, 3), (0, 0, 0), (1, 0, 0), (0, 0.4, 0)),
+    "S3": lambda: Deck().plate("S3", (5, 2), (0, 0, 0), (1, 0, 0), (0, 0.4, 0)),
+    "S6": lambda: Deck().plate("S6", (4, 1), (0, 0, 0), (1, 0, 0), (0, 0.4, 0)),
     "S8R": lambda: Deck().plate("S8R", (4, 2), (0, 0, 0), (1, 0, 0), (0, 0.4, 0)),
     "folded S8R": folded,
     "B31": lambda: Deck().beam("B31", 10, arc),
@@ -172,9 +183,9 @@ def body(name, held):
     return deck.text()
 
 
-def solve(folder: Path, name: str, text: str, matrices: bool) -> list[float]:
+def solve(folder: Path, name: str, text: str, matrices: bool, modes: int = 12) -> list[float]:
     """Run CalculiX; its frequencies in Hz, or none if it stores the matrices."""
-    step = "*FREQUENCY, SOLVER=MATRIXSTORAGE\n10\n" if matrices else "*FREQUENCY\n12\n*NODE FILE\nU\n"
+    step = "*FREQUENCY, SOLVER=MATRIXSTORAGE\n10\n" if matrices else f"*FREQUENCY\n{modes}\n*NODE FILE\nU\n"
     (folder / f"{name}.inp").write_text(text + f"*STEP\n{step}*END STEP\n")
     # CalculiX ends the storing of matrices with an error code of its own; what counts is what it wrote.
     subprocess.run(["ccx", name], cwd=folder, capture_output=True, timeout=120, check=False)

@@ -1,7 +1,5 @@
 """A bar meshed, solved and cut by CalculiX: its matrices, reduced and joined here, give its own frequencies back."""
 
-import re
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +7,7 @@ import pytest
 
 from cmsreduce.config import load_pipeline
 from cmsreduce.pipeline import Run, Silent
+from tests.golden.calculix_bodies import solve
 
 pytestmark = pytest.mark.ccx
 
@@ -58,24 +57,10 @@ def deck(first: int, last: int, clamped: bool, element: str = "C3D8") -> str:
     return text
 
 
-def solve(folder: Path, name: str, text: str, matrices: bool) -> list[float]:
-    """Run CalculiX; its frequencies in Hz unless it only stores the matrices."""
-    step = "*FREQUENCY, SOLVER=MATRIXSTORAGE\n10\n" if matrices else "*FREQUENCY\n20\n"
-    (folder / f"{name}.inp").write_text(text + f"*STEP\n{step}*END STEP\n")
-    # CalculiX ends the storing of matrices with an error code of its own; what counts is what it wrote.
-    subprocess.run(["ccx", name], cwd=folder, capture_output=True, timeout=120, check=False)
-    if matrices:
-        assert (folder / f"{name}.sti").is_file()
-        return []
-    table = (folder / f"{name}.dat").read_text().partition("P A R T I C I P A T I O N")[0]
-    rows = re.findall(r"^\s+\d+\s+(\S+E\S+)\s+\S+\s+(\S+)\s+\S+\s*$", table, re.M)
-    return [float(hertz) for _, hertz in rows]
-
-
 @pytest.mark.parametrize("clamped", [False, True], ids=["free", "clamped"])
 @pytest.mark.parametrize("element", PLACES)
 def test_one_body(tmp_path, clamped, element):
-    hertz = solve(tmp_path, "whole", deck(0, CELLS[0], clamped, element), matrices=False)
+    hertz = solve(tmp_path, "whole", deck(0, CELLS[0], clamped, element), matrices=False, modes=20)
     solve(tmp_path, "bar", deck(0, CELLS[0], clamped, element), matrices=True)
     run = opened(tmp_path, {"bar": f"{{{files('bar')}, grounded: {str(clamped).lower()}}}"}, "{}", "cutoff: 1")
     modes = run.modal("bar")
@@ -90,7 +75,7 @@ def test_one_body(tmp_path, clamped, element):
 @pytest.mark.parametrize(("element", "static"), [("C3D8", False), ("C3D20R", True)])
 def test_two_halves_joined(tmp_path, element, static, clamped):
     """The mass of eight integration points leaves shapes of twenty nodes without any; those at the cut are static."""
-    hertz = solve(tmp_path, "whole", deck(0, CELLS[0], clamped, element), matrices=False)
+    hertz = solve(tmp_path, "whole", deck(0, CELLS[0], clamped, element), matrices=False, modes=20)
     hertz = hertz if clamped else hertz[6:]
     half = CELLS[0] // 2
     solve(tmp_path, "near", deck(0, half, clamped, element), matrices=True)

@@ -9,10 +9,13 @@ import scipy.linalg as la
 from click.testing import CliRunner
 
 from cmsreduce.cli import main
+from cmsreduce.config import load_pipeline
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.mechanics import Tie, places_by_stiffness, tie_nodes
 from cmsreduce.model import rigid_body_shapes
+from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
+from cmsreduce.pipeline import Run, Silent
 from cmsreduce.pipeline.bodies import draft_body
 from cmsreduce.read import InterfaceSpec, MatrixSource, prove_row_order, read_body, read_geometry
 from tests.golden.calculix_bodies import BODIES, Deck, body, solve
@@ -21,6 +24,8 @@ pytestmark = pytest.mark.ccx
 
 # Hourglass motions of C3D8R have neither stiffness nor mass; what CalculiX prints for them is rounding.
 FREE = [name for name in BODIES if name != "C3D8R"]
+# Free ones alone show the order of their nodes.
+HELD = [name for name in BODIES if name not in ("C3D6", "C3D15", "S3", "S6")]
 # Zero frequencies, free and held: the shell of the mixed body turns about the edge of the solid.
 MOTIONS = {"mixed": (8, 2)}
 AT_ZERO = 0.01  # Hz
@@ -51,7 +56,7 @@ def digits(name: str) -> float:
     return 5e-6 if "S" in name else 1e-6
 
 
-@pytest.mark.parametrize(("name", "held"), [(name, False) for name in FREE] + [(name, True) for name in BODIES])
+@pytest.mark.parametrize(("name", "held"), [(name, False) for name in FREE] + [(name, True) for name in HELD])
 def test_frequencies(tmp_path, name, held):
     hertz = solved(tmp_path, body(name, held))
     elastic = hertz[hertz > AT_ZERO]
@@ -100,6 +105,30 @@ def test_from_new_to_run(tmp_path, monkeypatch, name, held):
     found = json.loads((tmp_path / "build/bar1/summary.json").read_text())["components"]["bar1"]["frequencies_hz"]
     found = np.array(found)[np.array(found) > AT_ZERO]
     np.testing.assert_allclose(found[:2], hertz[hertz > AT_ZERO][:2], rtol=digits(name))
+
+
+def test_motions_without_stiffness_of_little_mass_leave_orthogonal_modes(tmp_path, monkeypatch):
+    """A thin shell turns about the edge of the solid, and the beam about its own axis: eight motions."""
+    monkeypatch.chdir(tmp_path)
+    solved(tmp_path, body("mixed", held=False).replace("\n0.01\n", "\n0.001\n"))
+    assert CliRunner().invoke(main, ["new", "bar1", "bar.sti", "bar.mas", "bar.inp"]).exit_code == 0
+    run = Run(load_pipeline(tmp_path / "bar1.yaml"), tmp_path / "out", Silent())
+    modes = run.modal("bar1")
+    assert modes.rigid_count == 8
+    assert max(orthogonality_errors(modes)) < ORTHOGONAL
+
+
+def test_new_proposes_a_set_of_a_shell_or_else_the_middle_of_its_thickness(tmp_path):
+    deck = BODIES["S8R"]()
+    solve(tmp_path, "bar", deck.text(), matrices=True)
+    files = [tmp_path / f"bar.{end}" for end in ("sti", "mas", "inp")]
+    ((_, mount, words),) = draft_body("bar", files).interfaces
+    assert (mount, words) == ("{node: 39}", "node 39, at [0, 0, 0], one of 3 that node 1 of the deck became")
+    deck.nset("HUB", deck.at(0))
+    (tmp_path / "bar.inp").write_text(deck.text())
+    draft = draft_body("bar", files)
+    assert draft.interfaces[0][1:] == ("{set: HUB, tie: rigid}", "set, 5 nodes")
+    assert "cmsreduce new bar2" in (said := draft_body("bar", files[:2]).remark) and said.endswith("bar.inp")
 
 
 def test_held_body_by_its_mesh_alone(tmp_path):

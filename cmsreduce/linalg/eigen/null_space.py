@@ -9,6 +9,7 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.eigen.held_stiffness import HeldStiffness
 from cmsreduce.linalg.eigen.pencil import energy_parts
 from cmsreduce.linalg.sparse import Factor, NotPositiveDefiniteError, factorise
 from cmsreduce.model import CONDENSATION, DOUBLE
@@ -42,8 +43,6 @@ _DENSE_LIMIT = 600
 _WANTED = 12
 _ITERATIONS = 4
 _SHIFT = 1e-14
-# Corrections of null vectors by their residual; each one gains the digits of the solve.
-_CORRECTIONS = 3
 # A stiffness held against its known motions has no others if every pivot exceeds these: a share of its diagonal entry,
 # and a number of roundings of the file. The pivot of a free motion is only rounding.
 _SOUND_PIVOT, _SOUND_ROUNDINGS = 1e-8, 1e3
@@ -161,14 +160,16 @@ def rigid_body_modes(
     if proven is None and prove and K.shape[0] > _DENSE_LIMIT:
         proven = only_motions(K, R, rounding)
     shapes = _geometric_motions(K, R, rounding)[0] if proven is None else proven
-    N = stiffness_null_space(K, rounding, shapes) if proven is None else proven
-    if N.shape[1] > shapes.shape[1]:
+    N = _null_motions(K, rounding, shapes) if proven is None else proven
+    geometric, held = shapes.shape[1], None
+    if N.shape[1] > geometric:
+        held = _hold(K, N)
         # The part outside the geometric shapes is a mechanism; the geometric shapes are more accurate.
         Qg, _ = np.linalg.qr(shapes)
-        N, _ = np.linalg.qr(N)
+        N, _ = np.linalg.qr(N if held is None else held.independent(N))
         outside = N - Qg @ (Qg.T @ N)
         u, _, _ = la.svd(outside, full_matrices=False)
-        shapes = np.hstack([shapes, u[:, : N.shape[1] - shapes.shape[1]]]) if R is not None else N
+        shapes = np.hstack([shapes, u[:, : N.shape[1] - geometric]]) if R is not None else N
     if shapes.shape[1] == 0:
         return shapes
     shapes, _ = np.linalg.qr(shapes)
@@ -179,7 +180,20 @@ def rigid_body_modes(
             f"body '{name}': a motion that K does not resist carries no mass ({weight[0]:.1e} against "
             f"{weight[-1]:.1e}); hold it by a constraint, or take the massless dofs out of the matrices"
         )
-    return np.asarray(shapes @ (V / np.sqrt(weight)))
+    if held is None:
+        return np.asarray(shapes @ (V / np.sqrt(weight)))
+    # A mechanism of little mass is a small difference of large shapes, whose rounding loads what is stiff: it is
+    # solved for again after the difference is taken.
+    rigid = _apart(shapes[:, :geometric], np.empty((K.shape[0], 0)), M)
+    mechanisms = held.solved(_apart(shapes[:, geometric:], rigid, M))
+    return np.hstack([rigid, _apart(mechanisms, rigid, M)])
+
+
+def _apart(X: Array, rigid: Array, M: sp.csc_array) -> Array:
+    """Parts of independent shapes outside rigid ones, orthonormal in M as those are."""
+    X = X - rigid @ (rigid.T @ (M @ X))
+    weight, V = la.eigh(X.T @ (M @ X))
+    return np.asarray(X @ (V / np.sqrt(weight)))
 
 
 def only_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Array | None:
@@ -206,17 +220,16 @@ def only_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Array | N
     pivots = np.einsum("ij,ij->j", resisted, K @ resisted) / np.mean(resisted**2 * K.diagonal()[:, None], axis=0)
     weak = pivots <= sound
     motions = np.hstack([shapes, resisted[:, weak]])
-    given, free = _held_dofs(motions)
     try:
-        factor = factorise(sp.csc_array(K[free][:, free]), what="the stiffness held against its rigid motions")
+        held = HeldStiffness.of(K, motions, "the stiffness held against its rigid motions")
     except NotPositiveDefiniteError:
         return None
-    if factor.weakest[1] <= sound:
+    if held.factor.weakest[1] <= sound:
         return None
     if not weak.any():
         return shapes
     # Motions of K itself near those of the coordinates: if their energy is rounding, K resists none of them.
-    own = _corrected(K, motions, given, free, factor)
+    own = held.independent(motions)
     scaled, d = _unit_diagonal(K)
     left = _left_of(_energy_share(scaled, shapes * d[:, None]), rounding)
     return own if _is_rounding(_energy_share(scaled, own * d[:, None]), left).all() else None
@@ -239,6 +252,13 @@ def stiffness_null_space(K: sp.csc_array, rounding: float, known: Array | None =
     N : (n, k) float64
         Vectors whose strain energy is only rounding of its terms.
     """
+    N = _null_motions(K, rounding, known)
+    held = None if N is known else _hold(K, N)
+    return N if held is None else held.independent(N)
+
+
+def _null_motions(K: sp.csc_array, rounding: float, known: Array | None) -> Array:
+    """Null space as of `stiffness_null_space`, with errors of a few per cent along soft motions if not known."""
     n, (scaled, d) = K.shape[0], _unit_diagonal(K)
     if n <= _DENSE_LIMIT:
         _, V = la.eigh(scaled.toarray())
@@ -253,7 +273,7 @@ def stiffness_null_space(K: sp.csc_array, rounding: float, known: Array | None =
     if known is not None and known.shape[1] == np.count_nonzero(null):
         # Shapes from coordinates are more accurate.
         return known
-    return _sharpened(K, V[:, null] / d[:, None])
+    return np.asarray(V[:, null] / d[:, None])
 
 
 def _geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> tuple[Array, Array]:
@@ -272,38 +292,14 @@ def _geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> tup
     return shapes[:, rigid], shapes[:, ~rigid]
 
 
-def _sharpened(K: sp.csc_array, N: Array) -> Array:
-    """Null vectors solved for with one dof of each given, which removes the parts along soft motions.
-
-    The error of an eigenvector is rounding over the gap to the next eigenvalue: a few per cent beside a motion seven
-    decades softer than the stiffest. Residuals in long double restore the digits.
-    """
+def _hold(K: sp.csc_array, N: Array) -> HeldStiffness | None:
+    """Stiffness held at the dofs that null vectors move independently; None where that does not hold the body."""
     if not N.shape[1] or N.shape[1] == N.shape[0]:
-        return N
-    given, free = _held_dofs(N)
+        return None
     try:
-        solve = factorise(sp.csc_array(K[free][:, free]), what="the stiffness held against its free motions")
+        return HeldStiffness.of(K, N, "the stiffness held against its free motions")
     except NotPositiveDefiniteError:
-        return N
-    return _corrected(K, N, given, free, solve)
-
-
-def _held_dofs(N: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """As many dofs as there are motions, which move them independently, and the others in order."""
-    if not N.shape[1]:
-        return np.empty(0, dtype=np.int64), np.arange(N.shape[0])
-    _, order = la.qr((N / np.linalg.norm(N, axis=0)).T, mode="r", pivoting=True)
-    return order[: N.shape[1]], np.sort(order[N.shape[1] :])
-
-
-def _corrected(K: sp.csc_array, N: Array, given: NDArray[np.int64], free: NDArray[np.int64], solve: Factor) -> Array:
-    """Motions that leave no force on the free dofs, with the given dofs moved one by one."""
-    X = N @ np.linalg.inv(N[given])
-    X[given] = np.eye(given.size)
-    exact = sp.csc_array(K, dtype=np.longdouble)
-    for _ in range(_CORRECTIONS):
-        X[free] -= solve(np.asarray((exact @ X.astype(np.longdouble))[free], dtype=np.float64))
-    return np.asarray(X)
+        return None
 
 
 def _weakest(K: sp.csc_array, solve: Factor, wanted: int) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,9 +29,11 @@ from cmsreduce.read import (
     sha256_of,
 )
 
-__all__ = ["bodies_of_files", "body_names"]
+__all__ = ["bodies_of_files", "body_names", "deck_beside"]
 
 _SUFFIXES = {"k": ".sti", "m": ".mas"}
+# An input file of CalculiX has more than its results; what else has nodes comes in alphabetical order.
+_SUFFIXES_OF_DECKS = (".inp", ".bdf", ".dat", ".nas")
 _WORDS = {"k": "stiffness", "m": "mass"}
 
 
@@ -115,6 +118,20 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
         bodies.append(_body(label, own, geometries[path], notes + copies, command))
         notes = ()
     return bodies
+
+
+def deck_beside(matrices: Sequence[Path]) -> Path | None:
+    """Deck or mesh of the stem of some matrices, in their folder; None if there is none."""
+    for path in matrices:
+        beside = sorted(path.parent.glob(f"{glob.escape(path.stem)}.*"), key=_deck_first)
+        for other in beside:
+            if other not in matrices and other.is_file() and file_kind(other).geometry:
+                return other
+    return None
+
+
+def _deck_first(path: Path) -> tuple[bool, str]:
+    return path.suffix.lower() not in _SUFFIXES_OF_DECKS, path.name
 
 
 def _kinds(files: Sequence[Path]) -> dict[Path, FileKind]:
@@ -285,7 +302,16 @@ def _body(
             f"the names are exchanged: {K.words} is the stiffness, since a translation costs no force, and {M.words} "
             "is the mass; they are taken by their content",
         )
-    return BodyDraft(name, K.source, M.source, None if geometry is None else geometry.path, notes=notes)
+    shape = None if geometry is None else geometry.path
+    return BodyDraft(name, K.source, M.source, shape, notes=notes, damping=_damping(K, every))
+
+
+def _damping(K: _Candidate, every: Sequence[_Candidate]) -> tuple[Path, str] | None:
+    """Matrix D, or C, beside K in one file of named matrices."""
+    beside = {one.name: one.source for one in every if one.matrix.path == K.matrix.path and one is not K}
+    prefix, dot, own = K.name.rpartition(".")
+    called = [prefix + dot + letter for letter in "dDcC"] if own.lower() == "k" else []
+    return next((beside[name] for name in called if name in beside), None)
 
 
 def _rivals(chosen: _Candidate, found: Sequence[_Candidate], letter: str) -> tuple[str, ...]:

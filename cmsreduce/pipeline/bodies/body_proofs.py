@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 
 from cmsreduce.mechanics import rigid_mass
 from cmsreduce.model import FEModel, Finding, Proof, rigid_body_shapes
-from cmsreduce.pipeline.bodies.deck_agreement import BOUNDED, EXACT, against_deck, energy_ratios, ratio_in_words
+from cmsreduce.pipeline.bodies.deck_agreement import (
+    BOUNDED,
+    EXACT,
+    against_deck,
+    energy_ratios,
+    ratio_in_words,
+    statement_of,
+)
 from cmsreduce.pipeline.bodies.nodal_mass import (
     exchanges_hidden,
     lumps,
@@ -21,7 +28,7 @@ from cmsreduce.pipeline.bodies.nodal_mass import (
     moments_toward_neighbours,
 )
 from cmsreduce.pipeline.store import diagnostic
-from cmsreduce.read import MassOrder, RowOrderProof, StatedEnergy, StatedMass, deck_statement
+from cmsreduce.read import MassOrder, RowOrderProof, StatedEnergy, StatedMass
 from cmsreduce.verify import (
     REALISABLE,
     inertia_excess,
@@ -109,7 +116,7 @@ def prove_body(
         Motions of negative energy.
     """
     checks, row_proof = _rows(rows)
-    stated = (None, None) if geometry is None or body.nodes is None else deck_statement(geometry, body.nodes)
+    stated = (None, None) if geometry is None else statement_of(geometry, body)
     stiffness, stiffness_proof = _stiffness(body, stated[1], negative["stiffness"])
     mass, mass_proof = _mass(body, tied, stated[0], rows, order, negative["mass"])
     return Proven((*checks, *stiffness, *mass), (row_proof, stiffness_proof, mass_proof))
@@ -137,7 +144,7 @@ def _stiffness(body: FEModel, stated: StatedEnergy | None, negative: int | None)
     sound = "no motion of negative energy" if negative == 0 else "its definiteness is not determined"
     state: Literal["proven", "unproven"] = "proven" if negative == 0 else "unproven"
     if stated is None or found is None:
-        why = "no deck states its materials" if stated is None else "the deck's elements have nodes without rows"
+        why = "no deck states the materials of its rows" if stated is None else "no uniform strain leaves its supports"
         return [], Proof("stiffness", state, _digits(body), f"{sound}; {why}: compare its frequencies")
     low, high = found
     limit = EXACT if stated.exact else BOUNDED
@@ -147,7 +154,8 @@ def _stiffness(body: FEModel, stated: StatedEnergy | None, negative: int | None)
         return [check], Proof(
             "stiffness", "refuted", remark=f"the stiffness is {ratio_in_words(low, high)} under uniform strain"
         )
-    only = "" if stated.high is not None else "; some elements are not counted, so that only a lower bound is known"
+    without = ", ".join(stated.uncounted)
+    only = f"; only a lower bound is known, because these are not counted: {without}" if without else ""
     agree = "agrees with the deck under uniform strain"
     agree += "" if stated.exact or only else " within the bounds of its plates and bars"
     return [check], Proof("stiffness", state, -math.log10(limit), f"{sound}; {agree}{only}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import scipy.linalg as la
@@ -11,10 +12,10 @@ from numpy.typing import NDArray
 
 from cmsreduce.mechanics import rigid_mass
 from cmsreduce.model import DofTable, FEModel, Finding, rigid_body_shapes
-from cmsreduce.read import STRAINS, StatedEnergy, StatedMass
+from cmsreduce.read import STRAINS, StatedEnergy, StatedMass, deck_statement
 from cmsreduce.verify import rigid_mass_properties
 
-__all__ = ["BOUNDED", "EXACT", "against_deck", "energy_ratios", "ratio_in_words"]
+__all__ = ["BOUNDED", "EXACT", "against_deck", "energy_ratios", "ratio_in_words", "statement_of"]
 
 Array = NDArray[np.float64]
 
@@ -78,20 +79,32 @@ def ratio_in_words(low: float, high: float) -> str:
     return f"{ratio} times that of the deck" + (f", as if the units were {known[0]}" if known else "")
 
 
+def statement_of(geometry: Path, body: FEModel) -> tuple[StatedMass | None, StatedEnergy | None]:
+    """Mass and strain energy that the deck of a body states, of elements whose nodes have rows or are held."""
+    if body.nodes is None:
+        return None, None
+    rows = _known(body).rows(body.nodes.id[:, None], np.arange(1, 4)).reshape(-1, 3)
+    return deck_statement(geometry, body.nodes, np.asarray((rows >= 0).all(axis=1)))
+
+
+def _held(body: FEModel) -> DofTable:
+    return body.constrained if body.constrained is not None else DofTable(np.empty(0, int), np.empty(0, int))
+
+
+def _known(body: FEModel) -> DofTable:
+    """Dofs whose motion is known: those with rows, and those at rest."""
+    return body.dofs.joined(_held(body))
+
+
 def energy_ratios(body: FEModel, stated: StatedEnergy) -> tuple[float, float] | None:
     """Least ratio of u K u to the lower bound, and largest to the upper bound, over uniform strains; None if unknown.
 
-    Strains, with rigid motions, must leave the constrained dofs at rest, and every node of an element must have its
-    rows.
+    Strains, with rigid motions, must leave the constrained dofs at rest.
     """
     assert body.nodes is not None
     ids = body.nodes.id[stated.nodes]
-    held = body.constrained if body.constrained is not None else DofTable(np.empty(0, int), np.empty(0, int))
-    known = body.dofs.joined(held)
-    three = np.arange(1, 4)
-    if (known.rows(ids[:, None], three) < 0).any():
-        return None
-    turn = (known.rows(body.nodes.id[stated.turning][:, None], three + 3) >= 0).all()
+    held, known = _held(body), _known(body)
+    turn = (known.rows(body.nodes.id[stated.turning][:, None], np.arange(4, 7)) >= 0).all()
     centre = body.nodes.xyz.mean(axis=0)
     size = float(np.sqrt(np.mean(np.sum((body.nodes.xyz - centre) ** 2, axis=1)))) or 1.0
     held = held[np.isin(held.node, ids) & ((held.component <= 3) | bool((body.dofs.component > 3).any()))]

@@ -17,7 +17,7 @@ from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.linalg.sparse import factorise
 from cmsreduce.mechanics import hold_undetermined
 from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
-from cmsreduce.pipeline.bodies.body_files import bodies_of_files, body_names
+from cmsreduce.pipeline.bodies.body_files import bodies_of_files, body_names, deck_beside
 from cmsreduce.pipeline.bodies.coincident_nodes import Meeting, meetings
 from cmsreduce.pipeline.bodies.plausible_units import material_of, plausible_units
 from cmsreduce.pipeline.bodies.proposed_interfaces import Place, proposed_interfaces
@@ -39,10 +39,7 @@ __all__ = ["Draft", "draft_body", "draft_pipeline"]
 # A larger body takes more than a minute to factorise; only the run computes its first frequency.
 _QUICK = 20_000
 _FREE = 6
-_NO_DECK = (
-    "no deck, listing (.f06) or mesh is given, so that the place of no node is known: "
-    "cmsreduce new {}2 STIFFNESS MASS DECK"
-)
+_NO_DECK = "no deck, listing (.f06) or mesh is given, so that the place of no node is known: cmsreduce new {}2 {} {}"
 _AXES = "xyz"
 
 
@@ -171,14 +168,16 @@ def _read(draft: BodyDraft) -> tuple[FEModel | None, BodyDraft]:
         draft = _with_units(draft, body)
         hz = _first_elastic(body)
     except CmsReduceError as error:
-        return None, replace(draft, remark=str(error))
+        # A file beside the matrices may have what is missing.
+        more = f"; {_no_deck(draft)}" if draft.geometry is None and _beside(draft) is not None else ""
+        return None, replace(draft, remark=f"{error}{more}")
     time = Units.parse(draft.units).time if draft.units else 1.0
     return body, replace(draft, elastic_hz=None if hz is None else hz / time)
 
 
 def _without_places(draft: BodyDraft, body: FEModel) -> BodyDraft:
     """The draft of a body without geometry: its mount is the node with most dofs, and the last node is the far one."""
-    remark = _NO_DECK.format(draft.name)
+    remark = _no_deck(draft)
     nodes, counts = np.unique(body.dofs.node[body.dofs.component > 0], return_counts=True)
     if not nodes.size:
         return replace(draft, remark=remark)
@@ -187,6 +186,16 @@ def _without_places(draft: BodyDraft, body: FEModel) -> BodyDraft:
     axes = "".join(axis for axis, component in zip(_AXES, (1, 2, 3), strict=True) if component in own)
     mount = (("mount", f"{{node: {node}}}", ""),)
     return replace(draft, interfaces=mount, point=str(node), far=int(nodes[-1]), axes=axes or _AXES, remark=remark)
+
+
+def _beside(draft: BodyDraft) -> Path | None:
+    return deck_beside([draft.stiffness[0], draft.mass[0]])
+
+
+def _no_deck(draft: BodyDraft) -> str:
+    """Remark that a draft has no deck, with what to type: the deck that lies beside the matrices, if there is one."""
+    deck, matrices = _beside(draft), " ".join(dict.fromkeys([str(draft.stiffness[0]), str(draft.mass[0])]))
+    return _NO_DECK.format(draft.name, *(("STIFFNESS MASS", "DECK") if deck is None else (matrices, deck)))
 
 
 def _held(read: Callable[..., FEModel], refused: DofMapError) -> FEModel:
@@ -219,13 +228,13 @@ def _cells(draft: BodyDraft) -> Mapping[str, NDArray[np.int64]]:
 
 def _proposed(draft: BodyDraft, body: FEModel) -> list[Place]:
     """Places where the body of the draft could be joined, the best first."""
-    node_sets = {}
-    if draft.geometry is not None:
-        geometry = read_geometry(draft.geometry)
-        # A shell has several nodes with rows for each node of its deck, of which a set names those of the deck.
-        most = len(geometry.expanded) // 2 or len(geometry.nodes)
-        node_sets = {name: ids for name, ids in geometry.node_sets.items() if ids.size <= most}
-    return proposed_interfaces(body, _cells(draft), node_sets)
+    if draft.geometry is None:
+        return proposed_interfaces(body, {})
+    geometry = read_geometry(draft.geometry)
+    # A shell has several nodes with rows for each node of its deck, of which a set names those of the deck.
+    most = len(geometry.expanded) // 2 or len(geometry.nodes)
+    node_sets = {name: ids for name, ids in geometry.node_sets.items() if ids.size <= most}
+    return proposed_interfaces(body, _cells(draft), node_sets, geometry.expanded)
 
 
 def _warnings(drafts: Sequence[BodyDraft]) -> tuple[str, ...]:

@@ -75,7 +75,10 @@ class _Surface:
 
 
 def proposed_interfaces(
-    body: FEModel, cells: Mapping[str, Ids], node_sets: Mapping[str, Ids] | None = None
+    body: FEModel,
+    cells: Mapping[str, Ids],
+    node_sets: Mapping[str, Ids] | None = None,
+    expanded: Mapping[int, tuple[int, ...]] | None = None,
 ) -> list[Place]:
     """Places where a body could be joined, the best first; none if no node with coordinates has rows.
 
@@ -86,28 +89,40 @@ def proposed_interfaces(
     cells : mapping of kind to (k, corners) int64
         Elements by node ids; holes and faces need them.
     node_sets : mapping of str to (k,) int64, optional
-        Sets of nodes of the geometry by name. They are never the first place: a tie of a set may stiffen the body.
+        Sets of nodes of the geometry by name. They are the first place only where the user cannot know the nodes of the
+        rows: a tie of a set may stiffen the body.
+    expanded : mapping of int to (tuple of int), optional
+        Nodes that a node of a shell or a beam became.
     """
     assert body.nodes is not None
     found = list(_sets(body))
     lone, shaped = list(_lone_nodes(body, cells)), list(_shaped(body, cells))
     turning = (body.dofs.component > _TRANSLATIONS).any()
-    grid = list(_first_grid(body))
+    grid = list(_first_grid(body, expanded or {}))
     # A grid with rotations takes a joint as it is; a node of a solid leaves the rotations free.
     found += [*lone, *grid, *shaped] if turning and not lone else [*lone, *shaped, *grid]
-    found[1:1] = _named_sets(body, node_sets or {})
+    first = 0 if expanded else 1
+    found[first:first] = _named_sets(body, node_sets or {}, expanded or {})
     return found[:_MOST_PLACES]
 
 
-def _named_sets(body: FEModel, node_sets: Mapping[str, Ids]) -> Iterator[Place]:
+def _named_sets(
+    body: FEModel, node_sets: Mapping[str, Ids], expanded: Mapping[int, tuple[int, ...]]
+) -> Iterator[Place]:
     """Sets of nodes that are a part of the body: a user names what a joint or a load is on."""
-    every = np.unique(body.dofs.node[body.dofs.component > 0]).size
+    components = _components(body)
+    every = len(components)
     for name, ids in node_sets.items():
         label = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_-")
         if label and 0 < ids.size <= every // 2:
             plain = name if re.fullmatch(r"[A-Za-z]\w*", name) else json.dumps(name)
             tie, words = (", tie: rigid", f"set, {ids.size} nodes") if ids.size > 1 else ("", f"set, node {ids[0]}")
-            yield Place(label, f"{{set: {plain}{tie}}}", tuple(ids.tolist()), words, ids.size > 1)
+            groups = [(node,) if node in components else expanded.get(node, ()) for node in ids.tolist()]
+            nodes = tuple(one for group in groups for one in group if one in components)
+            # A support is a set, too, and a tie needs all translations of its nodes.
+            lost = any(not components.keys() & set(group) for group in groups)
+            if not lost and all(components[node] >= {1, 2, 3} for node in nodes if tie):
+                yield Place(label, f"{{set: {plain}{tie}}}", nodes, words, ids.size > 1)
 
 
 def _sets(body: FEModel) -> Iterator[Place]:
@@ -128,13 +143,17 @@ def _components(body: FEModel) -> dict[int, set[int]]:
     return found
 
 
-def _first_grid(body: FEModel) -> Iterator[Place]:
-    """The first node with most dofs."""
+def _first_grid(body: FEModel, expanded: Mapping[int, tuple[int, ...]]) -> Iterator[Place]:
+    """The first node with most dofs; of those that a node of a shell became, the middle one."""
     components = _components(body)
     if not components:
         return
     node = max(components, key=lambda each: len(components[each]))
-    yield Place("grid", f"{{node: {node}}}", (node,), f"node {node}, at {position(body, [node])}")
+    own, ids = next(((own, ids) for own, ids in expanded.items() if node in ids), (node, (node,)))
+    ids = tuple(one for one in ids if one in components)
+    node = ids[len(ids) // 2]
+    of = "" if node == own else f", one of {len(ids)} that node {own} of the deck became"
+    yield Place("grid", f"{{node: {node}}}", (node,), f"node {node}, at {position(body, [node])}{of}")
 
 
 def _lone_nodes(body: FEModel, cells: Mapping[str, Ids]) -> Iterator[Place]:

@@ -151,11 +151,8 @@ def _sections(deck: Sequence[Block], sets: DeckSets) -> dict[int, _Section]:
         try:
             rows = [[float(text) for text in fields if _is_number(text)] for fields in block.rows]
             section = _shell(block, rows) if block.keyword == "SHELL SECTION" else _beam(block, rows)
-            offsets = [float(block.options.get(name) or 0) for name in ("OFFSET", "OFFSET1", "OFFSET2")]
         except (ValueError, IndexError):
             raise ReadError(f"{block.where}: its thickness or its offset is no number") from None
-        offset = (offsets[0],) if block.keyword == "SHELL SECTION" else (offsets[1], offsets[2])
-        section = _Section(section.thickness, offset, section.first_axis, section.round)
         found |= dict.fromkeys(sets.elements.get(block.option("ELSET"), ()), section)
     return found
 
@@ -168,7 +165,7 @@ def _shell(block: Block, rows: list[list[float]]) -> _Section:
     if "NODAL THICKNESS" in block.options:
         raise ReadError(f"{block.where}: a thickness by node {_ADVICE}")
     layers = rows if "COMPOSITE" in block.options else rows[:1]
-    return _Section((sum(row[0] for row in layers),), (0.0,))
+    return _Section((sum(row[0] for row in layers),), _offsets(block, "OFFSET"))
 
 
 def _beam(block: Block, rows: list[list[float]]) -> _Section:
@@ -177,4 +174,8 @@ def _beam(block: Block, rows: list[list[float]]) -> _Section:
         raise ReadError(f"{block.where}: the section {kind or '(unnamed)'} {_ADVICE}")
     # By default the first axis is -z.
     axis = tuple(rows[1][:3]) if len(rows) > 1 and len(rows[1]) > 2 else (0.0, 0.0, -1.0)
-    return _Section((rows[0][0], rows[0][1]), (0.0, 0.0), axis, kind == "CIRC")
+    return _Section((rows[0][0], rows[0][1]), _offsets(block, "OFFSET1", "OFFSET2"), axis, kind == "CIRC")
+
+
+def _offsets(block: Block, *names: str) -> tuple[float, ...]:
+    return tuple(float(block.options.get(name) or 0) for name in names)

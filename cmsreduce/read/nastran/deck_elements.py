@@ -53,13 +53,16 @@ _CARDS = (
     *("CELAS1", "CELAS2", "CELAS3", "CELAS4", "CBUSH", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM"),
     *("GENEL", *UNCOUNTED),
 )
-_STATED = re.compile(rb"^(CONM1|CONM2|MAT1)\b", re.MULTILINE | re.IGNORECASE)
+# A listing echoes the cards behind their count.
+_STATED = re.compile(rb"^(?: +\d+- {8})?(CONM1|CONM2|MAT1)\b", re.MULTILINE | re.IGNORECASE)
 # Fields of PBAR, PBEAM and PROD: area, moments I1, I2, I12 and non-structural mass per length.
 _FIELDS = {"PBAR": (2, 3, 4, 18, 6), "PBEAM": (2, 3, 4, 5, 7), "PROD": (2, None, None, None, 5)}
-# Factors of the shear area: of a PBAR none, so that shear is not counted; of a PBEAM 1 by default.
+# Factors of the shear area: of a PBAR none by default, so that shear is not counted; of a PBEAM 1.
 _SHEAR = {"PBAR": (16, 17, 0.0), "PBEAM": (16, 17, 1.0)}
 _PLAIN_BEAM = 8  # fields of a PBEAM before its stations
 _DIMENSIONS = {"ROD": 1, "TUBE": 2, "BAR": 2, "BOX": 4}
+# Programs find the shear area of a section by its shape; where they differ, or it depends on the walls, the least.
+_LEAST_SHEAR = {"ROD": 6 / 7, "TUBE": 0.5, "BAR": 5 / 6}
 
 
 class NotCountedError(Exception):
@@ -269,9 +272,7 @@ def _faces(found: list[tuple[list[int], list[int], Card]], nodes: Nodes, corners
 def _sections(cards: Cards) -> Iterator[tuple[str, int, Section]]:
     for name, kind in _SHAPED.items():
         for card in cards.get(name, ()):
-            area, moments, per_length = _section_by_shape(card)
-            shear = np.full(2, _SHEAR[kind][2])
-            yield kind, card.integer(0), Section(card.integer(1), area, moments, shear, per_length)
+            yield kind, card.integer(0), _section_by_shape(card)
     for name, (area, first, second, mixed, more) in _FIELDS.items():
         for card in cards.get(name, ()):
             last = _PLAIN_BEAM + 8
@@ -284,8 +285,8 @@ def _sections(cards: Cards) -> Iterator[tuple[str, int, Section]]:
             yield name, card.integer(0), Section(card.integer(1), card.real(area), moments, shear, card.real(more))
 
 
-def _section_by_shape(card: Card) -> tuple[float, Array, float]:
-    """Area, moments and non-structural mass per length of a PBARL or PBEAML of a simple shape without taper.
+def _section_by_shape(card: Card) -> Section:
+    """Section of a PBARL or PBEAML of a simple shape without taper.
 
     ROD: radius. TUBE: outer and inner radius. BAR: width, height. BOX: width, height, walls above and beside.
     """
@@ -303,4 +304,6 @@ def _section_by_shape(card: Card) -> tuple[float, Array, float]:
         w, h = (d[0] - 2 * d[3], d[1] - 2 * d[2]) if shape == "BOX" else (0.0, 0.0)
         area = d[0] * d[1] - w * h
         bending = ((d[0] * d[1] ** 3 - w * h**3) / 12, (d[1] * d[0] ** 3 - h * w**3) / 12)
-    return float(area), np.diag(bending), card.real(8 + count)
+    # The walls of a box along the force carry its shear.
+    walls = [(d[0] - w) * h / area, (d[1] - h) * w / area] if shape == "BOX" else [_LEAST_SHEAR[shape]] * 2
+    return Section(card.integer(1), float(area), np.diag(bending), np.array(walls), card.real(8 + count))

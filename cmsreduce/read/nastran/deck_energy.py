@@ -1,13 +1,13 @@
-"""Strain energy that a NASTRAN deck states for a uniform strain, for every element that it has.
+"""Strain energy that a NASTRAN deck states for a uniform strain.
 
 Under displacements u = G x with a symmetric G, and without rotations, a solid that passes the patch test has exactly
 the energy V eps C eps. Plates and bars have this energy in their plane and along their axis; the part by shear and
-bending lies between bounds.
+bending lies between bounds. An element on a point without rows of its own (a point of a rigid element, a condensed
+one) does not follow a uniform strain; its energy is left out, which leaves a lower bound.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,7 +40,7 @@ Part = tuple[NDArray[np.int64], Array, Array, Array, bool]
 STRAINS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 """Entries of G, in the order of the six strains."""
 
-# Elements whose stiffness is not counted: only a lower bound is known.
+# Cards whose stiffness is not counted: only a lower bound is known.
 _OTHERS = (*UNCOUNTED, "CELAS3", "CELAS4", "CBUSH1D", "CBUSH2D", "CGAP", "CWELD", "CFAST", "CSEAM", "GENEL")
 # Springs between points at one place take no energy from a uniform strain.
 _SPRINGS = {"CELAS1": (2, 4), "CELAS2": (2, 4), "CBUSH": (2, 3)}
@@ -74,6 +74,8 @@ class StatedEnergy(NamedTuple):
         Positions of the nodes of all elements that are counted.
     turning : (t,) int64
         Those of them that plates, bars and beams turn.
+    uncounted : tuple of str
+        Elements that are not counted.
     """
 
     least: Array
@@ -81,6 +83,7 @@ class StatedEnergy(NamedTuple):
     high: Array | None
     nodes: NDArray[np.int64]
     turning: NDArray[np.int64]
+    uncounted: tuple[str, ...]
 
     @property
     def exact(self) -> bool:
@@ -101,39 +104,48 @@ def deck_energy(path: Path, nodes: Nodes) -> StatedEnergy | None:
     Returns
     -------
     StatedEnergy or None
-        In the units of the deck. None if the file is no deck, states no material, or has elements whose properties
-        are missing or not isotropic.
+        In the units of the deck. None if the file is no deck, states no material, or has no element whose properties
+        are known and isotropic.
     """
-    return energy_of(stated_cards(path), nodes)
+    return energy_of(stated_cards(path), nodes, np.ones(len(nodes), dtype=bool))
 
 
-def energy_of(cards: Cards | None, nodes: Nodes) -> StatedEnergy | None:
-    """Add up the strain energies of the elements on some cards, as `deck_energy` does."""
+def energy_of(cards: Cards | None, nodes: Nodes, moving: NDArray[np.bool_]) -> StatedEnergy | None:
+    """Add up the strain energies of the elements on some cards, as `deck_energy` does.
+
+    ``moving`` (N,) is True for the nodes that have rows; elements on others are left out.
+    """
     if cards is None or not cards.get("MAT1"):
         return None
-    try:
-        materials = materials_of(cards)
-        parts = [
-            *_solids(cards, nodes, materials),
-            *_plates(cards, nodes, materials),
-            *_bars(cards, nodes, materials),
-        ]
-        whole = not any(cards.get(name) for name in _OTHERS)
-        whole &= all(_at_one_place(cards, name, nodes) for name in _SPRINGS)
-    except (ReadError, NotCountedError):
-        return None
+    materials = materials_of(cards)
+    parts: list[Part] = []
+    without = [name for name in _OTHERS if cards.get(name)]
+    without += [name for name in _SPRINGS if not _without_energy(cards, name, nodes, moving)]
+    for names, of_kind in _KINDS.items():
+        try:
+            of_these, lost = of_kind(cards, nodes, materials, moving)
+        except (ReadError, NotCountedError):
+            without += [name for name in names if cards.get(name)]
+            continue
+        parts += of_these
+        if lost:
+            without.append(f"{lost} {', '.join(name for name in names if cards.get(name))} on points without rows")
     if not parts:
         return None
     least, low, high = (np.asarray(sum(forms)) for forms in zip(*(part[1:4] for part in parts), strict=True))
-    return StatedEnergy(
-        least, low, high if whole else None, _places(parts), _places([part for part in parts if part[4]])
-    )
+    turning = _places([part for part in parts if part[4]])
+    return StatedEnergy(least, low, None if without else high, _places(parts), turning, tuple(without))
 
 
-def deck_statement(path: Path, nodes: Nodes) -> tuple[StatedMass | None, StatedEnergy | None]:
-    """Mass and strain energy of a deck, as `deck_mass` and `deck_energy` give them, from one reading."""
+def deck_statement(
+    path: Path, nodes: Nodes, moving: NDArray[np.bool_]
+) -> tuple[StatedMass | None, StatedEnergy | None]:
+    """Mass and strain energy of a deck, as `deck_mass` and `deck_energy` give them, from one reading.
+
+    ``moving`` (N,) is True for the nodes that have rows; the energy leaves out elements on others.
+    """
     cards = stated_cards(path)
-    return mass_of(cards, nodes), energy_of(cards, nodes)
+    return mass_of(cards, nodes), energy_of(cards, nodes, moving)
 
 
 def _places(parts: list[Part]) -> NDArray[np.int64]:
@@ -161,8 +173,14 @@ def _quadratic(weight: Array, row: Array) -> Array:
     return np.asarray(np.einsum("e,ei,ej->ij", weight, row, row))
 
 
-def _solids(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterator[Part]:
-    for faces in solids_of(cards, nodes):
+def _solids(
+    cards: Cards, nodes: Nodes, materials: dict[int, Material], moving: NDArray[np.bool_]
+) -> tuple[list[Part], int]:
+    parts: list[Part] = []
+    lost = 0
+    for stated in solids_of(cards, nodes):
+        faces = _on_rows(stated, moving)
+        lost += len(stated.property) - len(faces.property)
         made = [_isotropic(p.integer(1), materials) for p in faces.property]
         if any(p.text(6) == "PFLUID" for p in faces.property):
             raise NotCountedError
@@ -174,7 +192,16 @@ def _solids(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Itera
         trace = np.array([1.0, 1, 1, 0, 0, 0])
         # eps : C : eps; an entry of G off the diagonal stands for two.
         energy = (volume @ lame) * np.outer(trace, trace) + 2 * (volume @ G) * np.diag([1.0, 1, 1, 2, 2, 2])
-        yield np.concatenate([faces.nodes.ravel(), faces.between.ravel()]), energy, energy, energy, False
+        places = np.concatenate([faces.nodes.ravel(), faces.between.ravel()])
+        parts.append((places, energy, energy, energy, False))
+    return parts, lost
+
+
+def _on_rows(faces: Faces, moving: NDArray[np.bool_]) -> Faces:
+    """The elements of which every node has rows."""
+    keep = np.asarray(moving[np.hstack([faces.nodes, faces.between])].all(axis=1))
+    kept = tuple(card for card, one in zip(faces.property, keep, strict=True) if one)
+    return Faces(faces.nodes[keep], faces.between[keep], kept, faces.corners)
 
 
 def _refuse_curved(faces: Faces, corners: Array, nodes: Nodes) -> None:
@@ -190,8 +217,14 @@ def _refuse_curved(faces: Faces, corners: Array, nodes: Nodes) -> None:
         raise NotCountedError
 
 
-def _plates(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterator[Part]:
-    for faces in plates_of(cards, nodes):
+def _plates(
+    cards: Cards, nodes: Nodes, materials: dict[int, Material], moving: NDArray[np.bool_]
+) -> tuple[list[Part], int]:
+    parts: list[Part] = []
+    lost = 0
+    for stated in plates_of(cards, nodes):
+        faces = _on_rows(stated, moving)
+        lost += len(stated.property) - len(faces.property)
         corners = nodes.xyz[faces.nodes]
         across = np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1])
         # Of a triangle this is half of the same product by its edges.
@@ -221,13 +254,17 @@ def _plates(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Itera
         stiff = np.where(slope > 0, slope, _BENT * D * thick**3 / shortest**2) * area * (D > 0)
         # The nodes do not turn with the plate: it is sheared across, and bends where it has no shear.
         high = low + _quadratic(stiff, _strain_of(n, x)) + _quadratic(stiff, _strain_of(n, y))
-        yield faces.nodes, low, low, high, True
+        parts.append((faces.nodes, low, low, high, True))
+    return parts, lost
 
 
-def _bars(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterator[Part]:
-    bars = list(bars_of(cards, nodes))
+def _bars(
+    cards: Cards, nodes: Nodes, materials: dict[int, Material], moving: NDArray[np.bool_]
+) -> tuple[list[Part], int]:
+    stated = list(bars_of(cards, nodes))
+    bars = [bar for bar in stated if moving[bar.nodes].all()]
     if not bars:
-        return
+        return [], len(stated)
     made = [materials.get(bar.section.material) for bar in bars]
     if any(each is None or not each.E > 0 for each in made):
         raise NotCountedError
@@ -247,7 +284,14 @@ def _bars(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterato
     across = [row - e[:, [k]] * stretch for k, row in enumerate(across)]
     soft, stiff = _bending(bars, E, G, length)
     low, high = (axial + sum(_quadratic(k, row) for row in across) for k in (soft, stiff))
-    yield at, axial, np.asarray(low), np.asarray(high), bool(stiff.any())
+    return [(at, axial, np.asarray(low), np.asarray(high), bool(stiff.any()))], len(stated) - len(bars)
+
+
+_KINDS = {
+    ("CTETRA", "CPENTA", "CHEXA"): _solids,
+    ("CTRIA3", "CQUAD4"): _plates,
+    ("CBAR", "CBEAM", "CROD", "CONROD"): _bars,
+}
 
 
 def _bending(bars: list[Bar], E: Array, G: Array, length: Array) -> tuple[Array, Array]:
@@ -262,12 +306,14 @@ def _bending(bars: list[Bar], E: Array, G: Array, length: Array) -> tuple[Array,
     return np.where([bar.pinned for bar in bars], 0.0, soft), plain[:, 1]
 
 
-def _at_one_place(cards: Cards, name: str, nodes: Nodes) -> bool:
-    """True if all springs of a kind join points at one place."""
+def _without_energy(cards: Cards, name: str, nodes: Nodes, moving: NDArray[np.bool_]) -> bool:
+    """True if all springs of a kind join points at one place that a uniform strain moves."""
     for card in cards.get(name, ()):
         ids = [card.integer(k, 0) for k in _SPRINGS[name]]
         at = nodes.index(ids)
         size = float(np.ptp(nodes.xyz, axis=0).max())
-        if (at < 0).any() or np.linalg.norm(nodes.xyz[at[0]] - nodes.xyz[at[1]]) > _SAME_PLACE * size:
+        if (at < 0).any() or not moving[at].all():
+            return False
+        if np.linalg.norm(nodes.xyz[at[0]] - nodes.xyz[at[1]]) > _SAME_PLACE * size:
             return False
     return True

@@ -13,9 +13,9 @@ from click.testing import CliRunner
 from cmsreduce.cli import main
 from cmsreduce.config import build_scene, load_pipeline
 from cmsreduce.errors import DofMapError
-from cmsreduce.model import FEModel
+from cmsreduce.model import DofTable, FEModel, Nodes, rigid_body_shapes
 from cmsreduce.pipeline.bodies import FlexibleBody, read_flexible
-from tests.frames import frame
+from tests.frames import BAR, beam_matrices, frame
 from tests.pipeline.bodies.decks import bar_cards, brick_cards, write_deck_body
 from tests.solids import block
 
@@ -98,7 +98,6 @@ def test_a_held_body_is_compared_under_the_strains_that_its_supports_allow(tmp_p
 
 
 def test_a_tetrahedron_with_nodes_between_its_corners_and_a_plate(tmp_path: Path) -> None:
-    from cmsreduce.model import Nodes
     from cmsreduce.read import deck_energy
 
     corners = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4.0]])
@@ -119,6 +118,47 @@ def test_a_tetrahedron_with_nodes_between_its_corners_and_a_plate(tmp_path: Path
     # A t E / (1 - nu^2) along x, 4 A t G by shear in the plane, 5/6 A t G across it.
     np.testing.assert_allclose(found.low.diagonal(), [3.2, 3.2, 0, 4.8, 0, 0], atol=1e-12)
     np.testing.assert_allclose(found.high.diagonal()[4:], 5 / 6 * 3 * 0.1 * 4, rtol=1e-6)
+
+
+def test_a_short_bar_of_a_stated_shape_is_softer_by_its_shear(tmp_path: Path) -> None:
+    from cmsreduce.read import deck_energy
+
+    # A listing of MSC Nastran 2013 has such bars, and the program gave them 5/6 of their area in shear.
+    nodes = Nodes.in_basic([1, 2], np.array([[0, 0, 0], [0.9, 0, 0]]))
+    path = tmp_path / "deck.bdf"
+    made = ["CBAR,1,1,1,2,0.,0.,1.", "PBARL,1,1,,BAR", ",.5,1.68", "MAT1,1,2.01E9,,.25"]
+    path.write_text("\n".join(["BEGIN BULK", *made, "ENDDATA"]))
+    found = deck_energy(path, nodes)
+    assert found is not None and found.high is not None
+    area, moments, G = 0.84, (1.68 * 0.5**3 / 12, 0.5 * 1.68**3 / 12), 2.01e9 / 2.5
+    bending = [12 * 2.01e9 * moment / 0.9**3 for moment in moments]
+    low = 1 / (1 / bending[0] + 0.9 / (5 / 6 * G * area))
+    np.testing.assert_allclose(found.low.diagonal()[[3, 5]], low * 0.9**2)
+    np.testing.assert_allclose(found.high.diagonal()[[3, 5]], bending[1] * 0.9**2)
+
+
+@pytest.mark.parametrize("kind", ["spring", "bar"])
+def test_what_hangs_on_a_rigid_element_does_not_count_as_strained_by_the_deck(tmp_path: Path, kind: str) -> None:
+    """Node 8 follows node 1, beside node 7: it does not move as a uniform strain moves its place."""
+    away = np.array([0.0, 0.0, 0.05 if kind == "bar" else 0.0])
+    at = np.asarray(XYZ[6]) + away
+    section = bar_cards([(7, 8)]) if kind == "bar" else []
+    rigid = [f"GRID,8,,{at[0]},{at[1]},{at[2]}", "RBE2,90,1,123456,8"]
+    more = section[:1] if kind == "bar" else ["CBUSH,50,50,7,8,,,,0", "PBUSH,50,K,1.+8,1.+8,1.+8"]
+    more = [line.replace("CBAR,1,", "CBAR,99,") for line in more]
+    arm = rigid_body_shapes(DofTable(np.full(6, 8), np.arange(1, 7)), Nodes.in_basic([8], at[None]), np.asarray(XYZ[0]))
+    B = np.zeros((12, FRAME.n))
+    B[:6, FRAME.dofs.node == 7], B[6:, FRAME.dofs.node == 1] = np.eye(6), arm
+    if kind == "bar":
+        k = beam_matrices(np.asarray(XYZ[6]), at, BAR)[0]
+    else:
+        # The grids are at one place, joined along three axes.
+        k = 1e8 * np.kron([[1, -1], [-1, 1]], np.diag([1.0, 1, 1, 0, 0, 0]))
+    found = opened(tmp_path, replace(FRAME, K=FRAME.K + sp.csc_array(B.T @ k @ B)), [*bar_cards(BARS), *rigid, *more])
+    proof = proof_of(found, "stiffness")
+    assert proof.state == "proven", proof
+    named = "1 CBAR on points without rows" if kind == "bar" else "CBUSH"
+    assert f"only a lower bound is known, because these are not counted: {named}" in proof.remark
 
 
 def test_lumped_masses_exchanged_between_nodes_are_found_by_the_deck(tmp_path: Path) -> None:

@@ -100,6 +100,14 @@ def test_matrices_in_files_of_their_own(arm: Path) -> None:
     assert draft.mass[0] == Path("mass_of_arm.mtx")
 
 
+def test_the_damping_of_a_struct_goes_into_the_draft(arm: Path) -> None:
+    K, M = (np.asarray(next(v for n, v in op4.read("arm.op4").items() if n[0].lower() == letter)) for letter in "km")
+    scipy.io.savemat("arm.mat", {"body": {"M": M, "D": 1e-4 * K, "K": K}})
+    assert typed("new", "mine", "arm.mat", "arm.bdf")[0] == 0
+    keys = load_pipeline(Path("mine.yaml")).components["mine"]
+    assert (keys.stiffness.matrix, keys.mass.matrix, keys.damping.matrix.matrix) == ("body.K", "body.M", "body.D")
+
+
 def test_files_that_do_not_fit_are_named_and_nothing_is_lost(arm: Path) -> None:
     code, said = typed("new", "mine", "arm.op4", "panel.bdf")
     assert code == 0

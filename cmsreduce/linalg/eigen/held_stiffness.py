@@ -1,0 +1,70 @@
+"""Stiffness held at as few dofs as the body has free motions: those motions then follow to the last digits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cmsreduce.linalg.sparse import Factor, factorise
+
+Array = NDArray[np.float64]
+
+# Corrections of a free motion by residuals in long double; each gains the digits that one factor gives.
+_CORRECTIONS = 3
+
+
+@dataclass(frozen=True)
+class HeldStiffness:
+    """Stiffness without the dofs that free motions move independently, factorised.
+
+    The error of an eigenvector is rounding over the gap to the next eigenvalue: a few per cent beside a motion seven
+    decades softer than the stiffest. Residuals in long double restore the digits.
+
+    Attributes
+    ----------
+    K : (n, n) sparse array
+        The whole stiffness.
+    given, free : (k,), (n - k,) int64
+        Dofs that are held, as many as there are motions, and the others in order.
+    factor : Factor
+        Of the stiffness between the free dofs.
+    """
+
+    K: sp.csc_array
+    given: NDArray[np.int64]
+    free: NDArray[np.int64]
+    factor: Factor
+
+    @classmethod
+    def of(cls, K: sp.csc_array, motions: Array, what: str) -> HeldStiffness:
+        """Hold a stiffness against (n, k) independent motions; k may be zero.
+
+        Raises
+        ------
+        NotPositiveDefiniteError
+            If the body has another free motion.
+        """
+        given, free = np.empty(0, dtype=np.int64), np.arange(K.shape[0])
+        if motions.shape[1]:
+            _, order = la.qr((motions / np.linalg.norm(motions, axis=0)).T, mode="r", pivoting=True)
+            given, free = order[: motions.shape[1]], np.sort(order[motions.shape[1] :])
+        factor = factorise(sp.csc_array(K[free][:, free]), what=what)
+        return cls(K, given, free, factor)
+
+    def independent(self, motions: Array) -> Array:
+        """Free motions of K near the given ones, each of which moves one of the held dofs by one."""
+        X = motions @ np.linalg.inv(motions[self.given])
+        X[self.given] = np.eye(self.given.size)
+        return self.solved(X)
+
+    def solved(self, X: Array) -> Array:
+        """Shapes with the values of X at the held dofs that leave no force on the others."""
+        X, exact = X.copy(), sp.csc_array(self.K, dtype=np.longdouble)
+        for _ in range(_CORRECTIONS):
+            force = np.asarray((exact @ X.astype(np.longdouble))[self.free], dtype=np.float64)
+            X[self.free] -= self.factor(force)
+        return np.asarray(X)
