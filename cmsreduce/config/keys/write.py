@@ -163,6 +163,7 @@ ProgramName = Literal[
     "mbdyn-1.7.3-lumped",
     "mbdyn",
     "embs",
+    "pymbs",
     "fembs",
     "pysid",
     "mbsim",
