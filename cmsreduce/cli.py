@@ -157,8 +157,8 @@ def check(
     "--format",
     "target",
     metavar="FORMAT",
-    help="nastran, 42, sid, mbdyn, mbsim, exudyn, discos, dads, treetops, treetops-h5, matlab or abcd; by the end of "
-    "OUT's name if not given.",
+    help="nastran, 42, sid, mbdyn, mbsim, exudyn, discos, dads, treetops, treetops-h5, matlab, abcd or simscape; by "
+    "the end of OUT's name if not given.",
 )
 @click.option("--dialect", metavar="DIALECT", help="For sid: by-axis, by-mode. For mbdyn: invariants, lumped.")
 @output_options

@@ -9,8 +9,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import scipy.linalg as la
 from click.testing import CliRunner
 from pyyeti.nastran import op4
+from scipy.io import loadmat
 
 from cmsreduce.cli import main
 from cmsreduce.config.keys.write import _DIALECTS
@@ -141,3 +143,27 @@ def test_the_help_of_convert_names_every_target() -> None:
 
 def test_dialects_of_the_grammar_are_those_of_the_targets() -> None:
     assert {name: target.dialects for name, target in TARGETS.items() if target.dialects} == _DIALECTS
+
+
+def test_simscape_matrices_join_as_the_reduced_bodies_did(finished_study: Path, tmp_path: Path) -> None:
+    """Arm and panel by their frames, the hub as a rigid mass at the arm's root, the hinge free about y."""
+    bodies = []
+    for name in ("arm", "panel"):
+        bodies.append(loadmat(convert(finished_study / "out" / f"{name}.h5", tmp_path / f"{name}_rom.m")[1]))
+    arm, panel = bodies
+    K, M = (la.block_diag(arm[letter], panel[letter]) for letter in "KM")
+    x, y, z = -0.1, 0.0, 0.05
+    to_cg = np.eye(6)
+    to_cg[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+    inertia = np.array([[0.2, 0.01, 0.0], [0.01, 0.3, 0.0], [0.0, 0.0, 0.25]])
+    M[:6, :6] += to_cg.T @ la.block_diag(5.0 * np.eye(3), inertia) @ to_cg
+    # Root of the panel at the tip of the arm: its turn about y is a coordinate of its own.
+    n = len(arm["K"])
+    T = np.delete(np.eye(len(K)), [n, n + 1, n + 2, n + 3, n + 5], axis=1)
+    for dof in (0, 1, 2, 3, 5):
+        T[n + dof, 6 + dof] = 1.0
+    squares = la.eigvalsh(T.T @ K @ T, T.T @ M @ T)
+    joined = np.sqrt(np.abs(squares)) / (2 * np.pi)
+    expected = hertz(finished_study / "out", 0)
+    np.testing.assert_allclose(joined[7:], expected[7:], rtol=1e-9)
+    assert joined[6] < 1e-3 and expected[6] == 0

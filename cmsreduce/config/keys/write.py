@@ -150,6 +150,7 @@ Format = Literal[
     "dads",
     "treetops",
     "treetops-h5",
+    "simscape",
 ]
 
 _DIALECTS = {"sid": ("by-axis", "by-mode"), "mbdyn": ("invariants", "lumped")}

@@ -16,6 +16,7 @@ from cmsreduce.write.targets.mbsim import write_mbsim
 from cmsreduce.write.targets.nastran import write_nastran
 from cmsreduce.write.targets.nodal import write_nodal
 from cmsreduce.write.targets.sid import write_sid
+from cmsreduce.write.targets.simscape import write_simscape
 from cmsreduce.write.targets.state_space import write_abcd, write_states
 from cmsreduce.write.targets.treetops import write_treetops, write_treetops_h5
 
@@ -57,6 +58,7 @@ TARGETS: dict[str, Target] = {
     "treetops-h5": Target(".treetops.h5", write_treetops_h5),
     "matlab": Target(".mat", write_states, integrals=False),
     "abcd": Target(".abcd.txt", write_abcd, integrals=False),
+    "simscape": Target("_rom.m", write_simscape, integrals=False),
 }
 """Targets by their name in ``write.formats`` and ``convert --format``; one line registers a format."""
 
