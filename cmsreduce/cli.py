@@ -157,19 +157,31 @@ def check(
     "--format",
     "target",
     metavar="FORMAT",
-    help="nastran, 42, sid, mbdyn, mbsim, exudyn, discos, dads, treetops, treetops-h5, matlab, abcd or simscape; by "
-    "the end of OUT's name if not given.",
+    help="nastran, 42, sid, mbdyn, mbsim, exudyn, discos, dads, treetops, treetops-h5, matlab, abcd, simscape "
+    "or fmi; by the end of OUT's name if not given.",
 )
-@click.option("--dialect", metavar="DIALECT", help="For sid: by-axis, by-mode. For mbdyn: invariants, lumped.")
+@click.option(
+    "--dialect",
+    metavar="DIALECT",
+    help="For sid: by-axis, by-mode. For mbdyn: invariants, lumped. For fmi: fmi3, fmi2.",
+)
+@click.option("--configuration", metavar="NAME", help="Of a system file: the configuration to write.")
 @output_options
-def convert(source: Path, destination: Path, target: str | None, dialect: str | None, output: Output) -> None:
-    """Turn the component file IN into another code's: the file OUT, or one in the folder OUT."""
-    from cmsreduce.read import expect_kind
-    from cmsreduce.write import convert as write_target
+def convert(
+    source: Path,
+    destination: Path,
+    target: str | None,
+    dialect: str | None,
+    configuration: str | None,
+    output: Output,
+) -> None:
+    """Turn the component file IN into another code's: the file OUT, or one in the folder OUT; system.h5 into fmi."""
+    from cmsreduce.pipeline.results import convert_file, without_binary
     from cmsreduce.write import is_sealed
 
-    expect_kind(source, "component")
-    written = write_target(source, destination, target, dialect)
+    written = convert_file(source, destination, target, dialect, configuration)
+    for path in without_binary(written):
+        output.line(f"{path} holds C sources only: there is no C compiler `cc` here; the importer compiles them")
     if not is_sealed(source):
         output.line(f"{source} is not sealed: an earlier version wrote it, without a checksum of its content")
     output.made(written, where=written[0].parent)

@@ -30,7 +30,7 @@ from cmsreduce.assemble.response import (
     rigid_response,
     tabulated,
 )
-from cmsreduce.assemble.state_space import ElasticStates, elastic_states, state_space
+from cmsreduce.assemble.state_space import ElasticStates, ModalStates, elastic_states, modal_states, state_space
 from cmsreduce.assemble.substructure import (
     interface_substructure,
     modal_substructure,
@@ -45,6 +45,7 @@ __all__ = [
     "ElasticStates",
     "HeldBodies",
     "ModalReceptance",
+    "ModalStates",
     "PointStack",
     "Ports",
     "Receptance",
@@ -65,6 +66,7 @@ __all__ = [
     "interface_substructure",
     "joined_to",
     "joint_rows",
+    "modal_states",
     "modal_substructure",
     "neighbour_loading",
     "outboard_loading",

@@ -9,13 +9,28 @@ from cmsreduce.write.files import atomic_path, hdf5_file, put_texts
 from cmsreduce.write.own_files import refuse_foreign
 from cmsreduce.write.seal import is_sealed, verify_seal
 from cmsreduce.write.summary import summary, write_summary, write_sweep_csv, write_sweep_table
-from cmsreduce.write.system import write_system
-from cmsreduce.write.targets import TARGETS, StateSpace, Target, component_states, convert, write_matlab, write_vtu
+from cmsreduce.write.system import SystemFile, read_system, write_system
+from cmsreduce.write.targets import (
+    TARGETS,
+    LinearModel,
+    Port,
+    StateSpace,
+    Target,
+    component_states,
+    convert,
+    unit_binary,
+    write_matlab,
+    write_unit,
+    write_vtu,
+)
 
 __all__ = [
     "ComponentFile",
+    "LinearModel",
+    "Port",
     "SAME_MASS",
     "StateSpace",
+    "SystemFile",
     "TARGETS",
     "Target",
     "atomic_path",
@@ -26,8 +41,10 @@ __all__ = [
     "is_sealed",
     "put_texts",
     "read_component",
+    "read_system",
     "summary",
     "refuse_foreign",
+    "unit_binary",
     "verify_seal",
     "write_component",
     "write_matlab",
@@ -35,5 +52,6 @@ __all__ = [
     "write_sweep_csv",
     "write_sweep_table",
     "write_system",
+    "write_unit",
     "write_vtu",
 ]

@@ -1,8 +1,10 @@
-"""The file system.h5: the assembled reduced system in every configuration."""
+"""The file system.h5: the assembled reduced system in every configuration, written and read."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -11,12 +13,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.errors import ReadError
 from cmsreduce.linalg.eigen import elastic_pairs
-from cmsreduce.model import DOF_NAMES, Joint, Matrix, System, Units
+from cmsreduce.model import DOF_NAMES, Configuration, Joint, Matrix, System, Units
 from cmsreduce.write.files import hdf5_file, put, put_json, put_texts, put_units
-from cmsreduce.write.seal import put_seal
+from cmsreduce.write.seal import put_seal, verify_seal
 
-__all__ = ["SYSTEM_FORMAT", "write_system"]
+__all__ = ["SYSTEM_FORMAT", "SystemFile", "read_system", "write_system"]
 
 SYSTEM_FORMAT = "cmsreduce-system"
 """Attribute ``format`` of the file."""
@@ -35,6 +38,9 @@ _MATRICES = {
     "rigid": "columns: rigid motions and free motions of the joints, orthonormal in M",
 }
 
+_BASE = ("length", "mass", "time")
+_QUANTITIES = ("input_quantities", "output_quantities")
+
 _ELEMENTS = {
     "stiffness": "of the second interface against the first, in K",
     "damping": "of the second interface against the first, in D",
@@ -43,7 +49,12 @@ _ELEMENTS = {
 
 
 def write_system(
-    path: Path, systems: Sequence[System], *, provenance: Mapping[str, Any], units: Units | None = None
+    path: Path,
+    systems: Sequence[System],
+    *,
+    provenance: Mapping[str, Any],
+    units: Units | None = None,
+    quantities: tuple[Sequence[str], Sequence[str]] | None = None,
 ) -> None:
     """Write the assembled reduced system.
 
@@ -57,6 +68,9 @@ def write_system(
         JSON values: settings, notes.
     units : Units, optional
         Unit system of the scene.
+    quantities : tuple of two sequences of str, optional
+        What each input and each output is: ``force``, ``torque``; ``translation``, ``rotation``, with `` rate``;
+        ``combination``.
 
     Raises
     ------
@@ -75,12 +89,16 @@ def write_system(
         for number, system in enumerate(systems):
             group = file.create_group(f"configuration_{number}")
             group.attrs["name"] = system.configuration.name
+            group.attrs["rounding"] = system.rounding
             for (joint, dof), value in system.configuration.angles.items():
                 group.attrs[f"setting {joint}.{DOF_NAMES[dof]}"] = value
             put_texts(group, "bodies", system.sizes, "in the order of the rows of T")
             put(group, "sizes", np.array(list(system.sizes.values()), dtype=np.int64), "", "coordinates of each body")
             put_texts(group, "inputs", system.inputs)
             put_texts(group, "outputs", system.outputs)
+            if quantities is not None:
+                for name, values in zip(_QUANTITIES, quantities, strict=True):
+                    put_texts(group, name, values)
             put_texts(group, "notes", system.notes)
             _put_joints(group.create_group("joints"), system.joints)
             for name, about in _MATRICES.items():
@@ -90,6 +108,89 @@ def write_system(
             if not sp.issparse(system.K):
                 put(group, "frequency_hz", _frequencies(system), "Hz", "undamped, the zero ones first")
         put_seal(file)
+
+
+@dataclass(frozen=True, eq=False)
+class SystemFile:
+    """Contents of a system file that other programs need.
+
+    Parameters
+    ----------
+    name : str
+        Name of the pipeline.
+    systems : tuple of System
+        One for each configuration, without the joints, which K, D and M include.
+    units : Units or None
+        Unit system of the scene.
+    quantities : tuple of two tuples of str
+        What each input and each output is, as in `write_system`; empty texts where the file does not say it.
+    """
+
+    name: str
+    systems: tuple[System, ...]
+    units: Units | None
+    quantities: tuple[tuple[str, ...], tuple[str, ...]]
+
+
+def read_system(path: Path) -> SystemFile:
+    """Read a system file.
+
+    Raises
+    ------
+    ReadError
+        If the file is missing, damaged, changed after it was written, or of another format or a later version.
+    """
+    import h5py
+
+    if not path.is_file():
+        raise ReadError(f"{path}: there is no such file")
+    verify_seal(path)
+    try:
+        with h5py.File(path, "r") as file:
+            kind, version = file.attrs.get("format"), file.attrs.get("format_version", 0)
+            if kind != SYSTEM_FORMAT or not 1 <= version <= SYSTEM_FORMAT_VERSION:
+                raise ReadError(f"{path}: format {kind!r} of version {version} is not read; write it again")
+            groups = [file[f"configuration_{k}"] for k in range(sum(n.startswith("configuration_") for n in file))]
+            first, facts = groups[0], file["units"].attrs if "units" in file else {}
+            stated = [_texts(first, name) if name in first else None for name in _QUANTITIES]
+            return SystemFile(
+                name=json.loads(_texts(file, "provenance/pipeline")[0]) if "provenance/pipeline" in file else "system",
+                systems=tuple(_system(group) for group in groups),
+                units=None
+                if facts is None
+                else Units(str(facts["name"]), *(float(facts[f"{x}_in_si"]) for x in _BASE)),
+                quantities=(stated[0] or ("",) * len(first["inputs"]), stated[1] or ("",) * len(first["outputs"])),
+            )
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError, IndexError) as error:
+        raise ReadError(
+            f"{path}: the file is damaged or incomplete ({error}); write it again with `cmsreduce run`"
+        ) from None
+
+
+def _texts(group: Any, name: str) -> tuple[str, ...]:
+    return tuple(text.decode("utf-8") for text in group[name][()])
+
+
+def _system(group: Any) -> System:
+    def matrix(name: str) -> Any:
+        if name not in group:
+            return None
+        parts = group[name]
+        if not hasattr(parts, "keys"):
+            return parts[()]
+        arrays = tuple(parts[part][()] for part in ("data", "indices", "indptr"))
+        return sp.csc_array(arrays, shape=tuple(parts["shape"][()]))
+
+    sizes = dict(zip(_texts(group, "bodies"), group["sizes"][()].tolist(), strict=True))
+    return System(
+        configuration=Configuration(str(group.attrs["name"])),
+        **{name: matrix(name) for name in _MATRICES},
+        sizes=sizes,
+        inputs=_texts(group, "inputs"),
+        outputs=_texts(group, "outputs"),
+        rounding=float(group.attrs.get("rounding", 2.0**-53)),
+        notes=_texts(group, "notes"),
+    )
 
 
 def _put_joints(group: Any, joints: Iterable[Joint]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -78,9 +79,15 @@ def test_targets_need_the_component_file_alone(
 
 
 def test_no_component_file_is_left_where_none_was_asked_for(opened: Callable[..., Run], study: Path) -> None:
-    assert execute(opened("write={formats: [nastran]}"), study) is not None
-    assert (study.parent / "out" / "arm.op4").is_file()
-    assert not list((study.parent / "out").rglob("arm.h5"))
+    run = opened("write={formats: [nastran, fmi], dialects: {fmi: fmi2}}")
+    assert execute(run, study) is not None
+    out = study.parent / "out"
+    units = [out / f"{name}.fmu" for name in ("arm", "panel", "system-0", "system-1")]
+    assert {out / "arm.op4", *units} <= set(run.stages.written)
+    assert not [*out.rglob("arm.h5"), *out.rglob("system.h5")]
+    with zipfile.ZipFile(units[-1]) as archive:
+        description = archive.read("modelDescription.xml").decode()
+    assert 'fmiVersion="2.0" modelName="study hinge=50"' in description
 
 
 def test_the_name_of_42_is_no_number(opened: Callable[..., Run]) -> None:

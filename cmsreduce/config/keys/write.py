@@ -151,9 +151,10 @@ Format = Literal[
     "treetops",
     "treetops-h5",
     "simscape",
+    "fmi",
 ]
 
-_DIALECTS = {"sid": ("by-axis", "by-mode"), "mbdyn": ("invariants", "lumped")}
+_DIALECTS = {"sid": ("by-axis", "by-mode"), "mbdyn": ("invariants", "lumped"), "fmi": ("fmi3", "fmi2")}
 
 
 def _as_text(value: object) -> object:
@@ -177,7 +178,7 @@ class WriteKeys(BodyWriteKeys):
     dialects: dict[Plain, Plain] = Field(
         default={},
         description="Dialect of each format that has several. sid: by-axis or by-mode, the order of the columns of Gr; "
-        "mbdyn: invariants or lumped.",
+        "mbdyn: invariants or lumped; fmi: fmi3 or fmi2, the version of the standard.",
         examples=[{"sid": "by-mode"}],
     )
     balanced_states: Annotated[int, Strict(), Field(ge=2, multiple_of=2)] | None = Field(

@@ -11,6 +11,7 @@ from cmsreduce.errors import WriteError, not_among
 from cmsreduce.write.component import read_component, stored_integrals
 from cmsreduce.write.targets.exudyn import write_exudyn
 from cmsreduce.write.targets.flex42 import write_42
+from cmsreduce.write.targets.fmi import FMI_DIALECTS, write_body_unit
 from cmsreduce.write.targets.mbdyn import write_mbdyn
 from cmsreduce.write.targets.mbsim import write_mbsim
 from cmsreduce.write.targets.nastran import write_nastran
@@ -58,6 +59,7 @@ TARGETS: dict[str, Target] = {
     "treetops-h5": Target(".treetops.h5", write_treetops_h5),
     "matlab": Target(".mat", write_states, integrals=False),
     "abcd": Target(".abcd.txt", write_abcd, integrals=False),
+    "fmi": Target(".fmu", write_body_unit, FMI_DIALECTS, integrals=False),
     "simscape": Target("_rom.m", write_simscape, integrals=False),
 }
 """Targets by their name in ``write.formats`` and ``convert --format``; one line registers a format."""
