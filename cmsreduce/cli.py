@@ -157,8 +157,8 @@ def check(
     "--format",
     "target",
     metavar="FORMAT",
-    help="nastran, 42, sid, mbdyn, mbsim, exudyn, discos, dads, treetops, treetops-h5, matlab, abcd, simscape "
-    "or fmi; by the end of OUT's name if not given.",
+    help="nastran, 42, sid, mbdyn, mbsim, exudyn, discos, dads, treetops, treetops-h5, matlab, abcd, simscape, "
+    "extptfm or fmi; by the end of OUT's name if not given.",
 )
 @click.option(
     "--dialect",

@@ -67,11 +67,13 @@ def test_targets_need_the_component_file_alone(
     opened: Callable[..., Run], study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A run writes every format; from its component file alone, elsewhere, convert writes the same bytes again."""
-    formats = ["hdf5", *(f'"{name}"' for name in TARGETS)]
+    # ExtPtfm joins a structure at one node, and the arm has two.
+    takes_arm = {name: target for name, target in TARGETS.items() if name != "extptfm"}
+    formats = ["hdf5", *(f'"{name}"' for name in takes_arm)]
     run = opened(f"write={{formats: [{', '.join(formats)}], all_nodes: true, dialects: {{sid: by-mode}}}}")
     assert execute(run, study) is not None
     shutil.copy(study.parent / "out" / "arm.h5", tmp_path / "arm.h5")
-    for name, target in TARGETS.items():
+    for name, target in takes_arm.items():
         dialect = "by-mode" if name == "sid" else None
         for path in convert(tmp_path / "arm.h5", tmp_path / f"arm{target.suffix}", name, dialect):
             assert path.read_bytes() == (study.parent / "out" / path.name).read_bytes()

@@ -152,6 +152,7 @@ Format = Literal[
     "treetops-h5",
     "simscape",
     "fmi",
+    "extptfm",
 ]
 
 _DIALECTS = {"sid": ("by-axis", "by-mode"), "mbdyn": ("invariants", "lumped"), "fmi": ("fmi3", "fmi2")}

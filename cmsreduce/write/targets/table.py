@@ -9,6 +9,7 @@ from typing import Any
 
 from cmsreduce.errors import WriteError, not_among
 from cmsreduce.write.component import read_component, stored_integrals
+from cmsreduce.write.targets.extptfm import write_extptfm
 from cmsreduce.write.targets.exudyn import write_exudyn
 from cmsreduce.write.targets.flex42 import write_42
 from cmsreduce.write.targets.fmi import FMI_DIALECTS, write_body_unit
@@ -60,6 +61,7 @@ TARGETS: dict[str, Target] = {
     "matlab": Target(".mat", write_states, integrals=False),
     "abcd": Target(".abcd.txt", write_abcd, integrals=False),
     "fmi": Target(".fmu", write_body_unit, FMI_DIALECTS, integrals=False),
+    "extptfm": Target("_SE.dat", write_extptfm, integrals=False),
     "simscape": Target("_rom.m", write_simscape, integrals=False),
 }
 """Targets by their name in ``write.formats`` and ``convert --format``; one line registers a format."""
