@@ -156,25 +156,27 @@ def check(
 def convert(
     source: Path,
     destination: str,
+    target: str | None,
+    dialect: str | None,
+    configuration: str | None,
     profile: str | None,
     at: str | None,
     joints: dict[str, int] | None,
-    target: str | None,
-    dialect: str | None,
     output: Output,
 ) -> None:
-    """Turn the component file IN into another code's: the file OUT, or files in the folder OUT."""
-    from cmsreduce.read import expect_kind
-    from cmsreduce.write import conversion, is_sealed
+    """Turn the component file IN into another code's: the file OUT, or files in OUT/; system.h5 into an .fmu."""
+    from cmsreduce.pipeline.results import convert_file
+    from cmsreduce.write import is_sealed
 
-    expect_kind(source, "component")
-    made = conversion(source, destination, target, dialect, profile=profile, at=at, joints=joints)
+    written, notes = convert_file(
+        source, destination, target, dialect, configuration, profile=profile, at=at, joints=joints
+    )
     if not is_sealed(source):
         output.line(f"{source} is not sealed: an earlier version wrote it, without a checksum of its content")
-    for note in made.notes:
+    for note in notes:
         output.line(note)
-    output.made(made.paths, where=made.paths[0].parent)
-    output.result({"source": source, "written": made.paths, "notes": made.notes, "seconds": output.seconds})
+    output.made(written, where=written[0].parent)
+    output.result({"source": source, "written": written, "notes": notes, "seconds": output.seconds})
 
 
 @main.command()

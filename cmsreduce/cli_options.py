@@ -201,14 +201,16 @@ convert_options = _options(
         "--format",
         "target",
         metavar="FORMAT",
-        help="nastran, 42, sid, mbdyn, mbsim, exudyn, discos, dads, treetops, treetops-h5, matlab or abcd; by the end "
-        "of OUT's name if not given.",
+        help="nastran, 42, sid, mbdyn, mbsim, exudyn, discos, dads, treetops, treetops-h5, matlab, abcd, simscape, "
+        "extptfm or fmi; by the end of OUT's name if not given.",
     ),
     click.option(
         "--dialect",
         metavar="DIALECT",
-        help="For sid: by-axis, by-mode, gr-by-mode, embs. For mbdyn: invariants, lumped, first-order.",
+        help="For sid: by-axis, by-mode, gr-by-mode, embs. For mbdyn: invariants, lumped, first-order. For "
+        "fmi: fmi3, fmi2.",
     ),
+    click.option("--configuration", metavar="NAME", help="Of a system file: the configuration to write."),
     output_options,
 )
 """Component file, destination, and the program or format to write for."""

@@ -31,7 +31,7 @@ from cmsreduce.assemble.response import (
     rigid_response,
     tabulated,
 )
-from cmsreduce.assemble.state_space import ElasticStates, elastic_states, state_space
+from cmsreduce.assemble.state_space import ElasticStates, ModalStates, elastic_states, modal_states, state_space
 from cmsreduce.assemble.substructure import (
     interface_substructure,
     modal_substructure,
@@ -46,6 +46,7 @@ __all__ = [
     "ElasticStates",
     "HeldBodies",
     "ModalReceptance",
+    "ModalStates",
     "PointStack",
     "Ports",
     "Receptance",
@@ -69,6 +70,7 @@ __all__ = [
     "joint_axes",
     "joint_rows",
     "joint_tree",
+    "modal_states",
     "modal_substructure",
     "neighbour_loading",
     "outboard_loading",

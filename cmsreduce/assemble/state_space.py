@@ -1,4 +1,4 @@
-"""State space of an assembled system: its elastic part in modal states, and a model of the control package."""
+"""State space of an assembled system: in modal states, its elastic part alone, and a model of the control package."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, split_massless
 from cmsreduce.model import System
 
-__all__ = ["ElasticStates", "elastic_states", "state_space"]
+__all__ = ["ElasticStates", "ModalStates", "elastic_states", "modal_states", "state_space"]
 
 Array = NDArray[np.float64]
 
@@ -79,8 +79,7 @@ def elastic_states(system: System) -> ElasticStates:
     MatrixError
         If damping is a complex stiffness, or acts on the rigid motions, so that the two parts are not in parallel.
     """
-    if system.loss is not None:
-        raise MatrixError("structural damping is a complex stiffness and has no real state space; use modal damping")
+    _refuse_size_and_loss(system)
     K, M = dense(system.K), dense(system.M)
     D = np.zeros_like(K) if system.D is None else dense(system.D)
     lam, Phi, N = elastic_and_massless(K, M, system.rigid, system.rounding)
@@ -102,6 +101,56 @@ def elastic_states(system: System) -> ElasticStates:
         system.C2 @ system.rigid,
         w,
         Phi,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class ModalStates:
+    """x' = A x + B u, y = C x + D u with x = [q; q'], amplitudes of the m undamped modes, rigid motions first.
+
+    Parameters
+    ----------
+    A, B, C, D : (2m, 2m), (2m, inputs), (outputs, 2m), (outputs, inputs) float64
+        The model; D is the flexibility of shapes without mass.
+    omega : (m,) float64
+        Undamped frequencies, zeros first.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    omega: Array
+
+
+def modal_states(system: System) -> ModalStates:
+    """State space of a reduced system in its undamped modes, of unit modal mass.
+
+    Rigid motions have no stiffness at all here, so that a free system drifts without the error of round-off in K.
+
+    Raises
+    ------
+    MatrixError
+        As `state_space` does.
+    """
+    _refuse_size_and_loss(system)
+    K, M = dense(system.K), dense(system.M)
+    try:
+        lam, X, N = elastic_and_massless(K, M, system.rigid, system.rounding)
+    except UndeterminedError as error:
+        raise undetermined(system, error) from None
+    omega = np.concatenate([np.zeros(system.rigid.shape[1]), np.sqrt(lam)])
+    if N.shape[1]:
+        _refuse_rates(system, N, omega.max(initial=0.0))
+    Phi, m = np.hstack([system.rigid, X]), omega.size
+    damping = np.zeros((m, m)) if system.D is None else _product(Phi.T, dense(system.D) @ Phi)
+    force, zero = Phi.T @ system.B, np.zeros((m, m))
+    return ModalStates(
+        np.block([[zero, np.eye(m)], [-np.diag(omega**2), -0.5 * (damping + damping.T)]]),
+        np.vstack([np.zeros_like(force), force]),
+        np.hstack([system.C1 @ Phi, system.C2 @ Phi]),
+        (system.C1 @ N) @ (N.T @ system.B),
+        omega,
     )
 
 
@@ -129,13 +178,7 @@ def state_space(system: System) -> Any:
     # Imported here because it loads matplotlib.
     import control
 
-    if system.N > _LARGEST:
-        raise MatrixError(
-            f"a state space needs a reduced system; this one has {system.N} coordinates, more than {_LARGEST}: "
-            "reduce its bodies first"
-        )
-    if system.loss is not None:
-        raise MatrixError("structural damping is a complex stiffness and has no real state space; use modal damping")
+    _refuse_size_and_loss(system)
     M, K = dense(system.M), dense(system.K)
     D = np.zeros_like(M) if system.D is None else dense(system.D)
     try:
@@ -155,6 +198,16 @@ def state_space(system: System) -> Any:
     feedthrough = (system.C1 @ N) @ (N.T @ system.B)
     inputs, outputs = ([name.replace(".", "_") for name in names] for names in (system.inputs, system.outputs))
     return control.ss(A, B, C, feedthrough, inputs=inputs, outputs=outputs)
+
+
+def _refuse_size_and_loss(system: System) -> None:
+    if system.N > _LARGEST:
+        raise MatrixError(
+            f"a state space needs a reduced system; this one has {system.N} coordinates, more than {_LARGEST}: "
+            "reduce its bodies first"
+        )
+    if system.loss is not None:
+        raise MatrixError("structural damping is a complex stiffness and has no real state space; use modal damping")
 
 
 def _refuse_rates(system: System, N: Array, top: float) -> None:

@@ -15,12 +15,16 @@ from cmsreduce.model import UNDETERMINED, Configuration, RunResult
 from cmsreduce.multifrontal import blas_threads
 from cmsreduce.pipeline.results import (
     body_costly_modes,
+    channel_quantities,
     component_checks,
+    convert_system,
     frame_of,
     integral_frame_of,
     outboard_of,
     run_result,
+    unit_paths,
     with_failures,
+    without_binary,
     write_report,
     write_system_states,
 )
@@ -161,6 +165,8 @@ def _outputs(run: Run, due: Collection[str], report: bool) -> Iterator[Path]:
         yield from (run.folder / f"{name}.h5" for name in run.flexible_names)
     if "matlab" in formats:
         yield run.folder / "system.mat"
+    if "fmi" in formats:
+        yield from unit_paths(run.folder, len(run.scene.configurations))
     for target in formats:
         if target in TARGETS:
             yield from (run.folder / f"{name}{TARGETS[target].suffix}" for name in run.flexible_names)
@@ -207,6 +213,8 @@ def _write(run: Run) -> None:
         run.stages.written.extend(_write_system(run))
     if "matlab" in formats:
         run.stages.written.extend(_write_states(run))
+    if "fmi" in formats:
+        run.stages.written.extend(_write_units(run))
 
 
 @diagnostic("the component file of '{}'", about=lambda run, name, _: name, required=True)
@@ -269,17 +277,37 @@ def _write_for(run: Run, name: str, program: str, path: Path) -> tuple[Path, ...
 
 
 @diagnostic("the file system.h5", tuple, required=True)
-def _write_system(run: Run) -> tuple[Path, ...]:
-    path = run.folder / "system.h5"
+def _write_system(run: Run, path: Path | None = None) -> tuple[Path, ...]:
+    path = path or run.folder / "system.h5"
     model = run.model.assembled
     systems = [model.system(configuration) for configuration in run.scene.configurations]
-    write_system(path, systems, provenance=_provenance(run), units=run.scene.units)
+    write_system(
+        path, systems, provenance=_provenance(run), units=run.scene.units, quantities=channel_quantities(run.scene)
+    )
     return (path,)
 
 
 @diagnostic("the file system.mat", tuple, required=True)
 def _write_states(run: Run) -> tuple[Path, ...]:
     return (write_system_states(run),)
+
+
+@diagnostic("the units of the system", tuple, required=True)
+def _write_units(run: Run) -> tuple[Path, ...]:
+    """Write a Functional Mock-up Unit of each configuration, from a system file, which is all that it needs."""
+    assert run.pipeline.write is not None
+    kept, version = run.folder / "system.h5", run.pipeline.write.dialects.get("fmi")
+    if "hdf5" in run.pipeline.write.formats:
+        written = convert_system(kept, run.folder, version)
+    else:
+        (path,) = _write_system(run, run.folder / "stages/system.h5")
+        try:
+            written = convert_system(path, run.folder, version)
+        finally:
+            path.unlink()
+    for note in without_binary(written):
+        run.stages.note(note)
+    return written
 
 
 def _provenance(run: Run) -> Mapping[str, Any]:

@@ -10,10 +10,13 @@ from cmsreduce.write.files import atomic_path, hdf5_file, put_texts
 from cmsreduce.write.own_files import refuse_foreign
 from cmsreduce.write.seal import is_sealed, verify_seal
 from cmsreduce.write.summary import summary, write_summary, write_sweep_csv, write_sweep_table
-from cmsreduce.write.system import system_settings, write_system
+from cmsreduce.write.system import write_system
+from cmsreduce.write.system_file import SystemFile, read_system, system_settings
 from cmsreduce.write.targets import (
     PROFILES,
     TARGETS,
+    LinearModel,
+    Port,
     Profile,
     StateSpace,
     Target,
@@ -22,17 +25,22 @@ from cmsreduce.write.targets import (
     conversion,
     convert,
     profile_files,
+    unit_binary,
     write_matlab,
+    write_unit,
     write_vtu,
 )
 
 __all__ = [
     "ComponentFile",
     "EXPORTS",
+    "LinearModel",
     "PROFILES",
+    "Port",
     "Profile",
     "SAME_MASS",
     "StateSpace",
+    "SystemFile",
     "TARGETS",
     "Target",
     "TargetFiles",
@@ -47,9 +55,11 @@ __all__ = [
     "profile_files",
     "put_texts",
     "read_component",
+    "read_system",
+    "refuse_foreign",
     "summary",
     "system_settings",
-    "refuse_foreign",
+    "unit_binary",
     "verify_seal",
     "write_component",
     "write_matlab",
@@ -57,5 +67,6 @@ __all__ = [
     "write_sweep_csv",
     "write_sweep_table",
     "write_system",
+    "write_unit",
     "write_vtu",
 ]

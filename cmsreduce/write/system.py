@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,20 +11,20 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.errors import ReadError
 from cmsreduce.linalg.eigen import elastic_pairs
 from cmsreduce.model import DOF_NAMES, Joint, Matrix, System, Units
 from cmsreduce.write.files import hdf5_file, put, put_json, put_texts, put_units
-from cmsreduce.write.seal import put_seal, verify_seal
+from cmsreduce.write.seal import put_seal
 
-__all__ = ["SYSTEM_FORMAT", "system_settings", "write_system"]
+__all__ = ["JOINT_BODIES", "QUANTITIES", "SYSTEM_FORMAT", "SYSTEM_FORMAT_VERSION", "SYSTEM_MATRICES", "write_system"]
 
 SYSTEM_FORMAT = "cmsreduce-system"
 """Attribute ``format`` of the file."""
 
 SYSTEM_FORMAT_VERSION = 2
+"""Attribute ``format_version`` that this version writes."""
 
-_MATRICES = {
+SYSTEM_MATRICES = {
     "M": "mass",
     "K": "stiffness",
     "D": "viscous damping",
@@ -36,6 +35,13 @@ _MATRICES = {
     "T": "coordinates of the bodies, stacked in their order = T x",
     "rigid": "columns: rigid motions and free motions of the joints, orthonormal in M",
 }
+"""Matrices of a configuration, with what they are."""
+
+QUANTITIES = ("input_quantities", "output_quantities")
+"""Datasets of what each input and each output is."""
+
+JOINT_BODIES = "joint "
+"""Names of the bodies of joints' elements begin so: `Joint.own_body`."""
 
 _ELEMENTS = {
     "stiffness": "of the second interface against the first, in K",
@@ -44,12 +50,13 @@ _ELEMENTS = {
 }
 
 
-# Bodies of the elements of joints: `Joint.own_body`.
-_OF_JOINTS = "joint "
-
-
 def write_system(
-    path: Path, systems: Sequence[System], *, provenance: Mapping[str, Any], units: Units | None = None
+    path: Path,
+    systems: Sequence[System],
+    *,
+    provenance: Mapping[str, Any],
+    units: Units | None = None,
+    quantities: tuple[Sequence[str], Sequence[str]] | None = None,
 ) -> None:
     """Write the assembled reduced system.
 
@@ -63,6 +70,9 @@ def write_system(
         JSON values: settings, notes.
     units : Units, optional
         Unit system of the scene.
+    quantities : tuple of two sequences of str, optional
+        What each input and each output is: ``force``, ``torque``; ``translation``, ``rotation``, with `` rate``;
+        ``combination``.
 
     Raises
     ------
@@ -81,49 +91,25 @@ def write_system(
         for number, system in enumerate(systems):
             group = file.create_group(f"configuration_{number}")
             group.attrs["name"] = system.configuration.name
+            group.attrs["rounding"] = system.rounding
             for (joint, dof), value in system.configuration.angles.items():
                 group.attrs[f"setting {joint}.{DOF_NAMES[dof]}"] = value
             put_texts(group, "bodies", system.sizes, "in the order of the rows of T")
             put(group, "sizes", np.array(list(system.sizes.values()), dtype=np.int64), "", "coordinates of each body")
             put_texts(group, "inputs", system.inputs)
             put_texts(group, "outputs", system.outputs)
+            if quantities is not None:
+                for name, values in zip(QUANTITIES, quantities, strict=True):
+                    put_texts(group, name, values)
             put_texts(group, "notes", system.notes)
             _put_joints(group.create_group("joints"), system.joints)
-            for name, about in _MATRICES.items():
+            for name, about in SYSTEM_MATRICES.items():
                 matrix = getattr(system, name)
                 if matrix is not None:
                     _put_matrix(group, name, matrix, about)
             if not sp.issparse(system.K):
                 put(group, "frequency_hz", _frequencies(system), "Hz", "undamped, the zero ones first")
         put_seal(file)
-
-
-def system_settings(path: Path) -> dict[str, Any]:
-    """Keys of the pipeline that a system file is from.
-
-    Raises
-    ------
-    ReadError
-        If the file is missing, damaged, of another format, or was changed after it was written; if an early version
-        wrote it.
-    """
-    import h5py
-
-    if not path.is_file():
-        raise ReadError(f"{path}: there is no such file; a run with `write: {{formats: [hdf5]}}` leaves it")
-    if not verify_seal(path):
-        raise ReadError(f"{path}: it has no seal, so an early version wrote it; write it again with `cmsreduce run`")
-    with h5py.File(path, "r") as file:
-        if file.attrs.get("format") != SYSTEM_FORMAT or "provenance/settings" not in file:
-            raise ReadError(f"{path}: this is no system file of a run; give the output directory of a finished run")
-        settings: dict[str, Any] = json.loads(file["provenance/settings"][0])
-        bodies = [name.decode("utf-8") for name in file["configuration_0/bodies"][()]]
-    if list(settings.get("components", ())) != [name for name in bodies if not name.startswith(_OF_JOINTS)]:
-        raise ReadError(
-            f"{path}: an early version wrote it, without the order of bodies and joints; write it again with "
-            "`cmsreduce run`"
-        )
-    return settings
 
 
 def _put_joints(group: Any, joints: Iterable[Joint]) -> None:

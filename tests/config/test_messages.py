@@ -84,10 +84,10 @@ MISTAKES = {
         "key 'write.formats[1]': found the text 'contops'; expected hdf5 or matlab or abcd or nastran or"),
     "dialect of a format that has none": (
         "{formats: [hdf5]}", "{formats: [hdf5, mbsim], dialects: {mbsim: lumped}}", 0,
-        "key 'write': 'mbsim' has no dialects (those that have: sid, mbdyn)"),
+        "key 'write': 'mbsim' has no dialects (those that have: sid, mbdyn, fmi)"),
     "dialect of another format": (
         "{formats: [hdf5]}", "{formats: [hdf5, sid], dialects: {sid: lumped}}", 0,
-        "key 'write': 'lumped' is no dialect of sid (its dialects: by-axis, by-mode)"),
+        "key 'write': 'lumped' is no dialect of sid (its dialects: by-axis, by-mode, gr-by-mode, embs)"),
     "dialect of what is not written": (
         "{formats: [hdf5]}", "{formats: [hdf5], dialects: {sid: by-mode}}", 0,
         "key 'write': sid is not written, so its dialect has no effect: add it to the formats"),

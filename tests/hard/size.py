@@ -61,8 +61,8 @@ def _mast(name: str, bays: int, radius: float, bay_length: float, band_hz: tuple
     body = bars("mast", xyz, pairs)
     return Case(
         name,
-        f"A lattice mast of {bays} bays, {100 * round(bays * bay_length / radius / 200)} times as long as wide: K of a bent "
-        "shape cancels to its last three digits, and an eigensolver finds its first bending modes among the null "
+        f"A lattice mast of {bays} bays, {100 * round(bays * bay_length / radius / 200)} times as long as wide: K of a "
+        "bent shape cancels to its last three digits, and an eigensolver finds its first bending modes among the null "
         "vectors.",
         "The energy after inverse iteration separates null vectors from the first bending. Frequencies are right "
         "to 1e-3, as far as the entries of K hold them.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import pytest
 import scipy.linalg as la
 from click.testing import CliRunner
 from pyyeti.nastran import op4
+from scipy.io import loadmat
 
 from cmsreduce.cli import main
 from cmsreduce.config.keys.write import _DIALECTS
@@ -67,11 +69,13 @@ def test_targets_need_the_component_file_alone(
     opened: Callable[..., Run], study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A run writes every format; from its component file alone, elsewhere, convert writes the same bytes again."""
-    formats = ["hdf5", *(f'"{name}"' for name in TARGETS)]
+    # ExtPtfm joins a structure at one node, and the arm has two.
+    takes_arm = {name: target for name, target in TARGETS.items() if name != "extptfm"}
+    formats = ["hdf5", *(f'"{name}"' for name in takes_arm)]
     run = opened(f"write={{formats: [{', '.join(formats)}], all_nodes: true, dialects: {{sid: by-mode}}}}")
     assert execute(run, study) is not None
     shutil.copy(study.parent / "out" / "arm.h5", tmp_path / "arm.h5")
-    for name, target in TARGETS.items():
+    for name, target in takes_arm.items():
         dialect = "by-mode" if name == "sid" else None
         for path in convert(tmp_path / "arm.h5", tmp_path / f"arm{target.suffix}", name, dialect):
             assert path.read_bytes() == (study.parent / "out" / path.name).read_bytes()
@@ -79,9 +83,15 @@ def test_targets_need_the_component_file_alone(
 
 
 def test_no_component_file_is_left_where_none_was_asked_for(opened: Callable[..., Run], study: Path) -> None:
-    assert execute(opened("write={formats: [nastran]}"), study) is not None
-    assert (study.parent / "out" / "arm.op4").is_file()
-    assert not list((study.parent / "out").rglob("arm.h5"))
+    run = opened("write={formats: [nastran, fmi], dialects: {fmi: fmi2}}")
+    assert execute(run, study) is not None
+    out = study.parent / "out"
+    units = [out / f"{name}.fmu" for name in ("arm", "panel", "system-0", "system-1")]
+    assert {out / "arm.op4", *units} <= set(run.stages.written)
+    assert not [*out.rglob("arm.h5"), *out.rglob("system.h5")]
+    with zipfile.ZipFile(units[-1]) as archive:
+        description = archive.read("modelDescription.xml").decode()
+    assert 'fmiVersion="2.0" modelName="study hinge=50"' in description
 
 
 def test_the_name_of_42_is_no_number(opened: Callable[..., Run]) -> None:
@@ -210,3 +220,27 @@ def test_the_help_of_convert_names_every_target() -> None:
 
 def test_dialects_of_the_grammar_are_those_of_the_targets() -> None:
     assert {name: target.dialects for name, target in TARGETS.items() if target.dialects} == _DIALECTS
+
+
+def test_simscape_matrices_join_as_the_reduced_bodies_did(finished_study: Path, tmp_path: Path) -> None:
+    """Arm and panel by their frames, the hub as a rigid mass at the arm's root, the hinge free about y."""
+    bodies = []
+    for name in ("arm", "panel"):
+        bodies.append(loadmat(convert(finished_study / "out" / f"{name}.h5", tmp_path / f"{name}_rom.m")[1]))
+    arm, panel = bodies
+    K, M = (la.block_diag(arm[letter], panel[letter]) for letter in "KM")
+    x, y, z = -0.1, 0.0, 0.05
+    to_cg = np.eye(6)
+    to_cg[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+    inertia = np.array([[0.2, 0.01, 0.0], [0.01, 0.3, 0.0], [0.0, 0.0, 0.25]])
+    M[:6, :6] += to_cg.T @ la.block_diag(5.0 * np.eye(3), inertia) @ to_cg
+    # Root of the panel at the tip of the arm: its turn about y is a coordinate of its own.
+    n = len(arm["K"])
+    T = np.delete(np.eye(len(K)), [n, n + 1, n + 2, n + 3, n + 5], axis=1)
+    for dof in (0, 1, 2, 3, 5):
+        T[n + dof, 6 + dof] = 1.0
+    squares = la.eigvalsh(T.T @ K @ T, T.T @ M @ T)
+    joined = np.sqrt(np.abs(squares)) / (2 * np.pi)
+    expected = hertz(finished_study / "out", 0)
+    np.testing.assert_allclose(joined[7:], expected[7:], rtol=1e-9)
+    assert joined[6] < 1e-3 and expected[6] == 0

@@ -77,7 +77,8 @@ def test_every_item_on_the_page_is_in_the_file(tmp_path):
     table = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
     items = [item for cell in table for item in re.findall(r"`([^`]+)`", cell)]
     K = pendulum().K
-    write_system(tmp_path / "system.h5", [pendulum(D=0.1 * K, loss=0.2 * K)], provenance={})
+    whole, quantities = pendulum(D=0.1 * K, loss=0.2 * K), (["torque"], ["rotation"])
+    write_system(tmp_path / "system.h5", [whole], provenance={}, quantities=quantities)
     with h5py.File(tmp_path / "system.h5") as file:
         assert set(items) == set(file["configuration_0"])
 

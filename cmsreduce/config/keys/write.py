@@ -150,11 +150,15 @@ Format = Literal[
     "dads",
     "treetops",
     "treetops-h5",
+    "simscape",
+    "fmi",
+    "extptfm",
 ]
 
 _DIALECTS = {
     "sid": ("by-axis", "by-mode", "gr-by-mode", "embs"),
     "mbdyn": ("invariants", "lumped", "first-order"),
+    "fmi": ("fmi3", "fmi2"),
 }
 
 ProgramName = Literal[
@@ -199,7 +203,8 @@ class WriteKeys(BodyWriteKeys):
     dialects: dict[Plain, Plain] = Field(
         default={},
         description="Dialect of each format that has several. sid: by-axis, by-mode, gr-by-mode or embs, the order of "
-        "the columns of Gr and Ge; mbdyn: invariants, lumped or first-order.",
+        "the columns of Gr and Ge; mbdyn: invariants, lumped or first-order; fmi: fmi3 or fmi2, the version of "
+        "the standard.",
         examples=[{"sid": "by-mode"}],
     )
     balanced_states: Annotated[int, Strict(), Field(ge=2, multiple_of=2)] | None = Field(

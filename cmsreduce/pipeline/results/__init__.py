@@ -24,12 +24,22 @@ from cmsreduce.pipeline.results.page import show_summary, write_report
 from cmsreduce.pipeline.results.result import component_checks, run_result, with_failures
 from cmsreduce.pipeline.results.run_difference import run_difference
 from cmsreduce.pipeline.results.step_advice import body_costly_modes, file_rounding
+from cmsreduce.pipeline.results.units import (
+    channel_quantities,
+    convert_file,
+    convert_system,
+    unit_paths,
+    without_binary,
+)
 
 __all__ = [
     "body_costly_modes",
     "body_totals",
+    "channel_quantities",
     "check_result",
     "component_checks",
+    "convert_file",
+    "convert_system",
     "effective_mass_data",
     "effective_mass_lines",
     "export_pictures",
@@ -51,7 +61,9 @@ __all__ = [
     "show_summary",
     "total_data",
     "total_lines",
+    "unit_paths",
     "with_failures",
+    "without_binary",
     "write_junit",
     "write_markdown",
     "write_report",

@@ -6,13 +6,16 @@ The component file itself belongs in `write.component`.
 
 from cmsreduce.write.targets.conversion import conversion, convert
 from cmsreduce.write.targets.exudyn import exudyn_arrays
+from cmsreduce.write.targets.fmi import LinearModel, Port, unit_binary, write_unit
 from cmsreduce.write.targets.profiles import PROFILES, Profile, TargetFiles, profile_files
 from cmsreduce.write.targets.state_space import StateSpace, component_states, write_matlab
 from cmsreduce.write.targets.table import TARGETS, Target
 from cmsreduce.write.targets.vtu import write_vtu
 
 __all__ = [
+    "LinearModel",
     "PROFILES",
+    "Port",
     "Profile",
     "StateSpace",
     "TARGETS",
@@ -23,6 +26,8 @@ __all__ = [
     "convert",
     "exudyn_arrays",
     "profile_files",
+    "unit_binary",
     "write_matlab",
+    "write_unit",
     "write_vtu",
 ]

@@ -94,12 +94,13 @@ def conversion(
         raise WriteError(f"'{dialect}' is no dialect of {name} ({known})")
     path = named / f"{component.name}{chosen.suffix}" if is_folder else named
     _check_path(path, source)
+    arguments = [dialect or chosen.dialects[0]] if chosen.dialects else []
     if not chosen.integrals:
-        return TargetFiles(chosen.write(path, component) or (path,), (), component)
-    return _with_integrals(path, component, name, dialect or (chosen.dialects[0] if chosen.dialects else None))
+        return TargetFiles(chosen.write(path, component, *arguments) or (path,), (), component)
+    return _with_integrals(path, component, name, *arguments)
 
 
-def _with_integrals(path: Path, component: ComponentFile, target: str, dialect: str | None) -> TargetFiles:
+def _with_integrals(path: Path, component: ComponentFile, target: str, dialect: str | None = None) -> TargetFiles:
     integrals = stored_integrals(component)
     arguments: list[Any] = [integrals] if dialect is None else [integrals, dialect]
     paths = TARGETS[target].write(path, component, *arguments) or (path,)

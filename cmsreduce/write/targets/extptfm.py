@@ -1,0 +1,77 @@
+"""OpenFAST: the superelement of its module ExtPtfm, in the format FlexASCII."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import WriteError
+from cmsreduce.write.component import ComponentFile
+from cmsreduce.write.files import number, put_lines
+from cmsreduce.write.targets.superelement import Superelement, framed_superelement
+
+__all__ = ["write_extptfm"]
+
+_SIX = 6
+
+Array = NDArray[np.float64]
+
+
+def write_extptfm(path: Path, component: ComponentFile) -> None:
+    """Write the superelement of a support structure: six dofs at the foot of the tower, then fixed-interface modes.
+
+    In SI, along the basic axes, which must be those of OpenFAST: x downwind, z upwards. The loads are zero.
+
+    Parameters
+    ----------
+    path : Path
+        Name of the file, which is complete or absent; ``Red_FileName`` of the module's input file.
+    component : ComponentFile
+        The body, on its supports.
+
+    Raises
+    ------
+    WriteError
+        If the body has not one interface of one node with six dofs, damping is a complex stiffness, or the file cannot
+        be written.
+    """
+    nodes = sorted({node for ids in component.interfaces.values() for node in ids})
+    if len(nodes) != 1:
+        raise WriteError(
+            f"component '{component.name}': ExtPtfm joins the structure to the tower at one node, and its interfaces "
+            f"({', '.join(component.interfaces) or 'none'}) have {len(nodes)} nodes; give the body this one interface, "
+            "hold its feet in the deck, and put other loads on actuators"
+        )
+    body = framed_superelement(component)
+    at = int(np.flatnonzero(component.arrays["nodes/id"] == nodes[0])[0])
+    place = component.arrays["nodes/xyz"][at] * float(component.attributes["units"]["length_in_si"])
+    put_lines(path, _lines(component.name, body, place))
+
+
+def _lines(name: str, body: Superelement, place: Array) -> Iterator[str]:
+    n = body.K.shape[0]
+    highest, xyz = body.omega.max(initial=0.0) / (2 * np.pi), " ".join(f"{x:.9g}" for x in place)
+    yield f"!Superelement of {name}: interface at {xyz} m, highest frequency with it held {highest:.6g} Hz"
+    # The reader knows the format by these words.
+    yield "!Flex 5 Format, written by cmsreduce"
+    yield f"!Dimension: {n}"
+    # Two rows of loads; the reader holds the last one.
+    yield "!Time increment in simulation: 1.0"
+    yield "!Total simulation time in file: 1.0"
+    damping = np.zeros_like(body.K) if body.D is None else body.D
+    matrices = (("Mass", "kg, m", body.M), ("Stiffness", "N, m", body.K), ("Damping", "N, m, s", damping))
+    for title, units, matrix in matrices:
+        yield ""
+        yield f"!{title} Matrix (Units {units})"
+        yield f"!Dimension: {n}"
+        for row in matrix:
+            yield " ".join(number(value) for value in row)
+    yield ""
+    # Without the column of wave elevations, which the module does not read and its Python readers refuse.
+    yield "!Loading (Units N, m)"
+    yield f"!Dimension: 1 time column - {n} force columns"
+    for time in ("0.0", "1.0"):
+        yield " ".join([time, *["0.0"] * n])

@@ -1,0 +1,233 @@
+/* Functional Mock-up Interface 2.0 of linear_model.h, for model exchange and co-simulation. */
+
+#include "linear_model.h"
+
+#if defined(FMI2_FUNCTION_PREFIX)
+#define PASTE_NAMES(a, b) a##b
+#define PASTE(a, b) PASTE_NAMES(a, b)
+#define FMI2(name) PASTE(FMI2_FUNCTION_PREFIX, name)
+#else
+#define FMI2(name) name
+#endif
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#elif defined(__GNUC__)
+#define EXPORT __attribute__((visibility("default")))
+#else
+#define EXPORT
+#endif
+
+typedef enum { fmi2OK, fmi2Warning, fmi2Discard, fmi2Error, fmi2Fatal, fmi2Pending } Status;
+typedef void (*Logger)(void *, const char *, Status, const char *, const char *, ...);
+typedef struct {
+    Logger logger;
+    void *(*allocate)(size_t, size_t);
+    void (*release)(void *);
+    void (*step_finished)(void *, Status);
+    void *environment;
+} Callbacks;
+typedef struct {
+    int newDiscreteStatesNeeded, terminateSimulation, nominalsOfContinuousStatesChanged;
+    int valuesOfContinuousStatesChanged, nextEventTimeDefined;
+    double nextEventTime;
+} EventInfo;
+
+static Status answer(const Model *model, int failed, const char *message)
+{
+    if (!failed)
+        return fmi2OK;
+    if (model->logger)
+        ((Logger)model->logger)(model->environment, model->name, fmi2Error, "logStatusError", "%s", message);
+    return fmi2Error;
+}
+
+EXPORT const char *FMI2(fmi2GetTypesPlatform)(void) { return "default"; }
+EXPORT const char *FMI2(fmi2GetVersion)(void) { return "2.0"; }
+EXPORT Status FMI2(fmi2SetDebugLogging)(Model *m, int on, size_t n, const char *const categories[])
+{
+    (void)m, (void)on, (void)n, (void)categories;
+    return fmi2OK;
+}
+EXPORT Model *FMI2(fmi2Instantiate)(const char *name, int type, const char *token, const char *resources,
+                                    const Callbacks *callbacks, int visible, int logging)
+{
+    (void)type, (void)resources, (void)visible, (void)logging;
+    Logger logger = callbacks ? callbacks->logger : NULL;
+    Model *model = new_model(name, token, callbacks ? callbacks->environment : NULL, (Function)logger);
+    if (!model && logger)
+        logger(callbacks->environment, name, fmi2Error, "logStatusError", "%s", "the GUID is another, or no memory");
+    return model;
+}
+EXPORT void FMI2(fmi2FreeInstance)(Model *m) { free_model(m); }
+EXPORT Status FMI2(fmi2SetupExperiment)(Model *m, int tolerance_defined, double tolerance, double start,
+                                        int stop_defined, double stop)
+{
+    (void)tolerance_defined, (void)tolerance, (void)stop_defined, (void)stop;
+    m->now.time = start;
+    return fmi2OK;
+}
+EXPORT Status FMI2(fmi2EnterInitializationMode)(Model *m) { (void)m; return fmi2OK; }
+EXPORT Status FMI2(fmi2ExitInitializationMode)(Model *m) { (void)m; return fmi2OK; }
+EXPORT Status FMI2(fmi2Terminate)(Model *m) { (void)m; return fmi2OK; }
+EXPORT Status FMI2(fmi2Reset)(Model *m)
+{
+    memset(&m->now, 0, sizeof m->now);
+    return fmi2OK;
+}
+
+EXPORT Status FMI2(fmi2GetReal)(Model *m, const unsigned int r[], size_t n, double value[])
+{
+    return answer(m, get_values(m, r, n, value), "fmi2GetReal: a value reference is unknown");
+}
+EXPORT Status FMI2(fmi2SetReal)(Model *m, const unsigned int r[], size_t n, const double value[])
+{
+    return answer(m, set_values(m, r, n, value), "fmi2SetReal: a variable is no state and no input");
+}
+
+/* There are no variables of other types. */
+#define NO_VARIABLES(Type, type)                                                                             \
+    EXPORT Status FMI2(fmi2Get##Type)(Model *m, const unsigned int r[], size_t n, type value[])              \
+    {                                                                                                        \
+        (void)r, (void)value;                                                                                \
+        return answer(m, n > 0, "all variables are real");                                                   \
+    }                                                                                                        \
+    EXPORT Status FMI2(fmi2Set##Type)(Model *m, const unsigned int r[], size_t n, const type value[])        \
+    {                                                                                                        \
+        (void)r, (void)value;                                                                                \
+        return answer(m, n > 0, "all variables are real");                                                   \
+    }
+typedef const char *String;
+NO_VARIABLES(Integer, int)
+NO_VARIABLES(Boolean, int)
+NO_VARIABLES(String, String)
+
+EXPORT Status FMI2(fmi2GetFMUstate)(Model *m, Values **state)
+{
+    if (!*state)
+        *state = malloc(sizeof(Values));
+    if (*state)
+        **state = m->now;
+    return answer(m, !*state, "no memory");
+}
+EXPORT Status FMI2(fmi2SetFMUstate)(Model *m, Values *state)
+{
+    m->now = *state;
+    return fmi2OK;
+}
+EXPORT Status FMI2(fmi2FreeFMUstate)(Model *m, Values **state)
+{
+    (void)m;
+    free(*state);
+    *state = NULL;
+    return fmi2OK;
+}
+EXPORT Status FMI2(fmi2SerializedFMUstateSize)(Model *m, Values *state, size_t *size)
+{
+    (void)m, (void)state;
+    *size = sizeof(Values);
+    return fmi2OK;
+}
+EXPORT Status FMI2(fmi2SerializeFMUstate)(Model *m, Values *state, char bytes[], size_t size)
+{
+    if (size >= sizeof(Values))
+        memcpy(bytes, state, sizeof(Values));
+    return answer(m, size < sizeof(Values), "the array for the state is too small");
+}
+EXPORT Status FMI2(fmi2DeSerializeFMUstate)(Model *m, const char bytes[], size_t size, Values **state)
+{
+    if (size != sizeof(Values))
+        return answer(m, 1, "the bytes are no state of this unit");
+    if (!*state)
+        *state = malloc(sizeof(Values));
+    if (*state)
+        memcpy(*state, bytes, sizeof(Values));
+    return answer(m, !*state, "no memory");
+}
+EXPORT Status FMI2(fmi2GetDirectionalDerivative)(Model *m, const unsigned int unknown[], size_t unknowns,
+                                                 const unsigned int known[], size_t knowns, const double seed[],
+                                                 double sensitivity[])
+{
+    return answer(m, directional_derivative(unknown, unknowns, known, knowns, seed, sensitivity, 0),
+                  "derivatives are those of state derivatives and outputs, by states and inputs");
+}
+
+EXPORT Status FMI2(fmi2EnterEventMode)(Model *m) { (void)m; return fmi2OK; }
+EXPORT Status FMI2(fmi2NewDiscreteStates)(Model *m, EventInfo *info)
+{
+    (void)m;
+    memset(info, 0, sizeof *info);
+    return fmi2OK;
+}
+EXPORT Status FMI2(fmi2EnterContinuousTimeMode)(Model *m) { (void)m; return fmi2OK; }
+EXPORT Status FMI2(fmi2CompletedIntegratorStep)(Model *m, int no_return, int *enter_event_mode, int *terminate)
+{
+    (void)m, (void)no_return;
+    *enter_event_mode = *terminate = 0;
+    return fmi2OK;
+}
+EXPORT Status FMI2(fmi2SetTime)(Model *m, double time)
+{
+    m->now.time = time;
+    return fmi2OK;
+}
+EXPORT Status FMI2(fmi2SetContinuousStates)(Model *m, const double x[], size_t n)
+{
+    if (n == NX)
+        memcpy(m->now.x, x, sizeof(double) * NX);
+    return answer(m, n != NX, "another number of states");
+}
+EXPORT Status FMI2(fmi2GetDerivatives)(Model *m, double dx[], size_t n)
+{
+    if (n == NX)
+        derivatives(&m->now, dx);
+    return answer(m, n != NX, "another number of states");
+}
+EXPORT Status FMI2(fmi2GetEventIndicators)(Model *m, double indicator[], size_t n)
+{
+    (void)indicator;
+    return answer(m, n > 0, "there are no event indicators");
+}
+EXPORT Status FMI2(fmi2GetContinuousStates)(Model *m, double x[], size_t n)
+{
+    if (n == NX)
+        memcpy(x, m->now.x, sizeof(double) * NX);
+    return answer(m, n != NX, "another number of states");
+}
+EXPORT Status FMI2(fmi2GetNominalsOfContinuousStates)(Model *m, double nominal[], size_t n)
+{
+    if (n == NX)
+        memcpy(nominal, NOMINAL, sizeof(double) * NX);
+    return answer(m, n != NX, "another number of states");
+}
+
+EXPORT Status FMI2(fmi2SetRealInputDerivatives)(Model *m, const unsigned int r[], size_t n, const int order[],
+                                                const double value[])
+{
+    (void)r, (void)n, (void)order, (void)value;
+    return answer(m, 1, "inputs are constant over a step; take shorter steps");
+}
+EXPORT Status FMI2(fmi2GetRealOutputDerivatives)(Model *m, const unsigned int r[], size_t n, const int order[],
+                                                 double value[])
+{
+    (void)r, (void)n, (void)order, (void)value;
+    return answer(m, 1, "there are no derivatives of outputs");
+}
+EXPORT Status FMI2(fmi2DoStep)(Model *m, double from, double h, int no_return)
+{
+    (void)no_return;
+    return answer(m, step(m, from, h), "a step is negative, or there is no memory");
+}
+EXPORT Status FMI2(fmi2CancelStep)(Model *m) { return answer(m, 1, "no step is pending"); }
+
+/* A step is finished when fmi2DoStep returns. */
+#define NO_STATUS(Kind, type)                                                                                \
+    EXPORT Status FMI2(fmi2Get##Kind)(Model *m, int kind, type *value)                                       \
+    {                                                                                                        \
+        (void)m, (void)kind, (void)value;                                                                    \
+        return fmi2Discard;                                                                                  \
+    }
+NO_STATUS(Status, Status)
+NO_STATUS(RealStatus, double)
+NO_STATUS(IntegerStatus, int)
+NO_STATUS(BooleanStatus, int)
+NO_STATUS(StringStatus, String)
