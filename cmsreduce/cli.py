@@ -160,7 +160,7 @@ def check(
     help="nastran, 42, sid, mbdyn, mbsim, exudyn, discos, dads, treetops, treetops-h5, matlab or abcd; by the end of "
     "OUT's name if not given.",
 )
-@click.option("--dialect", metavar="DIALECT", help="For sid: by-axis, by-mode. For mbdyn: invariants, lumped.")
+@click.option("--dialect", metavar="DIALECT", help="For sid: by-axis, by-mode. For mbdyn: points, invariants, lumped.")
 @output_options
 def convert(source: Path, destination: Path, target: str | None, dialect: str | None, output: Output) -> None:
     """Turn the component file IN into another code's: the file OUT, or one in the folder OUT."""

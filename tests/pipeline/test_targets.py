@@ -102,7 +102,10 @@ def test_a_folder_takes_the_name_of_the_component(finished_study: Path, tmp_path
         ),
         (["arm.h5", "arm.op4", "--format", "solver"], "there is no target 'solver'. There are: nastran, 42"),
         (["arm.h5", "arm.op4", "--dialect", "old"], "'old' is no dialect of nastran (it has none)"),
-        (["arm.h5", "x.fem", "--dialect", "old"], "'old' is no dialect of mbdyn (its dialects: invariants, lumped)"),
+        (
+            ["arm.h5", "x.fem", "--dialect", "old"],
+            "'old' is no dialect of mbdyn (its dialects: points, invariants, lumped)",
+        ),
         (["arm.h5", "arm.h5", "--format", "mbsim"], "would replace the component file itself"),
         (
             ["system.h5", "x.op4"],

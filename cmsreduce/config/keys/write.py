@@ -152,7 +152,7 @@ Format = Literal[
     "treetops-h5",
 ]
 
-_DIALECTS = {"sid": ("by-axis", "by-mode"), "mbdyn": ("invariants", "lumped")}
+_DIALECTS = {"sid": ("by-axis", "by-mode"), "mbdyn": ("points", "invariants", "lumped")}
 
 
 def _as_text(value: object) -> object:
@@ -176,7 +176,7 @@ class WriteKeys(BodyWriteKeys):
     dialects: dict[Plain, Plain] = Field(
         default={},
         description="Dialect of each format that has several. sid: by-axis or by-mode, the order of the columns of Gr; "
-        "mbdyn: invariants or lumped.",
+        "mbdyn: points, invariants or lumped.",
         examples=[{"sid": "by-mode"}],
     )
     balanced_states: Annotated[int, Strict(), Field(ge=2, multiple_of=2)] | None = Field(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -12,12 +13,13 @@ from numpy.typing import NDArray
 from cmsreduce.model import ModalIntegrals
 from cmsreduce.write.component import ComponentFile, FlexibleBody, flexible_body
 from cmsreduce.write.files import number, put_lines
+from cmsreduce.write.targets.mass_points import mass_points
 from cmsreduce.write.targets.nodal import NodalMass, nodal_mass
 
 __all__ = ["MbdynDialect", "write_mbdyn"]
 
-MbdynDialect = Literal["invariants", "lumped"]
-"""Groups 14 to 18 of recent versions, or a lumped mass in groups 9, 11 and 12, which every version reads."""
+MbdynDialect = Literal["points", "invariants", "lumped"]
+"""Group 11 of mass points or of the lumped mass of all nodes, which every version reads, or groups 14 to 18."""
 
 _RIGID = 12  # group whose first row is one number, the mass
 
@@ -25,12 +27,14 @@ Array = NDArray[np.float64]
 
 
 def write_mbdyn(
-    path: Path, component: ComponentFile, integrals: ModalIntegrals, dialect: MbdynDialect = "invariants"
+    path: Path, component: ComponentFile, integrals: ModalIntegrals, dialect: MbdynDialect = "points"
 ) -> None:
     """Write the body for MBDyn's modal joint.
 
-    All groups describe the same mass: that of the integrals, or in the dialect ``lumped`` that of the nodal masses. The
-    slope of a node of solid elements is not known and written as zero: attach such a node by its translations only.
+    All groups describe the same mass: that of the integrals, or in the dialect ``lumped`` that of the nodal masses. In
+    the dialect ``points``, nodes have no mass, and points after them, with numbers above those of all nodes, have the
+    integrals of the body: MBDyn 1.7.3 forms its invariants from them without the price of lumping. The slope of a node
+    of solid elements is not known and written as zero: attach such a node by its translations only.
 
     Parameters
     ----------
@@ -40,7 +44,7 @@ def write_mbdyn(
         The body.
     integrals : ModalIntegrals
         Integrals over its modes, about the origin of the modal node.
-    dialect : {"invariants", "lumped"}
+    dialect : {"points", "invariants", "lumped"}
         Record groups that describe the mass.
 
     Raises
@@ -49,7 +53,12 @@ def write_mbdyn(
         If the component file lacks data, or the file cannot be written.
     """
     body = flexible_body(component, integrals)
-    groups = _invariants(body) if dialect == "invariants" else _lumped(body, nodal_mass(component, body))
+    if dialect == "points":
+        body, groups = _points(body)
+    elif dialect == "invariants":
+        groups = _invariants(body)
+    else:
+        groups = _lumped(body, nodal_mass(component, body))
     put_lines(path, _lines(body, groups))
 
 
@@ -93,16 +102,39 @@ def _groups(groups: dict[int, tuple[str, Array]]) -> Iterator[str]:
         yield "**"
 
 
+def _points(body: FlexibleBody) -> tuple[FlexibleBody, dict[int, tuple[str, Array]]]:
+    """The body with points after its nodes, which have all its mass."""
+    points = mass_points(body.integrals)
+    n, p = body.node.size, points.mass.size
+    masses = np.zeros((n + p, 6))
+    masses[n:, :3] = points.mass[:, None]
+    with_points = replace(
+        body,
+        node=np.r_[body.node, body.node.max(initial=0) + 1 + np.arange(p)],
+        position=np.vstack([body.position, points.position]),
+        translation=np.concatenate([body.translation, points.translation]),
+        rotation=np.concatenate([body.rotation, np.zeros_like(points.translation)]),
+    )
+    return with_points, _matrices(body) | {11: ("DIAGONAL OF LUMPED MASS MATRIX", masses)}
+
+
+def _matrices(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
+    """Groups of the modal matrices and the rigid body; MBDyn warns of a mass that is symmetric to round-off only."""
+    integrals = body.integrals
+    return {
+        9: ("MODAL MASS MATRIX", (body.mass + body.mass.T) / 2),
+        10: ("MODAL STIFFNESS MATRIX", body.stiffness),
+        _RIGID: ("RIGID BODY INERTIA MATRIX", _rigid(integrals.mass, integrals.centre_of_mass, integrals.inertia)),
+        13: ("MODAL DAMPING MATRIX", (body.damping + body.damping.T) / 2),
+    }
+
+
 def _invariants(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
     integrals, k = body.integrals, body.k
     # S(a) S(b) = b a^T - (a . b) 1, with S(a) b = a x b.
     eight = np.einsum("iij,ab->ajb", integrals.r_phi, np.eye(3)) - np.transpose(integrals.r_phi, (1, 2, 0))
     nine = np.transpose(integrals.phi_phi, (1, 2, 3, 0)) - np.einsum("iijk,ab->ajkb", integrals.phi_phi, np.eye(3))
-    return {
-        9: ("MODAL MASS MATRIX", body.mass),
-        10: ("MODAL STIFFNESS MATRIX", body.stiffness),
-        _RIGID: ("RIGID BODY INERTIA MATRIX", _rigid(integrals.mass, integrals.centre_of_mass, integrals.inertia)),
-        13: ("MODAL DAMPING MATRIX", body.damping),
+    return _matrices(body) | {
         14: ("INVARIANT 3", integrals.phi),
         15: ("INVARIANT 4", integrals.r_cross_phi),
         16: ("INVARIANT 8", eight.reshape(3, 3 * k)),
@@ -118,12 +150,9 @@ def _lumped(body: FlexibleBody, lumps: NodalMass) -> dict[int, tuple[str, Array]
     inertia = np.trace(squares) * np.eye(3) - squares + np.diag(J.sum(axis=0))
     mass = np.einsum("n,nia,nib->ab", m, body.translation, body.translation)
     mass = mass + np.einsum("ni,nia,nib->ab", J, body.rotation, body.rotation)
-    return {
-        9: ("MODAL MASS MATRIX", mass),
-        10: ("MODAL STIFFNESS MATRIX", body.stiffness),
+    return _matrices(replace(body, mass=mass)) | {
         11: ("DIAGONAL OF LUMPED MASS MATRIX", np.column_stack([m, m, m, J])),
         _RIGID: ("RIGID BODY INERTIA MATRIX", _rigid(m.sum(), centre, inertia)),
-        13: ("MODAL DAMPING MATRIX", body.damping),
     }
 
 
