@@ -14,8 +14,9 @@ from cmsreduce.assemble.interface_loading import (
     outboard_masses,
 )
 from cmsreduce.assemble.joint_elements import with_joint_bodies
+from cmsreduce.assemble.joints import available
 from cmsreduce.assemble.modes import check_closed_loop, closed_loop_modes, damped_modes, system_modes, undetermined
-from cmsreduce.assemble.placement import place_bodies
+from cmsreduce.assemble.placement import joint_axes, joint_tree, place_bodies
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.assemble.ports import Ports, body_points, body_ports
 from cmsreduce.assemble.response import (
@@ -50,6 +51,7 @@ __all__ = [
     "Receptance",
     "Wiring",
     "assemble",
+    "available",
     "body_points",
     "body_ports",
     "body_receptances",
@@ -64,7 +66,9 @@ __all__ = [
     "held_bodies",
     "interface_substructure",
     "joined_to",
+    "joint_axes",
     "joint_rows",
+    "joint_tree",
     "modal_substructure",
     "neighbour_loading",
     "outboard_loading",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +17,11 @@ from cmsreduce.model import (
     Placement,
     Point,
     Scene,
-    Substructure,
     cross_matrix,
 )
 
 __all__ = [
+    "Joined",
     "bodies_beyond",
     "interface_at",
     "joint_arms",
@@ -34,8 +35,17 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
+class Joined(Protocol):
+    """Anything with interfaces: a body of an assembly, or of a scene read back from its files."""
+
+    @property
+    def interfaces(self) -> Mapping[str, Interface]:
+        """Interfaces by name, in the body's basic frame."""
+        ...
+
+
 def place_bodies(
-    substructures: Mapping[str, Substructure], scene: Scene, configuration: Configuration
+    substructures: Mapping[str, Joined], scene: Scene, configuration: Configuration
 ) -> dict[str, Placement]:
     """Turn everything outboard of each articulated joint.
 
@@ -46,7 +56,7 @@ def place_bodies(
 
     Parameters
     ----------
-    substructures : mapping of name to Substructure
+    substructures : mapping of name to Joined
         Bodies with the positions of their interfaces; bodies of joints have no position.
     scene : Scene
         Joints, base, placements as built.
@@ -120,13 +130,13 @@ def bodies_beyond(outer: str, inboard_of: Mapping[str, Joint]) -> list[str]:
     return found
 
 
-def joint_axes(substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], joint: Joint) -> Array:
+def joint_axes(substructures: Mapping[str, Joined], placed: Mapping[str, Placement], joint: Joint) -> Array:
     """Axes of a joint as rows, in scene components: those of its first interface (3, 3)."""
     face = interface_at(substructures, joint.first)
     return np.asarray(face.frame @ placed[joint.first.body].rotation.T)
 
 
-def joint_gap(substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], joint: Joint) -> Array:
+def joint_gap(substructures: Mapping[str, Joined], placed: Mapping[str, Placement], joint: Joint) -> Array:
     """Vector from the first interface's nodes (offset included) to the second's, in the scene (p, 3)."""
     first, second = (interface_at(substructures, point) for point in (joint.first, joint.second))
     a, b = placed[joint.first.body], placed[joint.second.body]
@@ -136,7 +146,7 @@ def joint_gap(substructures: Mapping[str, Substructure], placed: Mapping[str, Pl
     return np.asarray(there - here)
 
 
-def joint_arms(substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], joint: Joint) -> Array:
+def joint_arms(substructures: Mapping[str, Joined], placed: Mapping[str, Placement], joint: Joint) -> Array:
     """Rigid arms from the first interface's nodes to the second's, in the first body's basic axes (p, 3).
 
     They include the joint's offset and slide, and carry motion of the first interface to the second.
@@ -148,7 +158,7 @@ def joint_arms(substructures: Mapping[str, Substructure], placed: Mapping[str, P
     return np.asarray(joint_gap(substructures, placed, joint) @ placed[joint.first.body].rotation + arm)
 
 
-def interface_at(substructures: Mapping[str, Substructure], point: Point) -> Interface:
+def interface_at(substructures: Mapping[str, Joined], point: Point) -> Interface:
     """Interface named by a point.
 
     Raises
@@ -165,7 +175,7 @@ def interface_at(substructures: Mapping[str, Substructure], point: Point) -> Int
     return faces[point.name]
 
 
-def _position(substructures: Mapping[str, Substructure], placed: Mapping[str, Placement], point: Point) -> Array:
+def _position(substructures: Mapping[str, Joined], placed: Mapping[str, Placement], point: Point) -> Array:
     place = placed[point.body]
     return np.asarray(place.rotation @ interface_at(substructures, point).position[0] + place.translation)
 

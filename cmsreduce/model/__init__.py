@@ -50,6 +50,7 @@ from cmsreduce.model.mapped_array import (
     shapes_beside,
 )
 from cmsreduce.model.mode_set import ModeBlock, ModeCertificate, ModeKind, ModeSet
+from cmsreduce.model.multibody_scene import MultibodyScene, SceneBody, SceneJoint
 from cmsreduce.model.reduced import ModalComponent, ReducedComponent
 from cmsreduce.model.results import *  # noqa: F403 - its own face names what it offers
 from cmsreduce.model.rounding import (
@@ -128,6 +129,7 @@ __all__ = [
     "ModeCertificate",
     "ModeKind",
     "ModeSet",
+    "MultibodyScene",
     "Nodes",
     "OutboardMass",
     "PRINTED",
@@ -142,6 +144,8 @@ __all__ = [
     "SINGLE",
     "SQUARES",
     "Scene",
+    "SceneBody",
+    "SceneJoint",
     "SecondOrder",
     "Source",
     "StrutTerm",

@@ -9,7 +9,7 @@ from cmsreduce.write.files import atomic_path, hdf5_file, put_texts
 from cmsreduce.write.own_files import refuse_foreign
 from cmsreduce.write.seal import is_sealed, verify_seal
 from cmsreduce.write.summary import summary, write_summary, write_sweep_csv, write_sweep_table
-from cmsreduce.write.system import write_system
+from cmsreduce.write.system import system_settings, write_system
 from cmsreduce.write.targets import TARGETS, StateSpace, Target, component_states, convert, write_matlab, write_vtu
 
 __all__ = [
@@ -27,6 +27,7 @@ __all__ = [
     "put_texts",
     "read_component",
     "summary",
+    "system_settings",
     "refuse_foreign",
     "verify_seal",
     "write_component",

@@ -245,9 +245,9 @@ def fixed_texts(texts: Iterable[str]) -> NDArray[np.bytes_]:
 
 
 def put_json(group: Any, facts: Mapping[str, Any]) -> None:
-    """Write values as JSON, a dataset for each key."""
+    """Write values as JSON, a dataset for each key; mappings keep their order, which is that of bodies and joints."""
     for key, value in facts.items():
-        put_texts(group, key, [json.dumps(value, sort_keys=True, default=str)], about="JSON")
+        put_texts(group, key, [json.dumps(value, default=str)], about="JSON")
 
 
 def put_units(group: Any, units: Units) -> None:

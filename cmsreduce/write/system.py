@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,12 +12,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cmsreduce.errors import ReadError
 from cmsreduce.linalg.eigen import elastic_pairs
 from cmsreduce.model import DOF_NAMES, Joint, Matrix, System, Units
 from cmsreduce.write.files import hdf5_file, put, put_json, put_texts, put_units
-from cmsreduce.write.seal import put_seal
+from cmsreduce.write.seal import put_seal, verify_seal
 
-__all__ = ["SYSTEM_FORMAT", "write_system"]
+__all__ = ["SYSTEM_FORMAT", "system_settings", "write_system"]
 
 SYSTEM_FORMAT = "cmsreduce-system"
 """Attribute ``format`` of the file."""
@@ -40,6 +42,10 @@ _ELEMENTS = {
     "damping": "of the second interface against the first, in D",
     "inertia": "of the joint itself, turning with the first interface, in M; in no body's mass",
 }
+
+
+# Bodies of the elements of joints: `Joint.own_body`.
+_OF_JOINTS = "joint "
 
 
 def write_system(
@@ -90,6 +96,34 @@ def write_system(
             if not sp.issparse(system.K):
                 put(group, "frequency_hz", _frequencies(system), "Hz", "undamped, the zero ones first")
         put_seal(file)
+
+
+def system_settings(path: Path) -> dict[str, Any]:
+    """Keys of the pipeline that a system file is from.
+
+    Raises
+    ------
+    ReadError
+        If the file is missing, damaged, of another format, or was changed after it was written; if an early version
+        wrote it.
+    """
+    import h5py
+
+    if not path.is_file():
+        raise ReadError(f"{path}: there is no such file; a run with `write: {{formats: [hdf5]}}` leaves it")
+    if not verify_seal(path):
+        raise ReadError(f"{path}: it has no seal, so an early version wrote it; write it again with `cmsreduce run`")
+    with h5py.File(path, "r") as file:
+        if file.attrs.get("format") != SYSTEM_FORMAT or "provenance/settings" not in file:
+            raise ReadError(f"{path}: this is no system file of a run; give the output directory of a finished run")
+        settings: dict[str, Any] = json.loads(file["provenance/settings"][0])
+        bodies = [name.decode("utf-8") for name in file["configuration_0/bodies"][()]]
+    if list(settings.get("components", ())) != [name for name in bodies if not name.startswith(_OF_JOINTS)]:
+        raise ReadError(
+            f"{path}: an early version wrote it, without the order of bodies and joints; write it again with "
+            "`cmsreduce run`"
+        )
+    return settings
 
 
 def _put_joints(group: Any, joints: Iterable[Joint]) -> None:

@@ -18,6 +18,7 @@ from cmsreduce.pipeline.results.mass_and_frame import (
     total_data,
     total_lines,
 )
+from cmsreduce.pipeline.results.multibody_scene import multibody_scene
 from cmsreduce.pipeline.results.page import show_summary, write_report
 from cmsreduce.pipeline.results.result import component_checks, run_result, with_failures
 from cmsreduce.pipeline.results.run_difference import run_difference
@@ -39,6 +40,7 @@ __all__ = [
     "frame_of",
     "health_table",
     "integral_frame_of",
+    "multibody_scene",
     "outboard_of",
     "read_limits",
     "run_difference",
