@@ -178,6 +178,26 @@ def convert(source: Path, destination: Path, target: str | None, dialect: str | 
 
 @main.command()
 @click.argument("run_dir", type=click.Path(path_type=Path))
+@click.option("--to", "program", metavar="PROGRAM", required=True, help="Program that is to run the scene: exudyn.")
+@click.option(
+    "--configuration", metavar="NAME", help="Configuration in which the simulation starts, such as spin=45; the first."
+)
+@click.option("--out", type=click.Path(path_type=Path), help="Folder to make; RUN_DIR/PROGRAM if not given.")
+@output_options
+def export(run_dir: Path, program: str, configuration: str | None, out: Path | None, output: Output) -> None:
+    """Write the whole scene of a finished run as the input of another program, with a first slew."""
+    from cmsreduce.pipeline.results import multibody_scene
+    from cmsreduce.write import EXPORTS, export_scene
+
+    scene, folder = multibody_scene(run_dir, configuration), out or run_dir / program
+    written = export_scene(scene, program, folder)
+    output.made(written, where=folder, about=f"to run it there: {EXPORTS[program].start}")
+    facts = {"run": run_dir, "program": program, "configuration": scene.configuration.name}
+    output.result({**facts, "written": written, "start": EXPORTS[program].start, "seconds": output.seconds})
+
+
+@main.command()
+@click.argument("run_dir", type=click.Path(path_type=Path))
 @click.option("--png", is_flag=True, help="Draw static pictures, too: RUN_DIR/pictures.")
 @click.option("--svg", is_flag=True, help="The same as vector graphics.")
 @click.option("--vtu", is_flag=True, help="Write mode shapes for ParaView, too: RUN_DIR/shapes.")

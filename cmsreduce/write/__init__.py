@@ -1,10 +1,11 @@
-"""Files that a run leaves: component files, system files, summaries and files of other programs.
+"""Files that a run leaves: component files, system files, summaries, and files and whole scenes of other programs.
 
 Every file is written whole under a temporary name and renamed.
 The choice of what to write belongs in `pipeline`.
 """
 
 from cmsreduce.write.component import SAME_MASS, ComponentFile, basic_shapes, read_component, write_component
+from cmsreduce.write.export import EXPORTS, export_scene
 from cmsreduce.write.files import atomic_path, hdf5_file, put_texts
 from cmsreduce.write.own_files import refuse_foreign
 from cmsreduce.write.seal import is_sealed, verify_seal
@@ -14,6 +15,7 @@ from cmsreduce.write.targets import TARGETS, StateSpace, Target, component_state
 
 __all__ = [
     "ComponentFile",
+    "EXPORTS",
     "SAME_MASS",
     "StateSpace",
     "TARGETS",
@@ -22,6 +24,7 @@ __all__ = [
     "basic_shapes",
     "component_states",
     "convert",
+    "export_scene",
     "hdf5_file",
     "is_sealed",
     "put_texts",

@@ -1,0 +1,293 @@
+"""Exudyn: a Python script that builds and runs the scene, and the arrays of each body beside it.
+
+Source: the Exudyn documentation, ObjectFFRFreducedOrder, MarkerSuperElementRigid and GenericJoint (version 1.13).
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.errors import WriteError
+from cmsreduce.model import (
+    Channel,
+    JointTerm,
+    MultibodyScene,
+    Point,
+    PointTerm,
+    SceneBody,
+    SceneJoint,
+    StrutTerm,
+)
+from cmsreduce.write.component import FlexibleBody, flexible_body, read_component, stored_integrals
+from cmsreduce.write.export.first_slew import FirstSlew, first_slew
+from cmsreduce.write.files import atomic_path
+from cmsreduce.write.targets.exudyn import exudyn_arrays
+
+__all__ = ["write_exudyn_scene"]
+
+_SIX = 6
+_FIRST_ROTATION = 3
+
+Array = NDArray[np.float64]
+
+
+def write_exudyn_scene(folder: Path, scene: MultibodyScene) -> tuple[Path, ...]:
+    """Write scene.py and an .npz file for each body that differs from the others.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the files.
+    scene : MultibodyScene
+        In the configuration in which the simulation starts, at rest.
+
+    Returns
+    -------
+    tuple of Path
+        The script first.
+
+    Raises
+    ------
+    WriteError
+        If a body or a joint has no form in Exudyn.
+    """
+    bodies = {body.name: _Frame.of(body) for body in scene.bodies}
+    written: dict[Path, Path] = {}
+    for body in scene.bodies:
+        reduced = bodies[body.name].reduced
+        if body.file is None or reduced is None or body.file in written:
+            continue
+        path = folder / f"{body.file.stem}.npz"
+        _write_body(path, reduced)
+        written[body.file] = path
+    names = {body.name: written[body.file].name for body in scene.bodies if body.file is not None}
+    script = folder / "scene.py"
+    with atomic_path(script) as temporary:
+        temporary.write_text(_script(scene, bodies, names, first_slew(scene)), encoding="utf-8")
+    return (script, *written.values())
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """Frame of a body in Exudyn: its place, and axes as rows, in the basic frame; and its modes."""
+
+    origin: Array
+    axes: Array
+    reduced: FlexibleBody | None = None
+    held: bool = False
+
+    @classmethod
+    def of(cls, body: SceneBody) -> _Frame:
+        if body.file is None:
+            assert body.rigid is not None
+            return cls(body.rigid.cg, np.eye(3))
+        component = read_component(body.file)
+        if component.rigid_count not in (0, _SIX):
+            raise WriteError(
+                f"component '{body.name}': it has {component.rigid_count} rigid motions; the floating frame of a "
+                "multibody program has six, and that of a body held to the ground none"
+            )
+        integrals = stored_integrals(component)
+        reduced = flexible_body(component, integrals, slow=True)
+        return cls(integrals.origin, integrals.axes, reduced, component.rigid_count == 0)
+
+    def direction(self, basic: Array) -> Any:
+        """Weights of six motions along the frame, from those along the basic axes."""
+        return _plain(np.concatenate([self.axes @ basic[:3], self.axes @ basic[3:]]))
+
+
+def _write_body(path: Path, body: FlexibleBody) -> None:
+    """Arrays of a body; six points about each node that its slopes move let joints and torques turn with it."""
+    reach = max(float(np.ptp(body.position, axis=0).max(initial=0.0)), float(abs(body.position).max(initial=0.0)), 1.0)
+    arms = reach * np.vstack([np.eye(3), -np.eye(3)])
+    # A rotation r moves the end of an arm a by r x a. Unknown slopes are zero: such a point turns with the frame.
+    swung = np.cross(body.rotation[:, None, :, :], arms[None, :, :, None], axisa=2, axisb=2, axisc=2)
+    around = (body.position[:, None, :] + arms).reshape(-1, 3)
+    moved = (body.translation[:, None] + swung).reshape(-1, 3, body.k)
+    extended = replace(
+        body,
+        node=np.arange(7 * body.node.size),
+        position=np.vstack([body.position, around]),
+        translation=np.concatenate([body.translation, moved]),
+    )
+    arrays = exudyn_arrays(extended) | {"modalDamping": body.damping, "nodeIds": body.node}
+    image = io.BytesIO()
+    np.savez(image, **arrays)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(image.getvalue())
+
+
+def _script(scene: MultibodyScene, bodies: dict[str, _Frame], names: dict[str, str], slew: FirstSlew) -> str:
+    from jinja2 import Environment, StrictUndefined
+
+    from cmsreduce import __version__
+
+    template = files("cmsreduce.write.export").joinpath("exudyn_scene.py.j2").read_text(encoding="utf-8")
+    environment = Environment(
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+    )
+    laws = [
+        (repr(each.name), f"slew({slew.effort!r})" if each.name == slew.actuator else "off") for each in scene.actuators
+    ]
+    units = scene.scene.units.name
+    return environment.from_string(template).render(
+        title=_text(f"Scene '{scene.name}' for Exudyn, at rest in the configuration '{scene.configuration.name}'."),
+        origin=f"Written by cmsreduce {__version__} for Exudyn 1.13. Units {units}, angles in radians.",
+        seconds=repr(slew.seconds),
+        seconds_why=slew.seconds_why,
+        step=repr(slew.step),
+        step_why=slew.step_why,
+        efforts=f"in the units of {units}",
+        laws=laws,
+        configuration=_text(repr(scene.configuration.name)),
+        lines=[
+            *_body_lines(scene, bodies, names),
+            *_ground_lines(scene, bodies),
+            *(line for joint in scene.joints for line in _joint_lines(scene, bodies, joint)),
+            *(line for each in scene.actuators for line in _actuator_lines(scene, bodies, each)),
+            *(line for each in scene.sensors for line in _sensor_lines(scene, bodies, each)),
+        ],
+    )
+
+
+def _text(words: str) -> str:
+    """Words that stand in a docstring."""
+    return words.replace("\\", "/").replace('"', "'")
+
+
+def _body_lines(scene: MultibodyScene, bodies: dict[str, _Frame], names: dict[str, str]) -> Iterator[str]:
+    for body in scene.bodies:
+        frame, R = bodies[body.name], body.placement.rotation
+        position, rotation = _plain(scene.in_scene(body.name, frame.origin)), _plain(R @ frame.axes.T)
+        if body.rigid is not None:
+            mass = f"{body.rigid.mass!r}, {_plain(body.rigid.inertia)}"
+            yield f"scene.rigid({body.name!r}, {mass}, {position}, {rotation})"
+            continue
+        held = ", held=True" if frame.held else ""
+        yield f"scene.flexible({body.name!r}, {names[body.name]!r}, {position}, {rotation}{held})"
+
+
+def _ground_lines(scene: MultibodyScene, bodies: dict[str, _Frame]) -> Iterator[str]:
+    for point in scene.ground:
+        body = scene.body(point.body)
+        face = body.interfaces[point.name]
+        for k in range(face.node.size):
+            axes = face.node_frame(k)
+            place = _plain(scene.in_scene(point.body, face.position[k])), _plain(axes @ body.placement.rotation.T)
+            held = sorted({max(component - 1, 0) for component in face.components[k]})
+            ground = f"scene.on_ground({place[0]}, {place[1]})"
+            on_body = _point(bodies, body, int(face.node[k]), face.position[k], axes)
+            yield f"scene.lock({ground}, scene.point{on_body}, {held})  # {point}"
+
+
+def _joint_lines(scene: MultibodyScene, bodies: dict[str, _Frame], placed: SceneJoint) -> Iterator[str]:
+    joint, name = placed.joint, placed.joint.name
+    first, second = scene.body(joint.first.body), scene.body(joint.second.body)
+    one, other = first.interfaces[joint.first.name], second.interfaces[joint.second.name]
+    pairs = []
+    for k, locked in enumerate(placed.locked):
+        a = _point(bodies, first, int(one.node[k]), one.position[k], placed.first_axes, placed.offset)
+        b = _point(bodies, second, int(other.node[k]), other.position[k], placed.second_axes)
+        pairs.append((a, b))
+        yield f"scene.join({name!r}, {a}, {b}, {list(locked)})"
+    yield from _element_lines(scene, placed, pairs[0])
+
+
+def _element_lines(scene: MultibodyScene, placed: SceneJoint, points: tuple[str, str]) -> Iterator[str]:
+    """Springs, dampers and inertias of a joint, without force in this configuration."""
+    joint, name = placed.joint, placed.joint.name
+    acting = [element for element in joint.elements if element.stiffness or element.damping]
+    turns = [dof for dof in joint.free if dof >= _FIRST_ROTATION]
+    rest = _relative(scene, placed)
+    if len(turns) > 1 and any(element.dof >= _FIRST_ROTATION for element in acting):
+        figures = np.zeros((2, _SIX))
+        for element in acting:
+            figures[:, element.dof] = element.stiffness, element.damping
+        yield f"scene.springs({name!r}, {_plain(figures[0])}, {_plain(figures[1])}, {_plain(rest)})"
+    else:
+        for element in acting:
+            own = f"{element.stiffness!r}, {element.damping!r}, {float(rest[element.dof])!r}"
+            yield f"scene.spring({points[0]}, {points[1]}, {element.dof}, {own})"
+    inertia = np.zeros(_SIX)
+    for element in joint.elements:
+        inertia[element.dof] = element.inertia
+    if inertia.any():
+        body = scene.body(joint.first.body)
+        face = body.interfaces[joint.first.name]
+        place = _plain(scene.in_scene(body.name, face.position[0]))
+        axes = _plain(body.placement.rotation @ placed.first_axes.T)
+        yield f"scene.turning_mass({joint.own_body!r}, {_plain(np.diag(inertia[3:]))}, {place}, {axes}, {points[0]})"
+
+
+def _relative(scene: MultibodyScene, placed: SceneJoint) -> Array:
+    """Motions of the second interface against the first in the configuration, along the first one's axes (6,)."""
+    joint = placed.joint
+    first, second = (scene.body(point.body) for point in (joint.first, joint.second))
+    A, B = placed.first_axes @ first.placement.rotation.T, placed.second_axes @ second.placement.rotation.T
+    ends = (
+        scene.in_scene(first.name, first.interfaces[joint.first.name].position[0] + placed.offset),
+        scene.in_scene(second.name, second.interfaces[joint.second.name].position[0]),
+    )
+    Q = A @ B.T
+    # Angles of turns about x, y, z in this order: Q = Rx Ry Rz.
+    angles = [np.arctan2(-Q[1, 2], Q[2, 2]), np.arcsin(np.clip(Q[0, 2], -1, 1)), np.arctan2(-Q[0, 1], Q[0, 0])]
+    return np.concatenate([A @ (ends[1] - ends[0]), angles])
+
+
+def _actuator_lines(scene: MultibodyScene, bodies: dict[str, _Frame], channel: Channel) -> Iterator[str]:
+    name = repr(channel.name)
+    for term in channel.terms:
+        match term:
+            case JointTerm(joint, dof):
+                yield f"scene.drive({name}, {joint!r}, {dof})"
+            case PointTerm(at, direction):
+                yield f"scene.push({name}, {_at(scene, bodies, at)}, {bodies[at.body].direction(direction)})"
+            case StrutTerm(a, b):
+                ends = (_at(scene, bodies, point) for point in (a, b))
+                yield f"scene.stretch({name}, {', '.join(f'({end})' for end in ends)})"
+
+
+def _sensor_lines(scene: MultibodyScene, bodies: dict[str, _Frame], channel: Channel) -> Iterator[str]:
+    name, rate = repr(channel.name), channel.rate
+    for term in channel.terms:
+        match term:
+            case JointTerm(joint, dof):
+                yield f"scene.sense_joint({name}, {joint!r}, {dof}, {rate})"
+            case PointTerm(at, direction):
+                direct = bodies[at.body].direction(direction)
+                yield f"scene.sense({name}, {_at(scene, bodies, at)}, {direct}, {rate})"
+            case StrutTerm(a, b):
+                ends = (_at(scene, bodies, point) for point in (a, b))
+                yield f"scene.sense_stretch({name}, {', '.join(f'({end})' for end in ends)}, {rate})"
+
+
+def _at(scene: MultibodyScene, bodies: dict[str, _Frame], point: Point) -> str:
+    """Body and node, or place in the frame of a rigid body, as text."""
+    body = scene.body(point.body)
+    if body.rigid is None:
+        return f"{body.name!r}, {body.node(point.name)}"
+    place = body.rigid.cg if point.name == "cg" else body.interfaces[point.name].position[0]
+    return f"{body.name!r}, {_plain(place - bodies[body.name].origin)}"
+
+
+def _point(
+    bodies: dict[str, _Frame], body: SceneBody, node: int, position: Array, axes: Array, apart: Array | None = None
+) -> str:
+    """A point as the script takes it: body, node or place, axes, and a rigid arm where there is one."""
+    frame = bodies[body.name]
+    at = _plain(position - frame.origin) if body.rigid is not None else node
+    arm = "" if apart is None or not apart.any() else f", {_plain(frame.axes @ apart)}"
+    return f"({body.name!r}, {at}, {_plain(axes @ frame.axes.T)}{arm})"
+
+
+def _plain(values: Array) -> Any:
+    """Numbers as text has them, with all digits; zero has no sign."""
+    return (np.asarray(values) + 0.0).tolist()
