@@ -13,6 +13,7 @@ from cmsreduce.cli_endings import LIMIT_BROKEN, OK
 from cmsreduce.cli_options import (
     Commands,
     check_options,
+    convert_options,
     output_options,
     pipeline_options,
     run_options,
@@ -151,29 +152,29 @@ def check(
 
 
 @main.command()
-@click.argument("source", metavar="IN", type=click.Path(path_type=Path))
-@click.argument("destination", metavar="OUT", type=click.Path(path_type=Path))
-@click.option(
-    "--format",
-    "target",
-    metavar="FORMAT",
-    help="nastran, 42, sid, mbdyn, mbsim, exudyn, discos, dads, treetops, treetops-h5, matlab or abcd; by the end of "
-    "OUT's name if not given.",
-)
-@click.option("--dialect", metavar="DIALECT", help="For sid: by-axis, by-mode. For mbdyn: points, invariants, lumped.")
-@output_options
-def convert(source: Path, destination: Path, target: str | None, dialect: str | None, output: Output) -> None:
-    """Turn the component file IN into another code's: the file OUT, or one in the folder OUT."""
+@convert_options
+def convert(
+    source: Path,
+    destination: str,
+    profile: str | None,
+    at: str | None,
+    joints: dict[str, int] | None,
+    target: str | None,
+    dialect: str | None,
+    output: Output,
+) -> None:
+    """Turn the component file IN into another code's: the file OUT, or files in the folder OUT."""
     from cmsreduce.read import expect_kind
-    from cmsreduce.write import convert as write_target
-    from cmsreduce.write import is_sealed
+    from cmsreduce.write import conversion, is_sealed
 
     expect_kind(source, "component")
-    written = write_target(source, destination, target, dialect)
+    made = conversion(source, destination, target, dialect, profile=profile, at=at, joints=joints)
     if not is_sealed(source):
         output.line(f"{source} is not sealed: an earlier version wrote it, without a checksum of its content")
-    output.made(written, where=written[0].parent)
-    output.result({"source": source, "written": written, "seconds": output.seconds})
+    for note in made.notes:
+        output.line(note)
+    output.made(made.paths, where=made.paths[0].parent)
+    output.result({"source": source, "written": made.paths, "notes": made.notes, "seconds": output.seconds})
 
 
 @main.command()

@@ -15,6 +15,7 @@ from cmsreduce.cli_endings import Ending, check_memory, ending_of, patient_strea
 __all__ = [
     "Commands",
     "check_options",
+    "convert_options",
     "output_options",
     "pipeline_options",
     "run_options",
@@ -164,3 +165,50 @@ check_options = _options(
     output_options,
 )
 """Limits, baseline and files of a check."""
+
+
+def _joint_numbers(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> dict[str, int] | None:
+    numbers: dict[str, int] = {}
+    for text in texts:
+        name, _, number = text.rpartition("=")
+        if not name or not number.isdecimal() or name in numbers or int(number) in numbers.values():
+            raise click.BadParameter(f"'{text}' is not INTERFACE=N with an interface and a number used once")
+        numbers[name] = int(number)
+    return numbers or None
+
+
+convert_options = _options(
+    click.argument("source", metavar="IN", type=_PATH),
+    # As text, because a slash at the end means a folder.
+    click.argument("destination", metavar="OUT", type=click.Path()),
+    click.option(
+        "--for",
+        "profile",
+        metavar="PROGRAM",
+        help="Files that this program runs, in the frame, modes and dialect that it takes: 42, mbdyn-1.7.3, "
+        "mbdyn-1.7.3-lumped, mbdyn, embs, fembs, pysid, mbsim or exudyn.",
+    ),
+    click.option("--at", metavar="INTERFACE", help="With --for: clamp the frame of the body to this interface."),
+    click.option(
+        "--joint",
+        "joints",
+        multiple=True,
+        metavar="INTERFACE=N",
+        callback=_joint_numbers,
+        help="With --for 42: number of the spacecraft's joint at an interface; one --joint for each.",
+    ),
+    click.option(
+        "--format",
+        "target",
+        metavar="FORMAT",
+        help="nastran, 42, sid, mbdyn, mbsim, exudyn, discos, dads, treetops, treetops-h5, matlab or abcd; by the end "
+        "of OUT's name if not given.",
+    ),
+    click.option(
+        "--dialect",
+        metavar="DIALECT",
+        help="For sid: by-axis, by-mode, gr-by-mode, embs. For mbdyn: points, invariants, lumped, first-order.",
+    ),
+    output_options,
+)
+"""Component file, destination, and the program or format to write for."""

@@ -14,7 +14,14 @@ from cmsreduce.mechanics.dissipation import (
     refuse_overdamped,
     without_drag,
 )
-from cmsreduce.mechanics.floating_frames import REMOVED, best_fit, floating_frame
+from cmsreduce.mechanics.floating_frames import REMOVED, best_fit, fitted_motion, floating_frame
+from cmsreduce.mechanics.frame_change import (
+    integrals_about,
+    mean_axis_motion,
+    of_combined_modes,
+    rigid_mass_matrix,
+    without_rigid_motion,
+)
 from cmsreduce.mechanics.geometric_stiffness import bars_stiffness, modal_stiffening
 from cmsreduce.mechanics.hidden_motion import condensed_dofs, hidden_motion
 from cmsreduce.mechanics.integrator_steps import ACCURACIES, INTEGRATORS, advised_steps, numerical_damping
@@ -38,22 +45,28 @@ __all__ = [
     "condensed_dofs",
     "end_dofs",
     "energies",
+    "fitted_motion",
     "floating_frame",
     "hidden_motion",
     "hold_undetermined",
+    "integrals_about",
     "least_damping",
     "lumped_mass",
+    "mean_axis_motion",
     "modal_integrals",
     "modal_stiffening",
     "moves_generalised",
     "multiple_of",
     "numerical_damping",
+    "of_combined_modes",
     "refuse_gain",
     "refuse_overdamped",
     "rigid_mass",
+    "rigid_mass_matrix",
     "spinning_modes",
     "places_by_stiffness",
     "tie_nodes",
     "untied_body",
     "without_drag",
+    "without_rigid_motion",
 ]

@@ -11,11 +11,13 @@ from cmsreduce.mechanics.lumped_mass import lumped_mass
 from cmsreduce.mechanics.modal_integrals import mass_and_first_moment
 from cmsreduce.model import (
     DOF_NAMES,
+    DofTable,
     FEModel,
     FloatingFrame,
     FrameCondition,
     Interface,
     Lumping,
+    Nodes,
     dof_index,
     rigid_body_shapes,
 )
@@ -24,6 +26,7 @@ __all__ = [
     "REMOVED",
     "best_fit",
     "chord_axes",
+    "fitted_motion",
     "floating_frame",
 ]
 
@@ -186,11 +189,16 @@ def best_fit(body: FEModel, rows: NDArray[np.int64], position: NDArray[np.float6
     """
     if body.nodes is None:
         raise SceneError(f"component '{body.name}' has no geometry, so the rigid motion of an interface is not known")
+    return fitted_motion(body.dofs[rows], body.nodes, position)
+
+
+def fitted_motion(dofs: DofTable, nodes: Nodes, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same from the dofs of the interface (i) and the geometry of its nodes."""
     # Rotations are scaled by the size of the interface, so that units do not matter.
     edge = float(np.linalg.norm(position - position[0], axis=1).max()) or 1.0
-    row = np.where(np.isin(body.dofs.component[rows], (4, 5, 6)), edge, 1.0)
+    row = np.where(np.isin(dofs.component, (4, 5, 6)), edge, 1.0)
     column = np.array([1.0, 1.0, 1.0, edge, edge, edge])
-    R = rigid_body_shapes(body.dofs, body.nodes, position[0])[rows]
+    R = rigid_body_shapes(dofs, nodes, position[0])
     return np.asarray(la.pinv(row[:, None] * R / column, rtol=_OBSERVED) * row / column[:, None])
 
 

@@ -27,7 +27,16 @@ from cmsreduce.pipeline.results import (
 from cmsreduce.pipeline.run import STAGES, Run
 from cmsreduce.pipeline.store import REPORT, Silent, collecting, diagnostic, read_origin, sole_use, write_origin
 from cmsreduce.report import start_packing
-from cmsreduce.write import TARGETS, convert, refuse_foreign, write_component, write_summary, write_system
+from cmsreduce.write import (
+    PROFILES,
+    TARGETS,
+    conversion,
+    profile_files,
+    refuse_foreign,
+    write_component,
+    write_summary,
+    write_system,
+)
 
 __all__ = ["execute", "reopen", "write_report"]
 
@@ -155,6 +164,8 @@ def _outputs(run: Run, due: Collection[str], report: bool) -> Iterator[Path]:
     for target in formats:
         if target in TARGETS:
             yield from (run.folder / f"{name}{TARGETS[target].suffix}" for name in run.flexible_names)
+    for program in () if keys is None else keys.targets:
+        yield from (run.folder / program / PROFILES[program].file_name(name) for name in run.flexible_names)
 
 
 def _inputs(run: Run) -> list[Path]:
@@ -175,10 +186,10 @@ def _write(run: Run) -> None:
     """Write the files that the pipeline asks for; one that cannot be written is left out by name, and the run fails."""
     if run.pipeline.write is None:
         return
-    formats = run.pipeline.write.formats
+    formats, programs = run.pipeline.write.formats, run.pipeline.write.targets
     targets = [target for target in formats if target in TARGETS]
     run.stages.progress.stage("write", "component files")
-    for name in run.flexible_names if "hdf5" in formats or targets else ():
+    for name in run.flexible_names if "hdf5" in formats or targets or programs else ():
         # Files of other codes are made from the component file alone, which is removed if the user did not ask for it.
         kept = run.folder / f"{name}.h5"
         path = _write_body(run, name, kept if "hdf5" in formats else run.folder / f"stages/{name}.h5")
@@ -188,6 +199,8 @@ def _write(run: Run) -> None:
             run.stages.written.append(path)
         for target in targets:
             run.stages.written.extend(_write_target(run, name, target, path))
+        for program in programs:
+            run.stages.written.extend(_write_for(run, name, program, path))
         if path != kept:
             path.unlink()
     if "hdf5" in formats:
@@ -240,7 +253,19 @@ def _write_target(run: Run, name: str, target: str, path: Path) -> tuple[Path, .
     """Write the file of another program from a component file."""
     assert run.pipeline.write is not None
     to = run.folder / f"{name}{TARGETS[target].suffix}"
-    return convert(path, to, target, run.pipeline.write.dialects.get(target))
+    made = conversion(path, to, target, run.pipeline.write.dialects.get(target))
+    for note in made.notes:
+        run.stages.note(note)
+    return made.paths
+
+
+@diagnostic("the files for {}", tuple, about=lambda run, name, program, _: f"{program} of '{name}'", required=True)
+def _write_for(run: Run, name: str, program: str, path: Path) -> tuple[Path, ...]:
+    """Write the files that a program takes from a component file."""
+    made = profile_files(path, program, run.folder / program)
+    for note in made.notes:
+        run.stages.note(note)
+    return made.paths
 
 
 @diagnostic("the file system.h5", tuple, required=True)

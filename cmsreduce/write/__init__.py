@@ -11,22 +11,40 @@ from cmsreduce.write.own_files import refuse_foreign
 from cmsreduce.write.seal import is_sealed, verify_seal
 from cmsreduce.write.summary import summary, write_summary, write_sweep_csv, write_sweep_table
 from cmsreduce.write.system import system_settings, write_system
-from cmsreduce.write.targets import TARGETS, StateSpace, Target, component_states, convert, write_matlab, write_vtu
+from cmsreduce.write.targets import (
+    PROFILES,
+    TARGETS,
+    Profile,
+    StateSpace,
+    Target,
+    TargetFiles,
+    component_states,
+    conversion,
+    convert,
+    profile_files,
+    write_matlab,
+    write_vtu,
+)
 
 __all__ = [
     "ComponentFile",
     "EXPORTS",
+    "PROFILES",
+    "Profile",
     "SAME_MASS",
     "StateSpace",
     "TARGETS",
     "Target",
+    "TargetFiles",
     "atomic_path",
     "basic_shapes",
     "component_states",
+    "conversion",
     "convert",
     "export_scene",
     "hdf5_file",
     "is_sealed",
+    "profile_files",
     "put_texts",
     "read_component",
     "summary",

@@ -24,7 +24,7 @@ def refuse_foreign(outputs: Iterable[Path], inputs: Sequence[Path] = ()) -> None
     """Refuse to replace files that this program did not write, before anything is computed.
 
     An HDF5 file, a summary or a page is known by its mark; files of other formats have none, and are known by the
-    folder: it must be that of an earlier run.
+    folder or the one above: it must be that of an earlier run.
 
     Parameters
     ----------
@@ -63,7 +63,8 @@ def _is_own(path: Path) -> bool:
             return _GENERATOR in head or _EARLY_PAGE in head
     except (OSError, ValueError, RecursionError):
         return False
-    return any((path.parent / name).is_dir() for name in _RUN_FOLDERS)
+    # A program's files lie in a folder of their own in the run directory.
+    return any((folder / name).is_dir() for folder in path.parents[:2] for name in _RUN_FOLDERS)
 
 
 def _hdf5_format(path: Path) -> str | None:

@@ -251,6 +251,14 @@ def test_a_file_whose_mass_is_not_that_of_its_modes_fails(copied: Path, item: st
     assert line.startswith("FAIL") and float(line.split(": ")[2].split()[0]) == pytest.approx(1e-3, rel=0.01)
 
 
+def test_a_check_without_its_value_is_a_damaged_summary(finished: Path, copied: Path) -> None:
+    facts = json.loads((copied / "summary.json").read_text())
+    del facts["components"]["arm"]["checks"][0]["value"]
+    (copied / "summary.json").write_text(json.dumps(facts))
+    result = call("check", copied)
+    assert result.exit_code == 2 and "its summary.json is damaged" in result.stderr
+
+
 BAD = {
     "limits that are not there": (("--limits", "{tmp}/none.yaml"), None, "none.yaml", "No such file"),
     "limits that are no mapping": ((), "- 3\n", "limits.yaml", "mapping"),

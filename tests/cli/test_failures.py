@@ -48,6 +48,7 @@ BREAKING = {
     "the damping of the modes in '{}'",
     "the file system.h5",
     "the file system.mat",
+    "the files for {}",
     "the margins of the controller",
     "the target {}",
     "the verification",
@@ -70,7 +71,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "limits: {{frf_error: 0.05}}\n", f"limits: {{{{frf_error: 0.05, damping_error: 0.1}}}}\n{MORE}"
     )
     text = text.replace("keep: all}}", "keep: all, sensitivity: true}}")
-    path = write_study(folder, text.replace("[hdf5]", "[hdf5, nastran, mbsim, matlab]"))
+    path = write_study(folder, text.replace("[hdf5]", "[hdf5, nastran, mbsim, matlab], targets: [exudyn]"))
     done = call("run", path)
     assert done.exit_code == 0, done.output
     assert json.loads((folder / "out" / "summary.json").read_text())["failures"] == []

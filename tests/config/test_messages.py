@@ -87,7 +87,7 @@ MISTAKES = {
         "key 'write': 'mbsim' has no dialects (those that have: sid, mbdyn)"),
     "dialect of another format": (
         "{formats: [hdf5]}", "{formats: [hdf5, sid], dialects: {sid: lumped}}", 0,
-        "key 'write': 'lumped' is no dialect of sid (its dialects: by-axis, by-mode)"),
+        "key 'write': 'lumped' is no dialect of sid (its dialects: by-axis, by-mode"),
     "dialect of what is not written": (
         "{formats: [hdf5]}", "{formats: [hdf5], dialects: {sid: by-mode}}", 0,
         "key 'write': sid is not written, so its dialect has no effect: add it to the formats"),

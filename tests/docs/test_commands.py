@@ -19,7 +19,7 @@ from cmsreduce.config import json_schema, load_pipeline
 from cmsreduce.pipeline.batch import sweep_axes
 from cmsreduce.read import FORMATS, GEOMETRY_FORMATS
 from cmsreduce.reduce import METHODS
-from cmsreduce.write import TARGETS
+from cmsreduce.write import PROFILES, TARGETS
 from tests.docs.pages import PAGES, ROOT, commands, inline, snippets
 
 NOT_RUN = {
@@ -218,6 +218,7 @@ def test_python_runs(page: str, reader: Path) -> None:
         ("ReduceKeys", "method", {*METHODS}),
         ("BalanceKeys", "rank", {*RANKINGS, "system-cost"}),
         ("WriteKeys", "formats", {*TARGETS, "hdf5"}),
+        ("WriteKeys", "targets", {*PROFILES}),
     ],
 )
 def test_words_of_the_grammar_are_those_of_the_tables(mapping: str, key: str, names: set[str]) -> None:

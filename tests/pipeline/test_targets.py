@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -9,13 +10,15 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import scipy.linalg as la
 from click.testing import CliRunner
 from pyyeti.nastran import op4
 
 from cmsreduce.cli import main
 from cmsreduce.config.keys.write import _DIALECTS
+from cmsreduce.mechanics import lumped_mass
 from cmsreduce.pipeline import Run, execute
-from cmsreduce.write import TARGETS, convert, read_component
+from cmsreduce.write import PROFILES, TARGETS, convert, read_component
 from tests.pipeline.study import PIPELINE
 from tests.sealed import resealed
 
@@ -92,10 +95,48 @@ def test_a_folder_takes_the_name_of_the_component(finished_study: Path, tmp_path
     assert {path.name for path in written} == {"arm.op4", "arm.pch", "arm.bdf"} == {p.name for p in tmp_path.iterdir()}
 
 
+def test_a_slash_makes_a_folder(finished_study: Path, tmp_path: Path) -> None:
+    source = finished_study / "out" / "arm.h5"
+    for options, names in (
+        (["--format", "sid"], {"arm.SID_FEM"}),
+        (["--for", "42", "--joint", "tip=3"], {"Flex_arm.txt", "Nodes_arm.txt"}),
+        (["--for", "mbdyn-1.7.3"], {"arm.fem"}),
+    ):
+        made = tmp_path / options[1]
+        result = CliRunner().invoke(main, ["convert", str(source), f"{made}/", *options])
+        assert result.exit_code == 0, result.output
+        assert {path.name for path in made.iterdir()} == names
+    assert "of a modal stiffness, and they grow with the square" in result.output
+
+
+def test_a_run_writes_a_folder_for_each_program(opened: Callable[..., Run], study: Path, tmp_path: Path) -> None:
+    """The same bytes as `convert --for`; what a file leaves out is a note of the run."""
+    run = opened(f"write={{all_nodes: true, targets: [{', '.join(PROFILES)}], frame: {{kind: clamped, at: root}}}}")
+    assert execute(run, study) is not None
+    out = study.parent / "out"
+    for program in PROFILES:
+        for path in convert(out / "arm.h5", f"{tmp_path / program}/", profile=program):
+            assert path.read_bytes() == (out / program / path.name).read_bytes()
+            assert out / program / path.name in run.stages.written
+    (lumped,) = (note for note in run.stages.notes if note.startswith("arm: its mass is lumped at the nodes, which"))
+    assert "arm: its frame is clamped in its file, and mean axes in the file for 42" in run.stages.notes
+    # The price is the change of the free frequencies of the file's modes by the lumped mass of all nodes.
+    body = run.bodies["arm"].body
+    modes = run.written("arm").Phi
+    K, M, L = (modes.T @ (A @ modes) for A in (body.K, body.M, lumped_mass(body, "diagonal")))
+    own, changed = (np.sqrt(la.eigh(K, A, eigvals_only=True)[6:]) for A in (M, L))
+    shown = [float(word) for word in re.findall(r"[+-]\d+\.\d", lumped)]
+    np.testing.assert_allclose(shown, 100 * (changed / own - 1)[: len(shown)], atol=0.06)
+    assert len(shown) == 6
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["arm.h5", "arm.xyz"], "the name does not show the target; give --format, or one of: nastran *.op4"),
+        (
+            ["arm.h5", "arm.xyz"],
+            "does not show the target; give --for PROGRAM, --format, or one of: nastran *.op4",
+        ),
         (
             ["arm.h5", "arm.op4", "--format", "nastrn"],
             "there is no target 'nastrn', did you mean 'nastran'? There are: ",
@@ -104,7 +145,7 @@ def test_a_folder_takes_the_name_of_the_component(finished_study: Path, tmp_path
         (["arm.h5", "arm.op4", "--dialect", "old"], "'old' is no dialect of nastran (it has none)"),
         (
             ["arm.h5", "x.fem", "--dialect", "old"],
-            "'old' is no dialect of mbdyn (its dialects: points, invariants, lumped)",
+            "no dialect of mbdyn (its dialects: points, invariants, lumped, first-order)",
         ),
         (["arm.h5", "arm.h5", "--format", "mbsim"], "would replace the component file itself"),
         (
@@ -113,6 +154,29 @@ def test_a_folder_takes_the_name_of_the_component(finished_study: Path, tmp_path
         ),
         (["none.h5", "x.op4"], "there is no such file"),
         (["arm.h5", "arm.flx", "--format", "mbdyn"], ".FLX names TREETOPS's own file"),
+        (
+            ["arm.h5", "x/", "--for", "mbdin"],
+            "no profile 'mbdin', did you mean 'mbdyn'? There are: 42, mbdyn-1.7",
+        ),
+        (
+            ["arm.h5", "x/", "--for", "42", "--dialect", "embs"],
+            "chooses format and dialect: leave out --format",
+        ),
+        (
+            ["arm.h5", "x/", "--for", "42", "--at", "root"],
+            "42 takes mean axes, not a frame clamped at 'root'",
+        ),
+        (
+            ["arm.h5", "x/", "--for", "embs", "--joint", "tip=2"],
+            "a file for embs has no numbers of joints",
+        ),
+        (["arm.h5", "x/", "--for", "42", "--joint", "hub=2"], "has no interface 'hub' for joint 2 (it has: root, tip)"),
+        (["arm.h5", "x.fem", "--at", "root"], "belong to a program: give it by --for, with --at and --joint"),
+        (["arm.h5", "x/", "--for", "embs", "--at", "hub"], "has no interface 'hub' for its frame (it has: root, tip)"),
+        (
+            ["arm.h5", "x/", "--for", "mbdyn-1.7.3-lumped"],
+            "its file has no nodal masses; write the component",
+        ),
     ],
 )
 def test_bad_input_ends_with_2_and_one_message(finished_study: Path, arguments: list[str], message: str) -> None:
@@ -140,6 +204,8 @@ def test_a_superelement_needs_shapes_for_its_interface(finished_study: Path, tmp
 def test_the_help_of_convert_names_every_target() -> None:
     shown = CliRunner().invoke(main, ["convert", "--help"]).output.split()
     assert set(TARGETS) <= {word.strip(",;") for word in shown}
+
+    assert set(PROFILES) <= {word.strip(",;.") for word in shown} | {"42"}
 
 
 def test_dialects_of_the_grammar_are_those_of_the_targets() -> None:

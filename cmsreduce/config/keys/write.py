@@ -152,7 +152,22 @@ Format = Literal[
     "treetops-h5",
 ]
 
-_DIALECTS = {"sid": ("by-axis", "by-mode"), "mbdyn": ("points", "invariants", "lumped")}
+_DIALECTS = {
+    "sid": ("by-axis", "by-mode", "gr-by-mode", "embs"),
+    "mbdyn": ("points", "invariants", "lumped", "first-order"),
+}
+
+ProgramName = Literal[
+    "42",
+    "mbdyn-1.7.3",
+    "mbdyn-1.7.3-lumped",
+    "mbdyn",
+    "embs",
+    "fembs",
+    "pysid",
+    "mbsim",
+    "exudyn",
+]
 
 
 def _as_text(value: object) -> object:
@@ -161,6 +176,7 @@ def _as_text(value: object) -> object:
 
 
 WrittenFormat = Annotated[Format, BeforeValidator(_as_text)]
+Program = Annotated[ProgramName, BeforeValidator(_as_text)]
 
 
 class WriteKeys(BodyWriteKeys):
@@ -173,10 +189,16 @@ class WriteKeys(BodyWriteKeys):
         ".mat and as text; the others are formats of multibody codes (docs/targets.md).",
         examples=[["hdf5", "matlab"]],
     )
+    targets: tuple[Program, ...] = Field(
+        default=(),
+        description="Programs that take the bodies. Each gets a folder of its name with the files it runs, in the "
+        "frame, modes and dialect that it takes (docs/targets.md).",
+        examples=[["42", "exudyn"]],
+    )
     dialects: dict[Plain, Plain] = Field(
         default={},
-        description="Dialect of each format that has several. sid: by-axis or by-mode, the order of the columns of Gr; "
-        "mbdyn: points, invariants or lumped.",
+        description="Dialect of each format that has several. sid: by-axis, by-mode, gr-by-mode or embs, the order of "
+        "the columns of Gr and Ge; mbdyn: points, invariants, lumped or first-order.",
         examples=[{"sid": "by-mode"}],
     )
     balanced_states: Annotated[int, Strict(), Field(ge=2, multiple_of=2)] | None = Field(

@@ -200,21 +200,26 @@ def only_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Array | N
         None if K may have a mechanism, or a soft motion that only `stiffness_null_space` distinguishes from one.
     """
     shapes, resisted = _geometric_motions(K, R, rounding)
-    r, sound = shapes.shape[1], max(_SOUND_PIVOT, _SOUND_ROUNDINGS * rounding)
+    sound = max(_SOUND_PIVOT, _SOUND_ROUNDINGS * rounding)
     # The last pivot is the least energy of a motion that moves its dof by one; here for a typical dof, relative to its
-    # diagonal entry. If K resists a rigid motion only because of the digits of the coordinates, the pivot is too small
-    # and a factorisation proves nothing.
+    # diagonal entry. If it is too small, K may resist the motion only because of the digits of the coordinates.
     pivots = np.einsum("ij,ij->j", resisted, K @ resisted) / np.mean(resisted**2 * K.diagonal()[:, None], axis=0)
-    if (pivots <= sound).any():
-        return None
-    # Hold as many dofs as there are motions, chosen so that the motions move them independently.
-    order = la.qr(shapes.T, mode="r", pivoting=True)[1] if r else np.empty(0, dtype=np.int64)
-    free = np.setdiff1d(np.arange(K.shape[0]), order[:r])
+    weak = pivots <= sound
+    motions = np.hstack([shapes, resisted[:, weak]])
+    given, free = _held_dofs(motions)
     try:
         factor = factorise(sp.csc_array(K[free][:, free]), what="the stiffness held against its rigid motions")
     except NotPositiveDefiniteError:
         return None
-    return shapes if factor.weakest[1] > sound else None
+    if factor.weakest[1] <= sound:
+        return None
+    if not weak.any():
+        return shapes
+    # Motions of K itself near those of the coordinates: if their energy is rounding, K resists none of them.
+    own = _corrected(K, motions, given, free, factor)
+    scaled, d = _unit_diagonal(K)
+    left = _left_of(_energy_share(scaled, shapes * d[:, None]), rounding)
+    return own if _is_rounding(_energy_share(scaled, own * d[:, None]), left).all() else None
 
 
 def stiffness_null_space(K: sp.csc_array, rounding: float, known: Array | None = None) -> Array:
@@ -240,10 +245,8 @@ def stiffness_null_space(K: sp.csc_array, rounding: float, known: Array | None =
     else:
         solve = factorise(sp.csc_array(scaled + _SHIFT * sp.eye_array(n)), definite=False, what="the stiffness")
         V = _weakest(scaled, solve, _WANTED)
-    left = _LEFT_BY_FILE * rounding
-    if known is not None and known.shape[1]:
-        left = min(left, _LIKE_RIGID * float(abs(_energy_share(scaled, known * d[:, None])).max()))
-    left = max(left, _LEFT_BY_ARITHMETIC * DOUBLE)
+    known_energy = np.empty(0) if known is None else _energy_share(scaled, known * d[:, None])
+    left = _left_of(known_energy, rounding)
     # If all vectors are null vectors, there may be more.
     while (null := _is_rounding(_energy_share(scaled, V), left)).all() and V.shape[1] < n:
         V = _weakest(scaled, solve, min(2 * V.shape[1], n))
@@ -277,12 +280,24 @@ def _sharpened(K: sp.csc_array, N: Array) -> Array:
     """
     if not N.shape[1] or N.shape[1] == N.shape[0]:
         return N
-    _, _, order = la.qr((N / np.linalg.norm(N, axis=0)).T, mode="economic", pivoting=True)
-    given, free = order[: N.shape[1]], np.sort(order[N.shape[1] :])
+    given, free = _held_dofs(N)
     try:
         solve = factorise(sp.csc_array(K[free][:, free]), what="the stiffness held against its free motions")
     except NotPositiveDefiniteError:
         return N
+    return _corrected(K, N, given, free, solve)
+
+
+def _held_dofs(N: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """As many dofs as there are motions, which move them independently, and the others in order."""
+    if not N.shape[1]:
+        return np.empty(0, dtype=np.int64), np.arange(N.shape[0])
+    _, order = la.qr((N / np.linalg.norm(N, axis=0)).T, mode="r", pivoting=True)
+    return order[: N.shape[1]], np.sort(order[N.shape[1] :])
+
+
+def _corrected(K: sp.csc_array, N: Array, given: NDArray[np.int64], free: NDArray[np.int64], solve: Factor) -> Array:
+    """Motions that leave no force on the free dofs, with the given dofs moved one by one."""
     X = N @ np.linalg.inv(N[given])
     X[given] = np.eye(given.size)
     exact = sp.csc_array(K, dtype=np.longdouble)
@@ -305,6 +320,14 @@ def _unit_diagonal(K: sp.csc_array) -> tuple[sp.csc_array, Array]:
     diagonal = K.diagonal()
     d = np.sqrt(np.where(diagonal > 0, diagonal, max(abs(diagonal).max(initial=0.0), 1e-300)))
     return sp.csc_array(sp.diags_array(1 / d) @ K @ sp.diags_array(1 / d)), d
+
+
+def _left_of(known: Array, rounding: float) -> float:
+    """Largest energy share of a null vector, from the rounding of the file and from the energy of known ones."""
+    left = (
+        min(_LEFT_BY_FILE * rounding, _LIKE_RIGID * float(abs(known).max())) if known.size else _LEFT_BY_FILE * rounding
+    )
+    return max(left, _LEFT_BY_ARITHMETIC * DOUBLE)
 
 
 def _is_rounding(share: Array, left: float) -> NDArray[np.bool_]:

@@ -60,12 +60,13 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> tu
     result = open_result(path)
     try:
         findings, proofs = list(_errors(result)), _proofs(result)
+        checks = {name: list(_checks(result, name)) for name in result.names}
     except (KeyError, TypeError, AttributeError, ValueError):
         raise ReadError(f"{path}: its summary.json is damaged; run the pipeline again, or `cmsreduce report`") from None
     speed = (result.summary or {}).get("speed") or {}
     unlisted = [Finding(key, float(value)) for key, value in speed.items()]
     for name in result.names:
-        findings += _checks(result, name)
+        findings += checks[name]
         unlisted += _sizes(result, name)
         if name in result.files:
             seal = Finding("unsealed", float(not result.files[name].sealed), note=_UNSEALED, subject=name)

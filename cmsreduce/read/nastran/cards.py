@@ -26,6 +26,8 @@ INTEGER = re.compile(r"[+-]?0*\d{1,15}\Z")
 
 _WIDE_FIELDS_PER_LINE = 4
 _SHOWN = 40  # characters of a bad field in a message
+# Products of a few numbers below it stay finite; NASTRAN itself ends at 1e38 or 1e308.
+_LARGEST = 1e60
 _INCLUDE = re.compile(r"\s*INCLUDE(?=[\s'\"=])\s*=?\s*(.*)", re.IGNORECASE)
 _BEGIN = re.compile(
     r"\s*BEGIN\b\s*(BULK)?\s*(?:SUPER\s*=?\s*(\d{1,15})(?!\d)|(AUX|ARBMODEL|MASSID|UDS))?", re.IGNORECASE
@@ -91,7 +93,7 @@ class Card:
         Raises
         ------
         ReadError
-            If it is no number.
+            If it is no number, or of an impossible size.
         """
         text = self.text(index)
         if not text:
@@ -99,6 +101,11 @@ class Card:
         value = real_number(text)
         if value is None:
             raise ReadError(f"{self.where}: {_field(index)} should be a number, it is '{text[:_SHOWN]}'")
+        if not abs(value) < _LARGEST:
+            raise ReadError(
+                f"{self.where}: {_field(index)} is '{text[:_SHOWN]}', more than any length, mass or stiffness; "
+                "the deck is damaged: write it again"
+            )
         return value
 
 

@@ -1,6 +1,6 @@
 """The component file: a reduced body in HDF5, written and read back (docs/component-file.md).
 
-Datasets, their checks and the body in the frame of its integrals belong here.
+Datasets, their checks and the body in its frame or another one belong here.
 Files of other programs belong in `write.targets`.
 """
 
@@ -15,6 +15,7 @@ from cmsreduce.write.component.flexible_body import (
     require_mass,
 )
 from cmsreduce.write.component.integrals import stored_integrals
+from cmsreduce.write.component.other_frame import in_frame, with_unit_modal_mass
 from cmsreduce.write.component.shapes import basic_shapes
 
 __all__ = [
@@ -25,8 +26,10 @@ __all__ = [
     "basic_shapes",
     "flexible_body",
     "frame_stiffening",
+    "in_frame",
     "read_component",
     "require_mass",
     "stored_integrals",
+    "with_unit_modal_mass",
     "write_component",
 ]

@@ -168,7 +168,7 @@ def flexible_body(component: ComponentFile, integrals: ModalIntegrals, *, slow: 
         name=component.name,
         integrals=integrals,
         mass=mass,
-        stiffness=arrays["modes/stiffness"][square],
+        stiffness=_symmetric(arrays["modes/stiffness"][square]),
         damping=arrays["modes/damping"][square],
         omega=component.omega[columns],
         node=arrays["nodes/id"],
@@ -255,10 +255,10 @@ def _modal_mass(component: ComponentFile, integrals: ModalIntegrals) -> Array:
 
     For any mass matrix, it is the trace of int phi_i phi_j dm.
     """
-    mass = np.asarray(component.arrays["modes/mass"][np.ix_(integrals.modes, integrals.modes)])
+    mass = _symmetric(component.arrays["modes/mass"][np.ix_(integrals.modes, integrals.modes)])
     if integrals.second_order is None:
         return mass
-    total = np.asarray(np.einsum("iiab->ab", integrals.phi_phi))
+    total = _symmetric(np.einsum("iiab->ab", integrals.phi_phi))
     if integrals.lumping != "consistent":
         return total
     apart = abs(total - mass).max(initial=0.0)
@@ -268,3 +268,8 @@ def _modal_mass(component: ComponentFile, integrals: ModalIntegrals) -> Array:
             "mass: they are over another mass or other shapes; write the component file again"
         )
     return mass
+
+
+def _symmetric(A: Array) -> Array:
+    """The symmetric part: sums over nodes are symmetric to round-off, and MBDyn asks for the last digit."""
+    return np.asarray((A + A.T) / 2)

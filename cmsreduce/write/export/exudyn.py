@@ -224,7 +224,7 @@ def _element_lines(scene: MultibodyScene, placed: SceneJoint, points: tuple[str,
         face = body.interfaces[joint.first.name]
         place = _plain(scene.in_scene(body.name, face.position[0]))
         axes = _plain(body.placement.rotation @ placed.first_axes.T)
-        yield f"scene.turning_mass({joint.own_body!r}, {_plain(np.diag(inertia[3:]))}, {place}, {axes}, {points[0]})"
+        yield f"scene.turning_mass({joint.own_body!r}, {_plain(inertia[3:])}, {place}, {axes}, {points[0]})"
 
 
 def _relative(scene: MultibodyScene, placed: SceneJoint) -> Array:

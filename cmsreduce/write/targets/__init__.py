@@ -1,11 +1,26 @@
 """Files of other programs, one file a program.
 
-Each module turns a component file into what one program loads; `table` lists them.
+Each module turns a component file into what one program loads; `table` lists the formats, `profiles` the programs.
 The component file itself belongs in `write.component`.
 """
 
+from cmsreduce.write.targets.conversion import conversion, convert
+from cmsreduce.write.targets.profiles import PROFILES, Profile, TargetFiles, profile_files
 from cmsreduce.write.targets.state_space import StateSpace, component_states, write_matlab
-from cmsreduce.write.targets.table import TARGETS, Target, convert
+from cmsreduce.write.targets.table import TARGETS, Target
 from cmsreduce.write.targets.vtu import write_vtu
 
-__all__ = ["StateSpace", "TARGETS", "Target", "component_states", "convert", "write_matlab", "write_vtu"]
+__all__ = [
+    "PROFILES",
+    "Profile",
+    "StateSpace",
+    "TARGETS",
+    "Target",
+    "TargetFiles",
+    "component_states",
+    "conversion",
+    "convert",
+    "profile_files",
+    "write_matlab",
+    "write_vtu",
+]

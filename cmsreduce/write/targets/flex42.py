@@ -1,8 +1,8 @@
-"""42 (NASA): the text file of a flexible body, Flex_*.txt."""
+"""42 (NASA): the text files of a flexible body, Flex_*.txt and Nodes_*.txt."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +16,18 @@ from cmsreduce.write.files import number, put_lines
 __all__ = ["write_42"]
 
 _MODE_NODE_AXIS = "[Mode] [Node] [Axis] Value"
+_FLEX = "Flex_"
 _NAME = 40  # characters: 42 reads a comment into a fixed buffer of 80
 
 
-def write_42(path: Path, component: ComponentFile, integrals: ModalIntegrals) -> None:
-    """Write the body for 42.
+def write_42(
+    path: Path, component: ComponentFile, integrals: ModalIntegrals, joints: Mapping[str, int] | None = None
+) -> tuple[Path, Path]:
+    """Write the body for 42, and its nodes, without which 42 does not load it.
 
-    42 numbers joints over the whole spacecraft. The file numbers the body's interfaces from 0 in alphabetical order,
-    one node each, and names them. Analysis nodes are the nodes of the file, numbered from 0 in the order of their ids.
+    42 numbers joints over the whole spacecraft. Without ``joints``, the file numbers the body's interfaces from 0 in
+    alphabetical order, one node each, and names them. Analysis nodes are the nodes of the file, numbered from 0 in the
+    order of their ids, at their positions from the origin of the integrals.
 
     Parameters
     ----------
@@ -33,31 +37,52 @@ def write_42(path: Path, component: ComponentFile, integrals: ModalIntegrals) ->
         The body.
     integrals : ModalIntegrals
         Integrals over its modes, about the body's reference point in 42.
+    joints : mapping of interface to int, optional
+        Number of the spacecraft's joint at each interface; an interface that is not named has no joint.
+
+    Returns
+    -------
+    tuple of Path
+        The file of the modes and that of the nodes: ``Nodes_NAME.txt`` beside ``Flex_NAME.txt``, or
+        ``NAME.nodes.txt`` beside ``NAME.txt``.
 
     Raises
     ------
     WriteError
-        If the component file lacks data, a mode has no mass, an interface has several nodes, or the file cannot be
-        written.
+        If the component file lacks data, a mode has no mass, an interface has several nodes or is not one of the body,
+        or a file cannot be written.
     """
     body = flexible_body(component, integrals)
     require_mass(body, "42 divides by the modal mass")
-    put_lines(path, _lines(body))
+    named = path.name.startswith(_FLEX)
+    nodes = path.with_name(f"Nodes_{path.name.removeprefix(_FLEX)}" if named else f"{path.stem}.nodes.txt")
+    put_lines(path, _lines(body, _joints(body, joints)))
+    put_lines(nodes, _node_lines(body))
+    return path, nodes
 
 
-def _lines(body: FlexibleBody) -> Iterator[str]:
+def _node_lines(body: FlexibleBody) -> Iterator[str]:
+    at = {node: name for name, ids in body.interfaces.items() for node in ids}
+    yield "<<<<<<<<<<<<<<<<  Body Node Inputs for 42  >>>>>>>>>>>>>>>>>>>>>"
+    yield f"{_word(body.name)} ! Description"
+    yield f"{body.node.size} ! Number of Nodes"
+    yield "******************* Node Location, Comment *********************"
+    for node, place in zip(body.node.tolist(), body.position, strict=True):
+        # 42 reads a comment up to the next quotation mark.
+        name = f"node {node}" + (f" {at[node]}" if node in at else "")
+        yield " ".join(number(value) for value in place) + f' "{_word(name.replace(chr(34), " "))}"'
+
+
+def _lines(body: FlexibleBody, joints: list[tuple[str, int, int]]) -> Iterator[str]:
     integrals, k = body.integrals, body.k
-    joints = _joints(body)
     yield _heading("  Flexible Body Inputs for 42  ")
     yield f"{_word(body.name)} ! Description"
     yield f"{k} ! Number of Flex Modes"
     yield _heading(" Initial Modal States x, u ")
     for mode in range(k):
         yield f"0.0 0.0 ! Mode {mode}, {body.omega[mode] / (2 * np.pi):.6g} Hz"
-    for title, rows, names in (
-        (" Joint Node Mode Shapes ", [at for _, at in joints], [name for name, _ in joints]),
-        (" Analysis Node Mode Shapes ", list(range(body.node.size)), [f"node {node}" for node in body.node]),
-    ):
+    every = [(f"node {node}", at, at) for at, node in enumerate(body.node)]
+    for title, points in ((" Joint Node Mode Shapes ", joints), (" Analysis Node Mode Shapes ", every)):
         yield _heading(title)
         for kind, shapes in (
             ("Translation Mode Shape (PSI)", body.translation),
@@ -65,7 +90,7 @@ def _lines(body: FlexibleBody) -> Iterator[str]:
         ):
             yield _heading(f"  Non-zero {kind} Elements ")
             # [mode, node, axis], modes first as in the sample files of 42.
-            yield from _entries(np.transpose(shapes[rows], (2, 0, 1)), _MODE_NODE_AXIS, names)
+            yield from _entries(np.transpose(shapes[[at for _, at, _ in points]], (2, 0, 1)), _MODE_NODE_AXIS, points)
     for name, matrix in (("Mass", body.mass), ("Stiffness", body.stiffness), ("Damping", body.damping)):
         yield _heading(f"  Non-zero {name} Matrix Elements ")
         yield from _entries(matrix, "[Row] [Col] Value")
@@ -83,26 +108,37 @@ def _lines(body: FlexibleBody) -> Iterator[str]:
     yield "[EOF]"
 
 
-def _joints(body: FlexibleBody) -> list[tuple[str, int]]:
-    """Name of each interface, and position of its node among the nodes."""
+def _joints(body: FlexibleBody, numbers: Mapping[str, int] | None) -> list[tuple[str, int, int]]:
+    """Name of each interface, position of its node among the nodes, and number of its joint."""
+    if numbers is None:
+        numbers = {name: joint for joint, name in enumerate(body.interfaces)}
     found = []
-    for name, nodes in body.interfaces.items():
+    for name, joint in numbers.items():
+        if name not in body.interfaces:
+            known = ", ".join(body.interfaces) or "none"
+            raise WriteError(f"component '{body.name}' has no interface '{name}' for joint {joint} (it has: {known})")
+        nodes = body.interfaces[name]
         if len(nodes) != 1:
             raise WriteError(
                 f"component '{body.name}': interface '{name}' has {len(nodes)} nodes, and a joint of 42 has one; tie "
                 "them to one node"
             )
-        found.append((name, int(np.flatnonzero(body.node == nodes[0])[0])))
+        found.append((name, int(np.flatnonzero(body.node == nodes[0])[0]), joint))
     return found
 
 
-def _entries(values: NDArray[np.float64], comment: str, names: list[str] | None = None) -> Iterator[str]:
-    """Number of nonzero entries, then their indices and values."""
+def _entries(
+    values: NDArray[np.float64], comment: str, points: list[tuple[str, int, int]] | None = None
+) -> Iterator[str]:
+    """Number of nonzero entries, then their indices and values; the second index is the number of a point, if given."""
     places = np.argwhere(values)
     yield f"{len(places)} ! Number of non-zero elements"
     for place in places:
-        of = f" {_word(names[place[1]])}" if names is not None else ""
-        yield f"{' '.join(str(index) for index in place)}  {number(values[tuple(place)])} ! {comment}{of}"
+        at, of = list(place), ""
+        if points is not None:
+            name, _, at[1] = points[place[1]]
+            of = f" {_word(name)}"
+        yield f"{' '.join(str(index) for index in at)}  {number(values[tuple(place)])} ! {comment}{of}"
 
 
 def _heading(text: str) -> str:

@@ -10,6 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.errors import WriteError
+from cmsreduce.mechanics import rigid_mass_matrix
 from cmsreduce.model import ModalIntegrals
 from cmsreduce.write.component import ComponentFile, FlexibleBody, flexible_body
 from cmsreduce.write.files import number, put_lines
@@ -18,10 +20,13 @@ from cmsreduce.write.targets.nodal import NodalMass, nodal_mass
 
 __all__ = ["MbdynDialect", "write_mbdyn"]
 
-MbdynDialect = Literal["points", "invariants", "lumped"]
-"""Group 11 of mass points or of the lumped mass of all nodes, which every version reads, or groups 14 to 18."""
+MbdynDialect = Literal["points", "invariants", "lumped", "first-order"]
+"""Group 11 of mass points, or of the lumped mass of all nodes, which every version reads; groups 14 to 18 of recent
+versions; or groups 9, 10, 12 and 13 alone, which every version reads, for modes without momentum."""
 
 _RIGID = 12  # group whose first row is one number, the mass
+# Relative to the momentum of a rigid motion of the same kinetic energy: mean axes leave round-off.
+_NO_MOMENTUM = 1e-8
 
 Array = NDArray[np.float64]
 
@@ -44,17 +49,20 @@ def write_mbdyn(
         The body.
     integrals : ModalIntegrals
         Integrals over its modes, about the origin of the modal node.
-    dialect : {"points", "invariants", "lumped"}
+    dialect : {"points", "invariants", "lumped", "first-order"}
         Record groups that describe the mass.
 
     Raises
     ------
     WriteError
-        If the component file lacks data, or the file cannot be written.
+        If the component file lacks data, the modes have momentum in the dialect ``first-order``, or the file cannot be
+        written.
     """
-    body = flexible_body(component, integrals)
+    body = flexible_body(component, integrals, slow=dialect == "first-order")
     if dialect == "points":
         body, groups = _points(body)
+    elif dialect == "first-order":
+        groups = _first_order(body)
     elif dialect == "invariants":
         groups = _invariants(body)
     else:
@@ -115,17 +123,29 @@ def _points(body: FlexibleBody) -> tuple[FlexibleBody, dict[int, tuple[str, Arra
         translation=np.concatenate([body.translation, points.translation]),
         rotation=np.concatenate([body.rotation, np.zeros_like(points.translation)]),
     )
-    return with_points, _matrices(body) | {11: ("DIAGONAL OF LUMPED MASS MATRIX", masses)}
+    return with_points, _consistent(body) | {11: ("DIAGONAL OF LUMPED MASS MATRIX", masses)}
 
 
-def _matrices(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
-    """Groups of the modal matrices and the rigid body; MBDyn warns of a mass that is symmetric to round-off only."""
+def _first_order(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
+    """Groups of the consistent mass; without groups 11 and 14 to 18 the modes do not act on the rigid motion."""
+    integrals = body.integrals
+    momentum = np.vstack([integrals.phi, integrals.r_cross_phi])
+    rigid = np.sqrt(np.diagonal(rigid_mass_matrix(integrals)))[:, None]
+    if abs(momentum).max(initial=0.0) > _NO_MOMENTUM * np.max(rigid * np.sqrt(body.mass.diagonal()), initial=0.0):
+        raise WriteError(
+            f"component '{body.name}': the dialect first-order leaves out the momentum of the modes, and these have "
+            "some; write the body about mean axes: `--for mbdyn-1.7.3`, or `write: {frame: {kind: mean-axis}}`"
+        )
+    return _consistent(body)
+
+
+def _consistent(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
     integrals = body.integrals
     return {
-        9: ("MODAL MASS MATRIX", (body.mass + body.mass.T) / 2),
+        9: ("MODAL MASS MATRIX", body.mass),
         10: ("MODAL STIFFNESS MATRIX", body.stiffness),
         _RIGID: ("RIGID BODY INERTIA MATRIX", _rigid(integrals.mass, integrals.centre_of_mass, integrals.inertia)),
-        13: ("MODAL DAMPING MATRIX", (body.damping + body.damping.T) / 2),
+        13: ("MODAL DAMPING MATRIX", body.damping),
     }
 
 
@@ -134,7 +154,7 @@ def _invariants(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
     # S(a) S(b) = b a^T - (a . b) 1, with S(a) b = a x b.
     eight = np.einsum("iij,ab->ajb", integrals.r_phi, np.eye(3)) - np.transpose(integrals.r_phi, (1, 2, 0))
     nine = np.transpose(integrals.phi_phi, (1, 2, 3, 0)) - np.einsum("iijk,ab->ajkb", integrals.phi_phi, np.eye(3))
-    return _matrices(body) | {
+    return _consistent(body) | {
         14: ("INVARIANT 3", integrals.phi),
         15: ("INVARIANT 4", integrals.r_cross_phi),
         16: ("INVARIANT 8", eight.reshape(3, 3 * k)),
@@ -144,15 +164,15 @@ def _invariants(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
 
 
 def _lumped(body: FlexibleBody, lumps: NodalMass) -> dict[int, tuple[str, Array]]:
-    m, J, x = lumps.mass, lumps.diagonal_inertia, body.position
-    centre = m @ x / m.sum()
-    squares = np.einsum("n,ni,nj->ij", m, x, x)
-    inertia = np.trace(squares) * np.eye(3) - squares + np.diag(J.sum(axis=0))
-    mass = np.einsum("n,nia,nib->ab", m, body.translation, body.translation)
-    mass = mass + np.einsum("ni,nia,nib->ab", J, body.rotation, body.rotation)
-    return _matrices(replace(body, mass=mass)) | {
+    m, J = lumps.mass, lumps.diagonal_inertia
+    rigid, _, mass = lumps.modal(body)
+    centre = np.array([rigid[5, 1], rigid[3, 2], rigid[4, 0]]) / rigid[0, 0]
+    return {
+        9: ("MODAL MASS MATRIX", mass),
+        10: ("MODAL STIFFNESS MATRIX", body.stiffness),
         11: ("DIAGONAL OF LUMPED MASS MATRIX", np.column_stack([m, m, m, J])),
-        _RIGID: ("RIGID BODY INERTIA MATRIX", _rigid(m.sum(), centre, inertia)),
+        _RIGID: ("RIGID BODY INERTIA MATRIX", _rigid(rigid[0, 0], centre, rigid[3:, 3:])),
+        13: ("MODAL DAMPING MATRIX", body.damping),
     }
 
 

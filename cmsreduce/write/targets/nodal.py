@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
-from cmsreduce.model import ModalIntegrals
+from cmsreduce.model import ModalIntegrals, cross_matrix
 from cmsreduce.write.component import ComponentFile, FlexibleBody, flexible_body
 from cmsreduce.write.files import put_lines, table
 
@@ -41,6 +41,22 @@ class NodalMass:
     def diagonal_inertia(self) -> Array:
         """Moments of inertia of each node, without its products (n, 3)."""
         return np.asarray(np.einsum("nii->ni", self.inertia))
+
+    def modal(self, body: FlexibleBody) -> tuple[Array, Array, Array]:
+        """Mass of translations and rotations (6, 6), momenta of the modes (6, k), and modal mass (k, k).
+
+        Of the lumps without products of inertia, about the origin of the body's frame.
+        """
+        m, J, x = self.mass, self.diagonal_inertia, body.position
+        arm = -cross_matrix(x)
+        rigid = np.block(
+            [[np.tile(np.eye(3), (m.size, 1, 1)), arm], [np.zeros_like(arm), np.tile(np.eye(3), (m.size, 1, 1))]]
+        )
+        shapes = np.concatenate([rigid, np.concatenate([body.translation, body.rotation], axis=1)], axis=2)
+        inertia = np.column_stack([m, m, m, J])
+        total = np.einsum("ni,nia,nib->ab", inertia, shapes, shapes, optimize=True)
+        total = (total + total.T) / 2
+        return total[:6, :6], total[:6, 6:], total[6:, 6:]
 
 
 def nodal_mass(component: ComponentFile, body: FlexibleBody) -> NodalMass:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -23,8 +23,12 @@ from cmsreduce.write.files import put_lines
 
 __all__ = ["SidDialect", "write_sid"]
 
-SidDialect = Literal["by-axis", "by-mode"]
-"""Column of Gr and Ge for axis a and mode l, from 0: a nq + l as FEMBS writes them, or 3 l + a, a block a mode."""
+SidDialect = Literal["by-axis", "by-mode", "gr-by-mode", "embs"]
+"""Column of Gr and Ge for axis a and mode l, from 0: a nq + l as FEMBS writes them, or 3 l + a, a block a mode; or Gr
+by mode and Ge by axis. ``embs``: by mode, in words and digits that the reader of EMBS_ModelicaLib understands."""
+
+_FIVE_DIGITS = 99999
+"""Largest node id that the reader of EMBS_ModelicaLib has room for."""
 
 _SYMMETRIC, _FULL, _ZERO = 2, 3, 0
 _SECOND_MOMENTS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -56,8 +60,8 @@ def write_sid(path: Path, component: ComponentFile, integrals: ModalIntegrals, d
         The body.
     integrals : ModalIntegrals
         Integrals over its modes, about the frame of reference.
-    dialect : {"by-axis", "by-mode"}
-        Order of the columns of Gr and Ge.
+    dialect : SidDialect
+        Order of the columns of Gr and Ge, and words for one reader.
 
     Raises
     ------
@@ -70,25 +74,30 @@ def write_sid(path: Path, component: ComponentFile, integrals: ModalIntegrals, d
 
 
 def _lines(body: FlexibleBody, stiffening: FrameStiffening | None, dialect: SidDialect) -> Iterator[str]:
+    # The reader of EMBS_ModelicaLib takes keywords from the name, of a symmetric matrix what it finds, and ids of at
+    # most five digits; it has room for seventeen digits of a number.
+    embs = dialect == "embs"
+    digits = 16 if embs else 11
+    ids = np.arange(1, body.node.size + 1) if embs and body.node.max(initial=0) > _FIVE_DIGITS else body.node
     yield f"    {body.node.size}   {body.k}    :No. nodes, No. modes: {body.name}, columns of Gr {dialect}"
     yield " part"
-    yield _value(6, "new modal", body.name)
+    yield _value(6, "new modal", "body" if embs else body.name)
     yield f"{'':11}refmod"
-    yield _value(16, "mass", _number(body.integrals.mass))
+    yield _value(16, "mass", _number(body.integrals.mass, digits))
     yield _value(16, "nelastq", f"{body.k:4d}")
     for number, omega in enumerate(body.omega, 1):
         yield _value(16, f"ielastq ({number:4d})", f" Eigen Mode {number:4d} : {omega / (2 * np.pi):12.6g} Hz")
     yield f"{'':11}end refmod"
     yield f"{'':11}frame"
-    for index, node in enumerate(body.node):
+    for index, node in enumerate(ids):
         yield _value(16, "new node", f"{node:9d}")
         yield _value(21, "rframe", " body ref")
         for part in _node(body, index, stiffening):
-            yield from _taylor(part, body.k, 21)
+            yield from _taylor(part, body.k, 21, digits)
         yield f"{'':16}end node"
     yield f"{'':11}end frame"
     for part in _body(body, stiffening, dialect):
-        yield from _taylor(part, body.k, 11)
+        yield from _taylor(replace(part, symmetric=part.symmetric and not embs), body.k, 11, digits)
     yield f"{'':6}end modal"
     yield " end part"
 
@@ -120,8 +129,8 @@ def _body(body: FlexibleBody, stiffening: FrameStiffening | None, dialect: SidDi
         _Taylor("Ct", integrals.phi.T, pull),
         _Taylor("Cr", integrals.r_cross_phi.T, turning + drag),
         _Taylor("Me", body.mass, symmetric=True),
-        _Taylor("Gr", _columns(_gyroscopic(integrals), dialect)),
-        _Taylor("Ge", _columns(2 * np.moveaxis(turning, 1, 2), dialect)),
+        _Taylor("Gr", _columns("Gr", _gyroscopic(integrals), dialect)),
+        _Taylor("Ge", _columns("Ge", 2 * np.moveaxis(turning, 1, 2), dialect)),
         _Taylor("Oe", _products(-0.5 * growth.T), second + spin),
         _Taylor("ksigma", np.zeros((body.k, 1))),
         _Taylor("Ke", body.stiffness, symmetric=True),
@@ -165,13 +174,14 @@ def _gyroscopic(integrals: ModalIntegrals) -> Array:
     return np.asarray(2 * (np.einsum("iil,ab->abl", integrals.r_phi, np.eye(3)) - np.swapaxes(integrals.r_phi, 0, 1)))
 
 
-def _columns(blocks: Array, dialect: SidDialect) -> Array:
+def _columns(name: str, blocks: Array, dialect: SidDialect) -> Array:
     """Columns of [row, axis, mode] in the order asked for."""
-    ordered = blocks if dialect == "by-axis" else np.swapaxes(blocks, 1, 2)
+    by_axis = dialect == "by-axis" or (dialect == "gr-by-mode" and name == "Ge")
+    ordered = blocks if by_axis else np.swapaxes(blocks, 1, 2)
     return np.asarray(ordered.reshape(blocks.shape[0], blocks.shape[1] * blocks.shape[2]))
 
 
-def _taylor(part: _Taylor, modes: int, indent: int) -> Iterator[str]:
+def _taylor(part: _Taylor, modes: int, indent: int, digits: int) -> Iterator[str]:
     inner = 26
     zero = not part.m0.any() and (part.m1 is None or not part.m1.any())
     yield f"{'':{indent}}{part.name:<8}"
@@ -182,11 +192,11 @@ def _taylor(part: _Taylor, modes: int, indent: int) -> Iterator[str]:
     yield _value(inner, "nqn", f"{0:5d}")
     yield _value(inner, "structure", f"{_ZERO if zero else _SYMMETRIC if part.symmetric else _FULL:5d}")
     for row, column in zip(*np.nonzero(np.triu(part.m0) if part.symmetric else part.m0), strict=True):
-        yield _value(inner, f"m0({row + 1:2d},{column + 1:2d})", _number(part.m0[row, column]))
+        yield _value(inner, f"m0({row + 1:2d},{column + 1:2d})", _number(part.m0[row, column], digits))
     if part.m1 is not None:
         for column, row, mode in zip(*np.nonzero(np.moveaxis(part.m1, 2, 0)), strict=True):
             name = f"m1({row + 1:2d},{mode + 1:2d},{column + 1:2d})"
-            yield _value(inner, name, _number(part.m1[row, mode, column]))
+            yield _value(inner, name, _number(part.m1[row, mode, column], digits))
     yield f"{'':{indent}}end {part.name:<8}"
 
 
@@ -195,5 +205,5 @@ def _value(indent: int, name: str, value: str) -> str:
     return f"{'':{indent}}{name}".ljust(48) + f"={value}"
 
 
-def _number(value: float) -> str:
-    return f"{value:18.11E}".replace("E", "D")
+def _number(value: float, digits: int) -> str:
+    return f"{value:{digits + 7}.{digits}E}".replace("E", "D")

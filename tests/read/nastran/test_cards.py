@@ -139,9 +139,11 @@ def test_cards_not_asked_for_cannot_stop_the_reader(tmp_path: Path) -> None:
 
 def test_field_errors_name_file_line_and_field(tmp_path: Path) -> None:
     path = tmp_path / "deck.bdf"
-    path.write_text("$\nGRID,1,x,1.0,abc\n")
+    path.write_text("$\nGRID,1,x,1.0,abc,9+70\n")
     (card,) = read_cards(path, {"GRID"}).sections[0]["GRID"]
     with pytest.raises(ReadError, match=r"deck.bdf, line 2: GRID: field 3 should be an integer, it is 'X'"):
         card.integer(1)
     with pytest.raises(ReadError, match=r"field 5 should be a number, it is 'ABC'"):
         card.real(3)
+    with pytest.raises(ReadError, match=r"field 6 is '9\+70', more than any length"):
+        card.real(4)

@@ -107,6 +107,22 @@ def test_shapes_and_matrices(tmp_path: Path) -> None:
     assert not f["start"].any()
 
 
+def test_numbers_of_the_spacecrafts_joints_and_the_file_of_nodes(tmp_path: Path) -> None:
+    """Joint 4 alone is at this body; its nodes are where 42 looks for the analysis nodes, in their order."""
+    body = particles()
+    flex, nodes = write_42(tmp_path / "Flex_cloud.txt", body.file, body.integrals, {"tip": 4})
+    assert (flex.name, nodes.name) == ("Flex_cloud.txt", "Nodes_cloud.txt")
+    f = read(flex, 5, 7)
+    np.testing.assert_allclose(f["Joint PSI"][:, 4], body.node_u[6].T, rtol=0, atol=1e-15)
+    assert not f["Joint PSI"][:, :4].any()
+    title, _, count, _, *rows = nodes.read_text().splitlines()
+    assert "Body Node Inputs for 42" in title and int(count.split("!")[0]) == len(rows) == 7
+    # Three numbers, then a comment in quotation marks.
+    parts = [row.split('"') for row in rows]
+    np.testing.assert_allclose(np.array([p[0].split() for p in parts], dtype=float), body.node_x, rtol=0, atol=1e-15)
+    assert [p[1] for p in parts][:2] == ["node 2", "node 3 root"] and all(p[2] == "" for p in parts)
+
+
 def test_a_joint_has_one_node(tmp_path: Path) -> None:
     body = particles()
     several = {

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import WriteError
+from cmsreduce.mechanics import integrals_about, mean_axis_motion, without_rigid_motion
 from cmsreduce.model import SecondOrder, cross_matrix
 from cmsreduce.write.targets.mass_points import mass_points
 from cmsreduce.write.targets.mbdyn import write_mbdyn
@@ -85,6 +86,27 @@ def test_one_mass_in_every_group(tmp_path: Path, dialect: str) -> None:
     )
     np.testing.assert_allclose(np.diag(f[10]), body.omega**2)
     np.testing.assert_allclose(np.diag(f[13]), 0.02 * body.omega)
+
+
+def test_groups_that_every_version_reads_about_mean_axes(tmp_path: Path) -> None:
+    """Without invariants MBDyn takes the momentum of the modes for zero: they have none about the centre of mass."""
+    body = particles()
+    with pytest.raises(WriteError, match=r"leaves out the momentum of the modes.* `--for mbdyn-1\.7\.3`"):
+        write_mbdyn(tmp_path / "body.fem", body.file, body.integrals, "first-order")
+    centre = body.m @ body.x / body.m.sum()
+    x = body.x - centre
+    about = sum(-m * cross_matrix(r) @ cross_matrix(r) for m, r in zip(body.m, x, strict=True))
+    origin = body.integrals.origin + body.integrals.axes.T @ centre
+    mean = integrals_about(body.integrals, origin)
+    left = without_rigid_motion(mean, mean_axis_motion(mean))
+    mass = np.einsum("iiab->ab", left.phi_phi)
+    file = replace(body.file, arrays={**body.file.arrays, "modes/mass": mass})
+    write_mbdyn(tmp_path / "body.fem", file, left, "first-order")
+    f = read(tmp_path / "body.fem")
+    assert set(f) == {2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 13}
+    np.testing.assert_array_equal(f[9], f[9].T)
+    np.testing.assert_allclose(f[9], mass, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(f[12], [body.m.sum(), 0, 0, 0, *about.ravel()], rtol=0, atol=1e-13 * abs(about).max())
 
 
 def test_lumps_that_turn(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,8 @@ import pytest
 from cmsreduce.errors import WriteError
 from cmsreduce.write.targets.sid import write_sid
 from tests.write.particles import FORMATS, particles
+
+FACES = ("root", "tip")
 
 
 @dataclass
@@ -100,7 +102,7 @@ def test_the_reader_understands_a_file_of_fembs() -> None:
     )
 
 
-@pytest.mark.parametrize("dialect", ["by-axis", "by-mode"])
+@pytest.mark.parametrize("dialect", ["by-axis", "by-mode", "gr-by-mode", "embs"])
 def test_forces_on_particles(tmp_path: Path, dialect: str) -> None:
     """Inertia forces of a moving frame and moving modes, summed over particles."""
     body = particles()
@@ -113,7 +115,8 @@ def test_forces_on_particles(tmp_path: Path, dialect: str) -> None:
     def blocks(name: str) -> np.ndarray:
         """Gr or Ge as [row, axis, mode]."""
         rows = sid.body[name].m0.shape[0]
-        shape = (rows, 3, k) if dialect == "by-axis" else (rows, k, 3)
+        by_axis = dialect == "by-axis" or (dialect == "gr-by-mode" and name == "Ge")
+        shape = (rows, 3, k) if by_axis else (rows, k, 3)
         return np.moveaxis(sid.body[name].m0.reshape(shape), shape.index(k, 1), 2)
 
     def forces(x: np.ndarray) -> np.ndarray:
@@ -167,6 +170,27 @@ def test_nodes_and_matrices(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.diag(sid.body["Ke"].m0), body.omega**2, rtol=1e-11)
     np.testing.assert_allclose(np.diag(sid.body["De"].m0), 0.02 * body.omega, rtol=1e-11)
     np.testing.assert_allclose(sid.body["Cr"].m0.T, body.integrals.r_cross_phi, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["Jrotor", "subframe", "Metal deck", "Jframe 2", "mass 7.5"])
+def test_keywords_stand_alone_for_a_reader_that_searches_for_them(tmp_path: Path, name: str) -> None:
+    """EMBS_ModelicaLib takes a line that contains a keyword anywhere, so that no other line may contain one."""
+    body = particles()
+    file = replace(body.file, name=name, arrays={**body.file.arrays, "nodes/id": 10**6 + np.arange(7)})
+    file = replace(file, arrays={**file.arrays, **{f"interfaces/{face}/node": np.array([10**6]) for face in FACES}})
+    write_sid(tmp_path / "body.sid", file, body.integrals, "embs")
+    head, _, *lines = (tmp_path / "body.sid").read_text().splitlines()
+    assert name in head
+    words = ["refmod", "frame", "mdCM", "J", "Ct", "Cr", "Me", "Gr", "Ge", "Oe", "ksigma", "Ke", "De"]
+    top = [line for line in lines if len(line) - len(line.lstrip()) <= 11]
+    found = [word for line in top for word in words if word in line and "end " not in line]
+    assert found == words
+    sid = read(tmp_path / "body.sid")
+    # Its integers have five digits; a symmetric matrix is there as a whole.
+    assert list(sid.nodes) == [1, 2, 3, 4, 5, 6, 7]
+    assert sid.mass == pytest.approx(body.m.sum(), rel=1e-15)
+    assert "structure             =    2" not in (tmp_path / "body.sid").read_text()
+    np.testing.assert_allclose(sid.body["Ke"].m0, np.diag(body.omega**2), rtol=1e-15)
 
 
 def test_modes_without_mass_are_refused(tmp_path: Path) -> None:

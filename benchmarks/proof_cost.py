@@ -1,0 +1,131 @@
+"""Seconds of every proof within one run of a bar of 103 000 dofs, and their share of it: a Markdown table.
+
+The whole pipeline runs in this process, from files to report, with a deck that states elements and material. Every
+function that proves is timed where the pipeline calls it; a proof within another one counts once.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from functools import wraps
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+import cmsreduce as cms  # noqa: E402
+from benchmarks.meshes import _C3D8, Body, free_bar, grid  # noqa: E402
+
+CELLS = (214, 11, 12)
+SIDES = (3.0, 0.17, 0.18)
+PIPELINE = """\
+name: bar
+components:
+  bar:
+    stiffness: K.npz
+    mass: M.npz
+    geometry: bar.bdf
+    rows: rows.txt
+    interfaces: {root: {nodes: [1, 2, 3, 14, 15, 16]}}
+    damping: {modal: 0.01}
+scene:
+  band: 1.5 kHz
+  ground: bar.root
+  actuators: {push: {at: bar.33540, force: [0, 0, 1]}}
+  sensors: {tip: {at: bar.33540, measure: z}}
+reduce: {cutoff: 2}
+verify: {frf: {points: 400}, limits: {frf_error: 50 %}}
+write: {formats: [hdf5]}
+"""
+# Fact, and the functions that prove it: module of the pipeline, name as it is called there.
+PROOFS = {
+    "row order of K": ("bodies.bodies", "prove_row_order"),
+    "row order of M": ("bodies.bodies", "prove_mass_order"),
+    "K resists all but the rigid motions": ("bodies.bodies", "only_motions"),
+    "rigid motions, orthonormal": ("bodies.bodies", "rigid_body_modes"),
+    "one connected body": ("bodies.bodies", "check_connected"),
+    "definiteness of K and M": ("bodies.bodies", "definite"),
+    "K and M against the deck": ("bodies.bodies", "prove_body"),
+    "number of rigid motions": ("bodies.bodies", "rigid_motions_proof"),
+    "damping matrix": ("bodies.bodies", "damping_health"),
+    "damping of the modes": ("results.result", "damping_proof"),
+    "error bars of the frequencies": ("results.result", "frequency_error_bars"),
+    "energy of the system, stability": ("run.verification", "without_energy"),
+}
+
+
+def write_files(folder: Path) -> None:
+    """Matrices, deck and pipeline of the bar."""
+    body = free_bar(CELLS, SIDES)
+    sp.save_npz(folder / "K.npz", body.K)
+    sp.save_npz(folder / "M.npz", body.M)
+    (folder / "rows.txt").write_text("\n".join(body.dofs.labels))
+    made = grid(Body("bar", "solid", CELLS, SIDES, 0.0))
+    with (folder / "bar.bdf").open("w") as file:
+        file.write("BEGIN BULK\n")
+        for node, (x, y, z) in enumerate(made.xyz, 1):
+            file.write(f"GRID*   {node:16d}{'':16}{x:16.9E}{y:16.9E}\n*       {z:16.9E}\n")
+        for number, corners in enumerate(made.cells[:, _C3D8] + 1, 1):
+            file.write("CHEXA,{},1,{},{},{},{},{},{}\n,{},{}\n".format(number, *corners))
+        file.write("PSOLID,1,1\nMAT1,1,2.1+11,,.3,7850.\nENDDATA\n")
+    (folder / "bar.yaml").write_text(PIPELINE)
+
+
+class Stopwatch:
+    """Seconds by label; what is called within a timed call is not timed again."""
+
+    def __init__(self) -> None:
+        self.seconds: defaultdict[str, float] = defaultdict(float)
+        self._busy = False
+
+    def around(self, label: str, work: Callable[..., Any]) -> Callable[..., Any]:
+        """The function, timed."""
+
+        @wraps(work)
+        def timed(*args: Any, **named: Any) -> Any:
+            if self._busy:
+                return work(*args, **named)
+            self._busy, started = True, time.perf_counter()
+            try:
+                return work(*args, **named)
+            finally:
+                self.seconds[label] += time.perf_counter() - started
+                self._busy = False
+
+        return timed
+
+
+def main() -> None:
+    """Run the pipeline once and print the table."""
+    watch = Stopwatch()
+    for label, (module, name) in PROOFS.items():
+        room = import_module(f"cmsreduce.pipeline.{module}")
+        setattr(room, name, watch.around(label, getattr(room, name)))
+    counting = [import_module(f"cmsreduce.reduce.{name}") for name in ("craig_bampton", "macneal_rubin")]
+    for room in counting:
+        room.count_below = watch.around("number of modes, by a Sturm count", room.count_below)  # type: ignore[attr-defined]
+    with tempfile.TemporaryDirectory() as scratch:
+        write_files(Path(scratch))
+        started = time.perf_counter()
+        finished = cms.run(Path(scratch) / "bar.yaml", out=Path(scratch) / "out")
+        whole = time.perf_counter() - started
+    assert finished.passed, finished.verdict
+    print(f"{3 * np.prod(np.add(CELLS, 1))} dofs, run {whole:.1f} s\n")
+    print("| proof | seconds | share of the run |\n|---|---|---|")
+    for label, seconds in watch.seconds.items():
+        print(f"| {label} | {seconds:.2f} | {100 * seconds / whole:.1f} % |")
+    total = sum(watch.seconds.values())
+    print(f"| all | {total:.2f} | {100 * total / whole:.1f} % |")
+
+
+if __name__ == "__main__":
+    main()
