@@ -109,7 +109,7 @@ def add_sensor(deck: MbdynInput, channel: Channel) -> None:
                     place.require_slope(f"sensor '{channel.name}'")
                 parts += (_rates if channel.rate else _motions)(deck, place, weights)
             case JointTerm(joint, dof):
-                parts += joint_motion(deck, deck.joint(joint), dof, rate=channel.rate)
+                parts.append(joint_motion(deck, deck.joint(joint), dof, rate=channel.rate))
             case StrutTerm(a, b):
                 points = deck.place(a), deck.place(b)
                 measure = deck.label("length", f"{name}_seen", f"length of {name}")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,24 +41,20 @@ def _hinge_axis(placed: SceneJoint) -> int | None:
 
 def add_joint(deck: MbdynInput, placed: SceneJoint) -> None:
     """Add a hinge if one rotation is free, else the locked motions of each pair of nodes, with springs and inertias."""
-    name, axis = placed.joint.name, _hinge_axis(placed)
+    axis = _hinge_axis(placed)
     for k, locked in enumerate(placed.locked):
         first, second, gap = ends(deck, placed, k)
-        label = deck.label("joint", name if len(placed.locked) == 1 else f"{name}_{k + 1}")
         if any(dof >= _FIRST_ROTATION for dof in locked):
             _require_slopes(placed, first, second)
-        if axis is not None:
+        # Motions start from zero: where the second point is now, with the axes as they are now.
+        start, now = first.moved(gap), _axes_now(placed, first, second)
+        if axis is None:
+            one, other = _total_end(start, placed.first_axes), _total_end(second, now)
+            text = f"total joint, {one}, {other}{_constraints(locked)}"
+        else:
             order = _AXIS_LAST[axis]
-            one = f"{first.node}, position, {vector(first.offset)}, orientation, "
-            other = f"{second.node}, position, {vector(second.offset)}, orientation, "
-            turned = first.oriented(placed.first_axes, order), second.oriented(placed.second_axes, order)
-            deck.element("joint", label, f"revolute hinge, {one}{turned[0]}, {other}{turned[1]}")
-            continue
-        # Motions start from zero where the second point is now, with the axes as they are now.
-        start = first.moved(gap)
-        one = _total_end(start, placed.first_axes)
-        other = _total_end(second, _axes_now(placed, first, second))
-        deck.element("joint", label, f"total joint, {one}, {other}{_constraints(locked)}")
+            text = f"revolute hinge, {_end(start, placed.first_axes, order)}, {_end(second, now, order)}"
+        deck.element("joint", _label(deck, placed, k), text)
     _add_elements(deck, placed)
 
 
@@ -99,8 +93,8 @@ def _add_elements(deck: MbdynInput, placed: SceneJoint) -> None:
         figures = np.zeros((2, 6))
         for element in rest:
             figures[:, element.dof] = element.stiffness, element.damping
-        one = _spring_end(first.moved(gap), placed.first_axes)
-        other = _spring_end(second, _axes_now(placed, first, second))
+        one = _end(first.moved(gap), placed.first_axes)
+        other = _end(second, _axes_now(placed, first, second))
         K, C = (", ".join(real(value) for value in row) for row in figures)
         law = f"linear viscoelastic generic, diag, {K}, diag, {C}"
         deck.element("joint", deck.label("spring", joint.name), f"deformable joint, {one}, {other}, {law}")
@@ -124,14 +118,14 @@ def _add_torsion(deck: MbdynInput, placed: SceneJoint, element: JointElement) ->
     first, second, gap = ends(deck, placed)
     _require_slopes(placed, first, second)
     order = _AXIS_LAST[element.dof - _FIRST_ROTATION]
-    one = _spring_end(first.moved(gap), placed.first_axes, order)
-    other = _spring_end(second, _axes_now(placed, first, second), order)
+    one = _end(first.moved(gap), placed.first_axes, order)
+    other = _end(second, _axes_now(placed, first, second), order)
     law = f"linear viscoelastic, {real(element.stiffness)}, {real(element.damping)}"
     label = deck.label("torsion", placed.joint.name, f"spring of joint {placed.joint.name}")
     deck.element("joint", label, f"deformable axial joint, {one}, {other}, {law}")
 
 
-def _spring_end(point: Place, axes: Array, order: tuple[int, int, int] = (0, 1, 2)) -> str:
+def _end(point: Place, axes: Array, order: tuple[int, int, int] = (0, 1, 2)) -> str:
     return f"{point.node}, position, {vector(point.offset)}, orientation, {point.oriented(axes, order)}"
 
 
@@ -149,16 +143,13 @@ def add_ground(deck: MbdynInput, point: Point) -> None:
         deck.element("joint", label, f"total pin joint, {_total_end(place, axes)}, {there}{_constraints(held)}")
 
 
-def joint_motion(deck: MbdynInput, placed: SceneJoint, dof: int, *, rate: bool) -> Iterator[str]:
-    """Drives whose sum is a motion of a joint, or its rate: the second side against the first."""
-    name, axis = placed.joint.name, _hinge_axis(placed)
-    if axis is not None:
-        what, start = ("wz" if rate else "rz"), 0.0
-    else:
-        kinds = ("v", "w") if rate else ("p", "r")
-        what = kinds[dof // _FIRST_ROTATION] + "xyz"[dof % 3]
-        start = 0.0 if rate else float(placed.values[dof])
-        if dof < _FIRST_ROTATION and not rate:
-            start = float(placed.first_axes[dof] @ ends(deck, placed)[2])
-    label = deck.label("joint", name if len(placed.locked) == 1 else f"{name}_1")
-    yield f'element, {label}, joint, string, "{what}", linear, {real(start)}, 1.'
+def joint_motion(deck: MbdynInput, placed: SceneJoint, dof: int, *, rate: bool) -> str:
+    """Drive of a motion of a joint since the start, or of its rate: the second side against the first."""
+    turns = dof >= _FIRST_ROTATION
+    what = "vw"[turns] if rate else "pr"[turns]
+    axis = "z" if _hinge_axis(placed) is not None else "xyz"[dof % 3]
+    return f'element, {_label(deck, placed, 0)}, joint, string, "{what}{axis}", direct'
+
+
+def _label(deck: MbdynInput, placed: SceneJoint, k: int) -> str:
+    return deck.label("joint", placed.joint.name if len(placed.locked) == 1 else f"{placed.joint.name}_{k + 1}")
