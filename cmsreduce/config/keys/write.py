@@ -160,6 +160,7 @@ _DIALECTS = {
 ProgramName = Literal[
     "42",
     "mbdyn-1.7.3",
+    "mbdyn-1.7.3-first-order",
     "mbdyn-1.7.3-lumped",
     "mbdyn",
     "embs",

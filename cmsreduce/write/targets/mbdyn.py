@@ -134,7 +134,8 @@ def _first_order(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
     if abs(momentum).max(initial=0.0) > _NO_MOMENTUM * np.max(rigid * np.sqrt(body.mass.diagonal()), initial=0.0):
         raise WriteError(
             f"component '{body.name}': the dialect first-order leaves out the momentum of the modes, and these have "
-            "some; write the body about mean axes: `--for mbdyn-1.7.3`, or `write: {frame: {kind: mean-axis}}`"
+            "some; write the body about mean axes: `--for mbdyn-1.7.3-first-order`, or "
+            "`write: {frame: {kind: mean-axis}}`"
         )
     return _consistent(body)
 
