@@ -7,7 +7,7 @@ DOCS_STAMP := $(VENV)/.docs
 PIPELINES := $(wildcard pipelines/*.yaml)
 RUNS := $(patsubst pipelines/%.yaml,build/%/summary.json,$(PIPELINES))
 
-.PHONY: help setup demo test lint docs bench bench-full bench-peers pipelines models sweep-galileo clean
+.PHONY: help setup demo test lint docs bench bench-full bench-peers consumers pipelines models sweep-galileo clean
 .DELETE_ON_ERROR:
 
 help: ## show the targets
@@ -57,6 +57,10 @@ bench-full: $(STAMP) bench-peers ## every peer on every body, and benchmarks/per
 bench-peers:
 	-$(PYTHON) -m venv build/peers/exudyn && build/peers/exudyn/bin/pip install --quiet exudyn==1.13.6 scipy
 	-$(PYTHON) -m venv build/peers/sdynpy && build/peers/sdynpy/bin/pip install --quiet sdynpy
+
+# Nothing is downloaded: Exudyn is in the extra of that name, and other programs are found by environment variables.
+consumers: $(STAMP) ## exported scenes run in the multibody programs that are here, and benchmarks/consumers.md; minutes
+	$(BIN)/python benchmarks/exported_scenes.py
 
 pipelines: $(RUNS) ## run every pipeline whose inputs changed; try -j2
 

@@ -10,9 +10,9 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from scipy.integrate import solve_ivp
 
-from cmsreduce.model import cross_matrix
+from cmsreduce.model import ModalComponent, cross_matrix, rigid_body_shapes
 
-__all__ = ["PlaneBeam", "tumbling_tip"]
+__all__ = ["HingedPair", "PlaneBeam", "tumbling_tip"]
 
 # Of the integrator, relative and absolute: four orders under what is asserted of either motion.
 _RTOL, _ATOL = 1e-10, 1e-12
@@ -108,3 +108,119 @@ def rotation(e: np.ndarray) -> np.ndarray:
     e = e / np.linalg.norm(e)
     S = cross_matrix(e[1:])
     return np.eye(3) + 2 * e[0] * S + 2 * S @ S
+
+
+@dataclass(frozen=True)
+class _Nodes:
+    """A flexible body in a frame at a clamped point: velocities of all dofs are (R v_w + C(q) w + Phi q').
+
+    Parameters
+    ----------
+    M : (n, n) float64
+        Mass matrix of the finite elements, or of amplitudes of all motions below.
+    rigid : (n, 6) float64
+        Rigid motions about the clamped point.
+    Phi : (n, k) float64
+        Shapes that do not move this point.
+    swing : (n, 3, k) float64
+        Motion of the dofs for a unit rotation of the frame about x, y, z, per unit of each shape.
+    stiffness, damping : (k, k) float64
+        Modal.
+    """
+
+    M: np.ndarray
+    rigid: np.ndarray
+    Phi: np.ndarray
+    swing: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+
+    @classmethod
+    def of(cls, component: ModalComponent, interface: str) -> _Nodes:
+        """Elastic modes of a free body, less the rigid motion of one node in each."""
+        body = component.body
+        rows, rigid = (
+            body.interface_rows(interface),
+            rigid_body_shapes(body.dofs, body.nodes, body.interfaces[interface].position[0]),
+        )
+        elastic = slice(component.rigid_count, None)
+        Phi = component.Phi[:, elastic]
+        Phi = Phi - rigid @ np.linalg.solve(rigid[rows], Phi[rows])
+        at, component_of = body.nodes.index(body.dofs.node), body.dofs.component
+        moved = np.zeros((len(body.nodes.id), 3, Phi.shape[1]))
+        for row in np.flatnonzero(component_of <= 3):
+            moved[at[row]] += np.outer(body.nodes.frame[at[row], component_of[row] - 1], Phi[row])
+        swing = np.zeros((body.n, 3, Phi.shape[1]))
+        for row in np.flatnonzero(component_of <= 3):
+            axis = body.nodes.frame[at[row], component_of[row] - 1]
+            # e . (w x u) = w . (u x e)
+            swing[row] = np.cross(moved[at[row]], axis[:, None], axis=0)
+        # The dofs move in these ways only: their amplitudes are fewer.
+        k, omega = Phi.shape[1], component.omega[elastic]
+        ways = np.hstack([rigid, Phi, swing.reshape(body.n, 3 * k)])
+        one = np.eye(ways.shape[1])
+        M, swung = ways.T @ (body.M @ ways), one[:, 6 + k :].reshape(-1, 3, k)
+        damping = np.diag(2 * component.zeta[elastic] * omega)
+        return cls(M, one[:, :6], one[:, 6 : 6 + k], swung, np.diag(omega**2), damping)
+
+    def inertia_force(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mass matrix over (v, w, q') along the frame's axes, and the forces that hold without acceleration.
+
+        Boltzmann and Hamel: with p = dT/ds, (p_v' + w x p_v, p_w' + w x p_w + v x p_v, p_q' - dT/dq).
+        """
+        v, w, rate = s[:3], s[3:6], s[6:]
+        B = np.hstack([self.rigid, self.Phi])
+        B[:, 3:6] += self.swing @ q
+        MB = self.M @ B
+        momentum = MB @ s
+        turned = self.swing @ rate
+        force = MB.T @ (turned @ w)
+        force[3:6] += turned.T @ momentum
+        p = B.T @ momentum
+        force[:3] += np.cross(w, p[:3])
+        force[3:6] += np.cross(w, p[3:6]) + np.cross(v, p[:3])
+        force[6:] += self.stiffness @ q + self.damping @ rate - np.einsum("n,nak,a->k", momentum, self.swing, w)
+        return B.T @ MB, force
+
+
+class HingedPair:
+    """Two flexible bodies that float and turn against each other about z of the point to which both are clamped.
+
+    Lagrange's equations over all nodes, by the mass matrices of the finite elements; no integral over shapes is formed.
+
+    Parameters
+    ----------
+    first, second : ModalComponent
+        Elastic modes of the free bodies.
+    interface : str
+        The same on both.
+    """
+
+    def __init__(self, first: ModalComponent, second: ModalComponent, interface: str) -> None:
+        self.bodies = _Nodes.of(first, interface), _Nodes.of(second, interface)
+
+    def turned_by(self, torque: Callable[[float], float], times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Angle of the hinge (times,), and modal coordinates of both bodies (times, k), from rest."""
+        a, b = self.bodies
+        ka, kb = a.Phi.shape[1], b.Phi.shape[1]
+        n, z = 7 + ka + kb, np.array([0.0, 0.0, 1.0])
+        own = np.zeros((6 + ka, n))
+        own[:6, :6], own[6:, 7 : 7 + ka] = np.eye(6), np.eye(ka)
+
+        def rate(t: float, y: np.ndarray) -> np.ndarray:
+            angle, q, s = y[0], y[1 : 1 + ka + kb], y[1 + ka + kb :]
+            c, d = np.cos(angle), np.sin(angle)
+            A = np.array([[c, d, 0.0], [-d, c, 0.0], [0.0, 0.0, 1.0]])
+            other = np.zeros((6 + kb, n))
+            other[:3, :3], other[3:6, 3:6], other[3:6, 6], other[6:, 7 + ka :] = A, A, z, np.eye(kb)
+            left = np.zeros(6 + kb)
+            left[:3], left[3:6] = -s[6] * np.cross(z, A @ s[:3]), -s[6] * np.cross(z, A @ s[3:6])
+            Ma, fa = a.inertia_force(own @ s, q[:ka])
+            Mb, fb = b.inertia_force(other @ s, q[ka:])
+            load = -own.T @ fa - other.T @ (fb + Mb @ left)
+            load[6] += torque(t)
+            return np.r_[s[6], s[7:], la.solve(own.T @ Ma @ own + other.T @ Mb @ other, load, assume_a="pos")]
+
+        start = np.zeros(1 + ka + kb + n)
+        found = solve_ivp(rate, (0, times[-1]), start, "DOP853", times, rtol=1e-8, atol=1e-11).y
+        return found[0], found[1 : 1 + ka + kb].T

@@ -29,7 +29,7 @@ from cmsreduce.model import (
 from cmsreduce.write.component import FlexibleBody, flexible_body, read_component, stored_integrals
 from cmsreduce.write.export.first_slew import FirstSlew, first_slew
 from cmsreduce.write.files import atomic_path
-from cmsreduce.write.targets.exudyn import exudyn_arrays
+from cmsreduce.write.targets import exudyn_arrays
 
 __all__ = ["write_exudyn_scene"]
 

@@ -1,0 +1,153 @@
+"""Galileo's pair as `cmsreduce export` writes it, run unedited in other programs: a table of benchmarks/consumers.md.
+
+Programs that are not installed are left out by name. Exudyn is in the extra ``exudyn``; others are found by an
+environment variable.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import platform
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+# The predictions live with the tests, which are not installed.
+sys.path.insert(0, str(ROOT))
+
+from cmsreduce import __version__  # noqa: E402
+from cmsreduce.config import load_pipeline  # noqa: E402
+from cmsreduce.pipeline import Run, Silent, execute  # noqa: E402
+from cmsreduce.pipeline.results import multibody_scene  # noqa: E402
+from cmsreduce.write import export_scene  # noqa: E402
+from tests.consumers.galileo import PIPELINE, SAMPLE  # noqa: E402
+from tests.consumers.predictions import HingedPair  # noqa: E402
+
+PAGE = ROOT / "benchmarks" / "consumers.md"
+BEGIN, END = "<!-- exported scenes: make consumers writes this table -->", "<!-- end -->"
+KEPT, FEW = "{rotor: 19, stator: 10}", "{rotor: 8, stator: 4}"
+WRITE = "write: {formats: [hdf5], frame: {kind: clamped, at: spin_bearing}}\n"
+# The prediction has one value for so many steps.
+EVERY = 50
+
+
+@dataclass(frozen=True)
+class Case:
+    """A motion of the pair from rest: a torque of the motor over time.
+
+    Parameters
+    ----------
+    torque : float
+        Largest torque in N m, of a pulse sin^2.
+    pulse, seconds, step : float
+        Length of the pulse, of the motion and of a time step in s.
+    """
+
+    torque: float
+    pulse: float
+    seconds: float
+    step: float = 1e-3
+
+    def law(self, t: float) -> float:
+        """Torque at a time."""
+        return self.torque * math.sin(math.pi * t / self.pulse) ** 2 if t < self.pulse else 0.0
+
+
+CASES = {
+    "free vibration": Case(40.0, 1.0, 10.0),
+    "torque pulse": Case(40.0, 4.0, 6.0),
+    "spin-up": Case(40.0, 12.0, 13.0),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What a program made of a case, at every time step.
+
+    Parameters
+    ----------
+    version : str
+        Version of the program.
+    modes : mapping of body to (steps + 1, k) float64
+        Modal coordinates, those of the component file.
+    """
+
+    version: str
+    modes: Mapping[str, np.ndarray]
+
+
+def exudyn(run: Path, folder: Path, case: Case) -> Motion | None:
+    """The exported script as it is, but for the law of the motor."""
+    if importlib.util.find_spec("exudyn") is None:
+        return None
+    export_scene(multibody_scene(run), "exudyn", folder)
+    spec = importlib.util.spec_from_file_location(folder.name, folder / "scene.py")
+    assert spec is not None and spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    script.LAWS["motor"] = case.law
+    _, _, modes = script.build().simulate(case.seconds, case.step)
+    return Motion(script.exu.__version__, modes)
+
+
+PROGRAMS: dict[str, Callable[[Path, Path, Case], Motion | None]] = {"Exudyn": exudyn}
+"""Programs by name; each returns None where it is not installed."""
+
+
+def main() -> None:
+    """Run every case in every program, and write the table."""
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        lines = list(table(folder))
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    after = rest.partition(END)[2]
+    PAGE.write_text(f"{before}{BEGIN}\n\n" + "\n".join(lines) + f"\n\n{END}{after}", encoding="utf-8")
+    print("\n".join(lines))
+
+
+def table(folder: Path) -> list[str]:
+    """Rows of the table, and the versions below it."""
+    run = finished(folder)
+    pair = HingedPair(run.final["stator"], run.final["rotor"], "spin_bearing")
+    rows, versions = [], [f"cmsreduce {__version__}", f"Python {platform.python_version()}"]
+    for name, case in CASES.items():
+        times = np.arange(0, round(case.seconds / case.step) + 1, EVERY) * case.step
+        angle, expected = pair.turned_by(case.law, times)
+        split = run.final["stator"].omega.size - run.final["stator"].rigid_count
+        known = {"stator": expected[:, :split], "rotor": expected[:, split:]}
+        for program, simulated in PROGRAMS.items():
+            start = time.perf_counter()
+            motion = simulated(run.folder, folder / f"{program} {name}", case)
+            if motion is None:
+                continue
+            seconds = time.perf_counter() - start
+            versions += [f"{program} {motion.version}"]
+            errors = " | ".join(f"{rms(motion.modes[body][::EVERY], known[body]):.1e}" for body in ("rotor", "stator"))
+            rows.append(f"| {name} | {np.rad2deg(angle[-1]):.0f} deg | {program} | {errors} | {seconds:.0f} |")
+    head = ["| case | turned by | program | rotor | stator | s |", "|---|---|---|---|---|---|"]
+    return [*head, *rows, "", f"Versions: {', '.join(dict.fromkeys(versions))}."]
+
+
+def finished(folder: Path) -> Run:
+    """Run of the pair, whose files are written."""
+    path = folder / "pair.yaml"
+    path.write_text(PIPELINE.format(sample=SAMPLE).replace(KEPT, FEW) + WRITE)
+    run = Run(load_pipeline(path), folder / "run", Silent())
+    execute(run, path, report=False)
+    return run
+
+
+def rms(found: np.ndarray, known: np.ndarray) -> float:
+    """Difference of all modal coordinates over time, relative to the coordinates."""
+    return float(np.linalg.norm(found - known) / np.linalg.norm(known))
+
+
+if __name__ == "__main__":
+    main()
