@@ -186,7 +186,7 @@ convert_options = _options(
         "profile",
         metavar="PROGRAM",
         help="Files that this program runs, in the frame, modes and dialect that it takes: 42, mbdyn-1.7.3, "
-        "mbdyn-1.7.3-first-order, mbdyn-1.7.3-lumped, mbdyn, embs, fembs, pysid, mbsim or exudyn.",
+        "mbdyn-1.7.3-first-order, mbdyn-1.7.3-lumped, mbdyn, embs, pymbs, fembs, pysid, mbsim or exudyn.",
     ),
     click.option("--at", metavar="INTERFACE", help="With --for: clamp the frame of the body to this interface."),
     click.option(

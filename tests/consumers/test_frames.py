@@ -10,6 +10,8 @@ import scipy.linalg as la
 
 from cmsreduce.mechanics import floating_frame
 from cmsreduce.model import FEModel, FrameCondition, ModalComponent
+from cmsreduce.write import profile_files
+from cmsreduce.write.component import in_frame
 from tests.consumers.bodies import modes, npz
 from tests.frames import BAR, Section, frame
 
@@ -57,6 +59,21 @@ def test_frequencies_with_the_clamped_interface_held(component: ModalComponent, 
     body = scene.add(written(tmp_path, component, "clamped"))
     scene.join(scene.ground, body.marker)
     np.testing.assert_allclose(scene.frequencies(), np.sqrt(la.eigh(K, M, eigvals_only=True)), rtol=1e-8)
+
+
+def test_a_profile_clamps_a_body_that_was_written_free(component: ModalComponent, tmp_path: Path) -> None:
+    """The frame is changed from the component file alone, and back again: the held and the free finite elements."""
+    npz(tmp_path, component)
+    K, M = (A.toarray() for A in (component.body.K, component.body.M))
+    made = profile_files(tmp_path / "bent.h5", "exudyn", tmp_path, at="root")
+    held = ExudynScene()
+    body = held.add(made.paths[0])
+    held.join(held.ground, body.marker)
+    expected = np.sqrt(la.eigh(K[6:, 6:], M[6:, 6:], eigvals_only=True))
+    np.testing.assert_allclose(held.frequencies(), expected, rtol=1e-8)
+    free = ExudynScene()
+    free.add(profile_files(in_frame(made.body, FRAMES["mean axes"]), "exudyn", tmp_path).paths[0])
+    np.testing.assert_allclose(free.frequencies()[6:], np.sqrt(la.eigh(K, M, eigvals_only=True)[6:]), rtol=1e-8)
 
 
 def test_static_deflection_of_the_clamped_body(component: ModalComponent, tmp_path: Path) -> None:

@@ -164,6 +164,7 @@ ProgramName = Literal[
     "mbdyn-1.7.3-lumped",
     "mbdyn",
     "embs",
+    "pymbs",
     "fembs",
     "pysid",
     "mbsim",

@@ -87,6 +87,7 @@ PROFILES: dict[str, Profile] = {
         unit_mass=True,
         why="EMBS_ModelicaLib takes Gr and Ge by mode, unit modal mass for granted, and keywords from the body's name",
     ),
+    "pymbs": Profile("sid", "embs", why="PyMBS takes Gr and Ge by mode, and whole matrices"),
     "fembs": Profile("sid", "by-axis", why="the order in which FEMBS writes Gr and Ge"),
     "pysid": Profile("sid", "gr-by-mode", why="the order of PY_SID: Gr by mode, Ge by axis"),
     "mbsim": Profile("mbsim"),
@@ -170,8 +171,8 @@ def profile_files(
         if joints is None and body.interfaces:
             numbered = ", ".join(f"{name} {number}" for number, name in enumerate(body.interfaces))
             notes.append(
-                f"{body.name}: its interfaces have the joint numbers {numbered}; give those of your spacecraft, such "
-                f"as `--joint {next(iter(body.interfaces))}=2`"
+                f"{body.name}: its interfaces have the joint numbers {numbered}; give those of your spacecraft: "
+                f"`cmsreduce convert --for {profile} --joint {next(iter(body.interfaces))}=2`"
             )
     paths = TARGETS[chosen.target].write(path, body, integrals, **arguments) or (path,)
     notes += price_of(body, integrals, chosen.target, chosen.dialect)

@@ -25,7 +25,7 @@ __all__ = ["SidDialect", "write_sid"]
 
 SidDialect = Literal["by-axis", "by-mode", "gr-by-mode", "embs"]
 """Column of Gr and Ge for axis a and mode l, from 0: a nq + l as FEMBS writes them, or 3 l + a, a block a mode; or Gr
-by mode and Ge by axis. ``embs``: by mode, in words and digits that the reader of EMBS_ModelicaLib understands."""
+by mode and Ge by axis. ``embs``: by mode, in words and digits that EMBS_ModelicaLib and PyMBS understand."""
 
 _FIVE_DIGITS = 99999
 """Largest node id that the reader of EMBS_ModelicaLib has room for."""
