@@ -15,7 +15,7 @@ from cmsreduce.write.export.mbdyn_channels import actuator_laws, add_actuator, a
 from cmsreduce.write.export.mbdyn_input import BodyFrame, MbdynInput, matrix, real, vector
 from cmsreduce.write.export.mbdyn_joints import add_ground, add_joint
 from cmsreduce.write.files import put_lines
-from cmsreduce.write.targets.mbdyn import write_mbdyn
+from cmsreduce.write.targets import write_mbdyn
 
 __all__ = ["write_mbdyn_scene"]
 
