@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import os
 import platform
+import re
+import subprocess
 import sys
 import tempfile
 import time
@@ -97,7 +100,33 @@ def exudyn(run: Path, folder: Path, case: Case) -> Motion | None:
     return Motion(script.exu.__version__, modes)
 
 
-PROGRAMS: dict[str, Callable[[Path, Path, Case], Motion | None]] = {"Exudyn": exudyn}
+def mbdyn(run: Path, folder: Path, case: Case) -> Motion | None:
+    """The exported input as it is, but for the law of the motor, the end and the step."""
+    program = os.environ.get("CMSREDUCE_MBDYN")
+    if program is None:
+        return None
+    scene = multibody_scene(run)
+    main, *_ = export_scene(scene, "mbdyn", folder)
+    law = f"cosine, 0., {2 * math.pi / case.pulse!r}, {case.torque / 2!r}, one, 0."
+    text = re.sub('(name, "motor", )[^;]*;', rf"\g<1>{law};", main.read_text(), count=1)
+    for name, value in (("SECONDS", case.seconds), ("STEP", case.step)):
+        text = re.sub(rf"real {name} = .*?;", f"real {name} = {value!r};", text)
+    main.write_text(text)
+    done = subprocess.run([program, "-f", main.name], cwd=folder, capture_output=True, text=True, check=True)
+    rows = [row.split()[:2] for row in main.with_suffix(".mod").read_text().splitlines()]
+    labels = list(dict.fromkeys(label for label, _ in rows))
+    modes = np.array([float(value) for _, value in rows]).reshape(-1, len(labels))[
+        : round(case.seconds / case.step) + 1
+    ]
+    number = {name: re.search(rf"integer body_{name} = (\d+);", text)[1] for name in ("rotor", "stator")}  # type: ignore[index]
+    version = re.search(r"MultiBody Dynamics (\S+)", done.stdout)
+    return Motion(
+        version[1] if version else "of unknown version",
+        {name: modes[:, [label.split(".")[0] == key for label in labels]] for name, key in number.items()},
+    )
+
+
+PROGRAMS: dict[str, Callable[[Path, Path, Case], Motion | None]] = {"Exudyn": exudyn, "MBDyn": mbdyn}
 """Programs by name; each returns None where it is not installed."""
 
 

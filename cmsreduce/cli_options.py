@@ -186,7 +186,7 @@ convert_options = _options(
         "profile",
         metavar="PROGRAM",
         help="Files that this program runs, in the frame, modes and dialect that it takes: 42, mbdyn-1.7.3, "
-        "mbdyn-1.7.3-lumped, mbdyn, embs, pymbs, fembs, pysid, mbsim or exudyn.",
+        "mbdyn-1.7.3-first-order, mbdyn-1.7.3-lumped, mbdyn, embs, pymbs, fembs, pysid, mbsim or exudyn.",
     ),
     click.option("--at", metavar="INTERFACE", help="With --for: clamp the frame of the body to this interface."),
     click.option(
@@ -207,7 +207,7 @@ convert_options = _options(
     click.option(
         "--dialect",
         metavar="DIALECT",
-        help="For sid: by-axis, by-mode, gr-by-mode, embs. For mbdyn: invariants, lumped, first-order. For "
+        help="For sid: by-axis, by-mode, gr-by-mode, embs. For mbdyn: points, invariants, lumped, first-order. For "
         "fmi: fmi3, fmi2.",
     ),
     click.option("--configuration", metavar="NAME", help="Of a system file: the configuration to write."),

@@ -110,7 +110,7 @@ def test_a_slash_makes_a_folder(finished_study: Path, tmp_path: Path) -> None:
     for options, names in (
         (["--format", "sid"], {"arm.SID_FEM"}),
         (["--for", "42", "--joint", "tip=3"], {"Flex_arm.txt", "Nodes_arm.txt"}),
-        (["--for", "mbdyn-1.7.3"], {"arm.fem"}),
+        (["--for", "mbdyn-1.7.3-first-order"], {"arm.fem"}),
     ):
         made = tmp_path / options[1]
         result = CliRunner().invoke(main, ["convert", str(source), f"{made}/", *options])
@@ -155,7 +155,7 @@ def test_a_run_writes_a_folder_for_each_program(opened: Callable[..., Run], stud
         (["arm.h5", "arm.op4", "--dialect", "old"], "'old' is no dialect of nastran (it has none)"),
         (
             ["arm.h5", "x.fem", "--dialect", "old"],
-            "no dialect of mbdyn (its dialects: invariants, lumped, first-order)",
+            "no dialect of mbdyn (its dialects: points, invariants, lumped, first-order)",
         ),
         (["arm.h5", "arm.h5", "--format", "mbsim"], "would replace the component file itself"),
         (

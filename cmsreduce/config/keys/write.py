@@ -157,13 +157,14 @@ Format = Literal[
 
 _DIALECTS = {
     "sid": ("by-axis", "by-mode", "gr-by-mode", "embs"),
-    "mbdyn": ("invariants", "lumped", "first-order"),
+    "mbdyn": ("points", "invariants", "lumped", "first-order"),
     "fmi": ("fmi3", "fmi2"),
 }
 
 ProgramName = Literal[
     "42",
     "mbdyn-1.7.3",
+    "mbdyn-1.7.3-first-order",
     "mbdyn-1.7.3-lumped",
     "mbdyn",
     "embs",
@@ -203,7 +204,7 @@ class WriteKeys(BodyWriteKeys):
     dialects: dict[Plain, Plain] = Field(
         default={},
         description="Dialect of each format that has several. sid: by-axis, by-mode, gr-by-mode or embs, the order of "
-        "the columns of Gr and Ge; mbdyn: invariants, lumped or first-order; fmi: fmi3 or fmi2, the version of "
+        "the columns of Gr and Ge; mbdyn: points, invariants, lumped or first-order; fmi: fmi3 or fmi2, the version of "
         "the standard.",
         examples=[{"sid": "by-mode"}],
     )

@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from cmsreduce.errors import WriteError, not_among
 from cmsreduce.model import MultibodyScene
 from cmsreduce.write.export.exudyn import write_exudyn_scene
+from cmsreduce.write.export.mbdyn import write_mbdyn_scene
 
 __all__ = ["EXPORTS", "SceneExport", "export_scene"]
 
@@ -32,6 +33,7 @@ class SceneExport:
 
 EXPORTS: dict[str, SceneExport] = {
     "exudyn": SceneExport(write_exudyn_scene, "python scene.py"),
+    "mbdyn": SceneExport(write_mbdyn_scene, "mbdyn -f scene.mbd"),
 }
 """Programs by their name in ``export --to``; one line registers a program."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -14,13 +15,14 @@ from cmsreduce.mechanics import rigid_mass_matrix
 from cmsreduce.model import ModalIntegrals
 from cmsreduce.write.component import ComponentFile, FlexibleBody, flexible_body
 from cmsreduce.write.files import number, put_lines
+from cmsreduce.write.targets.mass_points import mass_points
 from cmsreduce.write.targets.nodal import NodalMass, nodal_mass
 
 __all__ = ["MbdynDialect", "write_mbdyn"]
 
-MbdynDialect = Literal["invariants", "lumped", "first-order"]
-"""Groups 14 to 18 of recent versions; a lumped mass in groups 9, 11 and 12, which every version reads; or groups 9, 10,
-12 and 13 alone, which every version reads, for modes without momentum."""
+MbdynDialect = Literal["points", "invariants", "lumped", "first-order"]
+"""Group 11 of mass points, or of the lumped mass of all nodes, which every version reads; groups 14 to 18 of recent
+versions; or groups 9, 10, 12 and 13 alone, which every version reads, for modes without momentum."""
 
 _RIGID = 12  # group whose first row is one number, the mass
 # Relative to the momentum of a rigid motion of the same kinetic energy: mean axes leave round-off.
@@ -30,12 +32,14 @@ Array = NDArray[np.float64]
 
 
 def write_mbdyn(
-    path: Path, component: ComponentFile, integrals: ModalIntegrals, dialect: MbdynDialect = "invariants"
+    path: Path, component: ComponentFile, integrals: ModalIntegrals, dialect: MbdynDialect = "points"
 ) -> None:
     """Write the body for MBDyn's modal joint.
 
-    All groups describe the same mass: that of the integrals, or in the dialect ``lumped`` that of the nodal masses. The
-    slope of a node of solid elements is not known and written as zero: attach such a node by its translations only.
+    All groups describe the same mass: that of the integrals, or in the dialect ``lumped`` that of the nodal masses. In
+    the dialect ``points``, nodes have no mass, and points after them, with numbers above those of all nodes, have the
+    integrals of the body: MBDyn 1.7.3 forms its invariants from them without the price of lumping. The slope of a node
+    of solid elements is not known and written as zero: attach such a node by its translations only.
 
     Parameters
     ----------
@@ -45,7 +49,7 @@ def write_mbdyn(
         The body.
     integrals : ModalIntegrals
         Integrals over its modes, about the origin of the modal node.
-    dialect : {"invariants", "lumped", "first-order"}
+    dialect : {"points", "invariants", "lumped", "first-order"}
         Record groups that describe the mass.
 
     Raises
@@ -55,10 +59,14 @@ def write_mbdyn(
         written.
     """
     body = flexible_body(component, integrals, slow=dialect == "first-order")
-    if dialect == "first-order":
+    if dialect == "points":
+        body, groups = _points(body)
+    elif dialect == "first-order":
         groups = _first_order(body)
+    elif dialect == "invariants":
+        groups = _invariants(body)
     else:
-        groups = _invariants(body) if dialect == "invariants" else _lumped(body, nodal_mass(component, body))
+        groups = _lumped(body, nodal_mass(component, body))
     put_lines(path, _lines(body, groups))
 
 
@@ -102,6 +110,22 @@ def _groups(groups: dict[int, tuple[str, Array]]) -> Iterator[str]:
         yield "**"
 
 
+def _points(body: FlexibleBody) -> tuple[FlexibleBody, dict[int, tuple[str, Array]]]:
+    """The body with points after its nodes, which have all its mass."""
+    points = mass_points(body.integrals)
+    n, p = body.node.size, points.mass.size
+    masses = np.zeros((n + p, 6))
+    masses[n:, :3] = points.mass[:, None]
+    with_points = replace(
+        body,
+        node=np.r_[body.node, body.node.max(initial=0) + 1 + np.arange(p)],
+        position=np.vstack([body.position, points.position]),
+        translation=np.concatenate([body.translation, points.translation]),
+        rotation=np.concatenate([body.rotation, np.zeros_like(points.translation)]),
+    )
+    return with_points, _consistent(body) | {11: ("DIAGONAL OF LUMPED MASS MATRIX", masses)}
+
+
 def _first_order(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
     """Groups of the consistent mass; without groups 11 and 14 to 18 the modes do not act on the rigid motion."""
     integrals = body.integrals
@@ -110,7 +134,8 @@ def _first_order(body: FlexibleBody) -> dict[int, tuple[str, Array]]:
     if abs(momentum).max(initial=0.0) > _NO_MOMENTUM * np.max(rigid * np.sqrt(body.mass.diagonal()), initial=0.0):
         raise WriteError(
             f"component '{body.name}': the dialect first-order leaves out the momentum of the modes, and these have "
-            "some; write the body about mean axes: `--for mbdyn-1.7.3`, or `write: {frame: {kind: mean-axis}}`"
+            "some; write the body about mean axes: `--for mbdyn-1.7.3-first-order`, or "
+            "`write: {frame: {kind: mean-axis}}`"
         )
     return _consistent(body)
 

@@ -68,12 +68,17 @@ PROFILES: dict[str, Profile] = {
     ),
     "mbdyn-1.7.3": Profile(
         "mbdyn",
+        "points",
+        why="MBDyn 1.7.3 does not know the record groups of invariants, and forms them exactly from mass points",
+    ),
+    "mbdyn-1.7.3-first-order": Profile(
+        "mbdyn",
         "first-order",
         mean_axes=True,
-        why="MBDyn 1.7.3 does not know the record groups of invariants; about mean axes it needs none to first order",
+        why="about mean axes MBDyn needs no invariants to first order: for bodies without integrals of second order",
     ),
     "mbdyn-1.7.3-lumped": Profile(
-        "mbdyn", "lumped", why="MBDyn 1.7.3 forms its invariants from a lumped mass alone, for fast rotations"
+        "mbdyn", "lumped", why="MBDyn 1.7.3 forms its invariants from the lumped mass of all nodes of the mesh"
     ),
     "mbdyn": Profile("mbdyn", "invariants", why="versions of MBDyn that read record groups 14 to 18"),
     "embs": Profile(

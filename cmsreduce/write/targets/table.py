@@ -48,7 +48,7 @@ TARGETS: dict[str, Target] = {
     "nastran": Target(".op4", write_nastran, integrals=False),
     "42": Target(".42.txt", write_42),
     "sid": Target(".SID_FEM", write_sid, ("by-axis", "by-mode", "gr-by-mode", "embs")),
-    "mbdyn": Target(".fem", write_mbdyn, ("invariants", "lumped", "first-order")),
+    "mbdyn": Target(".fem", write_mbdyn, ("points", "invariants", "lumped", "first-order")),
     "mbsim": Target(".mbsim.h5", write_mbsim),
     "exudyn": Target(".npz", write_exudyn),
     "discos": Target(".discos.txt", write_nodal),

@@ -10,7 +10,8 @@ import pytest
 
 from cmsreduce.errors import WriteError
 from cmsreduce.mechanics import integrals_about, mean_axis_motion, without_rigid_motion
-from cmsreduce.model import cross_matrix
+from cmsreduce.model import SecondOrder, cross_matrix
+from cmsreduce.write.targets.mass_points import mass_points
 from cmsreduce.write.targets.mbdyn import write_mbdyn
 from tests.write.particles import FORMATS, particles
 
@@ -90,7 +91,7 @@ def test_one_mass_in_every_group(tmp_path: Path, dialect: str) -> None:
 def test_groups_that_every_version_reads_about_mean_axes(tmp_path: Path) -> None:
     """Without invariants MBDyn takes the momentum of the modes for zero: they have none about the centre of mass."""
     body = particles()
-    with pytest.raises(WriteError, match=r"leaves out the momentum of the modes.* `--for mbdyn-1\.7\.3`"):
+    with pytest.raises(WriteError, match=r"leaves out the momentum of the modes.* `--for mbdyn-1\.7\.3-first-order`"):
         write_mbdyn(tmp_path / "body.fem", body.file, body.integrals, "first-order")
     centre = body.m @ body.x / body.m.sum()
     x = body.x - centre
@@ -111,7 +112,7 @@ def test_groups_that_every_version_reads_about_mean_axes(tmp_path: Path) -> None
 def test_lumps_that_turn(tmp_path: Path) -> None:
     """Inertia of the lumps is in the rigid body and in each mode's momentum; lumped, by its diagonal in every group."""
     body = particles()
-    write_mbdyn(tmp_path / "body.fem", body.file, body.integrals)
+    write_mbdyn(tmp_path / "body.fem", body.file, body.integrals, "invariants")
     f = read(tmp_path / "body.fem")
     np.testing.assert_allclose(f[15], body.integrals.r_cross_phi, rtol=0, atol=1e-15)
     np.testing.assert_allclose(f[9], np.eye(4), atol=1e-14)
@@ -126,9 +127,47 @@ def test_lumps_that_turn(tmp_path: Path) -> None:
             np.testing.assert_allclose(f[group], expected, rtol=0, atol=1e-13 * abs(expected).max(), err_msg=str(group))
 
 
+def test_points_have_the_integrals_of_lumps_that_turn(tmp_path: Path) -> None:
+    """MBDyn's sums over the points are the integrals; the nodes have no mass, and come first under their own ids."""
+    body = particles()
+    write_mbdyn(tmp_path / "body.fem", body.file, body.integrals)
+    f = read(tmp_path / "body.fem")
+    np.testing.assert_array_equal(f[2], [2, 3, 5, 8, 13, 21, 34, *range(35, 35 + 16)])
+    assert not f[11][:7].any()
+    assert (f[11][7:, :3] > 0).all()
+    assert not f[11][:, 3:].any()
+    assert (f[9] == f[9].T).all()
+    write_mbdyn(tmp_path / "body.fem", body.file, body.integrals, "invariants")
+    whole = read(tmp_path / "body.fem")
+    for group, found in of_lumps(f).items():
+        expected = whole[group]
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13 * abs(expected).max(), err_msg=str(group))
+    np.testing.assert_array_equal(f[12], whole[12])
+
+
+@pytest.mark.parametrize("static", [False, True])
+def test_points_of_a_mass_that_no_body_has(static: bool) -> None:
+    """Polar inertia alone makes the spread of a bar along its axis negative; some points then have negative mass."""
+    integrals = particles(static=static).integrals
+    assert integrals.second_order is not None
+    lacking = integrals.phi_phi.copy()
+    lacking[0, 0] -= 1.5 * np.eye(4)
+    lacking[1, 1] += 1.5 * np.eye(4)
+    odd = replace(integrals, second_order=SecondOrder(integrals.r_phi, lacking))
+    points = mass_points(odd)
+    m, x, u = points.mass, points.position, points.translation
+    assert (m < 0).any()
+    np.testing.assert_allclose(m.sum(), odd.mass, rtol=1e-13)
+    np.testing.assert_allclose(np.einsum("n,nia->ia", m, u), odd.phi, atol=1e-13)
+    np.testing.assert_allclose(np.einsum("n,ni,nja->ija", m, x, u), odd.r_phi, atol=1e-13)
+    np.testing.assert_allclose(np.einsum("n,nia,njb->ijab", m, u, u), lacking, atol=1e-13)
+    squares = np.einsum("n,ni,nj->ij", m, x, x)
+    np.testing.assert_allclose(np.trace(squares) * np.eye(3) - squares, odd.inertia, atol=1e-12)
+
+
 def test_modes_without_mass_have_a_row_of_zeros(tmp_path: Path) -> None:
     body = particles(static=True)
-    write_mbdyn(tmp_path / "body.fem", body.file, body.integrals)
+    write_mbdyn(tmp_path / "body.fem", body.file, body.integrals, "invariants")
     f = read(tmp_path / "body.fem")
     np.testing.assert_allclose(f[9], np.diag([1.0, 1, 1, 0]), atol=1e-14)
     assert f[10][3, 3] == 1.0

@@ -1,0 +1,155 @@
+"""Joints, ground, springs, dampers and inertias of a scene as elements of MBDyn."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.model import JointElement, Point, SceneJoint
+from cmsreduce.write.export.mbdyn_input import MbdynInput, Place, matrix, real, vector
+
+__all__ = ["add_ground", "add_joint", "ends", "joint_motion"]
+
+_FIRST_ROTATION = 3
+_MOTIONS = frozenset(range(6))
+# Axis 3 of an element that turns about one axis is the axis 0..2 of the joint.
+_AXIS_LAST = ((1, 2, 0), (2, 0, 1), (0, 1, 2))
+
+Array = NDArray[np.float64]
+
+
+def ends(deck: MbdynInput, placed: SceneJoint, k: int = 0) -> tuple[Place, Place, Array]:
+    """Both points of a pair of nodes, and the way from the first to the second along the first body's basic axes.
+
+    The first point is at the end of the rigid arm of the joint.
+    """
+    first = deck.of_interface(placed.joint.first, k).moved(placed.offset)
+    second = deck.of_interface(placed.joint.second, k)
+    return first, second, first.body.placement.rotation.T @ (second.in_scene - first.in_scene)
+
+
+def _axes_now(placed: SceneJoint, first: Place, second: Place) -> Array:
+    """Axes of the first interface as rows in the basic frame of the second body, in the configuration."""
+    return np.asarray(placed.first_axes @ first.body.placement.rotation.T @ second.body.placement.rotation)
+
+
+def _hinge_axis(placed: SceneJoint) -> int | None:
+    """Axis 0..2 of a joint that leaves one rotation free, and nothing else."""
+    free = sorted(_MOTIONS - set(placed.locked[0]))
+    return free[0] - _FIRST_ROTATION if len(placed.locked) == 1 and free in ([3], [4], [5]) else None
+
+
+def add_joint(deck: MbdynInput, placed: SceneJoint) -> None:
+    """Add a hinge if one rotation is free, else the locked motions of each pair of nodes, with springs and inertias."""
+    axis = _hinge_axis(placed)
+    for k, locked in enumerate(placed.locked):
+        first, second, gap = ends(deck, placed, k)
+        if any(dof >= _FIRST_ROTATION for dof in locked):
+            _require_slopes(placed, first, second)
+        # Motions start from zero: where the second point is now, with the axes as they are now.
+        start, now = first.moved(gap), _axes_now(placed, first, second)
+        if axis is None:
+            one, other = _total_end(start, placed.first_axes), _total_end(second, now)
+            text = f"total joint, {one}, {other}{_constraints(locked)}"
+        else:
+            order = _AXIS_LAST[axis]
+            text = f"revolute hinge, {_end(start, placed.first_axes, order)}, {_end(second, now, order)}"
+        deck.element("joint", _label(deck, placed, k), text)
+    _add_elements(deck, placed)
+
+
+def _require_slopes(placed: SceneJoint, *points: Place) -> None:
+    for point in points:
+        point.require_slope(f"joint '{placed.joint.name}'")
+
+
+def _total_end(point: Place, axes: Array) -> str:
+    turned = point.oriented(axes)
+    offset = vector(point.offset)
+    return f"{point.node}, position, {offset}, position orientation, {turned}, rotation orientation, {turned}"
+
+
+def _constraints(locked: tuple[int, ...]) -> str:
+    """Motions that a total joint holds at zero."""
+    words = ""
+    for name, first in (("position", 0), ("orientation", _FIRST_ROTATION)):
+        held = ["active" if first + k in locked else "inactive" for k in range(3)]
+        if "active" in held:
+            words += f", {name} constraint, {', '.join(held)}, null"
+    return words
+
+
+def _add_elements(deck: MbdynInput, placed: SceneJoint) -> None:
+    """Springs and dampers, without force in the configuration, and inertias, which turn with the first interface."""
+    joint = placed.joint
+    turning = [dof for dof in joint.free if dof >= _FIRST_ROTATION]
+    acting = [element for element in joint.elements if element.stiffness or element.damping]
+    about = [element for element in acting if element.dof in turning and len(turning) == 1]
+    for element in about:
+        _add_torsion(deck, placed, element)
+    rest = [element for element in acting if element not in about]
+    if rest:
+        first, second, gap = ends(deck, placed)
+        figures = np.zeros((2, 6))
+        for element in rest:
+            figures[:, element.dof] = element.stiffness, element.damping
+        one = _end(first.moved(gap), placed.first_axes)
+        other = _end(second, _axes_now(placed, first, second))
+        K, C = (", ".join(real(value) for value in row) for row in figures)
+        law = f"linear viscoelastic generic, diag, {K}, diag, {C}"
+        deck.element("joint", deck.label("spring", joint.name), f"deformable joint, {one}, {other}, {law}")
+    diagonal = np.zeros(3)
+    for element in joint.elements:
+        if element.inertia:
+            diagonal[element.dof - _FIRST_ROTATION] = element.inertia
+    if diagonal.any():
+        first = deck.of_interface(joint.first)
+        axes = placed.first_axes @ first.frame.axes.T
+        if first.body.rigid is None:
+            first.require_slope(f"inertia of joint '{joint.name}'")
+            deck.heavy.add(first.node)
+        J = ", ".join(real(value) for value in (axes.T @ np.diag(diagonal) @ axes).ravel())
+        label = deck.label("inertia", joint.name, f"inertia of joint {joint.name}")
+        deck.element("body", label, f"{first.node}, 0., null, matr, {J}")
+
+
+def _add_torsion(deck: MbdynInput, placed: SceneJoint, element: JointElement) -> None:
+    """A spring about the only axis that turns, which may turn by any angle."""
+    first, second, gap = ends(deck, placed)
+    _require_slopes(placed, first, second)
+    order = _AXIS_LAST[element.dof - _FIRST_ROTATION]
+    one = _end(first.moved(gap), placed.first_axes, order)
+    other = _end(second, _axes_now(placed, first, second), order)
+    law = f"linear viscoelastic, {real(element.stiffness)}, {real(element.damping)}"
+    label = deck.label("torsion", placed.joint.name, f"spring of joint {placed.joint.name}")
+    deck.element("joint", label, f"deformable axial joint, {one}, {other}, {law}")
+
+
+def _end(point: Place, axes: Array, order: tuple[int, int, int] = (0, 1, 2)) -> str:
+    return f"{point.node}, position, {vector(point.offset)}, orientation, {point.oriented(axes, order)}"
+
+
+def add_ground(deck: MbdynInput, point: Point) -> None:
+    """Hold the dofs of an interface where they are."""
+    face = deck.scene.body(point.body).interfaces[point.name]
+    for k in range(face.node.size):
+        place, axes = deck.of_interface(point, k), face.node_frame(k)
+        held = tuple(sorted({max(component - 1, 0) for component in face.components[k]}))
+        if any(dof >= _FIRST_ROTATION for dof in held):
+            place.require_slope(f"ground at {point}")
+        turned = matrix((axes @ place.body.placement.rotation.T).T)
+        there = f"position, {vector(place.in_scene)}, position orientation, {turned}, rotation orientation, {turned}"
+        label = deck.label("ground", f"{point.body}_{point.name}_{k + 1}", f"ground at {point}")
+        deck.element("joint", label, f"total pin joint, {_total_end(place, axes)}, {there}{_constraints(held)}")
+
+
+def joint_motion(deck: MbdynInput, placed: SceneJoint, dof: int, *, rate: bool) -> str:
+    """Drive of a motion of a joint since the start, or of its rate: the second side against the first."""
+    turns = dof >= _FIRST_ROTATION
+    what = "vw"[turns] if rate else "pr"[turns]
+    axis = "z" if _hinge_axis(placed) is not None else "xyz"[dof % 3]
+    return f'element, {_label(deck, placed, 0)}, joint, string, "{what}{axis}", direct'
+
+
+def _label(deck: MbdynInput, placed: SceneJoint, k: int) -> str:
+    return deck.label("joint", placed.joint.name if len(placed.locked) == 1 else f"{placed.joint.name}_{k + 1}")
