@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import SingularInterfaceError
 from cmsreduce.linalg.blocks import by_columns, column_blocks, combined, congruence, new_basis, observed, side_by_side
 from cmsreduce.linalg.eigen import HELD, beside_modes, certified_modes, count_below, motions_held
-from cmsreduce.linalg.sparse import BLOCK, NotPositiveDefiniteError, Solve, factorise
+from cmsreduce.linalg.sparse import BLOCK, NotPositiveDefiniteError, Solve, factorise, part
 from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet
 from cmsreduce.reduce.basis import Basis
 from cmsreduce.reduce.characteristic import InterfaceMotions, InterfaceReduction
@@ -78,7 +78,7 @@ class CraigBampton(Reduction):
                 "translations at three nodes not in line, or a node with rotations)"
             )
         omega, j = 2 * np.pi * cutoff_hz, np.setdiff1d(np.arange(body.n), interface)
-        Kjj, Mjj = sp.csc_array(body.K[j][:, j]), sp.csc_array(body.M[j][:, j])
+        Kjj, Mjj = part(body.K, j), sp.csc_array(body.M[j][:, j])
         # The count comes first: so only one factor at a time is in memory.
         count = count_below(Kjj, Mjj, omega)
         try:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.blocks import column_blocks, side_by_side
 from cmsreduce.linalg.eigen import certified_modes, count_below
+from cmsreduce.linalg.sparse import share_order
 from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet
 from cmsreduce.reduce.basis import Basis
 from cmsreduce.reduce.reduction import Reduction
@@ -60,6 +61,7 @@ def free_modes_and_residuals(
         Name of each load.
     """
     omega = 2 * np.pi * cutoff_hz
+    share_order(body.K)
     # The count comes first: so only one factor at a time is in memory.
     count = count_below(body.K, body.M, omega, rigid.shape[1])
     solve = elastic_solve(body, rigid)

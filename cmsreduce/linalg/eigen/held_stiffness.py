@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.sparse import Factor, factorise
+from cmsreduce.linalg.sparse import Factor, determinate_dofs, factorise, part
 
 Array = NDArray[np.float64]
 
@@ -48,11 +47,9 @@ class HeldStiffness:
         NotPositiveDefiniteError
             If the body has another free motion.
         """
-        given, free = np.empty(0, dtype=np.int64), np.arange(K.shape[0])
-        if motions.shape[1]:
-            _, order = la.qr((motions / np.linalg.norm(motions, axis=0)).T, mode="r", pivoting=True)
-            given, free = order[: motions.shape[1]], np.sort(order[motions.shape[1] :])
-        factor = factorise(sp.csc_array(K[free][:, free]), what=what)
+        given = determinate_dofs(motions)
+        free = np.setdiff1d(np.arange(K.shape[0]), given)
+        factor = factorise(part(K, free), what=what, kept=True)
         return cls(K, given, free, factor)
 
     def independent(self, motions: Array) -> Array:

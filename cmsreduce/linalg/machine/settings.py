@@ -5,9 +5,10 @@ Settings hold for a block of code, like numpy's error state. Work on the rows of
 
 from __future__ import annotations
 
+import hashlib
 import os
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
@@ -25,6 +26,7 @@ from cmsreduce.multifrontal import blas_threads
 __all__ = [
     "BACKENDS",
     "Backend",
+    "KnownFactors",
     "KnownOrders",
     "Precision",
     "SolverSettings",
@@ -48,6 +50,8 @@ _BASIS_SHARE = 0.1
 _KIB = 1024
 # Orders in memory: enough for a few components and the parts of one.
 _ORDERS = 8
+# Share of the factor's memory that factors of earlier steps may take together.
+_KEPT_SHARE = 1 / 16
 # With fewer rows a second thread costs more than it saves.
 _FEW_ROWS = 4096
 
@@ -73,6 +77,37 @@ class KnownOrders:
         self._orders[_fingerprint(starts, indices)] = order
         while len(self._orders) > _ORDERS:
             del self._orders[next(iter(self._orders))]
+
+
+class KnownFactors:
+    """Factors that another step of a run asks for again, such as that of a body held against its rigid motions.
+
+    They stay in their process, as orders do.
+    """
+
+    def __init__(self) -> None:
+        self._factors: dict[bytes, tuple[Any, float]] = {}
+
+    def __reduce__(self) -> tuple[type[KnownFactors], tuple[()]]:
+        return type(self), ()
+
+    def find(self, entries: Sequence[NDArray[Any]]) -> Any | None:
+        """Factor of a matrix in compressed form, given by its arrays; None if none is kept."""
+        return self._factors[digest][0] if self._factors and (digest := _digest(entries)) in self._factors else None
+
+    def store(self, entries: Sequence[NDArray[Any]], factor: Any, size: float, limit: float) -> None:
+        """Keep a factor of ``size`` bytes; the oldest go when all of them exceed their share of ``limit`` bytes."""
+        if size <= _KEPT_SHARE * limit:
+            self._factors[_digest(entries)] = factor, size
+            while sum(size for _, size in self._factors.values()) > _KEPT_SHARE * limit:
+                del self._factors[next(iter(self._factors))]
+
+
+def _digest(entries: Sequence[NDArray[Any]]) -> bytes:
+    digest = hashlib.blake2b(digest_size=16)
+    for array in entries:
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.digest()
 
 
 def _fingerprint(starts: NDArray[Any], indices: NDArray[Any]) -> int:
@@ -111,6 +146,8 @@ class SolverSettings:
         All factorisations under these settings, in order.
     orders : KnownOrders
         Fill-reducing orders found under these settings.
+    factors : KnownFactors
+        Factors kept for later steps.
     """
 
     backend: Backend = "auto"
@@ -123,6 +160,7 @@ class SolverSettings:
     replace_allocators: bool = False
     work: list[Factorisation] = field(default_factory=list, compare=False)
     orders: KnownOrders = field(default_factory=KnownOrders, compare=False, repr=False)
+    factors: KnownFactors = field(default_factory=KnownFactors, compare=False, repr=False)
 
     @property
     def memory_limit(self) -> float:

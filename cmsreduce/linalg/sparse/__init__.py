@@ -11,7 +11,8 @@ from cmsreduce.linalg.sparse.factorisation import (
     NotPositiveDefiniteError,
     factorise,
 )
-from cmsreduce.linalg.sparse.flexibility import ElasticFlexibility, Solve
+from cmsreduce.linalg.sparse.flexibility import ElasticFlexibility, Solve, determinate_dofs
+from cmsreduce.linalg.sparse.parts import part, share_order
 from cmsreduce.linalg.sparse.refined_factor import RefinedFactor
 
 __all__ = [
@@ -22,5 +23,8 @@ __all__ = [
     "NotPositiveDefiniteError",
     "RefinedFactor",
     "Solve",
+    "determinate_dofs",
     "factorise",
+    "part",
+    "share_order",
 ]

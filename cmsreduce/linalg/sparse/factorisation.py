@@ -10,6 +10,7 @@ import importlib.util
 import time
 from collections.abc import Callable
 from functools import cache, partial
+from typing import cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -31,6 +32,7 @@ __all__ = [
     "BLOCK",
     "Factor",
     "InsufficientMemoryError",
+    "LARGE",
     "NotPositiveDefiniteError",
     "factorise",
     "installed",
@@ -52,9 +54,9 @@ _RAISED = 1e-8
 # Below this number of rows SuperLU is done before another library is loaded: a whole run of 1080 dofs takes as long
 # with MKL, one of 3060 dofs 0.14 s less.
 _SMALL = 1000
-# From this number of rows on compiled loops save more than the second that they take to load: a multifrontal Cholesky
-# factor of 3e4 rows takes 0.1 s less than PARDISO's, and a solve for eight columns half as long, 0.015 s.
-_LARGE = 50_000
+LARGE = 50_000
+"""From this number of rows on compiled loops save more than the second that they take to load: a multifrontal Cholesky
+factor of 3e4 rows takes 0.1 s less than PARDISO's, and a solve for eight columns half as long, 0.015 s."""
 
 
 class NotPositiveDefiniteError(MatrixError):
@@ -69,7 +71,7 @@ class InsufficientMemoryError(MatrixError):
     """A factor would not fit in the memory that it may take; nothing was allocated."""
 
 
-def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix") -> Factor:
+def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix", kept: bool = False) -> Factor:
     """Factorise a sparse symmetric matrix with a symmetric fill-reducing order.
 
     Parameters
@@ -80,6 +82,8 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
         Whether the matrix must be positive definite; a shifted matrix need not be.
     what : str
         Name of the matrix in error messages.
+    kept : bool
+        Whether a later step asks for this factor again: a large one is kept if it takes a small share of the memory.
 
     Returns
     -------
@@ -95,7 +99,10 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
         If the factor would need more memory than it may take; raised before the memory is allocated.
     """
     A = sp.csc_array(A)
-    settings = current_settings()
+    settings, entries = current_settings(), (A.indptr, A.indices, A.data)
+    kept = kept and definite and A.shape[0] >= LARGE
+    if kept and (known := settings.factors.find(entries)) is not None:
+        return cast(Factor, known)
     backend = _backend(settings.backend, A.shape[0], definite)
     started, admit = time.perf_counter(), _admission(settings, what, A.shape[0])
     factor, refused, precision = None, None, ""
@@ -139,6 +146,8 @@ def factorise(A: sp.csc_array, *, definite: bool = True, what: str = "the matrix
             raise NotPositiveDefiniteError(
                 f"{what} is not positive definite: pivot ratio {ratio:.1e} at row {row + 1}", row
             )
+    if kept:
+        settings.factors.store(entries, factor, cost.bytes, settings.memory_limit)
     return factor
 
 
@@ -162,7 +171,7 @@ def installed(backend: Backend) -> bool:
 def _backend(wanted: Backend, n: int, definite: bool) -> Backend:
     """The solver of the settings, or for ``auto`` the quickest for n rows."""
     if wanted == "auto":
-        if definite and n >= _LARGE and installed("multifrontal"):
+        if definite and n >= LARGE and installed("multifrontal"):
             return "multifrontal"
         # MUMPS comes last, so it is not tested here: the test takes a second.
         return "superlu" if n < _SMALL else next(backend for backend in BACKENDS if installed(backend))

@@ -5,16 +5,41 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.sparse.factorisation import factorise
+from cmsreduce.linalg.sparse.parts import part
 
-__all__ = ["ElasticFlexibility", "Solve"]
+__all__ = ["ElasticFlexibility", "Solve", "determinate_dofs"]
+
+# Of dofs that a motion moves this nearly alike the first is taken: rounding of the motions must not choose.
+_ALIKE = 1e-6
 
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Solves for one right-hand side (n,) or a block of right-hand sides (n, k)."""
+
+
+def determinate_dofs(motions: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Dofs that motions move independently, as many as there are: held there, a body is statically determinate.
+
+    Parameters
+    ----------
+    motions : (n, r) float64
+        Independent motions. The choice depends on their span alone.
+
+    Returns
+    -------
+    (r,) int64
+    """
+    Q, _ = np.linalg.qr(motions / np.linalg.norm(motions, axis=0))
+    chosen = np.empty(motions.shape[1], dtype=np.int64)
+    for k in range(chosen.size):
+        size = np.einsum("ij,ij->i", Q, Q)
+        chosen[k] = np.argmax(size >= (1 - _ALIKE) * size.max())
+        direction = Q[chosen[k]] / np.linalg.norm(Q[chosen[k]])
+        Q = Q - np.outer(Q @ direction, direction)
+    return chosen
 
 
 class ElasticFlexibility:
@@ -29,13 +54,10 @@ class ElasticFlexibility:
     """
 
     def __init__(self, K: sp.csc_array, M: sp.csc_array, rigid: NDArray[np.float64]) -> None:
-        n, r = rigid.shape
         self.rigid, self.momentum = rigid, M @ rigid
-        # The rigid modes move r dofs independently: holding these makes the body statically determinate.
-        _, _, order = la.qr(rigid.T, mode="economic", pivoting=True)
-        self.free = np.setdiff1d(np.arange(n), order[:r])
+        self.free = np.setdiff1d(np.arange(rigid.shape[0]), determinate_dofs(rigid))
         self.factor = factorise(
-            sp.csc_array(K[self.free][:, self.free]), what="the stiffness held at a statically determinate set"
+            part(K, self.free), what="the stiffness held at a statically determinate set", kept=True
         )
 
     def __call__(self, f: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -41,7 +41,7 @@ def test_auto_takes_it_for_large_definite_matrices(monkeypatch):
 @pytest.mark.pardiso
 def test_auto_takes_the_first_factor_that_fits(monkeypatch):
     """The factor may fit without its updates, and in single precision where double does not fit."""
-    monkeypatch.setattr(module, "_LARGE", 1)
+    monkeypatch.setattr(module, "LARGE", 1)
     needs = {}
     for backend in ("multifrontal", "pardiso"):
         for precision in ("double", "single"):

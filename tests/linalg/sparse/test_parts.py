@@ -1,0 +1,74 @@
+"""Parts of a large matrix take the order of the whole; a kept factor is found again for an equal matrix only."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cmsreduce.linalg import sparse
+from cmsreduce.linalg.machine import SolverSettings, solver_settings
+from cmsreduce.linalg.sparse import determinate_dofs, factorise, part, share_order
+
+
+def plate(side: int) -> sp.csc_array:
+    """Laplacian of a square grid, held a little everywhere."""
+    line = sp.diags_array([2.0 * np.ones(side), -np.ones(side - 1), -np.ones(side - 1)], offsets=[0, 1, -1])
+    one = sp.eye_array(side)
+    return sp.csc_array(sp.kron(line, one) + sp.kron(one, line) + 1e-3 * sp.eye_array(side * side))
+
+
+@pytest.fixture
+def large(monkeypatch):
+    """A matrix of 1600 rows counts as large."""
+    for module in (sparse.parts, sparse.factorisation):
+        monkeypatch.setattr(module, "LARGE", 1000)
+    return plate(40)
+
+
+def test_a_part_is_factorised_in_the_order_of_the_whole(large, monkeypatch):
+    rows = np.setdiff1d(np.arange(large.shape[0]), [0, 41, 777])
+    with solver_settings(SolverSettings()):
+        order = share_order(large)
+        with monkeypatch.context() as without:
+            without.setattr(sparse.multifrontal, "nested_dissection", None)
+            without.setattr(sparse.parts, "nested_dissection", None)
+            inner = part(large, rows)
+            factor = factorise(inner)
+            again = share_order(large)
+    assert np.array_equal(again, order)
+    assert np.array_equal(np.sort(order), np.arange(large.shape[0]))
+    assert abs(inner - large[rows][:, rows]).max() == 0
+    assert factor.backend == "multifrontal"
+    b = np.cos(np.arange(rows.size))
+    assert np.linalg.norm(inner @ factor(b) - b) <= 1e-12 * np.linalg.norm(b)
+    own = factorise(inner)
+    assert factor.cost.nnz <= 1.3 * own.cost.nnz
+
+
+def test_a_kept_factor_is_found_for_the_same_matrix_and_for_no_other(large):
+    with solver_settings(SolverSettings()) as settings:
+        first = factorise(large, kept=True)
+        assert factorise(large.copy(), kept=True) is first
+        assert len(settings.work) == 1
+        changed = large.copy()
+        changed.data[0] *= 1 + 1e-15
+        assert factorise(changed, kept=True) is not first
+        assert factorise(large) is not first
+
+
+def test_factors_beyond_their_share_of_the_memory_are_not_kept(large):
+    size = factorise(large).cost.bytes
+    with solver_settings(SolverSettings(memory=10 * size)):
+        assert factorise(large, kept=True) is not factorise(large, kept=True)
+
+
+def test_determinate_dofs_depend_on_the_span_alone():
+    rng = np.random.default_rng(3)
+    x, y = np.meshgrid(np.arange(5.0), np.arange(4.0))
+    motions = np.zeros((40, 3))
+    motions[0::2, 0] = motions[1::2, 1] = 1
+    motions[0::2, 2], motions[1::2, 2] = -y.ravel(), x.ravel()
+    chosen = determinate_dofs(motions)
+    assert np.linalg.svd(motions[chosen], compute_uv=False)[-1] > 0.1
+    for _ in range(5):
+        mixed = motions @ rng.normal(size=(3, 3)) * (1 + 1e-9 * rng.normal(size=(40, 1)))
+        assert np.array_equal(determinate_dofs(mixed), chosen)
