@@ -69,8 +69,9 @@ def _run(
         raise click.UsageError("--only and --until exclude each other")
     if only and (jobs > 1 or cluster):
         raise click.UsageError("--only runs one stage by itself; leave --jobs and --cluster out")
+    # A whole run ends with its notes.
     with (
-        output.watch() as progress,
+        output.watch(notes=bool(only or until)) as progress,
         opened_run(pipeline, overrides, out, progress, only=only, jobs=jobs, cluster=cluster) as run,
     ):
         work_in(run.folder)

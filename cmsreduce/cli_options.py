@@ -72,7 +72,7 @@ class _Command(click.Command):
             check_memory()
             from cmsreduce.report import opened_output
 
-            options = {name: context.params.pop(name) for name in ("quiet", "as_json", "log_file")}
+            options = {name: context.params.pop(name) for name in ("quiet", "verbose", "as_json", "log_file")}
             context.params["output"] = context.with_resource(opened_output(**options))
         for given in context.params.values():
             if isinstance(given, Path) and (given / "summary.json").is_file():
@@ -115,6 +115,7 @@ _PATH: Any = click.Path(path_type=Path)
 
 output_options = _options(
     click.option("--quiet", is_flag=True, help="Print errors only."),
+    click.option("--verbose", is_flag=True, help="Print every piece of work, every table and every note."),
     click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else there."),
     click.option("--log-file", type=_PATH, help="Write everything that is printed here, too."),
 )
