@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import KEY_STEP, SCALAR, DofTable, Nodes
-from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat, cells_by_kind, rows_of_nodes
+from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat, rows_of_nodes
 from cmsreduce.read.nastran.cards import Card, CardFile, Cards, read_cards
 from cmsreduce.read.nastran.dof_sets import SET_CARDS, Keys, Points, constrained_dofs, id_ranges, named_sets
 from cmsreduce.read.nastran.grids import GRID_CARDS, read_points
@@ -205,27 +205,22 @@ def _deck_geometry(path: Path) -> Geometry:
 
 def _deck_cells(path: Path) -> Cells:
     """Elements of a deck as cells between its grids."""
-    sections = read_cards(path, {*_CELLS, *_SPRINGS, "RBE2"}).sections.values()
-    return cells_by_kind(
-        cell for part in sections for cards in part.values() for card in cards for cell in _cells_of(card)
-    )
-
-
-def _cells_of(card: Card) -> Iterator[tuple[str, list[int]]]:
-    if card.name in _SPRINGS:
-        ends = [card.text(2), card.text(4)]
-        if all(end.isdigit() and end != "0" for end in ends):
-            yield "line", [int(end) for end in ends]
-    elif card.name == "RBE2":
-        for node in card.fields[3:]:
-            if node.isdigit():
-                yield "line", [card.integer(1), int(node)]
-    else:
-        first, kind = _CELLS[card.name]
-        corners = [card.text(first + k) for k in range(CELL_CORNERS[kind])]
-        # A bush may have one end without a node.
-        if all(corner.isdigit() for corner in corners):
-            yield kind, [int(corner) for corner in corners]
+    found: dict[str, list[NDArray[np.int64]]] = {}
+    for part in read_cards(path, {*_CELLS, *_SPRINGS, "RBE2"}).sections.values():
+        for name, cards in part.items():
+            if name == "RBE2":
+                lines = [(card.integer(1), int(node)) for card in cards for node in card.fields[3:] if node.isdigit()]
+                kind, corners = "line", np.array(lines, dtype=np.int64).reshape(-1, 2)
+            elif name in _SPRINGS:
+                ends = cards.ids([2, 4])
+                kind, corners = "line", ends[ends.all(axis=1)]
+            else:
+                # A bush may have one end without a node.
+                first, kind = _CELLS[name]
+                corners = cards.ids(range(first, first + CELL_CORNERS[kind]))
+            if len(corners):
+                found.setdefault(kind, []).append(corners)
+    return {kind: np.concatenate(corners) for kind, corners in found.items()}
 
 
 def read_extseout(path: Path) -> Geometry:
