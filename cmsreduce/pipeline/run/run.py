@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.assemble import rigid_substructure
 from cmsreduce.balance import Selection, keep_all
-from cmsreduce.config import CompareKeys, LimitKeys, ModeSetKeys, Pipeline, VerifyKeys, build_scene
+from cmsreduce.config import CompareKeys, LimitKeys, ModeSetKeys, Pipeline, ProjectKeys, VerifyKeys, build_scene
 from cmsreduce.errors import ConfigError, StageError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.machine import SolverSettings
@@ -41,7 +41,7 @@ from cmsreduce.pipeline.bodies import (
     spin_notes,
 )
 from cmsreduce.pipeline.choose import Balancing, Choice, CutoffSearch, ModeSets, asked_error, cutoff_key
-from cmsreduce.pipeline.project import Projected, ProjectStage
+from cmsreduce.pipeline.project import Projected, ProjectStage, ResponseShapes
 from cmsreduce.pipeline.run.keys import (
     body_key,
     projected_error,
@@ -465,6 +465,8 @@ class Run:
     )
     def _projection(self) -> Projected:
         assert self.pipeline.project is not None
+        if self.pipeline.project.responses is not None:
+            return self._response_shapes(self.pipeline.project)
         found = ProjectStage(
             self.pipeline.project,
             self.scene,
@@ -479,6 +481,25 @@ class Run:
         # Their coefficients belong to the modes before projection.
         bare = {name: replace(each, rankings={}, cluster=None) for name, each in found.components.items()}
         return replace(found, components=bare)
+
+    def _response_shapes(self, keys: ProjectKeys) -> Projected:
+        if not self.has_response:
+            raise ConfigError(
+                "project.responses needs a response: name at least one actuator and one sensor in the scene"
+            )
+        limits = self.pipeline.verify.limits if self.pipeline.verify else LimitKeys()
+
+        def measured(components: Mapping[str, ModalComponent]) -> float:
+            found = self.comparison.at(self.scene.configurations, {MODEL: self.joined(components)})
+            return max(
+                max(e.frf_error / (limits.frf_error or np.inf), e.db_error / (limits.db_error or np.inf))
+                for e in (each.errors[MODEL] for each in found)
+            )
+
+        return ResponseShapes(
+            keys, limits, self.scene, self.kept, self._projection_source, self.comparison, measured,
+            self.stages.progress.advance,
+        ).run()
 
     @property
     @once
