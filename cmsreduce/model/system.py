@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -74,6 +74,24 @@ class Substructure:
     def m(self) -> int:
         """Number of coordinates."""
         return int(self.M.shape[0])
+
+    def narrowed(self, columns: NDArray[np.int64]) -> Substructure:
+        """The body in some of its coordinates; the others stand still."""
+
+        def part(A: Matrix) -> Matrix:
+            return A[columns][:, columns]
+
+        return replace(
+            self,
+            M=part(self.M),
+            K=part(self.K),
+            D=None if self.D is None else part(self.D),
+            loss=None if self.loss is None else part(self.loss),
+            rigid=self.rigid[columns],
+            motion={label: rows[:, columns] for label, rows in self.motion.items()},
+            omega=None if self.omega is None else self.omega[columns],
+            parts=None if self.parts is None else self.parts[columns],
+        )
 
     def point_labels(self, interface: Interface) -> list[str]:
         """Labels, in ``motion``, of the nodes of an interface."""

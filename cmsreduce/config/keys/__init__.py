@@ -17,10 +17,11 @@ from cmsreduce.config.keys.quantities import Quantity, parse_ratio
 from cmsreduce.config.keys.reduce import ModeSetKeys, ReduceKeys
 from cmsreduce.config.keys.scene import SceneKeys
 from cmsreduce.config.keys.stiffening import GeometricStiffnessKeys, SpinKeys
-from cmsreduce.config.keys.verify import RELATIVE_ERRORS, CompareKeys, LimitKeys, VerifyKeys
+from cmsreduce.config.keys.verify import CHECK_OF, RELATIVE_ERRORS, CompareKeys, LimitKeys, VerifyKeys
 from cmsreduce.config.keys.write import BASIC, CENTRE
 
 __all__ = [
+    "CHECK_OF",
     "RELATIVE_ERRORS",
     "CompareKeys",
     "LimitKeys",

@@ -37,6 +37,7 @@ from cmsreduce.model.results.errors import (
 )
 from cmsreduce.model.results.failures import Failure, failure_findings
 from cmsreduce.model.results.health import HealthFinding, health_data
+from cmsreduce.model.results.measured import BETWEEN, CONTROLLER_LIMITS, Measured
 from cmsreduce.model.results.reduction_checks import (
     CHECKS,
     ChannelZeros,
@@ -47,12 +48,13 @@ from cmsreduce.model.results.reduction_checks import (
     StepErrors,
     SystemChecks,
 )
-from cmsreduce.model.results.run import CONTROLLER_LIMITS, RunResult, Speed
+from cmsreduce.model.results.run import RunResult, Speed
 from cmsreduce.model.results.sweep import STATUS_OF, SweepResult, SweepRow, short_keys
 from cmsreduce.model.results.verdict import PROOFS, Proof, Verdict, judge
 
 __all__ = [
     "AxisCompleteness",
+    "BETWEEN",
     "BetweenErrors",
     "BodyDrawing",
     "BoundRecord",
@@ -78,6 +80,7 @@ __all__ = [
     "JointDrawing",
     "MISSING_INERTIA",
     "MacMatrix",
+    "Measured",
     "ModelErrors",
     "PortDrawing",
     "PROOFS",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.config import LimitKeys, ProjectKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import Configuration, ModalComponent, ProjectionRecord, Scene
+from cmsreduce.model import Configuration, Finding, ModalComponent, ProjectionRecord, Scene
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange
 from cmsreduce.pipeline.project.projected_bodies import Projected
 from cmsreduce.pipeline.project.response_samples import SampledScene, ScenePoints
@@ -48,7 +48,7 @@ class ResponseShapes:
     comparison : Comparison
         The reference model.
     measured : callable
-        Largest error over its limit of reduced bodies in the scene's configurations, by every limit.
+        Finding of reduced bodies with the largest ratio to its limit, by every limit, in the scene's configurations.
     advance : callable
         Called with the number of finished configurations and the number of all.
     """
@@ -61,7 +61,7 @@ class ResponseShapes:
         kept: Mapping[str, ModalComponent],
         source: ReducedModel,
         comparison: Comparison,
-        measured: Callable[[Mapping[str, ModalComponent]], float],
+        measured: Callable[[Mapping[str, ModalComponent]], Finding | None],
         advance: Callable[[int, int], None],
     ) -> None:
         self.keys, self.scene, self.kept, self._measured, self._advance = keys, scene, kept, measured, advance
@@ -72,6 +72,7 @@ class ResponseShapes:
         self.bodies = {name: self._candidates(name, source) for name in kept}
         self.sampled = SampledScene(source, self.bodies, comparison)
         every = scene.configurations
+        self._critical: Finding | None = None
         self.chosen = [every[k] for k in sorted({*np.linspace(0, len(every) - 1, min(len(every), _FIRST)).astype(int)})]
         self._search = self._searching()
 
@@ -152,8 +153,10 @@ class ResponseShapes:
         """Errors at the chosen configurations; by every other limit only where those of the responses are met."""
         frf, decibel = self._ratios(shapes, [self.sampled.judge(each) for each in self.chosen]).T
         worst = float(max(frf.max(initial=0.0), decibel.max(initial=0.0)))
+        self._critical = None
         if worst <= 1:
-            worst = max(worst, self._measured(self._components(shapes)))
+            self._critical = self._measured(self._components(shapes))
+            worst = max(worst, 0.0 if self._critical is None else self._critical.ratio)
         return Judged(frf, decibel, worst)
 
     def _ratios(self, shapes: Shapes, points: Sequence[ScenePoints]) -> NDArray[np.float64]:

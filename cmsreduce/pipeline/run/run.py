@@ -21,6 +21,7 @@ from cmsreduce.model import (
     Controller,
     CutoffChoice,
     FEModel,
+    Finding,
     ModalComponent,
     ReducedComponent,
     RigidBody,
@@ -50,7 +51,7 @@ from cmsreduce.pipeline.run.keys import (
     reference_model_key,
     system_key,
 )
-from cmsreduce.pipeline.run.verification import MODEL, Verification, Verified
+from cmsreduce.pipeline.run.verification import Verification, Verified
 from cmsreduce.pipeline.store import (
     CommonWork,
     Failures,
@@ -62,7 +63,7 @@ from cmsreduce.pipeline.store import (
     report_failures,
     stage,
 )
-from cmsreduce.pipeline.system import AssembledModel, Comparison, ReducedModel
+from cmsreduce.pipeline.system import MODEL, AssembledModel, Comparison, ModelMeasure, ReducedModel
 from cmsreduce.read import read_controller
 from cmsreduce.reduce import Examined
 
@@ -389,11 +390,19 @@ class Run:
     @once
     def balancing(self) -> Balancing:
         """Ranking and choice of modes, as the pipeline asks or otherwise."""
-        return Balancing(self.pipeline, self.scene, self.bodies, self.modal, self.joined, lambda: self.comparison)
+        return Balancing(self.pipeline, self.scene, self.bodies, self.modal, self.joined, self.measure)
+
+    @property
+    @once
+    def measure(self) -> ModelMeasure:
+        """The measure of a model of the scene: errors and checks, under the limits of the run."""
+        keys = self.pipeline.verify or VerifyKeys()
+        comparison, untruncated = (lambda: self.comparison), (lambda: self.untruncated)
+        return ModelMeasure(keys, self.scene, self.bodies, comparison, untruncated, self.controller)
 
     def _system_key(self, stage: str) -> str:
         bodies = {name: self.mode_sets.modal_key(name) for name in self.bodies}
-        return system_key(stage, self.pipeline, self._points, bodies)
+        return system_key(stage, self.pipeline, self._points, bodies, self.controller)
 
     @property
     def _ranks(self) -> bool:
@@ -487,17 +496,17 @@ class Run:
             raise ConfigError(
                 "project.responses needs a response: name at least one actuator and one sensor in the scene"
             )
-        limits = self.pipeline.verify.limits if self.pipeline.verify else LimitKeys()
-
-        def measured(components: Mapping[str, ModalComponent]) -> float:
-            found = self.comparison.at(self.scene.configurations, {MODEL: self.joined(components)})
-            return max(
-                max(e.frf_error / (limits.frf_error or np.inf), e.db_error / (limits.db_error or np.inf))
-                for e in (each.errors[MODEL] for each in found)
-            )
+        def measured(components: Mapping[str, ModalComponent]) -> Finding | None:
+            return self.measure.measured(components, self.joined(components), between=False).critical
 
         return ResponseShapes(
-            keys, limits, self.scene, self.kept, self._projection_source, self.comparison, measured,
+            keys,
+            self.measure.keys.limits,
+            self.scene,
+            self.kept,
+            self._projection_source,
+            self.comparison,
+            measured,
             self.stages.progress.advance,
         ).run()
 

@@ -30,10 +30,17 @@ from cmsreduce.assemble import (
 from cmsreduce.linalg.blocks import column_blocks, dense, symmetric_product
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless
 from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System
-from cmsreduce.pipeline.store import once
+from cmsreduce.pipeline.store import diagnostic, once
 from cmsreduce.verify import decibel_grid
 
-__all__ = ["AssembledModel", "DampedModes", "Resonances", "cross_orthogonality", "mass_products"]
+__all__ = [
+    "AssembledModel",
+    "DampedModes",
+    "Resonances",
+    "cross_orthogonality",
+    "highest_frequency",
+    "mass_products",
+]
 
 Number = TypeVar("Number", np.float64, np.complex128)
 
@@ -44,6 +51,8 @@ _UNDAMPED_BANDS = 1.25
 _DAMPED_BANDS = 1.1
 # Coordinates of a system whose modes are all held in memory: three megabytes a configuration.
 _HELD_IN_MEMORY = 600
+# Coordinates of a system whose modes dense algebra finds in seconds.
+_DENSE = 1500
 # Damping ratio given to the peak of a mode without damping: the nearest point of the refined grid is this far from it.
 _NO_DAMPING = 5e-6
 # Grids of one band end at the same frequency to rounding.
@@ -97,6 +106,18 @@ class AssembledModel:
     def __init__(self, substructures: Mapping[str, Substructure], scene: Scene) -> None:
         self.substructures, self.scene = with_joint_bodies(substructures, scene), scene
         self.stack = PointStack(self.substructures)
+        self._wider: AssembledModel | None = None
+
+    def narrowed(self, kept: Mapping[str, NDArray[np.int64]]) -> AssembledModel:
+        """The same system with some coordinates of some bodies alone; its wiring is the same."""
+        subs = {
+            name: sub.narrowed(kept[name]) if name in kept else sub
+            for name, sub in self.substructures.items()
+            if name in self.scene.bodies
+        }
+        found = AssembledModel(subs, self.scene)
+        found._wider = self
+        return found
 
     @property
     @once
@@ -107,6 +128,8 @@ class AssembledModel:
     @once
     def wiring(self, configuration: Configuration) -> Wiring:
         """Joints, inputs and outputs in a configuration."""
+        if self._wider is not None:
+            return self._wider.wiring(configuration)
         return wire(self.stack, self.scene, configuration)
 
     @once
@@ -265,6 +288,15 @@ class AssembledModel:
     def rigid_response(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Rigid-body part of the response (f, outputs, inputs)."""
         return rigid_response(self.system(configuration), omega)
+
+
+@diagnostic("the highest frequency of '{}'", about=lambda system: system.configuration.name)
+def highest_frequency(system: System) -> float | None:
+    """Highest frequency of an assembled system in Hz; None if it is too large for all its modes."""
+    if system.N > _DENSE:
+        return None
+    omega = system_modes(replace(system, K=dense(system.K), M=dense(system.M)), float("inf"))[0]
+    return float(omega.max(initial=0.0)) / (2 * np.pi)
 
 
 def mass_products(

@@ -8,7 +8,7 @@ from cmsreduce.errors import CmsReduceError
 from cmsreduce.model import DOF_NAMES, BetweenErrors, Configuration, Scene
 from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel
 
-__all__ = ["errors_between", "midpoint_configurations"]
+__all__ = ["errors_between", "judged_midpoints", "midpoint_configurations"]
 
 
 def errors_between(comparison: Comparison, model: ReducedModel, most: int | None) -> BetweenErrors:
@@ -23,6 +23,16 @@ def errors_between(comparison: Comparison, model: ReducedModel, most: int | None
         Largest number of midpoint configurations; of more, as many at even distances in their list are taken. All by
         default.
     """
+    there, left_out = judged_midpoints(comparison, model, most)
+    errors = comparison.quick_errors(there, model)
+    midpoints = len(midpoint_configurations(comparison.scene))
+    return BetweenErrors(dict(zip((each.name for each in there), errors, strict=True)), midpoints, left_out)
+
+
+def judged_midpoints(
+    comparison: Comparison, model: ReducedModel, most: int | None
+) -> tuple[list[Configuration], tuple[str, ...]]:
+    """Midpoint configurations where errors are measured, and those that cannot be reached, each with the reason."""
     every = midpoint_configurations(comparison.scene)
     some = every if most is None else [every[k] for k in _even(len(every), most)]
     there, left_out = [], []
@@ -33,8 +43,7 @@ def errors_between(comparison: Comparison, model: ReducedModel, most: int | None
             there.append(each)
         except CmsReduceError as error:
             left_out.append(f"{each.name}: {error}")
-    errors = comparison.quick_errors(there, model)
-    return BetweenErrors(dict(zip((each.name for each in there), errors, strict=True)), len(every), tuple(left_out))
+    return there, tuple(left_out)
 
 
 def _even(count: int, most: int) -> list[int]:
