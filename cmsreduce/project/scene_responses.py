@@ -57,6 +57,16 @@ class BodyModes:
             return np.asarray(F / (diagonal + 1j * omega * self.D)[:, None])
         return np.asarray(np.linalg.solve(np.diag(diagonal) + 1j * omega * self.D, F))
 
+    def dual_norms(self, omega: Array, F: Complex) -> Array:
+        """F^H (w D)^-1 F of loads (f, n, p), with the loss factor times K in place of w D; infinite without damping."""
+        if not self.loss and self.D.ndim == 2:
+            solved = np.linalg.solve(self.D, F)
+            return np.asarray(np.sum((F.conj() * solved).real, axis=1) / omega[:, None])
+        viscous = self.D if self.D.ndim == 1 else self.D.diagonal()
+        drag = (self.loss * self.omega**2 + omega[:, None] * viscous)[:, :, None]
+        squares = abs(F) ** 2
+        return np.asarray(np.sum(np.divide(squares, drag, out=np.where(squares > 0, np.inf, 0.0), where=drag > 0), axis=1))
+
 
 @dataclass(frozen=True, eq=False)
 class ResponseSample:

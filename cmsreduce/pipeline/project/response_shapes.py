@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from cmsreduce.config import LimitKeys, ProjectKeys
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import Configuration, Finding, ModalComponent, ProjectionRecord, Scene
+from cmsreduce.model import CertificateRecord, Configuration, Finding, ModalComponent, ProjectionRecord, Scene
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange
+from cmsreduce.pipeline.project.certified_responses import DirectSolve, certified
 from cmsreduce.pipeline.project.projected_bodies import Projected
 from cmsreduce.pipeline.project.response_samples import SampledScene, ScenePoints
 from cmsreduce.pipeline.system import Comparison, ReducedModel
@@ -49,6 +50,10 @@ class ResponseShapes:
         The reference model.
     measured : callable
         Finding of reduced bodies with the largest ratio to its limit, by every limit, in the scene's configurations.
+    direct : callable
+        Solves the unreduced bodies at a few frequencies.
+    reference : mapping of body to str
+        How they enter these solves.
     advance : callable
         Called with the number of finished configurations and the number of all.
     """
@@ -62,9 +67,12 @@ class ResponseShapes:
         source: ReducedModel,
         comparison: Comparison,
         measured: Callable[[Mapping[str, ModalComponent]], Finding | None],
+        direct: DirectSolve,
+        reference: Mapping[str, str],
         advance: Callable[[int, int], None],
     ) -> None:
-        self.keys, self.scene, self.kept, self._measured, self._advance = keys, scene, kept, measured, advance
+        self.keys, self.scene, self._measured, self._advance = keys, scene, measured, advance
+        self._direct, self._reference = direct, reference
         frf, decibel = limits.frf_error, limits.db_error
         if frf is None and decibel is None:
             frf = _USUAL_ERROR
@@ -98,14 +106,17 @@ class ResponseShapes:
         if self.keys.between:
             found, between = self._covering(found, grow=asked == "auto")
         components = self._components(found.shapes)
+        certificate = certified(self._search.scene, self.chosen, found.shapes, self._direct, self._reference)
         record = ProjectionRecord(
             (),
-            {name: np.asarray(V) for name, (V) in self._search.shares().items()},
+            self._search.shares(),
             {name: component.elastic_count for name, component in components.items()},
             between={name: errors[0] for name, errors in between.items()},
             limit=None if np.isinf(self.limits.frf_error) else self.limits.frf_error,
+            configurations=tuple(each.name for each in self.chosen),
+            certificate=certificate,
         )
-        return Projected(components, record, tuple(self._notes(found, between)))
+        return Projected(components, record, tuple(self._notes(found, between, certificate)))
 
     def _candidates(self, name: str, source: ReducedModel) -> ModalComponent:
         found = source.shapes[name]
@@ -212,7 +223,9 @@ class ResponseShapes:
             self._advance(number + 1, len(configurations))
         return found
 
-    def _notes(self, found: Settled, between: Mapping[str, tuple[float, float]]) -> list[str]:
+    def _notes(
+        self, found: Settled, between: Mapping[str, tuple[float, float]], certificate: CertificateRecord
+    ) -> list[str]:
         counts = ", ".join(f"{count} of {name}" for name, count in found.counts.items())
         frf, decibel = found.judged.frf.max(initial=0.0), found.judged.db.max(initial=0.0)
         names = {each.name for each in self.scene.configurations}
@@ -230,4 +243,12 @@ class ResponseShapes:
                 f"project: at {len(between)} configurations of the articulation's range that were not optimised, the "
                 f"worst frf_error is {worst[0]:.3g}, the worst db_error {worst[1]:.3g} dB"
             )
+        name, estimate, bound = certificate.worst
+        off = max((each.error / each.estimate for each in certificate.solved if each.estimate), default=0.0)
+        notes.append(
+            f"project: certificate: frf_error is estimated at {estimate:.3g} and proven to be below {bound:.3g} of the "
+            f"system of all candidates in '{name}', the configuration with the largest bound; at "
+            f"{len(certificate.solved)} frequencies with the largest estimates, solves of the unreduced bodies give at "
+            f"most {off:.3g} times the estimated error"
+        )
         return notes

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import rigid_substructure
+from cmsreduce.assemble import frequency_response, rigid_substructure
 from cmsreduce.balance import Selection, keep_all
 from cmsreduce.config import CompareKeys, LimitKeys, ModeSetKeys, Pipeline, ProjectKeys, VerifyKeys, build_scene
 from cmsreduce.errors import ConfigError, StageError
@@ -35,6 +35,7 @@ from cmsreduce.pipeline.bodies import (
     Reference,
     all_modes,
     copy_of,
+    damped_by_modes,
     damping_remark,
     read_flexible,
     read_rigid,
@@ -507,8 +508,22 @@ class Run:
             self._projection_source,
             self.comparison,
             measured,
+            self._solved_directly,
+            {name: "sparse dofs" if modes is None else "modes" for name, modes in self._solvable.items()},
             self.stages.progress.advance,
         ).run()
+
+    @property
+    @once
+    def _solvable(self) -> dict[str, ModalComponent | None]:
+        """The unreduced bodies for solves at a few frequencies: in their dofs, or in modes where damping needs these."""
+        by_modes = {name: damped_by_modes(each.body, each.rigid) for name, each in self.bodies.items()}
+        return {name: each.modes if by_modes[name] else None for name, each in self.references.items()}
+
+    def _solved_directly(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        subs = {name: self.bodies[name].substructure(self.scene, modes) for name, modes in self._solvable.items()}
+        subs |= {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
+        return frequency_response({n: subs[n] for n in self.pipeline.components}, self.scene, configuration, omega)
 
     @property
     @once
