@@ -114,9 +114,9 @@ def keep_combinations(component: ModalComponent, Q: Array, why: str, *, coupled:
     ModalComponent
         k elastic modes, orthonormal in M and K: combinations of the columns that make Q^T K Q diagonal. Their
         frequencies lie between the old ones. Modal damping is no longer diagonal; its diagonal is kept, because the
-        coupling is zeta times a difference of the combined frequencies. A damping matrix, and with ``coupled`` a law, is
-        projected without such an approximation. Kind, source and ranking are those of the old mode most alike; the reason names that mode, unless
-        the combination is itself an old mode.
+        coupling is zeta times a difference of the combined frequencies. A damping matrix, and with ``coupled`` a law,
+        is projected without such an approximation. Kind, source and ranking are those of the old mode most alike; the
+        reason names that mode, unless the combination is itself an old mode.
 
     Raises
     ------

@@ -103,7 +103,9 @@ def response_certificates(scene: SceneResponses, shapes: Shapes, richer: Shapes)
             for R, total in ((right, primal), (left, adjoint)):
                 total += body.dual_norms(sample.omega, R)
         unknown = np.isinf(adjoint)[:, :, None] | np.isinf(primal)[:, None, :]
-        left_over = np.sqrt(np.where(np.isinf(adjoint), 0, adjoint)[:, :, None] * np.where(np.isinf(primal), 0, primal)[:, None])
+        left_over = np.sqrt(
+            np.where(np.isinf(adjoint), 0, adjoint)[:, :, None] * np.where(np.isinf(primal), 0, primal)[:, None]
+        )
         found.append(ResponseCertificate(sample.omega, estimate, np.where(unknown, np.inf, abs(estimate) + left_over)))
     return found
 

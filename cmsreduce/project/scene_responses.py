@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +66,9 @@ class BodyModes:
         viscous = self.D if self.D.ndim == 1 else self.D.diagonal()
         drag = (self.loss * self.omega**2 + omega[:, None] * viscous)[:, :, None]
         squares = abs(F) ** 2
-        return np.asarray(np.sum(np.divide(squares, drag, out=np.where(squares > 0, np.inf, 0.0), where=drag > 0), axis=1))
+        return np.asarray(
+            np.sum(np.divide(squares, drag, out=np.where(squares > 0, np.inf, 0.0), where=drag > 0), axis=1)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,11 +151,7 @@ class SceneResponses:
         self.bodies, self.samples = bodies, list(samples)
         self._omega = np.concatenate([np.empty(0), *(sample.omega for sample in self.samples)])
         ends = np.cumsum([0, *(sample.omega.size for sample in self.samples)])
-        self._parts = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
-
-    def with_samples(self, more: Sequence[ResponseSample]) -> SceneResponses:
-        """The same bodies, in further configurations too."""
-        return SceneResponses(self.bodies, [*self.samples, *more])
+        self._parts = [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
     def joined(self, shapes: Shapes) -> list[JoinedShapes]:
         """Responses in every configuration.
@@ -163,7 +162,8 @@ class SceneResponses:
             If the joints are not independent in the motions that the shapes leave.
         """
         flexibility = {
-            name: np.linalg.inv(body.dynamic_stiffness(shapes[name], self._omega)) for name, body in self.bodies.items()
+            name: np.asarray(np.linalg.inv(body.dynamic_stiffness(shapes[name], self._omega)))
+            for name, body in self.bodies.items()
         }
         return [
             _joined(sample, shapes, {name: Y[part] for name, Y in flexibility.items()})

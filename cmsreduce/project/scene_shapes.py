@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -141,7 +141,10 @@ def energy_shapes(scene: SceneResponses, mix: float) -> dict[str, tuple[Array, A
             heard = np.sqrt(np.sum(scaled**2, axis=1 + side)) / largest
             weight = scale * np.where(heard > 0, heard, 1.0) ** -mix
             own = {
-                name: (scene.bodies[name].omega[:, None] * (X * weight[:, None, :]).transpose(1, 0, 2).reshape(X.shape[1], -1))
+                name: (
+                    scene.bodies[name].omega[:, None]
+                    * (X * weight[:, None, :]).transpose(1, 0, 2).reshape(X.shape[1], -1)
+                )
                 for name, X in fields.items()
             }
             energy = np.sqrt(sum(float(np.sum(abs(part) ** 2)) for part in own.values()))
@@ -171,7 +174,7 @@ def fit_shapes(
     enough : float
         Misfit at which to stop.
     """
-    from scipy.optimize import minimize
+    from scipy.optimize import OptimizeResult, minimize
 
     sizes = {name: V.shape for name, V in start.items()}
     ends = np.cumsum([rows * columns for rows, columns in sizes.values()])[:-1]
@@ -189,15 +192,22 @@ def fit_shapes(
             return np.inf, np.zeros_like(x)
         return J, np.concatenate([(gradient[name] / scene.bodies[name].omega[:, None]).ravel() for name in sizes])
 
-    def stop(intermediate_result):
+    def stop(intermediate_result: OptimizeResult) -> None:
         if intermediate_result.fun <= enough:
             raise StopIteration
 
     x = np.concatenate([(np.linalg.qr(scene.bodies[name].omega[:, None] * V)[0]).ravel() for name, V in start.items()])
     found = minimize(
-        value, x, jac=True, method="L-BFGS-B", callback=stop, options={"maxiter": steps, "maxfun": 2 * steps, "maxcor": _MEMORY, "ftol": 0.0, "gtol": 0.0}
+        value,
+        x,
+        jac=True,
+        method="L-BFGS-B",
+        callback=stop,
+        options={"maxiter": steps, "maxfun": 2 * steps, "maxcor": _MEMORY, "ftol": 0.0, "gtol": 0.0},
     )
-    return SceneFit({name: np.linalg.qr(V)[0] for name, V in unpacked(found.x).items()}, float(found.fun), int(found.nit))
+    return SceneFit(
+        {name: np.linalg.qr(V)[0] for name, V in unpacked(found.x).items()}, float(found.fun), int(found.nit)
+    )
 
 
 def _widths(x: Array) -> Array:

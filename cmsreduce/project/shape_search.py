@@ -23,11 +23,11 @@ _STEPS = 40
 # Rounds before a number of shapes is given up; fewer where a few shapes were left out of a set that passes.
 _ROUNDS, _FEW_ROUNDS = 8, 4
 # Rounds without a better set after which the optimisation ends.
-_PATIENCE = 2
+_PATIENCE = 3
 # A given number of shapes is also reached from this many times as many.
 _MORE = 1.3
 # An error is aimed at this share of its limit, and its weight changes at most by these factors a round and in all.
-_AIM, _ROUND_CHANGE, _ALL_CHANGE = 0.95, (0.7, 1.2), (0.2, 2.0)
+_AIM, _ROUND_CHANGE, _ALL_CHANGE = 0.95, (0.7, 1.2), (0.1, 2.0)
 # Shares of the largest singular value of the responses, down to which directions enter the first set.
 _FIRST = 0.02
 
@@ -97,6 +97,7 @@ class ShapeSearch:
     def __init__(self, scene: SceneResponses, limits: ResponseLimits, judge: Callable[[Shapes], Judged]) -> None:
         self.scene, self.limits, self.judge = scene, limits, judge
         self.steps = 0
+        self.factors = np.ones((2, len(scene.samples)))
         self._directions: dict[float, dict[str, tuple[Array, Array]]] = {}
 
     def given(self, counts: Mapping[str, int]) -> Settled:
@@ -129,6 +130,12 @@ class ShapeSearch:
                 break
         return best
 
+    def extended(self, scene: SceneResponses) -> ShapeSearch:
+        """A search with the weights of this one in further configurations."""
+        found = ShapeSearch(scene, self.limits, self.judge)
+        found.factors[:, : self.factors.shape[1]] = self.factors
+        return found
+
     def grown(self, settled: Settled, more: int) -> Settled:
         """Add the directions that hold most of the responses left out, and optimise again."""
         shapes = settled.shapes
@@ -136,28 +143,36 @@ class ShapeSearch:
             left = {name: self._left_out(name, V) for name, V in shapes.items()}
             name = max(left, key=lambda name: left[name][1])
             shapes = {**shapes, name: np.hstack([shapes[name], left[name][0][:, None]])}
-        return self.settled(shapes, _ROUNDS)
+        return self.settled(shapes, _ROUNDS, afresh=False)
 
-    def settled(self, shapes: Shapes, rounds: int) -> Settled:
-        """Optimise shapes in rounds; configurations whose errors are too large weigh more in the next round."""
+    def settled(self, shapes: Shapes, rounds: int, *, afresh: bool = True) -> Settled:
+        """Optimise shapes in rounds; configurations whose errors are too large weigh more in the next round.
+
+        Parameters
+        ----------
+        shapes : mapping of body to (n, k) float64
+        rounds : int
+        afresh : bool
+            Begin with equal weights; else with those of the last call.
+        """
         count = len(self.scene.samples)
-        factors = np.ones((2, count))
-        best: Settled | None = None
-        since = 0
+        if afresh:
+            self.factors = np.ones((2, count))
+        best, since = Settled(dict(shapes), self.judge(shapes), self.steps), 0
+        judged = best.judged
         for _ in range(rounds):
-            limits = [ResponseLimits(self.limits.frf_error * a, self.limits.db_error * b) for a, b in factors.T]
-            fit = fit_shapes(self.scene, shapes, limits, _STEPS)
-            self.steps += fit.steps
-            shapes, judged = fit.shapes, self.judge(fit.shapes)
-            if best is None or judged.worst < best.judged.worst:
-                best = Settled(fit.shapes, judged, self.steps)
-                since = 0
-            since += 1
-            if judged.worst <= 1 or not fit.steps or since > _PATIENCE:
+            if judged.worst <= 1 or since > _PATIENCE:
                 break
             errors = np.maximum([judged.frf[:count], judged.db[:count]], np.finfo(float).tiny)
-            factors = np.clip(factors * np.clip(_AIM / errors, *_ROUND_CHANGE), *_ALL_CHANGE)
-        assert best is not None
+            if since or not afresh:
+                change = np.clip(_AIM / errors, *_ROUND_CHANGE)
+                self.factors = np.clip(self.factors * change, *_ALL_CHANGE)
+            limits = [ResponseLimits(self.limits.frf_error * a, self.limits.db_error * b) for a, b in self.factors.T]
+            fit = fit_shapes(self.scene, shapes, limits, _STEPS)
+            self.steps += fit.steps
+            shapes, judged, since = fit.shapes, self.judge(fit.shapes), since + 1
+            if judged.worst < best.judged.worst:
+                best, since = Settled(fit.shapes, judged, self.steps), 1
         return replace(best, steps=self.steps)
 
     def shares(self) -> dict[str, Array]:
@@ -188,7 +203,7 @@ class ShapeSearch:
             if first[-1].passes:
                 return first[-1]
         best = min(first, key=lambda each: each.judged.worst)
-        further = self.settled(best.shapes, _ROUNDS - 1)
+        further = self.settled(best.shapes, _ROUNDS - 1, afresh=False)
         return min(best, further, key=lambda each: each.judged.worst)
 
     def _from_more(self, counts: Mapping[str, int]) -> dict[str, Array]:

@@ -42,9 +42,7 @@ def random_scene(rng: np.random.Generator, damping: str = "modal", configuration
         measure[:, np.arange(y), np.arange(y)] = np.where(rng.random(y) < 0.5, 1, 1j * omega[:, None])
         none = np.zeros((omega.size, y, u), dtype=np.complex128)
         heard = np.ones((y, u), dtype=bool)
-        samples.append(
-            ResponseSample(omega, left, right, rest, c, measure, none, none, np.ones(y), np.ones(u), heard)
-        )
+        samples.append(ResponseSample(omega, left, right, rest, c, measure, none, none, np.ones(y), np.ones(u), heard))
     scene = SceneResponses(bodies, samples)
     return SceneResponses(bodies, [_met(s, H) for s, H in zip(samples, whole_responses(scene), strict=True)])
 

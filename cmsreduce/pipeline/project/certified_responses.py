@@ -1,4 +1,4 @@
-"""Certificate of scene shapes: errors by residuals, checked by solves of the unreduced bodies where they are largest."""
+"""Certificate of scene shapes: errors by residuals, checked by solves of the unreduced bodies."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def certified(
     """
     most = max((V.shape[1] for V in shapes.values()), default=0)
     certificates = response_certificates(scene, shapes, richer_shapes(scene, shapes, most))
-    estimated, bounds, solved = {}, {}, list[SolvedPoint]()
+    estimated, bounds, solved = dict[str, float](), dict[str, float](), list[SolvedPoint]()
     for sample, joined, each, found in zip(
         scene.samples, scene.joined(shapes), configurations, certificates, strict=True
     ):
@@ -63,7 +63,10 @@ def certified(
         at = _largest(found, squares[0])
         error = _squares((joined.H[at] - direct(each, sample.omega[at])) * channel)
         for k, square in zip(at, error, strict=True):
-            shares = (float(np.sqrt(part / max(size[k], np.finfo(float).tiny))) for part in (square, squares[0][k], squares[1][k]))
+            shares = (
+                float(np.sqrt(part / max(size[k], np.finfo(float).tiny)))
+                for part in (square, squares[0][k], squares[1][k])
+            )
             solved.append(SolvedPoint(each.name, float(sample.omega[k] / (2 * np.pi)), *shares))
     return CertificateRecord(estimated, bounds, tuple(solved), ESTIMATE_FACTOR, reference)
 

@@ -83,13 +83,13 @@ class SampledScene:
         grid = np.unique(np.concatenate([np.geomspace(low, high, _POINTS), omega - width, omega, omega + width]))
         grid = grid[(grid >= low) & (grid <= high)]
         if not omega.size:
-            return grid
+            return np.asarray(grid)
         least = _APART * width[abs(grid[:, None] - omega).argmin(axis=1)]
         keep = [0]
         for k in range(1, grid.size):
             if grid[k] - grid[keep[-1]] >= least[k]:
                 keep.append(k)
-        return grid[keep]
+        return np.asarray(grid[keep])
 
     def _sample(self, target: Target) -> ResponseSample:
         """Rows of one configuration over the modes of the bodies, and the flexibility of the rest."""

@@ -15,7 +15,7 @@ from cmsreduce.pipeline.project.certified_responses import DirectSolve, certifie
 from cmsreduce.pipeline.project.projected_bodies import Projected
 from cmsreduce.pipeline.project.response_samples import SampledScene, ScenePoints
 from cmsreduce.pipeline.system import Comparison, ReducedModel
-from cmsreduce.project import Judged, ResponseLimits, Settled, ShapeSearch, Shapes, keep_combinations
+from cmsreduce.project import Judged, ResponseLimits, Settled, Shapes, ShapeSearch, keep_combinations
 
 __all__ = ["ResponseShapes"]
 
@@ -27,6 +27,8 @@ _FIRST = 12
 _LOOKED_AT, _MOST_LOOKED_AT = 32, 128
 # Configurations added at a time, and rounds of additions.
 _ADDED, _ADDITIONS = 2, 16
+# Rounds of the optimisation before another shape is added.
+_ROUNDS = 6
 # Reason why a body's combinations of modes are kept.
 _WHY = "scene shape"
 
@@ -82,7 +84,7 @@ class ResponseShapes:
         every = scene.configurations
         self._critical: Finding | None = None
         self.chosen = [every[k] for k in sorted({*np.linspace(0, len(every) - 1, min(len(every), _FIRST)).astype(int)})]
-        self._search = self._searching()
+        self._search = ShapeSearch(self.sampled.responses(self.chosen), self.limits, self._judged)
 
     def run(self) -> Projected:
         """Find the shapes, and the bodies in them.
@@ -101,7 +103,7 @@ class ResponseShapes:
                     f"error of {found.judged.worst:.3g} times its limit. Raise reduce.cutoff, or allow larger errors"
                 )
         else:
-            found = self._search.given(self._counts(asked)) if isinstance(asked, Mapping) else self._total(asked)
+            found = self._search.given(self._counts(asked)) if isinstance(asked, Mapping) else self._total(int(asked or 0))
         between: dict[str, tuple[float, float]] = {}
         if self.keys.between:
             found, between = self._covering(found, grow=asked == "auto")
@@ -127,9 +129,6 @@ class ResponseShapes:
             )
         return found
 
-    def _searching(self) -> ShapeSearch:
-        return ShapeSearch(self.sampled.responses(self.chosen), self.limits, self._judged)
-
     def _total(self, asked: int) -> Settled:
         self._check(asked, sum(c.elastic_count for c in self.bodies.values()), "all bodies")
         return self._search.distributed(asked)
@@ -142,7 +141,9 @@ class ResponseShapes:
                 )
         missing = [name for name in self.sampled.bodies if name not in asked]
         if missing:
-            raise ConfigError(f"project.responses: state a number of shapes of '{missing[0]}', too, or one for all bodies")
+            raise ConfigError(
+                f"project.responses: state a number of shapes of '{missing[0]}', too, or one for all bodies"
+            )
         for name, count in asked.items():
             self._check(count, self.bodies[name].elastic_count, f"'{name}'")
         return dict(asked)
@@ -200,8 +201,8 @@ class ResponseShapes:
                 if not worst:
                     break
             self.chosen += worst
-            self._search = self._searching()
-            found = self._search.settled(found.shapes, 4)
+            self._search = self._search.extended(self.sampled.responses(self.chosen))
+            found = self._search.settled(found.shapes, _ROUNDS, afresh=False)
             while not found.passes and found.count < sum(c.elastic_count for c in self.bodies.values()):
                 found = self._search.grown(found, 1)
         left = [each for each in looked if each not in self.chosen]

@@ -497,6 +497,7 @@ class Run:
             raise ConfigError(
                 "project.responses needs a response: name at least one actuator and one sensor in the scene"
             )
+
         def measured(components: Mapping[str, ModalComponent]) -> Finding | None:
             return self.measure.measured(components, self.joined(components), between=False).critical
 
@@ -516,7 +517,7 @@ class Run:
     @property
     @once
     def _solvable(self) -> dict[str, ModalComponent | None]:
-        """The unreduced bodies for solves at a few frequencies: in their dofs, or in modes where damping needs these."""
+        """The unreduced bodies for solves at a few frequencies: in dofs, or in modes where damping needs these."""
         by_modes = {name: damped_by_modes(each.body, each.rigid) for name, each in self.bodies.items()}
         return {name: each.modes if by_modes[name] else None for name, each in self.references.items()}
 
