@@ -26,6 +26,8 @@ _ROUNDS, _FEW_ROUNDS = 8, 4
 _PATIENCE = 3
 # A given number of shapes is also reached from this many times as many.
 _MORE = 1.3
+# Distributions between the bodies that are tried for one shape less.
+_SPLITS = 8
 # An error is aimed at this share of its limit, and its weight changes at most by these factors a round and in all.
 _AIM, _ROUND_CHANGE, _ALL_CHANGE = 0.95, (0.7, 1.2), (0.1, 2.0)
 # Shares of the largest singular value of the responses, down to which directions enter the first set.
@@ -230,11 +232,19 @@ class ShapeSearch:
         if step > 1:
             tried = self.settled(self._without(best.shapes, step, None), _FEW_ROUNDS)
             return tried if tried.passes else None
-        fewer = [{**best.counts, name: k - 1} for name, k in best.counts.items() if k > 1]
+        names = list(best.counts)
+        # One shape less, also with one more of another body for one of a third.
+        moves = [(a, b) for a in names for b in names]
+        less = [{**best.counts, a: best.counts[a] - 1} for a in names]
+        fewer = less + [{**own, a: own[a] - 1, b: own[b] + 1} for own in less for a, b in moves if a != b]
+        fewer = [each for k, each in enumerate(fewer) if each not in fewer[:k] and self._possible(each)]
         dropped = [self._without(best.shapes, 1, name) for name, k in best.counts.items() if k > 1]
-        afresh = [self._leading(_MIXES[0], counts) for counts in fewer]
+        afresh = [self._leading(_MIXES[0], counts) for counts in fewer[:_SPLITS]]
         tried = self._from_best([*sorted(dropped, key=self._misfit), *afresh])
         return tried if tried.passes else None
+
+    def _possible(self, counts: Mapping[str, int]) -> bool:
+        return all(0 < k <= self.scene.bodies[name].count for name, k in counts.items())
 
     def _without(self, shapes: Shapes, step: int, only: str | None) -> dict[str, Array]:
         """Leave out directions, each time the one whose loss raises the misfit least."""

@@ -103,7 +103,9 @@ class ResponseShapes:
                     f"error of {found.judged.worst:.3g} times its limit. Raise reduce.cutoff, or allow larger errors"
                 )
         else:
-            found = self._search.given(self._counts(asked)) if isinstance(asked, Mapping) else self._total(int(asked or 0))
+            found = (
+                self._search.given(self._counts(asked)) if isinstance(asked, Mapping) else self._total(int(asked or 0))
+            )
         between: dict[str, tuple[float, float]] = {}
         if self.keys.between:
             found, between = self._covering(found, grow=asked == "auto")
