@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,12 +26,14 @@ _ROUNDS, _FEW_ROUNDS = 8, 4
 _PATIENCE = 3
 # A given number of shapes is also reached from this many times as many.
 _MORE = 1.3
+# Directions of each body, and of either weight, that are tried as one shape more.
+_TRIED = 3
 # Distributions between the bodies that are tried for one shape less.
 _SPLITS = 8
 # An error is aimed at this share of its limit, and its weight changes at most by these factors a round and in all.
 _AIM, _ROUND_CHANGE, _ALL_CHANGE = 0.95, (0.7, 1.2), (0.1, 2.0)
 # Shares of the largest singular value of the responses, down to which directions enter the first set.
-_FIRST = 0.02
+_FIRST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,11 +142,14 @@ class ShapeSearch:
 
     def grown(self, settled: Settled, more: int) -> Settled:
         """Add the directions that hold most of the responses left out, and optimise again."""
-        shapes = settled.shapes
+        shapes: Shapes = settled.shapes
         for _ in range(min(more, self._most - settled.count)):
-            left = {name: self._left_out(name, V) for name, V in shapes.items()}
-            name = max(left, key=lambda name: left[name][1])
-            shapes = {**shapes, name: np.hstack([shapes[name], left[name][0][:, None]])}
+            choices = [
+                {**shapes, name: np.hstack([V, direction])}
+                for name, V in shapes.items()
+                for direction in self._left_out(name, V)
+            ]
+            shapes = min(choices, key=self._misfit)
         return self.settled(shapes, _ROUNDS, afresh=False)
 
     def settled(self, shapes: Shapes, rounds: int, *, afresh: bool = True) -> Settled:
@@ -169,8 +174,7 @@ class ShapeSearch:
             if since or not afresh:
                 change = np.clip(_AIM / errors, *_ROUND_CHANGE)
                 self.factors = np.clip(self.factors * change, *_ALL_CHANGE)
-            limits = [ResponseLimits(self.limits.frf_error * a, self.limits.db_error * b) for a, b in self.factors.T]
-            fit = fit_shapes(self.scene, shapes, limits, _STEPS)
+            fit = fit_shapes(self.scene, shapes, self._weighted, _STEPS)
             self.steps += fit.steps
             shapes, judged, since = fit.shapes, self.judge(fit.shapes), since + 1
             if judged.worst < best.judged.worst:
@@ -182,13 +186,17 @@ class ShapeSearch:
         return {name: share for name, (_, share) in self._energy().items()}
 
     @property
+    def _weighted(self) -> list[ResponseLimits]:
+        """Limits of every configuration with its weights."""
+        return [ResponseLimits(self.limits.frf_error * a, self.limits.db_error * b) for a, b in self.factors.T]
+
+    @property
     def _most(self) -> int:
         return sum(body.count for body in self.scene.bodies.values())
 
     def _misfit(self, shapes: Shapes) -> float:
-        limits = [self.limits] * len(self.scene.samples)
         try:
-            return objective(self.scene, shapes, limits)[0]
+            return objective(self.scene, shapes, self._weighted)[0]
         except np.linalg.LinAlgError:
             return np.inf
 
@@ -248,14 +256,14 @@ class ShapeSearch:
 
     def _without(self, shapes: Shapes, step: int, only: str | None) -> dict[str, Array]:
         """Leave out directions, each time the one whose loss raises the misfit least."""
-        shapes = dict(shapes)
+        found = dict(shapes)
         for _ in range(step):
-            names = [name for name, V in shapes.items() if V.shape[1] > 1 and only in (None, name)]
-            choices = [{**shapes, name: fewer} for name in names for fewer in self._one_less(name, shapes)]
+            names = [name for name, V in found.items() if V.shape[1] > 1 and only in (None, name)]
+            choices = [{**found, name: fewer} for name in names for fewer in self._one_less(name, found)]
             if not choices:
                 break
-            shapes = min(choices, key=self._misfit)
-        return shapes
+            found = min(choices, key=self._misfit)
+        return found
 
     def _one_less(self, name: str, shapes: Shapes) -> list[Array]:
         """The shapes of a body without one of the principal directions of its motion in the scene."""
@@ -271,11 +279,11 @@ class ShapeSearch:
         # The weakest half: the strongest ones are never the first to go.
         return [V @ np.delete(directions, k, axis=1) for k in range((V.shape[1] + 1) // 2)]
 
-    def _left_out(self, name: str, V: Array) -> tuple[Array, float]:
-        """The strongest direction of a body's responses beyond its shapes, and its singular value."""
+    def _left_out(self, name: str, V: Array) -> Iterator[Array]:
+        """The strongest directions (n, 1) of a body's responses beyond its shapes."""
         w = self.scene.bodies[name].omega[:, None]
-        every, share = self._energy()[name]
-        U = np.linalg.qr(w * V)[0] if V.shape[1] else np.zeros((w.size, 0))
-        rest = (w * every - U @ (U.T @ (w * every))) * share
-        left, values, _ = la.svd(rest, full_matrices=False)
-        return (left[:, :1] / w)[:, 0], float(values[0]) if V.shape[1] < w.size else -1.0
+        U = np.linalg.qr(w * V)[0]
+        for mix in _MIXES:
+            every, share = self._energy(mix)[name]
+            left, _, _ = la.svd((w * every - U @ (U.T @ (w * every))) * share, full_matrices=False)
+            yield from (left[:, [k]] / w for k in range(min(_TRIED, w.size - V.shape[1])))

@@ -23,6 +23,8 @@ __all__ = ["ResponseShapes"]
 _USUAL_ERROR = 0.01
 # Configurations that the optimisation starts with; the others are looked at like those between them.
 _FIRST = 12
+# Configurations between those of the scene that it starts with, if the whole range counts.
+_FIRST_BETWEEN = 6
 # Configurations looked at in the range for each motion that articulates, and at most.
 _LOOKED_AT, _MOST_LOOKED_AT = 32, 128
 # Configurations added at a time, and rounds of additions.
@@ -82,8 +84,12 @@ class ResponseShapes:
         self.bodies = {name: self._candidates(name, source) for name in kept}
         self.sampled = SampledScene(source, self.bodies, comparison)
         every = scene.configurations
-        self._critical: Finding | None = None
         self.chosen = [every[k] for k in sorted({*np.linspace(0, len(every) - 1, min(len(every), _FIRST)).astype(int)})]
+        self._span = ArticulationRange(scene)
+        self._seen = 0
+        if keys.between and keys.responses == "auto":
+            self._seen = max(_FIRST - len(self.chosen), _FIRST_BETWEEN)
+            self.chosen += self._span.points(self._seen)
         self._search = ShapeSearch(self.sampled.responses(self.chosen), self.limits, self._judged)
 
     def run(self) -> Projected:
@@ -188,11 +194,11 @@ class ResponseShapes:
         dict
             frf_error and db_error of configurations that were looked at and not added.
         """
-        span = ArticulationRange(self.scene)
+        span = self._span
         count = min(_LOOKED_AT * max(len(span.axes), 1), _MOST_LOOKED_AT)
         others = [each for each in self.scene.configurations if each not in self.chosen]
-        looked = [*others, *span.corners(), *span.points(count)]
-        fresh = count
+        looked = [*others, *span.corners(), *span.points(count, self._seen)]
+        fresh = self._seen + count
         for _ in range(_ADDITIONS if grow else 0):
             worst = self._largest(found.shapes, looked)
             if not worst:
