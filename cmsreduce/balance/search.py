@@ -38,8 +38,9 @@ _TRIALS = 24
 _PARTNERS = 48
 # The groups predicted to be dispensable together are halved this often before groups are tried one by one.
 _HALVES = 4
-# Sets of several changes whose decibel errors are computed: those that a sum of squares finds best.
-_REFINED = 96
+# Sets of several changes whose decibel errors are computed: in the worst configuration those that a sum of squares
+# finds best, and in all configurations the best of these.
+_SCREENED, _REFINED = 1536, 96
 # A change that would break the limit beside those chosen is passed over; after so many, no other is looked for.
 _REFUSED = 12
 # Decibels of a relative error of 1, to first order, and the 99th percentile of an error over its root mean square.
@@ -122,7 +123,7 @@ class Effects:
         Returns
         -------
         (sets,) float64
-            The decibel errors of many sets are computed for the most promising ones alone.
+            Infinite for sets that are not promising: the decibel errors of all of many sets take too long.
         """
         members, gram = np.hstack([np.zeros((changes.shape[0], 1), dtype=np.int64), changes + 1]), self._every_gram
         square = np.zeros((gram.shape[0], changes.shape[0]))
@@ -130,15 +131,21 @@ class Effects:
             for b in range(members.shape[1]):
                 square += gram[:, members[:, a], members[:, b]]
         found = np.asarray(np.sqrt(np.maximum(square, 0.0)).max(axis=0, initial=0.0))
-        if self.decibels:
-            blocks = self.gram.shape[0]
-            some = np.argsort(found, kind="stable")[: max(_REFINED, gram.shape[1])]
-            of_channels = np.sqrt(np.maximum(square[:blocks, some], 0.0)).max(axis=0, initial=0.0)
-            in_decibels = np.max([each.predicted(changes[some]) for each in self.decibels], axis=0)
-            found[some] = np.maximum(of_channels, in_decibels)
-        return found
+        if not self.decibels:
+            return found
+        # First the configuration with the largest error now, then all of them for the best sets.
+        first = max(self.decibels, key=lambda each: float(each.error(each.present)))
+        some = np.argsort(found, kind="stable")[: max(_SCREENED, gram.shape[1])]
+        of_channels = np.sqrt(np.maximum(square[: self.gram.shape[0], some], 0.0)).max(axis=0, initial=0.0)
+        there = np.maximum(of_channels, first.predicted(changes[some]))
+        best = np.argsort(there, kind="stable")[: max(_REFINED, gram.shape[1])]
+        others = [each.predicted(changes[some[best]]) for each in self.decibels if each is not first]
+        result = np.full(changes.shape[0], np.inf)
+        result[some[best]] = np.max([there[best], *others], axis=0)
+        result[np.isnan(found)] = np.nan
+        return result
 
-    def together(self, order: Indices, limit: float) -> list[int]:
+    def together(self, order: Indices, limit: float, *, decibels: bool = True) -> list[int]:
         """Changes predicted to stay within the limit together, chosen one after another.
 
         Parameters
@@ -147,7 +154,11 @@ class Effects:
             Changes to choose among.
         limit : float
             Largest measure.
+        decibels : bool
+            Count the decibel errors, too.
         """
+        if not decibels:
+            return Effects(self.gram).together(order, limit)
         gram, exact = self._every_gram, slice(0, self.gram.shape[0])
         square, cross, own = gram[:, 0, 0], gram[:, 0, 1:], np.diagonal(gram, axis1=1, axis2=2)[:, 1:]
         present = [each.present for each in self.decibels]
@@ -277,6 +288,9 @@ class _Search:
                     best = min(best, first, key=self.modes)
         # Starting from the best ranked set and from all modes often gives one result; otherwise the smaller one counts.
         kept = min((self._settled(start) for start in dict.fromkeys((best, everything))), key=self.modes)
+        grown = self._grown(everything, kept)
+        if grown is not None:
+            kept = self._settled(grown)
         nearest = self._nearest(kept)
         return Found(self.selection(kept), self.errors[kept], self.modes(kept), len(self.errors), nearest, truncated)
 
@@ -359,6 +373,50 @@ class _Search:
                 break
             kept = found
         return kept
+
+    def _grown(self, everything: frozenset[int], below: frozenset[int]) -> frozenset[int] | None:
+        """Find fewer modes than in a set: those that the mean square errors need, and more for the decibel errors.
+
+        Leaving out modes one after another spends the decibel error, which is that of the worst point, before the mean
+        square error.
+        """
+        members = sorted(everything)
+        effects = self.judge.effects(self.selection(everything), [self.groups[k] for k in members])
+        if not effects.decibels:
+            return None
+        every = np.arange(len(members))
+        kept = everything - {members[k] for k in effects.together(every, self.limit, decibels=False)}
+        while self.modes(kept) < self.modes(below):
+            error = self._error(kept, np.inf)
+            if error <= self.limit:
+                return kept
+            better = self._bettered(kept, error, self.modes(below) - 1)
+            if better is None:
+                return None
+            kept = better
+        return None
+
+    def _bettered(self, kept: frozenset[int], error: float, most: int) -> frozenset[int] | None:
+        """Find a set with at most so many modes that meets the limit, else one mode more that lowers the error most."""
+        effects = self.judge.effects(self.selection(kept), self.groups)
+        out = np.array(sorted(kept), dtype=np.int64)
+        into = np.array([k for k in range(len(self.groups)) if k not in kept], dtype=np.int64)
+        pairs = np.array(list(combinations(into, 2)), dtype=np.int64).reshape(-1, 2)
+        best: tuple[float, frozenset[int]] | None = None
+        for sets in (_each_with(into, out[:, None]), into[:, None], _each_with(out, pairs), pairs):
+            change = np.where(np.isin(sets, into), self.sizes[sets], -self.sizes[sets]).sum(axis=1)
+            sets = sets[self.modes(kept) + change <= most]
+            predicted = effects.predicted(sets)
+            for k in np.argsort(predicted, kind="stable")[:_TRIALS]:
+                if not predicted[k] <= _SLACK * min(error, best[0] if best else np.inf):
+                    break
+                other = kept ^ set(sets[k].tolist())
+                found = self._error(other, min(error, best[0] if best else np.inf))
+                if found <= self.limit:
+                    return other
+                if found < (1 - _GAIN) * error and (best is None or found < best[0]):
+                    best = found, other
+        return None if best is None else best[1]
 
     def _exchanged(self, kept: frozenset[int]) -> frozenset[int] | None:
         """Find a set one exchange away with fewer modes, or with as many and a smaller error."""

@@ -265,7 +265,7 @@ class KeepKeys(Keys):
         "limits",
         "numbers",
     )
-    short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"enum": ["all", "limits"]},)
+    short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"const": "all"}, {"const": "limits"})
 
     modes: Modes | None = Field(
         default=None,

@@ -76,7 +76,8 @@ class SearchRecord:
         near = self.critical
         text = f"search: {self.modes} of {self.of} elastic modes meet {near.name} {near.limit:g} with {near.value:.4g}"
         if len(self.limits) > 1:
-            text += f", and {len(self.limits) - 1} other limits"
+            others = len(self.limits) - 1
+            text += f", and {others} other limit{'s' if others > 1 else ''}"
         far = self.obstacle
         if far is not None:
             text += f"; fewer would break {far.name} {far.limit:g} with {far.value:.4g} in {far.note}"
