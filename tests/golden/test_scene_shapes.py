@@ -64,11 +64,11 @@ def test_18_shapes_hold_two_per_cent_and_one_decibel_at_all_8_angles_of_galileo(
         assert result.errors["reduced"].db_error <= 1.0
 
 
-def test_24_shapes_hold_both_limits_between_the_angles(galileo):
+def test_22_shapes_hold_both_limits_between_the_angles(galileo):
     """Seven of the hundred random angles of the benchmark, spin 0 to 360, cone 0 to 30 degrees."""
     run, stored = galileo
-    components = stored(24)
-    assert sum(component.elastic_count for component in components.values()) <= 24
+    components = stored(22)
+    assert sum(component.elastic_count for component in components.values()) == 22
     span = ArticulationRange(run.scene)
     assert np.degrees(span.low).round(9).tolist() == [0, 0] and sorted(np.degrees(span.high).round(9)) == [30, 360]
     some = span.random(100, 1)[::15]

@@ -14,8 +14,10 @@ from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import Configuration, Joint, Point, Scene
 from cmsreduce.pipeline import Run, Silent
+from cmsreduce.pipeline.project import response_shapes
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange
 from cmsreduce.pipeline.project.response_samples import SampledScene
+from cmsreduce.project import shape_search
 from tests.pipeline.study import write_study
 from tests.two_beams import write_two_beams
 
@@ -93,9 +95,26 @@ def test_auto_meets_all_limits_with_fewer_shapes_than_modes(tmp_path: Path) -> N
     assert sum(c.elastic_count for c in stricter.final.values()) < sum(c.elastic_count for c in run.final.values())
 
 
+def test_auto_holds_the_limit_in_the_whole_range(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # A short search: what is held in the range does not depend on how small the model is.
+    for name, value in {"_LOOKED_AT": 8, "_FIRST_BETWEEN": 1}.items():
+        monkeypatch.setattr(response_shapes, name, value)
+    for name, value in {"_SPLITS": 0, "_FEW_ROUNDS": 1, "_ROUNDS": 2, "_STEPS": 20}.items():
+        monkeypatch.setattr(shape_search, name, value)
+    run = opened(study, "verify.limits={frf_error: 0.2}", "project={responses: auto}")
+    assert run.projected is not None
+    record = run.projected.record
+    # Angles of the scene, 0 and 50 degrees, and others between them.
+    assert set(record.configurations) > {"hinge=0", "hinge=50"} and len(record.between) > 8
+    assert max(record.between.values()) <= 0.2
+    unseen = ArticulationRange(run.scene).random(12, 5)
+    assert max(run.comparison.quick_errors(unseen, run.model)) <= 0.2
+    assert sum(c.elastic_count for c in run.final.values()) < sum(c.elastic_count for c in run.kept.values())
+
+
 def test_a_run_writes_its_shapes_and_their_certificate(tmp_path: Path) -> None:
     path = write_two_beams(tmp_path)
-    keys = ("--set", "project={responses: 7}", "--out", str(tmp_path / "out"))
+    keys = ("--set", "project={responses: 7}", "--out", str(tmp_path / "out"), "--verbose")
     result = CliRunner().invoke(main, ["run", str(path), *keys])
     assert result.exit_code == 0, result.output
     assert "scene shapes: 4 of right, 3 of left" in " ".join(result.output.split())
