@@ -26,7 +26,7 @@ _FIRST = 12
 # Configurations between those of the scene that it starts with, if the whole range counts.
 _FIRST_BETWEEN = 6
 # Configurations looked at in the range for each motion that articulates, and at most.
-_LOOKED_AT, _MOST_LOOKED_AT = 32, 128
+_LOOKED_AT, _MOST_LOOKED_AT = 64, 256
 # Configurations added at a time, and rounds of additions.
 _ADDED, _ADDITIONS = 2, 16
 # Share of every limit that is aimed at where the whole range counts: angles that were not looked at err a little more.
