@@ -93,6 +93,18 @@ class ArticulationRange:
                 found.append(self._configuration(np.array(values)))
         return found
 
+    def around(self, configuration: Configuration, share: float) -> list[Configuration]:
+        """Configurations that differ by a share of the range in one motion; none on a path."""
+        here = np.array([configuration.angles.get(axis, 0.0) for axis in self.axes])
+        found = []
+        for k in np.flatnonzero(self.high > self.low) if self.is_box else ():
+            for step in (-share, share):
+                there = here.copy()
+                there[k] += step * (self.high[k] - self.low[k])
+                if self.low[k] <= there[k] <= self.high[k]:
+                    found.append(self._configuration(there))
+        return found
+
     def _at(self, shares: Real) -> list[Configuration]:
         if self.is_box:
             values = np.tile(self.low, (len(shares), 1))

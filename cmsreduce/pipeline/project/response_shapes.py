@@ -31,6 +31,8 @@ _LOOKED_AT, _MOST_LOOKED_AT = 64, 256
 _ADDED, _ADDITIONS = 2, 16
 # Share of every limit that is aimed at where the whole range counts: angles that were not looked at err a little more.
 _BETWEEN_AIM = 0.92
+# Configurations with the largest errors that are followed uphill, and the steps, in shares of the range.
+_CLIMBED, _CLIMB = 6, (0.04, 0.02, 0.01)
 # Rounds of the optimisation before another shape is added.
 _ROUNDS = 6
 # Added configurations that a note names; summary.json has them all.
@@ -225,12 +227,27 @@ class ResponseShapes:
         return found, {each.name: error for each, error in zip(left, errors, strict=True)}
 
     def _largest(self, shapes: Shapes, looked: Sequence[Configuration]) -> list[Configuration]:
-        """The configurations in which a limit is broken most, apart from those already chosen."""
+        """The configurations with the largest errors above what is aimed at, apart from those already chosen."""
         left = [each for each in looked if each not in self.chosen]
         if not left:
             return []
-        ratios = self._ratios(shapes, self._quick(left)).max(axis=1)
-        return [left[k] for k in np.argsort(-ratios)[:_ADDED] if ratios[k] > self._aim]
+        ratios = self._quick_ratios(shapes, left)
+        found = [self._climbed(shapes, left[k], ratios[k]) for k in np.argsort(-ratios)[:_CLIMBED]]
+        # A coarse grid of frequencies finds where the errors are large, a fine one how large they are.
+        exact = self._ratios(shapes, [self.sampled.judge(each) for each in found]).max(axis=1)
+        return [found[k] for k in np.argsort(-exact)[:_ADDED] if exact[k] > self._aim]
+
+    def _climbed(self, shapes: Shapes, start: Configuration, ratio: float) -> Configuration:
+        """A configuration nearby with a larger error, by steps of decreasing size."""
+        for share in _CLIMB:
+            near = self._span.around(start, share)
+            ratios = self._quick_ratios(shapes, near)
+            if near and ratios.max() > ratio:
+                start, ratio = near[int(ratios.argmax())], float(ratios.max())
+        return start
+
+    def _quick_ratios(self, shapes: Shapes, configurations: Sequence[Configuration]) -> NDArray[np.float64]:
+        return self._ratios(shapes, self._quick(configurations)).max(axis=1, initial=0.0)
 
     def _quick(self, configurations: Sequence[Configuration]) -> list[ScenePoints]:
         found = []
