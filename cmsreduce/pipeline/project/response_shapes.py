@@ -247,7 +247,7 @@ class ResponseShapes:
         return start
 
     def _quick_ratios(self, shapes: Shapes, configurations: Sequence[Configuration]) -> NDArray[np.float64]:
-        return self._ratios(shapes, self._quick(configurations)).max(axis=1, initial=0.0)
+        return np.asarray(self._ratios(shapes, self._quick(configurations)).max(axis=1, initial=0.0))
 
     def _quick(self, configurations: Sequence[Configuration]) -> list[ScenePoints]:
         found = []
