@@ -12,6 +12,7 @@ from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, FileKind, expect
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import Geometry, GeometryFormat, MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.geometry import read_cells, read_geometry
+from cmsreduce.read.inner_grids import with_inner_grids
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, Nearby
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix
@@ -92,4 +93,5 @@ __all__ = [
     "sha256_of",
     "superelement_damping",
     "superelement_matrices",
+    "with_inner_grids",
 ]

@@ -32,7 +32,7 @@ from cmsreduce.model import (
 from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_health
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
-from cmsreduce.pipeline.bodies.from_keys import body_as_read, tied_body
+from cmsreduce.pipeline.bodies.from_keys import body_as_read, recovered_body, tied_body
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
 from cmsreduce.read import (
     RowOrderProof,
@@ -153,7 +153,8 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     if unproven:
         proof = RowOrderProof("labelled", remark=unproven)
     free = proof.status == "proven" and proof.motions == _FREE
-    tied = tied_body(as_read, part, free)
+    grown, unused = recovered_body(as_read, part)
+    tied = tied_body(grown, part, free)
     converted = in_units(tied, scene.units)
     # One factorisation proves that a large body has stiffness and mass in every motion but its rigid ones.
     large = converted.n > _LARGE
@@ -177,8 +178,7 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
     if body.damping.law == "none" and body.D is None:
         notes.append(f"{name}: no damping is given; its resonances are infinite")
-    if determined.note:
-        notes.append(determined.note)
+    notes += [note for note in (unused, determined.note) if note]
     ports = _ports(pipeline, determined, rigid, scene)
     stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
     # A dof that is held because nothing moves it may take a rigid motion with it, such as the spin of a straight bar.

@@ -16,9 +16,10 @@ from cmsreduce.read import (
     read_body,
     superelement_damping,
     superelement_matrices,
+    with_inner_grids,
 )
 
-__all__ = ["body_as_read", "read_rigid", "tied_body"]
+__all__ = ["body_as_read", "read_rigid", "recovered_body", "tied_body"]
 
 
 def body_as_read(name: str, part: Component, units: Units) -> tuple[FEModel, str]:
@@ -73,6 +74,29 @@ def body_as_read(name: str, part: Component, units: Units) -> tuple[FEModel, str
         interfaces=interfaces,
     )
     return body, ""
+
+
+def recovered_body(body: FEModel, part: Component) -> tuple[FEModel, str]:
+    """Give a superelement the grids inside it where its files state their motion and mass.
+
+    Parameters
+    ----------
+    body : FEModel
+        As its files have it.
+    part : Component
+        Its keys.
+
+    Returns
+    -------
+    body : FEModel
+        With the grids inside, or as it was.
+    note : str
+        Reason why recovery matrices of the files are not used; empty if they are, or there are none.
+    """
+    if part.stiffness is None or part.geometry is None or part.geometry.file is None:
+        return body, ""
+    found, reason = with_inner_grids(body, part.stiffness.file, part.geometry.file)
+    return found, f"{body.name}: the recovery matrix MUG1 of {part.stiffness.file} is not used: {reason}" if reason else ""
 
 
 def tied_body(body: FEModel, part: Component, free: bool) -> FEModel:
