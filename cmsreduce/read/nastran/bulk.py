@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from cmsreduce.read.nastran.dof_sets import SET_CARDS, Keys, Points, constrained
 from cmsreduce.read.nastran.grids import GRID_CARDS, read_points
 from cmsreduce.read.nastran.listing import is_listing
 from cmsreduce.read.nastran.rigid_elements import DEPENDENCE_CARDS, dependent_dofs
+from cmsreduce.read.nastran.superelement_sets import SUPERELEMENT_CARDS, modal_points, superelement_sets
 
 __all__ = ["BULK_DATA", "EXTERNAL_SUPERELEMENT", "SET_NAMES", "BulkDeck", "read_bulk", "read_extseout"]
 
@@ -44,6 +45,13 @@ _CELLS = {
 }
 # Nodes of these are in every other field: node, component, node, component.
 _SPRINGS = ("CELAS1", "CELAS2", "CDAMP1", "CDAMP2")
+
+# Grids of rigid elements.
+_RIGID: dict[str, Callable[[Card], list[int]]] = {
+    "RBE2": lambda card: [card.integer(1), *(int(text) for text in card.fields[3:] if text.isdigit())],
+    "RBE3": lambda card: _averaged(card),
+    **dict.fromkeys(("RBAR", "RJOINT", "RROD"), lambda card: [card.integer(1), card.integer(2)]),
+}
 
 SET_NAMES = {
     "a": "analysis set",
@@ -81,6 +89,8 @@ class BulkDeck:
         Parts that could not be read or are ambiguous.
     files : tuple of Path
         Files read, the deck first.
+    superelements : mapping of int to mapping of str to (k,) int64
+        Dof keys of the sets of each superelement that the deck makes by cards with its number.
     """
 
     path: Path
@@ -91,6 +101,7 @@ class BulkDeck:
     dependent: NDArray[np.int64]
     remarks: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
+    superelements: Mapping[int, Mapping[str, NDArray[np.int64]]] = field(default_factory=dict)
 
     @cached_property
     def _keys(self) -> dict[str, NDArray[np.int64]]:
@@ -158,7 +169,7 @@ def read_bulk(path: Path, superelement: int | None = None) -> BulkDeck:
         If a file is missing, a card cannot be read, a coordinate system is missing or defined by itself, a grid is
         defined twice with different data, or there are no points.
     """
-    found = read_cards(path, GRID_CARDS | SET_CARDS | DEPENDENCE_CARDS)
+    found = read_cards(path, GRID_CARDS | SET_CARDS | DEPENDENCE_CARDS | SUPERELEMENT_CARDS)
     cards = _section(found, superelement)
     nodes, points, held = read_points(cards)
     constrained, remarks = constrained_dofs(cards, found.case_control, points)
@@ -172,7 +183,32 @@ def read_bulk(path: Path, superelement: int | None = None) -> BulkDeck:
         dependent,
         (*remarks, *more),
         found.files,
+        superelement_sets(cards, points, _elements(path)) if cards.keys() & SUPERELEMENT_CARDS else {},
     )
+
+
+def _elements(path: Path) -> Iterator[tuple[int, list[int]]]:
+    """Elements of the main bulk data with their grids, rigid ones too."""
+    for name, cards in read_cards(path, {*_CELLS, *_SPRINGS, *_RIGID}).sections.get(0, {}).items():
+        for card in cards:
+            if name in _RIGID:
+                yield card.integer(0), _RIGID[name](card)
+            else:
+                for _, nodes in _cells_of(card):
+                    yield card.integer(0), nodes
+
+
+def _averaged(card: Card) -> list[int]:
+    """Grids of an RBE3: the reference, then after each weight components and ids."""
+    found, at = [card.integer(2)], 4
+    while at < len(card.fields) and card.text(at) not in ("UM", "ALPHA"):
+        text = card.text(at)
+        if text and not text.isdigit():
+            at += 1  # components follow a weight
+        elif text:
+            found.append(int(text))
+        at += 1
+    return found
 
 
 def _section(found: CardFile, superelement: int | None) -> Cards:
@@ -191,16 +227,40 @@ def _section(found: CardFile, superelement: int | None) -> Cards:
 
 
 def _deck_geometry(path: Path) -> Geometry:
-    """Geometry of a deck; of the sets that a matrix may have, the analysis set is first, as programs write it."""
+    """Geometry of a deck; of the sets that a matrix may have, the analysis set is first, as programs write it.
+
+    The sets of superelement 101 are ``101.a`` and so on. Components of grids in a q-set are generalised coordinates:
+    9990001.2 becomes the scalar point 99900012, and grids of a q-set have no place.
+    """
     deck = read_bulk(path)
+    of_q = [sets["q"] for sets in (deck.named, *deck.superelements.values()) if "q" in sets]
+    modal = np.setdiff1d(np.concatenate([np.zeros(0, np.int64), *of_q]) // KEY_STEP, deck.spoints)
     sizes = deck.sizes()
-    rows: dict[str, DofTable] = {name: deck.dof_table(name) for name in ("a", "f", "n", "g") if name in sizes}
-    if len(deck.nodes):
-        translations = rows_of_nodes(deck.nodes, 3)
+    rows = {name: deck.dof_table(name) for name in ("a", "f", "n", "g") if name in sizes}
+    sets = {name: deck.dof_table(name) for name in SET_NAMES if name in sizes}
+    if "q" in sets and "b" in sets and len(sets["b"]) + len(sets["q"]) < len(rows["a"]):
+        # Components of the grids of a q-set that stand for no mode may be in the c-set.
+        rows["bq"] = DofTable.from_keys(np.union1d(deck.named["b"], deck.named["q"]))
+    for number, found in deck.superelements.items():
+        tables = {f"{number}.{name}": DofTable.from_keys(keys) for name, keys in found.items()}
+        rows[f"{number}.a"] = tables.pop(f"{number}.a")
+        sets |= tables
+    if modal.size:
+        rows, sets = ({name: modal_points(table, modal) for name, table in each.items()} for each in (rows, sets))
+    nodes = _without(deck.nodes, modal)
+    if len(nodes):
+        translations = rows_of_nodes(nodes, 3)
         keys = translations.node * KEY_STEP + translations.component
         rows["translations"] = DofTable.from_keys(np.setdiff1d(keys, deck.constrained))
-    sets = {name: deck.dof_table(name) for name in SET_NAMES if name in sizes}
-    return Geometry(path, deck.nodes, rows, sets, DofTable.from_keys(deck.constrained), deck.files, deck.remarks)
+    return Geometry(path, nodes, rows, sets, DofTable.from_keys(deck.constrained), deck.files, deck.remarks)
+
+
+def _without(nodes: Nodes, others: NDArray[np.int64]) -> Nodes:
+    """Nodes without some ids."""
+    kept = ~np.isin(nodes.id, others)
+    if kept.all():
+        return nodes
+    return Nodes(nodes.id[kept], nodes.xyz[kept], nodes.frame[kept], nodes.xyz_rounding, nodes.frame_rounding)
 
 
 def _deck_cells(path: Path) -> Cells:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from cmsreduce.errors import ReadError
 from cmsreduce.read.files import read_text
+from cmsreduce.read.nastran.images import IMAGES, image_of
 from cmsreduce.read.nastran.listing import echoed_deck, is_listing
 from cmsreduce.read.printed_numbers import real_number
 
@@ -34,6 +35,8 @@ _BEGIN = re.compile(
 )
 _ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
 _CEND = re.compile(r"\s*CEND\b", re.IGNORECASE)
+# A deck of millions of cards is written by a program, not by repetition.
+_MOST_IMAGES = 1_000_000
 _ELSEWHERE = -1  # section of auxiliary models, which are no part of the body
 
 
@@ -145,7 +148,7 @@ def read_cards(path: Path, names: Collection[str]) -> CardFile:
     """Read the named cards of a NASTRAN input file and of the files it includes.
 
     Fields may be 8 or 16 characters wide or separated by commas; a tab fills up to the next multiple of eight; a
-    dollar sign starts a comment. An included file is searched beside the including file, then beside ``path``.
+    dollar sign starts a comment. Cards that repeat the one above them (``=``, ``==``, ``*1``, ``=n``) are written out. An included file is searched beside the including file, then beside ``path``.
 
     Parameters
     ----------
@@ -230,6 +233,8 @@ class _Reader:
         self._part, self._root, self._names = part, root, names
         self._section, self._done = 0, False
         self._card: _OpenCard | None = None
+        self._steps: list[str] = []
+        self._images = 0
         self.case: list[str] = []
         self.has_case = False
         self.sections: dict[int, dict[str, list[Card]]] = {}
@@ -303,19 +308,39 @@ class _Reader:
             if card is None:
                 raise ReadError(f"{path}, line {number}: a continuation line with no card before it")
         elif first[0] == "=":
+            # A card that is skipped is skipped with its images.
             if card is not None and card.kept:
-                raise ReadError(
-                    f"{path}, line {number}: '{first}' repeats fields of the {card.name} above it; this shorthand is "
-                    "not read, write the cards out (NASTRAN does with ECHO = PUNCH)"
-                )
+                self._read_images(card, first, line, path, number)
             return
         else:
             self.close_card()
+            before = card
             name = first.rstrip("*").strip()
             card = _OpenCard(name, path, number, kept=name in self._names and self._section != _ELSEWHERE)
             self._card = card
+            if card.kept:
+                card.append(line, f"{path}, line {number}")
+                if any(text[:1] in ("=", "*") for text in card.fields):
+                    card.fields = image_of(before, card.fields, f"{path}, line {number}")
+            return
         if card.kept:
             card.append(line, f"{path}, line {number}")
+
+    def _read_images(self, card: _OpenCard, first: str, line: str, path: Path, number: int) -> None:
+        """Read a line that repeats the card above it: once, or ``=n`` times with the steps of the last image."""
+        where = f"{path}, line {number}"
+        count = IMAGES.fullmatch(first)
+        if count is None:
+            given = _OpenCard(card.name, path, number, kept=True)
+            given.append(line, where)
+            self._steps = given.fields
+        self._images += int(count[1]) if count else 1
+        if self._images > _MOST_IMAGES:
+            raise ReadError(f"{where}: {first} makes more than {_MOST_IMAGES} cards; the deck is damaged")
+        for _ in range(int(count[1]) if count else 1):
+            self.close_card()
+            self._card = _OpenCard(card.name, path, number, True, image_of(card, self._steps, where))
+            card = self._card
 
 
 def _include_name(rest: str, lines: Iterator[tuple[int, str]], where: str) -> str:
