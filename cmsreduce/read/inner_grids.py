@@ -79,10 +79,13 @@ def with_inner_grids(body: FEModel, matrices: Path, deck: Path) -> tuple[FEModel
         if (worst := min(worst, float(differs.max()))) <= _SAME:
             return _followed(body, table[grids], shapes, m), ""
     if not np.isfinite(worst):
-        return body, f"its {U.shape[0]} rows are not six for each grid of {deck}; ask for the displacements of all grids"
+        return (
+            body,
+            f"its {U.shape[0]} rows are not six for each grid of {deck}; ask for the displacements of all grids",
+        )
     return body, (
-        f"with the lumped masses of {deck} it gives a mass that differs from that of the superelement by {worst:.2g}; the "
-        "deck is of another model, or its masses are not lumped (COUPMASS)"
+        f"with the lumped masses of {deck} it gives a mass that differs from that of the superelement by {worst:.2g}; "
+        "the deck is of another model, or its masses are not lumped (COUPMASS)"
     )
 
 

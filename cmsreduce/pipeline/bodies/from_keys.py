@@ -96,7 +96,7 @@ def recovered_body(body: FEModel, part: Component) -> tuple[FEModel, str]:
     if part.stiffness is None or part.geometry is None or part.geometry.file is None:
         return body, ""
     found, reason = with_inner_grids(body, part.stiffness.file, part.geometry.file)
-    return found, f"{body.name}: the recovery matrix MUG1 of {part.stiffness.file} is not used: {reason}" if reason else ""
+    return found, reason and f"{body.name}: the recovery matrix MUG1 of {part.stiffness.file} is not used: {reason}"
 
 
 def tied_body(body: FEModel, part: Component, free: bool) -> FEModel:

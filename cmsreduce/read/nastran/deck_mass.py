@@ -153,7 +153,7 @@ def grid_masses(path: Path, nodes: Nodes) -> Array | None:
         at, mass = node_index(nodes, card.integer(1)), card.real(3)
         arm = cross_matrix(offset - nodes.xyz[at] if frame == _AT_POINT else offset)
         # The card has the products of inertia without their sign.
-        J = 2 * np.diag(own.diagonal()) - own - own.T - mass * arm @ arm
+        J = 3 * np.diag(own.diagonal()) - own - own.T - mass * arm @ arm
         found[at, :3, 3:] -= scale * mass * arm
         found[at, 3:, :3] += scale * mass * arm
         found[at, 3:, 3:] += scale * J

@@ -18,7 +18,7 @@ from cmsreduce.read.formats import Geometry, GeometryFormat
 from cmsreduce.read.labelled_matrix import DOUBLE, SINGLE
 from cmsreduce.read.nastran.op2 import check_records
 from cmsreduce.read.nastran.op4 import first_record
-from cmsreduce.read.nastran.superelement_sets import modal_points
+from cmsreduce.read.nastran.superelements import modal_points
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,6 +27,8 @@ __all__ = ["OP2_GEOMETRY"]
 
 # Names of 64-bit files are spread over words of eight bytes.
 _TABLES = re.compile(r"BGPD( {4})?T")
+# Words of pyYeti.
+_OF_TWO = "incompatible with EQEXIN"
 # Sets that the rows of a matrix may be, the likeliest first, and sets that interfaces may name.
 _ROWS, _SETS = ("a", "f", "n", "g"), ("b", "c", "q", "o", "r", "s", "m")
 # Relative: places of a node that superelements share are rounded alike, or differ by a conversion of coordinates.
@@ -45,8 +47,16 @@ def _op2_geometry(path: Path) -> Geometry:
         If the file is damaged, has no tables of grids, or has two nodes of one number at different places.
     """
     check_records(path)
-    with reading(path, "the tables of grids of the OP2 file"):
-        tables = _tables(path)
+    try:
+        with reading(path, "the tables of grids of the OP2 file"):
+            tables = _tables(path)
+    except ReadError as error:
+        if _OF_TWO not in str(error):
+            raise
+        raise ReadError(
+            f"{path}: its tables of grids (BGPDT) and of their numbers (EQEXIN) do not belong together, as if a run of "
+            "the assembly had replaced one of them; give the deck as geometry"
+        ) from error
     if not tables:
         raise ReadError(f"{path}: there are no tables BGPDT and EQEXIN in it; give the deck as `geometry:`")
     generalised = _generalised(tables.values())

@@ -1,17 +1,21 @@
-"""Superelements of a main deck: their boundary, and the dofs of their matrices (SESET, SEELT, SEBSET, SEQSET, CSUPER)."""
+"""Superelements of a main deck, by cards with their number, and external ones: their boundary and the order of rows."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import KEY_STEP, SCALAR, DofTable
-from cmsreduce.read.nastran.cards import Cards
+from cmsreduce.errors import ReadError
+from cmsreduce.model import KEY_STEP, SCALAR, DofTable, Nodes
+from cmsreduce.read.formats import Geometry
+from cmsreduce.read.nastran.cards import Card, CardFile, Cards, read_cards
 from cmsreduce.read.nastran.dof_sets import Keys, Points, dof_keys, id_ranges, joined_keys
+from cmsreduce.read.nastran.grids import GRID_CARDS, read_points
 
-__all__ = ["SUPERELEMENT_CARDS", "modal_points", "superelement_sets"]
+__all__ = ["SUPERELEMENT_CARDS", "modal_points", "read_extseout", "superelement_sets"]
 
 Element = tuple[int, Sequence[int]]
 """Number of an element, and its grids."""
@@ -19,6 +23,8 @@ Element = tuple[int, Sequence[int]]
 _LETTERS = {"SEBSET": "b", "SECSET": "c", "SEQSET": "q", "SESUP": "r"}
 _LISTED = {"SEBSET1": "b", "SECSET1": "c", "SEQSET1": "q"}
 _TEN = 10  # a number above every component
+_ORDER_CARDS = GRID_CARDS | {"SECONCT", "EXTRN"}
+_SECONCT_START = 8  # pairs of ids start on the second line
 _EXTERIOR = 2  # field of the first exterior point of a CSUPER
 
 SUPERELEMENT_CARDS = frozenset({*_LETTERS, *_LISTED, "SESET", "SEELT", "CSUPER"})
@@ -142,14 +148,13 @@ def _boundaries(
             owners.setdefault(grid, set()).add(number)
     # Without a SESET, the grids of a SEELT that other elements share are the boundary.
     by_grids = set(inside.values())
-    return {
-        number: np.array(
-            sorted(grid for grid in grids if inside.get(grid) != number and (number in by_grids or owners[grid] != {number})),
-            dtype=np.int64,
-        )
-        for number, grids in touched.items()
-        if number > 0
-    }
+    found: dict[int, NDArray[np.int64]] = {}
+    for number, all_of_it in touched.items():
+        outer = [grid for grid in all_of_it if inside.get(grid) != number]
+        shared = outer if number in by_grids else [grid for grid in outer if owners[grid] != {number}]
+        if number > 0:
+            found[number] = np.unique(np.array(shared, dtype=np.int64))
+    return found
 
 
 def _owner(grids: Sequence[int], inside: dict[int, int], named: dict[int, set[int]]) -> int:
@@ -159,3 +164,103 @@ def _owner(grids: Sequence[int], inside: dict[int, int], named: dict[int, set[in
         if all(inside.get(grid) == number or grid in named.get(number, set()) for grid in grids):
             return number
     return numbers[0] if numbers else 0
+
+
+def read_extseout(path: Path) -> Geometry:
+    """Read the grids and the dof order of an external superelement.
+
+    The punch file has both (EXTRN, and the grids after BEGIN SUPER). The assembly file gives the order on SECONCT,
+    six dofs for each grid; it is used alone only if its folder has no punch file of the same stem.
+
+    Parameters
+    ----------
+    path : Path
+        ``.asm`` or ``.pch``.
+
+    Returns
+    -------
+    Geometry
+        Rows ``a`` in the order of the matrices. Sets ``b``: dofs of the interface grids, and ``q``: generalised
+        coordinates, which are scalar points.
+
+    Raises
+    ------
+    ReadError
+        If a file is missing or damaged, or holds several superelements or none.
+    """
+    found = read_cards(path, _ORDER_CARDS)
+    files = found.files
+    chosen = _with_order(found, "EXTRN")
+    if chosen is None:
+        for beside in (path.with_suffix(".pch"), path.with_suffix(".PCH")):
+            if beside != path and beside.is_file():
+                punch = read_cards(beside, _ORDER_CARDS)
+                chosen = _with_order(punch, "EXTRN")
+                files = (*files, *punch.files)
+                break
+    if chosen is not None:
+        return _superelement(*_from_extrn(chosen), files)
+    chosen = _with_order(found, "SECONCT")
+    if chosen is None:
+        raise ReadError(f"{path}: neither EXTRN nor SECONCT in it: no external superelement")
+    return _superelement(*_from_seconct(chosen), files)
+
+
+def _with_order(found: CardFile, name: str) -> Cards | None:
+    """The one section that has cards of a name, None if there is none."""
+    sections = [cards for cards in found.sections.values() if name in cards]
+    if not sections:
+        return None
+    numbers = {card.integer(0) for card in sections[0][name]} if name == "SECONCT" else {0}
+    if len(sections) > 1 or len(numbers) > 1:
+        raise ReadError(f"{found.path}: holds several superelements; name the .asm or .pch file of one")
+    return sections[0]
+
+
+def _from_extrn(cards: Cards) -> tuple[Nodes, Keys]:
+    """Order from (id, components) pairs; a range of ids shares its components."""
+    nodes, points, _ = read_points(cards)
+    keys = [np.zeros(0, dtype=np.int64)]
+    for card in cards["EXTRN"]:
+        fields = [k for k, text in enumerate(card.fields) if text]
+        while fields:
+            length = 3 if len(fields) > 1 and card.text(fields[1]) == "THRU" else 1
+            if len(fields) <= length:
+                raise ReadError(f"{card.where}: no components follow {card.text(fields[0])}")
+            ids = id_ranges(card.with_fields([card.text(k) for k in fields[:length]]), 0)
+            keys.append(np.sort(points.keys(ids, card.text(fields[length]), card)))
+            fields = fields[length + 1 :]
+    return nodes, np.concatenate(keys)
+
+
+def _from_seconct(cards: Cards) -> tuple[Nodes, Keys]:
+    """Order from pairs of ids: the id in the superelement, and the id of the GRID to which it is connected."""
+    nodes, points, _ = read_points(cards)
+    keys = [np.zeros(0, dtype=np.int64)]
+    own: dict[int, int] = {}
+    for card in cards["SECONCT"]:
+        for inner, outer in _pairs(card):
+            if outer in points.grids or outer in points.scalars:
+                own[outer] = inner
+            elif inner not in points.grids and inner not in points.scalars:
+                raise ReadError(f"{card.where} names {inner}, but there is no such GRID or SPOINT in the file")
+            scalar = inner in points.scalars or outer in points.scalars
+            keys.append(inner * KEY_STEP + (np.array([SCALAR]) if scalar else np.arange(1, 7)))
+    renamed = np.array([own.get(int(id), int(id)) for id in nodes.id], dtype=np.int64)
+    placed = Nodes(renamed, nodes.xyz, nodes.frame, nodes.xyz_rounding, nodes.frame_rounding)
+    return placed, np.concatenate(keys)
+
+
+def _pairs(card: Card) -> list[tuple[int, int]]:
+    """Pairs of ids, with all ids of ranges: ``a b``, or ``a1 THRU a2 b1 THRU b2``."""
+    fields = [text for text in card.fields[_SECONCT_START:] if text]
+    spans = [span.ids(card) for span in id_ranges(card.with_fields(fields), 0)]
+    if len(spans) % 2 or any(a.size != b.size for a, b in zip(spans[::2], spans[1::2], strict=True)):
+        raise ReadError(f"{card.where}: ids do not come in pairs; the card is damaged")
+    return [(int(a), int(b)) for A, B in zip(spans[::2], spans[1::2], strict=True) for a, b in zip(A, B, strict=True)]
+
+
+def _superelement(nodes: Nodes, keys: Keys, files: tuple[Path, ...]) -> Geometry:
+    scalar = keys % KEY_STEP == SCALAR
+    sets = {name: DofTable.from_keys(part) for name, part in (("b", keys[~scalar]), ("q", keys[scalar])) if part.size}
+    return Geometry(files[0], nodes, {"a": DofTable.from_keys(keys)}, sets, files=files)
