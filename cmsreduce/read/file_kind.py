@@ -204,7 +204,7 @@ def file_kind(path: Path) -> FileKind:
     if not head:
         return FileKind("empty", "an empty file", step="the run that should have written it may have failed")
     if is_row_mapping(path):
-        return FileKind("rows", "a list of the nodes of rows, as ANSYS exports it", step="use it as `rows:`")
+        return FileKind("rows", "a list of the rows of a matrix, as ANSYS exports it", step="use it as `rows:`")
     matrices, geometry = matrix_format(path, head), geometry_format(head)
     if matrices is not None or geometry is not None:
         main = matrices or geometry

@@ -173,7 +173,8 @@ def _each_once(paths: Sequence[Path]) -> tuple[list[Path], tuple[str, ...]]:
 
 def _rows(kinds: Mapping[Path, FileKind], decks: int) -> Path | None:
     """The list of the nodes of the rows, which holds for both matrices of the only body."""
-    found = [path for path, kind in kinds.items() if kind.name == "rows"]
+    # HBMAT writes the same list beside each matrix.
+    found, _ = _each_once([path for path, kind in kinds.items() if kind.name == "rows"])
     if len(found) > 1 or (found and decks > 1):
         raise ReadError(
             f"{', '.join(map(str, found))}: a list of the nodes of rows holds for the matrices of one body; draft each "
