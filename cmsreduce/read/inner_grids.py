@@ -64,7 +64,10 @@ def with_inner_grids(body: FEModel, matrices: Path, deck: Path) -> tuple[FEModel
         return body, f"it has {U.shape[1]} columns, and the superelement {body.n} dofs"
     blocks = grid_masses(deck, body.nodes)
     if blocks is None:
-        return body, f"{deck} states no masses of grids, or has elements that are not counted"
+        return body, (
+            f"{deck} states no masses of grids, or has elements that are not counted; give the deck of the whole "
+            "superelement as `geometry:`"
+        )
     scale = np.sqrt(abs(body.M.diagonal()))
     scale[scale == 0] = 1.0
     worst = np.inf
