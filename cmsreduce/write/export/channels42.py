@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
 from cmsreduce.model import Channel, JointTerm, PointTerm, StrutTerm
-from cmsreduce.write.export.spacecraft42 import Spacecraft
+from cmsreduce.write.export.tree42 import Spacecraft
 
 __all__ = ["Thruster", "command_lines", "sensor_table", "thrusters"]
 
@@ -143,8 +143,13 @@ def _node(tree: Spacecraft, part: int, at: Array, name: str) -> int:
     return len(nodes) - 1
 
 
-def command_lines(thrusters, laws, seconds, step):  # type: ignore[no-untyped-def] # scene.py has its text
-    """Script that commands thrusters, for laws of efforts over time.
+def command_lines(
+    thrusters: Sequence[tuple[str, int, float]],
+    laws: Mapping[str, Callable[[float], float]],
+    seconds: float,
+    step: float,
+) -> Iterator[str]:
+    """Script that commands thrusters, for laws of efforts over time; scene.py holds this function as text.
 
     42 takes a command between two steps and obeys it in the next step but one: the first two steps obey the one at
     time 0. A thrust is constant in a step: that of its middle. Thrusters are rows of actuator, sign and the effort at
