@@ -73,8 +73,8 @@ def _check(scene: MultibodyScene) -> None:
     units = scene.scene.units
     if (units.length, units.mass, units.time) != (1.0, 1.0, 1.0):
         raise WriteError(
-            f"42 is in SI, and the scene in {units.name}: set `units: m-kg-s` for the pipeline, and the units of the "
-            f"files for each component (`units: {units.name}`)"
+            f"42 is in SI, and the scene in {units.name}: set `scene: {{units: m-kg-s}}`, and `units: {units.name}` at "
+            "each component whose files are in these units"
         )
     held = [str(point) for point in scene.ground] + [body.name for body in scene.bodies if body.grounded]
     if held:
