@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cmsreduce.errors import WriteError
-from cmsreduce.model import MultibodyScene
+from cmsreduce.model import Channel, JointTerm, MultibodyScene, Point, StrutTerm
 from cmsreduce.pipeline.results import multibody_scene
 from cmsreduce.write import export_scene, read_component
-from tests.consumers.exported import BEAM, ROBOT, assembled, finished, linear, pulse
-from tests.consumers.predictions import PlaneBeam
+from tests.consumers.exported import ROBOT, assembled, finished, linear, pulse
 from tests.consumers.scene_42 import PROGRAM, Folder42, run, script, simulated
-from tests.frames import line
 from tests.pipeline.study import arm, panel, write_body
 from tests.write.targets.test_flex42 import read
 
@@ -203,25 +202,32 @@ def pushed(scene: object, levels: dict[int, float]) -> float:
     return total
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        (
-            "  articulation:",
-            "  ground: [base.feet]\n  articulation:",
-            "holds no body to the ground, and 'base.feet' is",
-        ),
-        ("  actuators:\n", "  actuators:\n    cable: {{between: [arm.2, panel.6]}}\n", "no force between two points"),
-        ("lead: {{joint: rail}}", "lead: {{joint: shoulder, dof: ry}}", "'shoulder' moves in other directions"),
-    ],
-)
-def test_what_42_has_not_is_refused_by_name(tmp_path: Path, old: str, new: str, words: str) -> None:
-    for body in (arm(), panel()):
-        write_body(tmp_path, body)
-    run_dir = finished(tmp_path, TREE.replace(old, new, 1))
+REFUSED = {
+    "holds no body to the ground, and 'base.feet' is": {"ground": (Point("base", "feet"),)},
+    "has no force between two points": {
+        "actuators": (Channel("cable", (StrutTerm(Point("arm", "2"), Point("panel", "6")),), "translation"),)
+    },
+    "joint 'shoulder' moves in other directions": {
+        "actuators": (Channel("lead", (JointTerm("shoulder", 4),), "rotation"),)
+    },
+}
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_what_42_has_not_is_refused_by_name(tree: Path, tmp_path: Path, words: str) -> None:
+    scene = multibody_scene(tree)
     with pytest.raises(WriteError, match=words):
-        export_scene(multibody_scene(run_dir), "42", tmp_path / "42")
+        export_scene(replace(scene, scene=replace(scene.scene, **REFUSED[words])), "42", tmp_path / "42")
     assert not (tmp_path / "42").exists()
+
+
+def test_loops_and_interfaces_of_several_nodes_are_refused(tree: Path, tmp_path: Path) -> None:
+    scene = multibody_scene(tree)
+    loop = replace(scene.joints[0], outboard="")
+    pairs = replace(scene.joints[0], locked=scene.joints[0].locked * 2)
+    for joint, words in ((loop, "joint 'shoulder' closes a loop"), (pairs, "joins 2 pairs of nodes")):
+        with pytest.raises(WriteError, match=words):
+            export_scene(replace(scene, joints=(joint, *scene.joints[1:])), "42", tmp_path / "42")
 
 
 ALONE = """\

@@ -64,7 +64,7 @@ PROFILES: dict[str, Profile] = {
         mean_axes=True,
         unit_mass=True,
         numbered_joints=True,
-        why="42 is exact about mean axes with REFPT_CM; with modes that have momentum it adds that momentum twice",
+        why="42 is right to first order about mean axes with REFPT_CM; it adds the momentum of other modes twice",
     ),
     "mbdyn-1.7.3": Profile(
         "mbdyn",
