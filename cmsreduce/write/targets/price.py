@@ -25,11 +25,6 @@ def price_of(component: ComponentFile, integrals: ModalIntegrals, target: str, d
         return (lumped_price(component, integrals),)
     if (target, dialect) == ("mbdyn", "first-order"):
         return (spin_price(flexible_body(component, integrals, slow=True)),)
-    if target == "42":
-        return (
-            f"{component.name}: 42 keeps its inertia as it is without deformation, so that large motions are right to "
-            "first order in the deformation only",
-        )
     return ()
 
 
