@@ -68,7 +68,7 @@ PROFILES: dict[str, Profile] = {
         unit_mass=True,
         numbered_joints=True,
         why="42 is right to first order about mean axes with REFPT_CM; it adds the momentum of other modes twice",
-        limit="42 keeps the inertia of a body as it is at rest: large motions are right to first order in its deformation",
+        limit="42 keeps its inertia as it is at rest: large motions are right to first order in the deformation",
     ),
     "mbdyn-1.7.3": Profile(
         "mbdyn",
