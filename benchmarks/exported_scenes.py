@@ -1,7 +1,7 @@
 """Galileo's pair as `cmsreduce export` writes it, run unedited in other programs: a table of benchmarks/consumers.md.
 
-Programs that are not installed are left out by name. Exudyn is in the extra ``exudyn``; others are found by an
-environment variable.
+Exudyn is in the extra ``exudyn``; others are found by an environment variable. Rows of programs that are not here stay
+as they were.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ from cmsreduce.pipeline.results import multibody_scene  # noqa: E402
 from cmsreduce.write import export_scene  # noqa: E402
 from tests.consumers.galileo import PIPELINE, SAMPLE  # noqa: E402
 from tests.consumers.predictions import HingedPair  # noqa: E402
+from tests.consumers.scene_42 import PROGRAM as PROGRAM_42  # noqa: E402
+from tests.consumers.scene_42 import simulated as run_42  # noqa: E402
 
 PAGE = ROOT / "benchmarks" / "consumers.md"
 BEGIN, END = "<!-- exported scenes: make consumers writes this table -->", "<!-- end -->"
@@ -64,6 +66,7 @@ class Case:
 
 
 CASES = {
+    "small motion": Case(0.04, 1.0, 3.0),
     "free vibration": Case(40.0, 1.0, 10.0),
     "torque pulse": Case(40.0, 4.0, 6.0),
     "spin-up": Case(40.0, 12.0, 13.0),
@@ -126,7 +129,26 @@ def mbdyn(run: Path, folder: Path, case: Case) -> Motion | None:
     )
 
 
-PROGRAMS: dict[str, Callable[[Path, Path, Case], Motion | None]] = {"Exudyn": exudyn, "MBDyn": mbdyn}
+def nasa_42(run: Path, folder: Path, case: Case) -> Motion | None:
+    """The exported folder as it is, but for the law of the motor, the end and the step."""
+    if not PROGRAM_42:
+        return None
+    scene = multibody_scene(run)
+    export_scene(scene, "42", folder)
+    _, modes = run_42(folder, {"motor": case.law}, case.seconds, case.step)
+    counts = {
+        name: int(count) for name, count in re.findall(r"^(\w+): (\d+) modes$", (folder / "scene.py").read_text(), re.M)
+    }
+    ends = np.cumsum([0, *counts.values()])
+    source = Path(PROGRAM_42).resolve().parent
+    commit = subprocess.run(
+        ["git", "-C", source, "rev-parse", "--short=7", "HEAD"], capture_output=True, text=True, check=False
+    )
+    parts = zip(counts, ends[:-1], ends[1:], strict=True)
+    return Motion(commit.stdout.strip() or "of unknown version", {name: modes[:, a:b] for name, a, b in parts})
+
+
+PROGRAMS: dict[str, Callable[[Path, Path, Case], Motion | None]] = {"Exudyn": exudyn, "MBDyn": mbdyn, "42": nasa_42}
 """Programs by name; each returns None where it is not installed."""
 
 
@@ -134,16 +156,17 @@ def main() -> None:
     """Run every case in every program, and write the table."""
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        lines = list(table(folder))
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    after = rest.partition(END)[2]
+        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+        last, _, after = rest.partition(END)
+        lines = table(folder, last.splitlines())
     PAGE.write_text(f"{before}{BEGIN}\n\n" + "\n".join(lines) + f"\n\n{END}{after}", encoding="utf-8")
     print("\n".join(lines))
 
 
-def table(folder: Path) -> list[str]:
-    """Rows of the table, and the versions below it."""
+def table(folder: Path, last: list[str]) -> list[str]:
+    """Rows of the table, and the versions below it; those of programs that are not here from the last one."""
     run = finished(folder)
+    before = [version for line in last if line.startswith("Versions: ") for version in line[10:-1].split(", ")]
     pair = HingedPair(run.final["stator"], run.final["rotor"], "spin_bearing")
     rows, versions = [], [f"cmsreduce {__version__}", f"Python {platform.python_version()}"]
     for name, case in CASES.items():
@@ -155,6 +178,8 @@ def table(folder: Path) -> list[str]:
             start = time.perf_counter()
             motion = simulated(run.folder, folder / f"{program} {name}", case)
             if motion is None:
+                rows += [row for row in last if row.startswith(f"| {name} |") and f"| {program} |" in row]
+                versions += [version for version in before if version.startswith(f"{program} ")]
                 continue
             seconds = time.perf_counter() - start
             versions += [f"{program} {motion.version}"]
