@@ -202,7 +202,7 @@ convert_options = _options(
         "target",
         metavar="FORMAT",
         help="nastran, 42, sid, mbdyn, mbsim, exudyn, discos, dads, treetops, treetops-h5, matlab, abcd, simscape, "
-        "extptfm or fmi; by the end of OUT's name if not given.",
+        "extptfm, radioss or fmi; by the end of OUT's name if not given.",
     ),
     click.option(
         "--dialect",

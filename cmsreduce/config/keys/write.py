@@ -153,6 +153,7 @@ Format = Literal[
     "simscape",
     "fmi",
     "extptfm",
+    "radioss",
 ]
 
 _DIALECTS = {
