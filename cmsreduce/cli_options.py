@@ -308,7 +308,7 @@ convert_options = _options(
         "--dialect",
         metavar="DIALECT",
         help="For sid: by-axis, by-mode, gr-by-mode, embs. For mbdyn: points, invariants, lumped, first-order. For "
-        "fmi: fmi3, fmi2.",
+        "fmi: fmi3, fmi2. For extptfm: openfast-5, openfast-4.",
     ),
     click.option("--configuration", metavar="NAME", help="Of a system file: the configuration to write."),
     output_options,

@@ -160,6 +160,7 @@ _DIALECTS = {
     "sid": ("by-axis", "by-mode", "gr-by-mode", "embs"),
     "mbdyn": ("points", "invariants", "lumped", "first-order"),
     "fmi": ("fmi3", "fmi2"),
+    "extptfm": ("openfast-5", "openfast-4"),
 }
 
 ProgramName = Literal[
