@@ -55,7 +55,7 @@ def read(path: Path) -> dict[str, np.ndarray]:
 
 
 def read_old(path: Path) -> dict[str, np.ndarray]:
-    """The rules of ReadFlexASCII, before 5.0: words at the start of a line in any case, at fixed columns; others are skipped."""
+    """The rules of ReadFlexASCII, before 5.0: the same words, at fixed columns; a line of size follows each."""
     lines = iter(path.read_text(encoding="ascii").splitlines())
     found: dict[str, np.ndarray] = {}
     n, dt, total = -1, -1.0, -1.0
