@@ -96,7 +96,8 @@ def conversion(
     _check_path(path, source)
     arguments = [dialect or chosen.dialects[0]] if chosen.dialects else []
     if not chosen.integrals:
-        return TargetFiles(chosen.write(path, component, *arguments) or (path,), (), component)
+        paths = chosen.write(path, component, *arguments) or (path,)
+        return TargetFiles(paths, price_of(component, None, name, None), component)
     return _with_integrals(path, component, name, *arguments)
 
 
