@@ -156,6 +156,8 @@ def in_dofs(modal: ModalBody, interfaces: Mapping[str, InterfaceSpec]) -> FEMode
         D=sp.csc_array(D) if D.any() and modal.damping.law == "none" else None,
         units=modal.units,
         rounding=modal.rounding,
+        # Rounded shapes leave forces that cancel in exact ones, and those of another size beside them.
+        noise=modal.rounding,
         tied=Recovery(modal.dofs[others], table, sp.csr_array(modal.shapes[others] @ T)) if others.size else None,
         second_order=modal.second_order and modal.second_order.of(T),
         grounded=not _free(modal).size,

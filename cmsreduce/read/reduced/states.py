@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import scipy.linalg as la
@@ -28,8 +29,12 @@ _MOST_STATES = 5000
 _PROVEN = 1e-6
 # Relative to the largest eigenvalue: a smaller one is none, and those closer together are one.
 _NONE, _TOGETHER = 1e-11, 1e-9
-# Relative to the largest gain: a smaller one is round-off of eigenvectors.
-_UNSEEN = 1e-10
+# Relative to the inverse mass of the ports: less of it in a mode is round-off of eigenvectors.
+_UNSEEN = 1e-12
+# Imaginary part of an eigenvalue, relative to the largest: less is round-off of a double one.
+_STILL = 1e-9
+# Of modal matrices made with eigenvectors of states.
+_DIGITS = 1e-10
 _HELP = (
     "A body has A = [0 I; -M\\K -M\\D], B = [0; M\\L], C = [L' 0] for displacements or [0 L'] for their rates, where "
     "column i of L is the dof that input i drives and output i measures"
@@ -117,7 +122,7 @@ def read_states(
         shapes=modes.shapes,
         nodes=shape.nodes,
         units=units,
-        rounding=_UNSEEN,
+        rounding=_DIGITS,
         sources=tuple(
             Source(str(each), sha256_of(each), what)
             for each, what in ((path, "states"), (rows, "row order"), (geometry, "geometry"))
@@ -176,7 +181,11 @@ class _Proof:
     def __call__(self, figure: float, what: str) -> None:
         """Refuse if a relative figure is above what rounding explains."""
         if not figure <= _PROVEN:
-            raise MatrixError(f"body '{self.name}': {self.path} is no mechanical body: {what} ({figure:.2g}). {_HELP}")
+            self.refuse(f"{what} ({figure:.2g})")
+
+    def refuse(self, what: str) -> NoReturn:
+        """Refuse the model."""
+        raise MatrixError(f"body '{self.name}': {self.path} is no mechanical body: {what}. {_HELP}")
 
     def equal(self, A: Array, B: Array, what: str) -> None:
         """Refuse if two matrices differ."""
@@ -193,7 +202,7 @@ def _of_second_order(prove: _Proof, found: Matrices) -> _Modes:
     if "C" in found:
         prove.equal(found["C"], B.T, "C and the transpose of B")
     if np.linalg.eigvalsh((M + M.T) / 2)[0] <= 0:
-        prove(np.inf, "its mass matrix M is not positive definite, and has no inverse")
+        prove.refuse("its mass matrix M is not positive definite, and has no inverse")
     lam, V = la.eigh((K + K.T) / 2, (M + M.T) / 2)
     _check_stable(prove, lam)
     return _Modes(_without_rounding(lam), V.T @ ((D + D.T) / 2) @ V, B.T @ V)
@@ -217,7 +226,7 @@ def _of_first_order(prove: _Proof, found: Matrices) -> _Modes:
         and abs(B[:h]).max(initial=0.0) <= _NONE * abs(B).max(initial=0.0)
     )
     if not size:
-        prove(np.inf, "A is zero")
+        prove.refuse("A is zero")
     return _of_companion(prove, A, B, C) if companion else _of_residues(prove, A, B, C)
 
 
@@ -237,29 +246,32 @@ def _of_companion(prove: _Proof, A: Array, B: Array, C: Array) -> _Modes:
         prove(float(abs(lam.imag).max(initial=0.0) / top) if top else 0.0, "squares of its frequencies are complex")
         order = np.argsort(lam.real)
         lam, V = lam.real[order], V.real[:, order]
-        back = la.inv(V)
+        # Rigid motions of a body have as many eigenvectors as there are.
+        prove(float(np.finfo(float).eps * np.linalg.cond(V)), "its modes are dependent")
+        back = np.linalg.inv(V)
     _check_stable(prove, lam)
-    into, out = back @ drive, seen @ V
+    gains = _gains(prove, seen @ drive)
+    into, out = back @ (drive / gains), (seen.T / gains).T @ V
     T = np.zeros((h, h))
     for part in _clusters(lam, _TOGETHER * abs(lam).max(initial=0.0)):
-        phi = _factor(prove, out[:, part] @ into[part], abs(seen @ drive).max(initial=0.0))
-        block = la.lstsq(out[:, part], phi)[0]
+        phi = _factor(prove, out[:, part] @ into[part])
+        block = np.linalg.lstsq(out[:, part], phi, rcond=None)[0]
         # What no output sees has any scale.
         rest = la.null_space(block.T)[:, : block.shape[0] - block.shape[1]]
         T[part, part] = np.hstack([block, rest]) if block.shape[1] else np.eye(block.shape[0])
     V, back = V @ T, la.solve(T, back)
-    shapes = seen @ V
-    prove.equal(back @ drive, shapes.T, "drive and motion of its modes")
+    shapes = (seen.T / gains).T @ V
+    prove.equal(back @ (drive / gains), shapes.T, "drive and motion of its modes")
     damping = back @ D @ V
     prove.equal(damping, damping.T, "its damping matrix, for unit modal mass, and its transpose")
-    return _Modes(_without_rounding(lam), (damping + damping.T) / 2, shapes)
+    return _Modes(_without_rounding(lam), (damping + damping.T) / 2, shapes * gains[:, None])
 
 
 def _of_residues(prove: _Proof, A: Array, B: Array, C: Array) -> _Modes:
     """Modes of proportional damping, by the residues of the transfer function."""
     poles, X = la.eig(A)
     top = abs(poles).max(initial=0.0)
-    flat = int((abs(poles.imag) <= _PROVEN * top * _UNSEEN**0.5).sum())
+    flat = int((abs(poles.imag) <= _STILL * top).sum())
     if flat:
         raise MatrixError(
             f"body '{prove.name}': {prove.path} is no body of second order as it stands: {flat} of its "
@@ -275,32 +287,39 @@ def _of_residues(prove: _Proof, A: Array, B: Array, C: Array) -> _Modes:
     if rates:
         residues = residues / poles[upper, None, None]
     scaled = 2j * poles[upper].imag[:, None, None] * residues
-    scale = float(abs(scaled.real).max(initial=0.0))
+    gains = _gains(prove, scaled.sum(axis=0).real)
+    scaled = scaled / np.outer(gains, gains)
     lam, zeta, shapes = [], [], []
     for part in _clusters(abs(poles[upper]), _TOGETHER * top):
         S = scaled[part].sum(axis=0)
-        phase = float(np.linalg.norm(S.imag) / max(np.linalg.norm(S), _UNSEEN * scale))
-        prove(
-            phase,
-            f"mode {abs(poles[upper[part]][0]) / (2 * np.pi):g} Hz is complex, so its damping is not proportional",
-        )
-        phi = _factor(prove, S.real, scale)
+        hz = abs(poles[upper[part]][0]) / (2 * np.pi)
+        complexity = float(np.linalg.norm(S.imag))
+        prove(complexity, f"the mode of {hz:g} Hz is complex, so that its damping is not proportional")
+        phi = _factor(prove, S.real)
         pole = poles[upper[part]].mean()
         lam += [abs(pole) ** 2] * phi.shape[1]
         zeta += [-2 * pole.real] * phi.shape[1]
         shapes.append(phi)
-    return _Modes(np.array(lam), np.diag(zeta), np.hstack(shapes), upper.size - len(lam))
+    return _Modes(np.array(lam), np.diag(zeta), gains[:, None] * np.hstack(shapes), upper.size - len(lam))
 
 
-def _factor(prove: _Proof, S: Array, scale: float) -> Array:
-    """Shapes phi of S = phi phi^T (p, k), without those that nothing drives or sees."""
-    size = max(float(np.linalg.norm(S)), _UNSEEN * scale)
-    if not size:
-        return np.empty((S.shape[0], 0))
-    prove(float(np.linalg.norm(S - S.T) / size), "force at one port and motion at another are not reciprocal")
+def _gains(prove: _Proof, inverse: Array) -> Array:
+    """Root of the inverse mass at each port (p,), which makes ports of unlike units comparable."""
+    own = inverse.diagonal()
+    top = abs(inverse).max(initial=0.0)
+    prove(float(max(-own.min(), 0.0) / top) if top else 0.0, "a port moves against its force, as with a negative mass")
+    still = np.flatnonzero(own <= _UNSEEN * top)
+    if still.size:
+        prove.refuse(f"output {still[0] + 1} does not answer the force of input {still[0] + 1}")
+    return np.asarray(np.sqrt(own))
+
+
+def _factor(prove: _Proof, S: Array) -> Array:
+    """Shapes phi of S = phi phi^T (p, k) at ports of unit inverse mass, without those that nothing drives or sees."""
+    prove(float(np.linalg.norm(S - S.T)), "force at one port and motion at another are not reciprocal, in a mode")
     s, U = la.eigh((S + S.T) / 2)
-    prove(float(max(-s[0], 0.0) / size), "a port moves against its force: a mode has negative mass")
-    kept = s > _UNSEEN * max(s[-1], scale)
+    prove(float(max(-s[0], 0.0)), "a port moves against its force, as with a negative mass")
+    kept = s > _UNSEEN
     return np.asarray(U[:, kept] * np.sqrt(s[kept]))
 
 

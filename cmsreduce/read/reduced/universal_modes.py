@@ -191,4 +191,5 @@ def _rigid(table: Array, dofs: DofTable, nodes: Nodes) -> NDArray[np.bool_]:
     R = rigid_body_shapes(dofs, nodes, nodes.xyz.mean(axis=0))
     size = np.linalg.norm(table, axis=0)
     left = np.linalg.norm(table - R @ np.linalg.lstsq(R, table, rcond=None)[0], axis=0)
-    return np.asarray(left <= _RIGID * size)
+    # A mode that no node shows is none of them.
+    return np.asarray((left <= _RIGID * size) & (size > _ROUNDING * size.max(initial=0.0)))
