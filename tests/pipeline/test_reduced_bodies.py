@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 import scipy.linalg as la
+from click.testing import CliRunner
 from scipy.io import loadmat, savemat
 from scipy.optimize import brentq
 
+from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import CmsReduceError, ConfigError
 from cmsreduce.pipeline import Run, execute
+from cmsreduce.pipeline.inspection import inspected
 from cmsreduce.steps import AssembledSystem
 from cmsreduce.write import read_component, stored_integrals
 from tests.pipeline.study import ARM, PANEL, PIPELINE, Log, arm
@@ -81,6 +84,32 @@ def bent(file):
     amplitudes = file.arrays["interfaces/tip/shapes"][:, file.elastic].T / file.omega[file.elastic][:, None] ** 2
     integrals = stored_integrals(file)
     return integrals.r_phi @ amplitudes, amplitudes.T @ integrals.phi_phi @ amplitudes
+
+
+@pytest.mark.parametrize("name", ["arm.h5", "arm.SID_FEM", "arm.fem"])
+def test_from_new_to_run(written, study, monkeypatch, name):
+    first, *_ = written
+    monkeypatch.chdir(study.parent)
+    done = CliRunner().invoke(main, ["new", "again", f"finished/{name}"])
+    assert done.exit_code == 0 and "warning" not in done.output, done.output
+    done = CliRunner().invoke(main, ["run", "again.yaml"])
+    assert done.exit_code == 0, done.output
+    hz = read_component(study.parent / "build/again/again.h5").omega
+    own = first.final["arm"].omega
+    own = own[own > 1.0][:4]
+    np.testing.assert_allclose(hz[hz > 1.0][:4], own, rtol=1e-5)
+
+
+def test_inspect_says_what_a_system_and_a_reduced_body_hold(written, study):
+    first, *_ = written
+    found = inspected(study.parent / "finished/system.h5").data
+    assert (found["outputs"], list(found["sizes"])[:3]) == (["gyro.ry", "gyro.rz", "probe"], ["arm", "panel", "hub"])
+    for configuration, hz in zip(first.scene.configurations, found["frequencies_hz"].values(), strict=True):
+        expected = AssembledSystem(first.model.assembled, configuration).frequencies_hz
+        np.testing.assert_allclose(hz, expected[expected > 1e-2][:4], rtol=1e-8)
+    for name in ("arm.SID_FEM", "arm.fem"):
+        body = inspected(study.parent / "finished" / name).data
+        assert body["second_order"] and body["mass"] == pytest.approx(arm().M.toarray()[::6, ::6].sum(), rel=1e-9)
 
 
 @pytest.mark.parametrize("name", ["arm.SID_FEM", "arm.fem"])

@@ -27,7 +27,7 @@ from cmsreduce.read import (
 )
 from cmsreduce.write import SAME_MASS, ComponentFile, read_component, stored_integrals
 
-__all__ = ["matrix_source", "modal_input"]
+__all__ = ["REDUCED_FILES", "matrix_source", "modal_input", "reduced_body"]
 
 _INTEGRALS = (
     "integrals/rigid_mass",
@@ -40,6 +40,9 @@ _INTEGRALS = (
 _ONE_FACTOR = 1e-9
 _READERS = {"sid": read_sid, "mbdyn": read_mbdyn}
 
+REDUCED_FILES = frozenset(_READERS)
+"""Kinds of files of other programs that hold a reduced body."""
+
 
 def modal_input(name: str, part: Component, units: Units) -> ModalBody:
     """Read a body that is given by `reduced` or `modes`, with the damping of its file unless the keys state another.
@@ -50,7 +53,7 @@ def modal_input(name: str, part: Component, units: Units) -> ModalBody:
         If its files cannot be read, or the keys contradict them.
     """
     if part.reduced is not None:
-        modal = _of_file(name, part.reduced, units)
+        modal = reduced_body(name, part.reduced, units)
         if part.units is not None and modal.units != units:
             raise UnitsError(
                 f"component '{name}': {part.reduced} states the units {modal.units.name}, the pipeline {units.name}; "
@@ -124,7 +127,7 @@ def _of_modes(name: str, part: Component, units: Units) -> ModalBody:
     )
 
 
-def _of_file(name: str, path: Path, units: Units) -> ModalBody:
+def reduced_body(name: str, path: Path, units: Units) -> ModalBody:
     """Reduced body of a file, whose content tells what it is.
 
     Parameters

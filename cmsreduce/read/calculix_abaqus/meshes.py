@@ -45,7 +45,6 @@ _UNREAD = {
     "NCOPY": "copied nodes",
     "NMAP": "mapped nodes",
     "SYSTEM": "node coordinates in a local system",
-    "TRANSFORM": "degrees of freedom in a local system",
 }
 # Kind of cell and nodes by the start of an element's name.
 _INPUT_CELLS = {
