@@ -14,6 +14,8 @@ from cmsreduce.cli_options import (
     Commands,
     check_options,
     convert_options,
+    figure_completion,
+    key_completion,
     output_options,
     pipeline_options,
     run_options,
@@ -69,8 +71,9 @@ def _run(
         raise click.UsageError("--only and --until exclude each other")
     if only and (jobs > 1 or cluster):
         raise click.UsageError("--only runs one stage by itself; leave --jobs and --cluster out")
+    # A whole run ends with its notes.
     with (
-        output.watch() as progress,
+        output.watch(notes=bool(only or until)) as progress,
         opened_run(pipeline, overrides, out, progress, only=only, jobs=jobs, cluster=cluster) as run,
     ):
         work_in(run.folder)
@@ -203,21 +206,42 @@ def export(run_dir: Path, program: str, configuration: str | None, out: Path | N
 @click.argument("run_dir", type=click.Path(path_type=Path))
 @click.option("--png", is_flag=True, help="Draw static pictures, too: RUN_DIR/pictures.")
 @click.option("--svg", is_flag=True, help="The same as vector graphics.")
+@click.option("--pdf", is_flag=True, help="The same for a paper.")
+@click.option(
+    "--figure",
+    "figures",
+    multiple=True,
+    metavar="NAME",
+    help="Draw this picture alone, in seconds and without the page: bode (worst channel, with phase), error-cost, mac, "
+    "modes, scene, errors or gains; as PDF if no format is given.",
+    shell_complete=figure_completion,
+)
 @click.option("--vtu", is_flag=True, help="Write mode shapes for ParaView, too: RUN_DIR/shapes.")
 @click.option("--csv", "tables", is_flag=True, help="Write the tables, too: RUN_DIR/tables.")
 @output_options
-def report(run_dir: Path, png: bool, svg: bool, vtu: bool, tables: bool, output: Output) -> None:
+def report(
+    run_dir: Path,
+    png: bool,
+    svg: bool,
+    pdf: bool,
+    figures: tuple[str, ...],
+    vtu: bool,
+    tables: bool,
+    output: Output,
+) -> None:
     """Write the HTML report of a finished run again, and pictures, shapes and tables as asked for."""
     from cmsreduce.pipeline import reopen, run_result, write_report
-    from cmsreduce.pipeline.results import export_pictures, export_shapes, export_tables
+    from cmsreduce.pipeline.results import export_figures, export_pictures, export_shapes, export_tables
     from cmsreduce.pipeline.store import collecting
     from cmsreduce.report import meaning, worst_error
 
     run = reopen(run_dir)
     result = run_result(run, views=True)
     with collecting() as failures:
-        files = [write_report(result, run_dir, failures)]
-        for suffix in (".png",) * png + (".svg",) * svg:
+        suffixes = [suffix for suffix, asked in ((".png", png), (".svg", svg), (".pdf", pdf)) if asked]
+        files = [] if figures else [write_report(result, run_dir, failures)]
+        files += export_figures(result, run_dir, figures, suffixes or [".pdf"]) if figures else []
+        for suffix in () if figures else suffixes:
             files += export_pictures(result, run_dir, suffix)
         files += export_shapes(run, result, run_dir) if vtu else []
         files += export_tables(result, run_dir) if tables else []
@@ -234,7 +258,13 @@ def report(run_dir: Path, png: bool, svg: bool, vtu: bool, tables: bool, output:
 @main.command()
 @pipeline_options
 @click.option(
-    "--over", "swept", multiple=True, required=True, metavar="KEY=V1,V2,...", help="A key and its values, as YAML."
+    "--over",
+    "swept",
+    multiple=True,
+    required=True,
+    metavar="KEY=V1,V2,...",
+    help="A key and its values, as YAML.",
+    shell_complete=key_completion,
 )
 @worker_options
 def sweep(
@@ -316,6 +346,32 @@ def cache_clear(run_dir: Path) -> None:
     for path in kept:
         click.echo(f"{path} stays: it is damaged, or cmsreduce did not write it")
     click.echo(f"removed {count} files, {size / 2**20:.2f} MiB")
+
+
+@main.command()
+@output_options
+def doctor(output: Output) -> None:
+    """Show what a run finds here: versions, sparse solvers, threads, memory, disk, compiled loops."""
+    from cmsreduce.pipeline import environment
+
+    lines = environment(Path())
+    for line in lines:
+        output.line(f"{line.name:<16} {line.words}{f'  ({line.advice})' if line.advice else ''}")
+    output.result({line.name: line.value for line in lines})
+
+
+@main.command()
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+def completion(shell: str) -> None:
+    """Print the script that completes commands, options, keys, stages and formats in a shell.
+
+    For bash: `cmsreduce completion bash > ~/.cmsreduce-complete.bash`, and in ~/.bashrc `. ~/.cmsreduce-complete.bash`.
+    """
+    from click.shell_completion import get_completion_class
+
+    made = get_completion_class(shell)
+    assert made is not None
+    click.echo(made(main, {}, "cmsreduce", "_CMSREDUCE_COMPLETE").source())
 
 
 @main.command()

@@ -11,7 +11,7 @@ from cmsreduce.config.keys.files import MatrixFile
 from cmsreduce.config.keys.interface import InterfaceKeys
 from cmsreduce.config.keys.joints import Articulation
 from cmsreduce.config.keys.mapping import Count, Keys, check_name, parse_point
-from cmsreduce.config.keys.pipeline import Memory, Pipeline, json_schema
+from cmsreduce.config.keys.pipeline import Memory, Pipeline, json_schema, key_names
 from cmsreduce.config.keys.project import ProjectKeys
 from cmsreduce.config.keys.quantities import Quantity, parse_ratio
 from cmsreduce.config.keys.reduce import ModeSetKeys, ReduceKeys
@@ -53,6 +53,7 @@ __all__ = [
     "channel_kind",
     "check_name",
     "json_schema",
+    "key_names",
     "parse_point",
     "parse_ratio",
     "parse_row",
