@@ -15,6 +15,8 @@ TRIANGLES = [[0, 1, 2, 4, 5, 8], [0, 2, 3, 8, 6, 7]]
 SQUARE = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
 STEEL = "*MATERIAL, NAME=STEEL\n*ELASTIC\n2.1e11, 0.3\n*DENSITY\n7850.\n"
 SECTIONS = {
+    "M": "*MEMBRANE SECTION, ELSET={}, MATERIAL=STEEL\n0.002\n",
+    "T": "*SOLID SECTION, ELSET={}, MATERIAL=STEEL\n1e-4\n",
     "C": "*SOLID SECTION, ELSET={}, MATERIAL=STEEL\n",
     "S": "*SHELL SECTION, ELSET={}, MATERIAL=STEEL\n0.01\n",
     "B": "*BEAM SECTION, ELSET={}, MATERIAL=STEEL, SECTION={}\n0.1, 1., 0.3\n",
@@ -159,6 +161,19 @@ def turned():
         deck.nset(name, deck.at(x, layer=0))
         lead, turn = deck.node((1.2 * x - 0.1, 0.05, 0.075), layer=1), deck.node((3 + x, 3, 3), layer=1)
         deck.keywords += f"*RIGID BODY, NSET={name}, REF NODE={lead}, ROT NODE={turn}\n"
+    return deck
+
+
+def stiffened(kind):
+    """A solid with a membrane on a side, or a truss across it: both are ties of their nodes."""
+    deck = Deck().solid("C3D8", (4, 2, 2), (1, 0.1, 0.15))
+    if kind == "T3D2":
+        deck.add("T3D2", [(0, 0, 0), (1, 0.1, 0.15)])
+    else:
+        for i in range(4):
+            deck.add(
+                "M3D4", [(x, y, 0.15) for x, y in ((i / 4, 0), (i / 4 + 0.25, 0), (i / 4 + 0.25, 0.05), (i / 4, 0.05))]
+            )
     return deck
 
 

@@ -18,7 +18,7 @@ from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
 from cmsreduce.pipeline import Run, Silent
 from cmsreduce.pipeline.bodies import draft_body
 from cmsreduce.read import InterfaceSpec, MatrixSource, prove_row_order, read_body, read_geometry
-from tests.golden.calculix_bodies import BODIES, Deck, body, solve
+from tests.golden.calculix_bodies import BODIES, Deck, body, solve, stiffened
 
 pytestmark = pytest.mark.ccx
 
@@ -168,6 +168,10 @@ def test_messages(tmp_path):
         read(tmp_path, "whole.frd")
     with pytest.raises(CmsReduceError, match=r"no set 'HUP' .* sets of nodes: ALL \(\d+\), TIP \(9\)"):
         read(tmp_path, interfaces={"hub": InterfaceSpec(set="HUP")})
+    for kind, words in (("M3D4", "a membrane"), ("T3D2", "a truss")):
+        solve(tmp_path, "bar", stiffened(kind).text(), matrices=True)
+        with pytest.raises(CmsReduceError, match=rf"element \d+ is {words} \({kind}.*not read yet"):
+            read(tmp_path)
     deck = Deck().plate("S4", (2, 2), (0, 0, 0), (1, 0, 0), (0, 1, 0))
     deck.keywords += "*NORMAL\n1, 1, 0., 0., 1.\n"
     solve(tmp_path, "bar", deck.text(), matrices=True)

@@ -69,20 +69,21 @@ def expanded_places(
     Raises
     ------
     ReadError
-        If an element has no section, or one that is not read.
+        If an element has no section, or one that is not read, or is a membrane or a truss.
 
     Notes
     -----
     The axes at a node are the means of those of its elements: the normals of shells, the tangents and second axes of
     beams. Where these differ too much, CalculiX makes nodes for each normal and ties them to the node by a knot.
     """
+    expansion.refuse_unread()
     sections = _sections(deck, sets)
     axes: dict[int, list[Array]] = {}
     of: dict[int, tuple[int, ExpandedElement, tuple[int, ...]]] = {}
     for element in expansion.elements:
         missing = [node for node in element.nodes if node not in places]
         if missing or element.number not in sections:
-            lack = f"node {missing[0]} has no place" if missing else "it has no section"
+            lack = f"node {missing[0]} has no place" if missing else "it has no *SHELL SECTION or *BEAM SECTION"
             raise ReadError(
                 f"{expansion.path}: element {element.number}: {lack} in {deck[0].path}; both must be of one job"
             )
@@ -147,11 +148,11 @@ def _sections(deck: Sequence[Block], sets: DeckSets) -> dict[int, _Section]:
     for block in deck:
         if block.keyword == "NORMAL":
             raise ReadError(f"{block.where}: normals that the user gives are not read: {_ADVICE}")
-        if block.keyword not in _READERS:
+        if block.keyword not in ("SHELL SECTION", "BEAM SECTION"):
             continue
         try:
             rows = [[float(text) for text in fields if _is_number(text)] for fields in block.rows]
-            section = _READERS[block.keyword](block, rows)
+            section = _shell(block, rows) if block.keyword == "SHELL SECTION" else _beam(block, rows)
         except (ValueError, IndexError):
             raise ReadError(f"{block.where}: its thickness or its offset is no number") from None
         found |= dict.fromkeys(sets.elements.get(block.option("ELSET"), ()), section)
@@ -178,16 +179,6 @@ def _beam(block: Block, rows: list[list[float]]) -> _Section:
     # CalculiX makes a rectangle around a pipe, whose radius it has, and around a box, and integrates over the walls.
     sides = (2 * rows[0][0],) * 2 if kind == "PIPE" else (rows[0][0], rows[0][1])
     return _Section(sides, _offsets(block, "OFFSET1", "OFFSET2"), axis, kind == "CIRC")
-
-
-def _truss(block: Block, rows: list[list[float]]) -> _Section:
-    """Square of the area of a truss, if there is one; solids have no numbers."""
-    side = float(np.sqrt(rows[0][0])) if rows and rows[0] else 0.0
-    return _Section((side, side), (0.0, 0.0), (0.0, 0.0, -1.0))
-
-
-_READERS = {"SHELL SECTION": _shell, "MEMBRANE SECTION": _shell, "BEAM SECTION": _beam, "SOLID SECTION": _truss}
-"""Readers of sections, by their keyword."""
 
 
 def _offsets(block: Block, *names: str) -> tuple[float, ...]:
