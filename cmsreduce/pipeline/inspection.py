@@ -22,7 +22,6 @@ from cmsreduce.pipeline.bodies import (
     read_flexible,
 )
 from cmsreduce.pipeline.execute import reopen
-from cmsreduce.pipeline.inspected_models import inspected_body, inspected_system
 from cmsreduce.pipeline.results import (
     body_totals,
     effective_mass_data,
@@ -31,6 +30,8 @@ from cmsreduce.pipeline.results import (
     file_totals,
     frame_lines,
     health_table,
+    inspected_body,
+    inspected_system,
     run_result,
     total_data,
     total_lines,
