@@ -30,7 +30,15 @@ from cmsreduce.read.nastran import (
     read_followers,
     read_members,
 )
-from cmsreduce.read.reduced import ModalBody, in_dofs, read_modes, read_sid
+from cmsreduce.read.reduced import (
+    ModalBody,
+    in_dofs,
+    read_mbdyn,
+    read_modes,
+    read_sid,
+    read_states,
+    read_universal_modes,
+)
 from cmsreduce.read.row_order import (
     LOUD,
     QUIET,
@@ -87,9 +95,12 @@ __all__ = [
     "read_followers",
     "read_geometry",
     "read_matrix",
+    "read_mbdyn",
     "read_members",
     "read_modes",
     "read_sid",
+    "read_states",
+    "read_universal_modes",
     "sha256_of",
     "superelement_damping",
     "superelement_matrices",

@@ -114,6 +114,8 @@ class FlexibleBody:
         for A in (body.K, body.M, body.D):
             if A is not None:
                 arrays += [A.indptr, A.indices, A.data]
+        if body.second_order is not None:
+            arrays += [body.second_order.r_phi, body.second_order.phi_phi]
         if body.nodes is not None:
             arrays += [body.nodes.id, body.nodes.xyz, body.nodes.frame]
         for array in arrays:
@@ -147,7 +149,7 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         As `read_body` does.
     """
     part = pipeline.components[name]
-    as_read, unproven = body_as_read(name, part, part.units_in(scene.units))
+    as_read, unproven, changed = body_as_read(name, part, part.units_in(scene.units))
     # The rows are proven on the matrices as they are read; ties and units change them.
     proof, order = prove_row_order(as_read), prove_mass_order(as_read)
     if unproven:
@@ -162,7 +164,7 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
     determined = hold_undetermined(converted, named, proven)
     body = determined.body
-    if part.reduced is None and part.modes is None:
+    if not part.in_modes:
         # A mode that no other one excites shares neither stiffness nor mass with them.
         check_connected(body)
     if body is not converted:
@@ -173,7 +175,7 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     negative = definite(body, proven)
     geometry = None if part.geometry is None else part.geometry.file
     proved = prove_body(as_read, converted, geometry, proof, order, negative)
-    notes = _mechanisms(body, rigid)
+    notes = [*changed, *_mechanisms(body, rigid)]
     if proof.status != "proven":
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
     if body.damping.law == "none" and body.D is None:
