@@ -28,12 +28,14 @@ from cmsreduce.mechanics.integrator_steps import ACCURACIES, INTEGRATORS, advise
 from cmsreduce.mechanics.lumped_mass import lumped_mass, moves_generalised, untied_body
 from cmsreduce.mechanics.modal_integrals import energies, modal_integrals, rigid_mass, spinning_modes
 from cmsreduce.mechanics.places import places_by_stiffness
+from cmsreduce.mechanics.simulation_cost import IMPLICIT, cost, longest_steps, step_operations
 from cmsreduce.mechanics.ties import Tie, tie_nodes
 from cmsreduce.mechanics.undetermined import Determined, check_connected, hold_undetermined
 
 __all__ = [
     "ACCURACIES",
     "Determined",
+    "IMPLICIT",
     "INTEGRATORS",
     "LeastDamping",
     "REMOVED",
@@ -43,6 +45,7 @@ __all__ = [
     "best_fit",
     "check_connected",
     "condensed_dofs",
+    "cost",
     "end_dofs",
     "energies",
     "fitted_motion",
@@ -51,6 +54,7 @@ __all__ = [
     "hold_undetermined",
     "integrals_about",
     "least_damping",
+    "longest_steps",
     "lumped_mass",
     "mean_axis_motion",
     "modal_integrals",
@@ -64,6 +68,7 @@ __all__ = [
     "rigid_mass",
     "rigid_mass_matrix",
     "spinning_modes",
+    "step_operations",
     "places_by_stiffness",
     "tie_nodes",
     "untied_body",

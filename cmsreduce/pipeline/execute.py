@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
-from cmsreduce.config import load_pipeline
+from cmsreduce.config import Pipeline, WriteKeys, load_pipeline
 from cmsreduce.errors import StageError
 from cmsreduce.mechanics import moves_generalised
-from cmsreduce.model import UNDETERMINED, Configuration, RunResult
+from cmsreduce.model import UNDETERMINED, Configuration, RunResult, SimulationCost, Speed
 from cmsreduce.multifrontal import blas_threads
 from cmsreduce.pipeline.results import (
     body_costly_modes,
     channel_quantities,
     component_checks,
     convert_system,
+    floating_bodies,
     frame_of,
     integral_frame_of,
+    multibody_scene,
     outboard_of,
     run_result,
     unit_paths,
@@ -31,6 +35,7 @@ from cmsreduce.pipeline.results import (
 from cmsreduce.pipeline.run import STAGES, Run
 from cmsreduce.pipeline.store import REPORT, Silent, collecting, diagnostic, read_origin, sole_use, write_origin
 from cmsreduce.report import start_packing
+from cmsreduce.simulate import measured_speed
 from cmsreduce.write import (
     PROFILES,
     TARGETS,
@@ -119,6 +124,8 @@ def _results(run: Run, *, report: bool) -> RunResult:
     """Write the results of a run: summary and report first, then component files and files of other programs."""
     summary, failures = run.folder / "summary.json", run.stages.failures
     result = run_result(run, views=report)
+    if run.pipeline.verify is not None and run.pipeline.verify.cost.measure:
+        result = with_failures(run, replace(result, speed=_measured(run, result.speed)))
     write_summary(summary, result)
     if report:
         write_report(result, run.folder, failures)
@@ -130,6 +137,52 @@ def _results(run: Run, *, report: bool) -> RunResult:
         if report:
             write_report(final, run.folder, failures)
     return final
+
+
+def _measured(run: Run, speed: Speed | None) -> Speed | None:
+    """The speed with measured seconds for a simulated second, of the reduced and of the full system."""
+    if speed is None or speed.simulation is None:
+        return speed
+    run.stages.progress.stage("verify", "seconds of a simulation")
+    found = speed.simulation
+    reduced, full = _timed("reduced", run, found.reduced), found.full
+    return replace(
+        speed,
+        simulation=replace(
+            found,
+            reduced=reduced,
+            full=None if full is None else _timed("full", run, full),
+        ),
+    )
+
+
+def _timed(which: str, run: Run, cost: SimulationCost) -> SimulationCost:
+    found = _seconds(which, run, cost)
+    return cost if found is None else replace(cost, seconds=found[0], noise=found[1])
+
+
+@diagnostic("the time of a simulation with the {} system", about=lambda which, *_: which, whole=True)
+def _seconds(which: str, run: Run, cost: SimulationCost) -> tuple[float, float] | None:
+    """Seconds of computing for a simulated second, and their noise, by files in a folder that is removed."""
+    keys = run.pipeline.verify
+    assert keys is not None
+    with TemporaryDirectory(prefix="cmsreduce-") as name:
+        folder = Path(name)
+        source = run if which == "reduced" else Run(_unreduced(run.pipeline), folder, Silent())
+        for body in source.flexible_names:
+            _write_body(source, body, folder / f"{body}.h5")
+        _write_system(source, folder / "system.h5")
+        scene = multibody_scene(folder, cost.configuration)
+        return measured_speed(scene, floating_bodies(scene), run.scene.band[1], keys.cost.accuracy)
+
+
+def _unreduced(pipeline: Pipeline) -> Pipeline:
+    """The pipeline without its stages from reduce to verify."""
+    parts = {
+        name: part.model_copy(update={"reduce": None, "balance": None}) for name, part in pipeline.components.items()
+    }
+    none = dict.fromkeys(("reduce", "balance", "project", "verify"))
+    return pipeline.model_copy(update={**none, "components": parts, "write": pipeline.write or WriteKeys()})
 
 
 def reopen(folder: Path) -> Run:
@@ -220,7 +273,6 @@ def _write(run: Run) -> None:
 @diagnostic("the component file of '{}'", about=lambda run, name, _: name, required=True)
 def _write_body(run: Run, name: str, path: Path) -> Path | None:
     """Write the component file of a body."""
-    assert run.pipeline.write is not None
     model, component = run.model.assembled, run.written(name)
     wiring = model.wiring(Configuration("as built"))
     columns, L = model.stack.body_columns(name), run.written_motions(name)
@@ -241,7 +293,7 @@ def _write_body(run: Run, name: str, path: Path) -> Path | None:
         outputs=outputs,
         checks=component_checks(run, name),
         provenance=_provenance(run),
-        all_nodes=run.pipeline.write.all_nodes,
+        all_nodes=run.pipeline.write is not None and run.pipeline.write.all_nodes,
         frame=frame,
         about=integral_frame_of(run, name, frame),
         augmented=outboard_of(run, name),

@@ -18,7 +18,7 @@ from cmsreduce.config.keys.reduce import ModeSetKeys, ReduceKeys
 from cmsreduce.config.keys.scene import SceneKeys
 from cmsreduce.config.keys.stiffening import GeometricStiffnessKeys, SpinKeys
 from cmsreduce.config.keys.verify import RELATIVE_ERRORS, CompareKeys, LimitKeys, VerifyKeys
-from cmsreduce.config.keys.write import BASIC, CENTRE
+from cmsreduce.config.keys.write import BASIC, CENTRE, WriteKeys
 
 __all__ = [
     "RELATIVE_ERRORS",
@@ -50,6 +50,7 @@ __all__ = [
     "Size",
     "SpinKeys",
     "VerifyKeys",
+    "WriteKeys",
     "channel_kind",
     "check_name",
     "json_schema",

@@ -180,13 +180,22 @@ class Run:
             self._refuse_unwritable(found[name].body)
             # Checked before anything is reduced, so that a faulty body shows in the results.
             _ = found[name].health
-        bare = {name: replace(each, body=each.undamped).substructure(self.scene) for name, each in found.items()}
-        rigid = {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
-        model = AssembledModel({name: (bare | rigid)[name] for name in self.pipeline.components}, self.scene)
+        model = self._in_dofs(found)
         for configuration in self.scene.configurations:
             for note in model.wiring(configuration).notes:
                 self.stages.note(note)
         return found
+
+    def _in_dofs(self, bodies: Mapping[str, FlexibleBody]) -> AssembledModel:
+        bare = {name: replace(each, body=each.undamped).substructure(self.scene) for name, each in bodies.items()}
+        rigid = {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
+        return AssembledModel({name: (bare | rigid)[name] for name in self.pipeline.components}, self.scene)
+
+    @property
+    @once
+    def in_dofs(self) -> AssembledModel:
+        """The unreduced bodies in their dofs, joined, without their damping."""
+        return self._in_dofs(self.bodies)
 
     def _refuse_unwritable(self, body: FEModel) -> None:
         """Refuse files of an unreduced body that is too large for all its modes, before anything is computed."""

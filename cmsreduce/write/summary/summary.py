@@ -23,6 +23,8 @@ from cmsreduce.model import (
     ProjectionRecord,
     RunResult,
     SensitivityRecord,
+    SimulationCost,
+    Speed,
     health_data,
 )
 from cmsreduce.write.files import atomic_path
@@ -64,7 +66,7 @@ def summary(run: RunResult) -> dict[str, Any]:
             "components": {name: _component(part, run) for name, part in run.components.items()},
             "configurations": _configurations(run, run.model, sizes=True),
             "worst": _worst(run, run.model),
-            "speed": _record(run.speed),
+            "speed": _speed(run.speed),
             "passed": verdict.passed,
             "verdict": {
                 "word": verdict.word,
@@ -118,6 +120,17 @@ def write_summary(path: Path, run: RunResult) -> None:
 def _record(record: Any, *computed: str) -> dict[str, Any] | None:
     """Fields of a dataclass and some of its properties; None without the dataclass."""
     return None if record is None else asdict(record) | {name: getattr(record, name) for name in computed}
+
+
+def _speed(speed: Speed | None) -> dict[str, Any] | None:
+    """Wall times, and the cost of a simulated second of both systems."""
+    facts = _record(speed)
+    if speed is not None and facts is not None and speed.simulation is not None:
+        for which in ("full", "reduced"):
+            found: SimulationCost | None = getattr(speed.simulation, which)
+            if found is not None:
+                facts["simulation"][which]["operations"] = found.operations
+    return facts
 
 
 def _worst(run: RunResult, label: str) -> dict[str, float | None]:
