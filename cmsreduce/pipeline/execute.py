@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from cmsreduce.config import Pipeline, WriteKeys, load_pipeline
-from cmsreduce.errors import StageError
+from cmsreduce.errors import ConfigError, StageError, not_among
 from cmsreduce.mechanics import moves_generalised
-from cmsreduce.model import UNDETERMINED, Configuration, RunResult, SimulationCost, Speed
+from cmsreduce.model import UNDETERMINED, Configuration, RunResult, SimulationCost, Speed, Values, parameter_label
 from cmsreduce.multifrontal import blas_threads
 from cmsreduce.pipeline.results import (
     body_costly_modes,
@@ -92,6 +92,9 @@ def execute(
         if only == "project" and run.pipeline.project is None:
             raise StageError("the pipeline has no `project:`; add it, or take `--only project` out")
         refuse_foreign(_outputs(run, due, report), _inputs(run))
+        if run.pipeline.write is not None:
+            # Before anything is computed.
+            _values_written(run)
         if report and last == "write":
             _begin_packing()
         for name in run.flexible_names:
@@ -248,14 +251,23 @@ def _write(run: Run) -> None:
     formats, programs = run.pipeline.write.formats, run.pipeline.write.targets
     targets = [target for target in formats if target in TARGETS]
     run.stages.progress.stage("write", "component files")
+    values = _values_written(run)
     for name in run.flexible_names if "hdf5" in formats or targets or programs else ():
         # Files of other codes are made from the component file alone, which is removed if the user did not ask for it.
-        kept = run.folder / f"{name}.h5"
-        path = _write_body(run, name, kept if "hdf5" in formats else run.folder / f"stages/{name}.h5")
+        kept, other = run.folder / f"{name}.h5", run.folder / f"stages/{name}.h5"
+        path = _write_body(run, name, kept if "hdf5" in formats else other)
         if path is None:
             continue
         if path == kept:
             run.stages.written.append(path)
+        if run.bodies[name].body.terms and (targets or programs):
+            path = _write_body(run.at_values(values), name, other)
+            if path is None:
+                continue
+            run.stages.note(
+                f"{name}: files of other programs hold it with {parameter_label(values) or 'all parameters at zero'} "
+                "(write.configuration)"
+            )
         for target in targets:
             run.stages.written.extend(_write_target(run, name, target, path))
         for program in programs:
@@ -268,6 +280,18 @@ def _write(run: Run) -> None:
         run.stages.written.extend(_write_states(run))
     if "fmi" in formats:
         run.stages.written.extend(_write_units(run))
+
+
+def _values_written(run: Run) -> Values:
+    """Values of the parameters in files of other programs; none unless a configuration is asked for."""
+    assert run.pipeline.write is not None
+    name = run.pipeline.write.configuration
+    if name is None:
+        return {}
+    found = {each.name: each.parameters for each in run.scene.configurations}
+    if name not in found:
+        raise ConfigError(f"write.configuration: {not_among('configuration', name, found)}")
+    return found[name]
 
 
 @diagnostic("the component file of '{}'", about=lambda run, name, _: name, required=True)

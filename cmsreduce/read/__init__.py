@@ -29,6 +29,7 @@ from cmsreduce.read.nastran import (
     read_followers,
     read_members,
 )
+from cmsreduce.read.parameter_matrix import read_parameter_matrix
 from cmsreduce.read.reduced import ModalBody, in_dofs, read_modes, read_sid
 from cmsreduce.read.row_order import (
     LOUD,
@@ -88,6 +89,7 @@ __all__ = [
     "read_matrix",
     "read_members",
     "read_modes",
+    "read_parameter_matrix",
     "read_sid",
     "sha256_of",
     "superelement_damping",

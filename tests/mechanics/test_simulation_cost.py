@@ -19,9 +19,7 @@ BAND = 10.0
 def system(M: np.ndarray, K: np.ndarray, D: np.ndarray | None = None) -> System:
     n = len(M)
     none = np.zeros((n, 0))
-    return System(
-        Configuration("as built"), np.eye(n), M, K, D, None, none, none.T, none.T, none, {"body": n}, (), ()
-    )
+    return System(Configuration("as built"), np.eye(n), M, K, D, None, none, none.T, none.T, none, {"body": n}, (), ())
 
 
 def modes(omega: np.ndarray, zeta: float = 0.01) -> System:

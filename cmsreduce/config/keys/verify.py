@@ -174,7 +174,7 @@ class VerifyKeys(Keys):
     )
     cost: CostKeys = Field(
         default=CostKeys(),
-        description="Cost of a simulation, computed for every run of up to 20000 dofs, and beyond if this key is given.",
+        description="Cost of a simulation, computed for runs of up to 20000 dofs, and beyond if this key is given.",
         examples=[{"integrator": "rk4", "accuracy": "0.1 %", "measure": True}],
     )
     compare: dict[Plain, CompareKeys] = Field(

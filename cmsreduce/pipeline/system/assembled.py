@@ -29,13 +29,15 @@ from cmsreduce.assemble import (
 )
 from cmsreduce.linalg.blocks import column_blocks, dense, symmetric_product
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless
-from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System
+from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System, Values, varied
 from cmsreduce.pipeline.store import once
 from cmsreduce.verify import decibel_grid
 
 __all__ = ["AssembledModel", "DampedModes", "Resonances", "cross_orthogonality", "mass_products"]
 
 Number = TypeVar("Number", np.float64, np.complex128)
+Case = tuple[tuple[str, float], ...]
+"""Values of the parameters as a key."""
 
 # Undamped modes up to this multiple of the band's upper end: a mode a little above it still acts at the edge.
 _UNDAMPED_BANDS = 1.25
@@ -97,12 +99,37 @@ class AssembledModel:
     def __init__(self, substructures: Mapping[str, Substructure], scene: Scene) -> None:
         self.substructures, self.scene = with_joint_bodies(substructures, scene), scene
         self.stack = PointStack(self.substructures)
+        self._varies = any(sub.terms for sub in self.substructures.values())
+
+    def _values(self, configuration: Configuration | None) -> Case:
+        """Values of the parameters of a configuration that change a body, as a key; empty without any."""
+        if configuration is None or not self._varies:
+            return ()
+        return tuple(sorted(configuration.parameters.items()))
+
+    def at(self, configuration: Configuration) -> Mapping[str, Substructure]:
+        """The bodies at the parameters of a configuration, in the same coordinates."""
+        return self._at(self._values(configuration))
+
+    @once
+    def _at(self, values: Case) -> Mapping[str, Substructure]:
+        if not values:
+            return self.substructures
+        return {name: sub.at(dict(values)) for name, sub in self.substructures.items()}
 
     @property
-    @once
     def held(self) -> HeldBodies:
         """The bodies for responses: a body in its dofs is held where the ground holds it."""
-        return held_bodies(self.stack, self.scene)
+        return self._held(())
+
+    @once
+    def _held(self, values: Case) -> HeldBodies:
+        """The bodies for responses at some values of the parameters."""
+        if not values:
+            return held_bodies(self.stack, self.scene)
+        held = self._held(())
+        bodies = {name: sub.at(dict(values)) for name, sub in held.substructures.items()}
+        return replace(held, stack=PointStack(bodies))
 
     @once
     def wiring(self, configuration: Configuration) -> Wiring:
@@ -176,25 +203,35 @@ class AssembledModel:
             return w[w <= highest], Phi[:, w <= highest]
         return system_modes(system, highest)
 
-    @property
     @once
-    def _receptances(self) -> Mapping[str, Receptance]:
-        return body_receptances(self.held.stack, decibel_grid(self.scene.band))
+    def _receptances(self, values: Case) -> Mapping[str, Receptance]:
+        grid = decibel_grid(self.scene.band)
+        if not values:
+            return body_receptances(self.held.stack, grid)
+        # Bodies without parameters have one receptance for all values.
+        held, nominal = self._held(values), self.held.substructures
+        own = {name: sub for name, sub in held.substructures.items() if sub is not nominal[name]}
+        return {**self._receptances(()), **body_receptances(PointStack(own), grid)}
 
-    def receptances(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
-        """Dynamic flexibilities of the ``held`` bodies for every configuration.
+    def receptances(
+        self, omega: NDArray[np.float64], configuration: Configuration | None = None
+    ) -> Mapping[str, Receptance]:
+        """Dynamic flexibilities of the ``held`` bodies, for every configuration with the same parameters.
 
         They are prepared once for the band, and not for a grid within it: a resumed run gives the same numbers.
         """
+        values = self._values(configuration)
         if omega.max(initial=0.0) <= decibel_grid(self.scene.band)[-1] * (1 + _SAME_BAND):
-            return self._receptances
-        return body_receptances(self.held.stack, omega)
+            return self._receptances(values)
+        return body_receptances(self._held(values).stack, omega)
 
-    def tables(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
-        """Receptances at frequencies that every configuration needs."""
+    def tables(
+        self, omega: NDArray[np.float64], configuration: Configuration | None = None
+    ) -> Mapping[str, Receptance]:
+        """Receptances at frequencies that every configuration with the same parameters needs."""
         return {
             name: tabulated(source, omega, self.held.stack.moving(name).size)
-            for name, source in self.receptances(omega).items()
+            for name, source in self.receptances(omega, configuration).items()
         }
 
     def response(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -207,10 +244,21 @@ class AssembledModel:
         grids: Sequence[NDArray[np.float64]],
         flexibility: Mapping[str, Receptance] | None = None,
     ) -> list[NDArray[np.complex128]]:
-        """Frequency responses of several configurations together, each on a grid of its own."""
-        Y = self.receptances(np.concatenate([np.empty(0), *grids])) if flexibility is None else flexibility
-        wirings = [self.held.wiring(self.wiring(configuration)) for configuration in configurations]
-        return couple(Y, self.held.stack, wirings, grids)
+        """Frequency responses of several configurations together, each on a grid of its own.
+
+        Receptances, if given, are those of their parameters, which are then the same for all.
+        """
+        whole = np.concatenate([np.empty(0), *grids])
+        groups: dict[Case, list[int]] = {}
+        for k, configuration in enumerate(configurations):
+            groups.setdefault(self._values(configuration), []).append(k)
+        found: dict[int, NDArray[np.complex128]] = {}
+        for values, some in groups.items():
+            Y = self.receptances(whole, configurations[some[0]]) if flexibility is None else flexibility
+            wirings = [self.held.wiring(self.wiring(configurations[k])) for k in some]
+            responses = couple(Y, self._held(values).stack, wirings, [grids[k] for k in some])
+            found |= dict(zip(some, responses, strict=True))
+        return [found[k] for k in range(len(configurations))]
 
     def collocated(
         self,
@@ -229,7 +277,7 @@ class AssembledModel:
             its own motion. Static gains cannot be larger (Cauchy, Schwarz). A response that is much smaller is what
             rounding leaves of parts that cancel.
         """
-        Y = self.receptances(omega) if flexibility is None else flexibility
+        Y = self.receptances(omega, configuration) if flexibility is None else flexibility
         wiring = self.held.wiring(self.wiring(configuration))
         C = wiring.C1 + wiring.C2
         y, u = C.shape[0], wiring.B.shape[0]
@@ -239,7 +287,7 @@ class AssembledModel:
             C1=np.vstack([wiring.C1, C, wiring.B]),
             C2=np.vstack([wiring.C2, np.zeros((y + u, C.shape[1]))]),
         )
-        H = couple(Y, self.held.stack, [both], [omega])[0]
+        H = couple(Y, self._held(self._values(configuration)).stack, [both], [omega])[0]
         at_y = abs(H[:, np.arange(y, 2 * y), np.arange(u, u + y)])
         at_u = abs(H[:, np.arange(2 * y, 2 * y + u), np.arange(u)])
         per_rate = np.where(wiring.C2.any(axis=1), omega[:, None], 1.0)
@@ -256,9 +304,10 @@ class AssembledModel:
     def kinetic_shares(self, configuration: Configuration, modes: Sequence[int]) -> list[dict[str, float]]:
         """Share of the kinetic energy in each body, for some of the elastic modes up to a little above the band."""
         found: list[dict[str, float]] = [{} for _ in modes]
+        bodies = self.at(configuration)
         for name, shapes in self.resonances(configuration).shapes.items():
             some = shapes[:, list(modes)]
-            for each, energy in zip(found, _weights(self.substructures[name].M, some), strict=True):
+            for each, energy in zip(found, _weights(bodies[name].M, some), strict=True):
                 each[name] = float(energy)
         return found
 
@@ -272,6 +321,7 @@ def mass_products(
     reference: Mapping[str, ModalComponent | None],
     reduced: Mapping[str, ModalComponent | None],
     substructures: Mapping[str, Substructure],
+    values: Values | None = None,
 ) -> dict[str, Matrix]:
     """Mass of each body between its coordinates in two models, body: (m_i, r_i) array.
 
@@ -283,13 +333,16 @@ def mass_products(
         Modes whose amplitudes are the coordinates of either model; None where these are dofs.
     substructures : mapping of name to Substructure
         Bodies of the reference model; the rigid ones have their mass here.
+    values : mapping of parameter to float, optional
+        Values of the parameters, where they change the mass.
     """
     found: dict[str, Matrix] = {}
     for name, sub in substructures.items():
         if name not in bodies:
             found[name] = sub.M
             continue
-        M, left, right = bodies[name].M, reference[name], reduced[name]
+        body = bodies[name]
+        M, left, right = sp.csc_array(varied(body.M, body.terms, "M", values or {})), reference[name], reduced[name]
         if right is None:
             found[name] = M if left is None else _times(M, left.Phi).T
         else:

@@ -62,7 +62,9 @@ class Candidates:
         held = held_bodies(model.stack, model.scene, in_modes=False)
         for target in targets:
             wiring = held.wiring(model.wiring(target.configuration))
-            table = ModalReceptance(held.substructures, wiring, target.omega, model.receptances(target.omega))
+            bodies = {name: sub.at(target.configuration.parameters) for name, sub in held.substructures.items()}
+            whole = model.receptances(target.omega, target.configuration)
+            table = ModalReceptance(bodies, wiring, target.omega, whole)
             channel = target.row[:, None] * target.column[None, :]
             power = _trapezoid(target.omega) * np.sum(abs(target.elastic * channel) ** 2, axis=(1, 2))
             # Without any response in the reference model, all scales and all errors are zero.

@@ -92,7 +92,7 @@ def _figure(run: RunResult, figure: Figure, models: Iterable[str]) -> dict[str, 
 
 
 def _axes(run: RunResult) -> list[dict[str, Any]]:
-    """Articulated motions with more than one value, and their value in each configuration."""
+    """Articulated motions and parameters with more than one value, and their value in each configuration."""
     settings = [result.configuration.angles for result in run.configurations]
     found = []
     for joint, dof in dict.fromkeys(axis for angles in settings for axis in angles):
@@ -104,6 +104,11 @@ def _axes(run: RunResult) -> list[dict[str, Any]]:
             found.append(
                 {"label": label, "unit": "deg" if turn else "", "values": all_rounded(np.array(values) * scale)}
             )
+    varied = [result.configuration.parameters for result in run.configurations]
+    for name in dict.fromkeys(name for parameters in varied for name in parameters):
+        values = [parameters.get(name, 0.0) for parameters in varied]
+        if len(set(values)) > 1:
+            found.append({"label": name, "unit": "", "values": all_rounded(np.array(values))})
     return found
 
 

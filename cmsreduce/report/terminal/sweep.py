@@ -43,7 +43,15 @@ def print_sweep(sweep: SweepResult, files: Sequence[Path], console: Console | No
     console = console or standard_console(SWEEP_WIDTH)
     best = _best(sweep)
     keys = [_key_column(*each) for each in zip(short_keys(list(sweep.axes)), sweep.axes.values(), strict=True)]
-    heads = ("kept", "size", *(figure.label.removesuffix(" error") for figure in _SHOWN), "reduce", "responses", "operations", "")
+    heads = (
+        "kept",
+        "size",
+        *(figure.label.removesuffix(" error") for figure in _SHOWN),
+        "reduce",
+        "responses",
+        "operations",
+        "",
+    )
     rows = [
         (
             f"{'*' if row.point in best else ' '} {row.point}",
@@ -67,8 +75,8 @@ def print_sweep(sweep: SweepResult, files: Sequence[Path], console: Console | No
     if best:
         print_line(
             console,
-            "* no other point has a smaller error at less cost: size, operations of a simulation, or time; times within "
-            f"{WALL_NOISE:.0%} count as equal",
+            "* no other point has a smaller error at less cost: size, operations of a simulation, or time; times "
+            f"within {WALL_NOISE:.0%} count as equal",
         )
     for file in files:
         print_line(console, str(file))

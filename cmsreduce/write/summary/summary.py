@@ -88,6 +88,7 @@ def summary(run: RunResult) -> dict[str, Any]:
                 {
                     "name": modes.configuration.name,
                     "angles": angles(modes.configuration, [other.configuration for other in run.systems]),
+                    "parameters": dict(modes.configuration.parameters),
                     "rigid_modes": modes.rigid_count,
                     "frequencies_hz": modes.frequencies_hz.tolist(),
                     "integration": _integration(modes.highest_hz, static_highest_hz=modes.treated_hz),
@@ -272,7 +273,11 @@ def _configurations(run: RunResult, label: str, *, sizes: bool) -> list[dict[str
     rows = []
     every = [result.configuration for result in run.configurations]
     for result in run.configurations:
-        row: dict[str, Any] = {"name": result.configuration.name, "angles": angles(result.configuration, every)}
+        row: dict[str, Any] = {
+            "name": result.configuration.name,
+            "angles": angles(result.configuration, every),
+            "parameters": dict(result.configuration.parameters),
+        }
         errors = result.errors.get(label)
         row |= {name: None if errors is None else getattr(errors, name) for name in ERRORS}
         row |= unpaired(run, errors)
