@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Literal
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from cmsreduce.assemble.joints import available, digits, first_motion, relative_
 from cmsreduce.assemble.placement import interface_at, joint_axes
 from cmsreduce.assemble.points import PointStack
 from cmsreduce.errors import SceneError
-from cmsreduce.model import DOF_NAMES, Joint, JointElement, ParameterTerm, Placement, Scene, Substructure
+from cmsreduce.model import DOF_NAMES, Joint, JointElement, Placement, Scene, Substructure
 
 __all__ = ["element_rows", "joint_body", "with_joint_bodies"]
 
@@ -50,7 +49,7 @@ def joint_body(joint: Joint) -> Substructure:
     """
     coordinates = [
         *((_ACROSS, e.dof, e.stiffness, e.damping, 0.0) for e in joint.elements if _acts_across(e)),
-        *((_FIRST, e.dof, 0.0, 0.0, e.inertia) for e in joint.elements if e.has("inertia")),
+        *((_FIRST, e.dof, 0.0, 0.0, e.inertia) for e in joint.elements if e.inertia),
     ]
     m = len(coordinates)
     motion = {label: np.zeros((6, m)) for label in (_ACROSS, _FIRST)}
@@ -68,19 +67,7 @@ def joint_body(joint: Joint) -> Substructure:
         {label: np.asarray(rows.any(axis=1)) for label, rows in motion.items()},
         dict.fromkeys(motion, np.eye(3)),
         dict.fromkeys(motion, np.zeros(3)),
-        terms=tuple(_terms(joint, [(label, dof) for label, dof, *_ in coordinates])),
     )
-
-
-def _terms(joint: Joint, coordinates: list[tuple[str, int]]) -> Iterator[ParameterTerm]:
-    """What parameters add to the springs, dampers and inertias of a joint."""
-    letters: dict[str, Literal["M", "D", "K"]] = {"stiffness": "K", "damping": "D", "inertia": "M"}
-    for element in joint.elements:
-        for parameter, what in element.varied:
-            at = coordinates.index((_FIRST if what == "inertia" else _ACROSS, element.dof))
-            matrix = np.zeros((len(coordinates), len(coordinates)))
-            matrix[at, at] = 1.0
-            yield ParameterTerm(parameter, letters[what], matrix)
 
 
 def element_rows(
@@ -122,7 +109,7 @@ def element_rows(
         for element in joint.elements:
             _check_moves(stack, placed, joint, element)
             ties = [(_ACROSS, relative_motion)] if _acts_across(element) else []
-            ties += [(_FIRST, first_motion)] if element.has("inertia") else []
+            ties += [(_FIRST, first_motion)] if element.inertia else []
             for label, motion_of in ties:
                 row = motion_of(stack, placed, joint, element.dof)
                 row[stack.columns(name, label).start + element.dof] = -1.0
@@ -132,7 +119,7 @@ def element_rows(
 
 
 def _acts_across(element: JointElement) -> bool:
-    return element.has("stiffness") or element.has("damping")
+    return bool(element.stiffness or element.damping)
 
 
 def _check_moves(stack: PointStack, placed: Mapping[str, Placement], joint: Joint, element: JointElement) -> None:

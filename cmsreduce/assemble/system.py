@@ -154,7 +154,7 @@ def wire(stack: PointStack, scene: Scene, configuration: Configuration) -> Wirin
     placed = place_bodies(stack.substructures, scene, configuration)
     turned = any(configuration.angles.values())
     if turned:
-        constrain(stack, scene, place_bodies(stack.substructures, scene, configuration.as_built), as_built=True)
+        constrain(stack, scene, place_bodies(stack.substructures, scene, Configuration("as built")), as_built=True)
     constraints, notes = settle_redundant(stack, constrain(stack, scene, placed, as_built=not turned), scene.redundant)
     free = {joint.name: joint.free for joint in scene.joints}
     # A configuration that turns a locked joint describes a held position, in which loops need not fit.
@@ -215,7 +215,7 @@ def assemble(
         stack = PointStack(with_joint_bodies(substructures, scene))
         wired = stack, wire(stack, scene, configuration)
     stack, wiring = wired
-    substructures = {name: sub.at(configuration.parameters) for name, sub in stack.substructures.items()}
+    substructures = stack.substructures
     A = stack.spread(wiring.A)
     space = constraint_space(A)
     T = space.T
@@ -251,7 +251,7 @@ def assemble(
         inputs=tuple(actuator.name for actuator in scene.actuators),
         outputs=tuple(sensor.name for sensor in scene.sensors),
         rounding=max(sub.rounding for sub in substructures.values()),
-        joints=tuple(joint.at(configuration.parameters) for joint in scene.joints),
+        joints=scene.joints,
         notes=wiring.notes,
     )
 

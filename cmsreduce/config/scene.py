@@ -40,11 +40,17 @@ def build_scene(pipeline: Pipeline) -> Scene:
     if wrong:
         raise SceneError("\n".join(wrong))
     keys, units = pipeline.scene, pipeline.units
+    configurations = tuple(_configurations(pipeline))
+    names = [each.name for each in configurations]
+    if repeated := [name for k, name in enumerate(names) if name in names[:k]]:
+        raise SceneError(
+            f"two configurations are named '{repeated[0]}': their values agree in six digits; take values further apart"
+        )
     return Scene(
         bodies=tuple(pipeline.components),
         band=keys.band,
         joints=tuple(_joints(pipeline)),
-        configurations=tuple(_configurations(pipeline)),
+        configurations=configurations,
         actuators=tuple(actuator_channel(pipeline, name, actuator) for name, actuator in keys.actuators.items()),
         sensors=tuple(
             channel for name, sensor in keys.sensors.items() for channel in sensor_channels(pipeline, name, sensor)

@@ -273,7 +273,8 @@ class FEModel:
         acting = [term for term in self.terms if term.letter != "D" and term.factor(values)]
         if not acting:
             return self
-        K, M = (sp.csc_array(varied(getattr(self, letter), acting, letter, values)) for letter in ("K", "M"))
+        K, M = (varied(getattr(self, letter), acting, letter, values) for letter in ("K", "M"))
+        assert isinstance(K, sp.csc_array) and isinstance(M, sp.csc_array)
         untied = None if any(term.letter == "M" for term in acting) else self.untied_mass
         return replace(self, K=K, M=M, D=None, damping=Damping(), terms=(), corners=(), untied_mass=untied)
 

@@ -236,7 +236,7 @@ class Joint:
         return replace(self, free=frozenset(), elements=tuple(each for each in held if each.has("inertia")))
 
     def at(self, values: Values) -> Joint:
-        """The joint at some values of the parameters."""
+        """The joint at some values of the parameters, which no longer vary."""
         return replace(self, elements=tuple(element.at(values) for element in self.elements))
 
     @property

@@ -53,14 +53,15 @@ def read_parameter_matrix(
     MatrixError
         If its size is not that of the body, or it is not finite or not symmetric.
     DofMapError
-        If it couples nodes that the stiffness does not couple; if a translation of the whole body costs force; or if a
-        mass is not the same in all directions: its rows are in another order.
+        If a translation of the whole body costs force; if a rotation does, or it is a mass, and it couples nodes that
+        the stiffness does not couple; or if a mass is not the same in all directions: its rows are in another order.
     """
     what = f"body '{body.name}': {_WORDS[letter]} of {label}"
     A, rounding, named = matrix_on_rows(source, body, what)
     if not A.nnz:
         raise MatrixError(f"{named} is zero: the parameter would change nothing")
-    refuse_other_couplings(A, body, named)
+    if letter == "M":
+        refuse_other_couplings(A, body, named)
     if body.nodes is None or (body.dofs.component == SCALAR).all():
         return A, f"{named}: without coordinates the order of its rows is not proven"
     limit = max(_BALANCED, _ROUNDINGS * rounding)
@@ -80,6 +81,12 @@ def read_parameter_matrix(
             "another order than those of the stiffness, or in other units; if it holds the body to the ground, say "
             "`grounded: true` under the parameter"
         )
+    rigid = rigid_body_shapes(body.dofs, body.nodes, body.nodes.xyz.mean(axis=0))
+    turned = abs(A @ rigid[:, 3:]).max(initial=0.0) / (scale * max(float(abs(rigid[:, 3:]).max(initial=0.0)), 1e-300))
+    if turned > limit:
+        # A stress may resist rotation, and acts between nodes that the stiffness couples; a spring or damper between
+        # other nodes resists none.
+        refuse_other_couplings(A, body, named)
     return A, ""
 
 

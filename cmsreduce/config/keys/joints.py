@@ -109,18 +109,17 @@ class JointKeys(Keys):
 
     def elements(self, units: Units) -> tuple[JointElement, ...]:
         """Springs, dampers and inertias in the scene's units, one for each motion that has any."""
-        return tuple(
-            JointElement(
-                dof,
-                **{
-                    what: self.figures(what)[name].figure_in(units, what, dof >= _FIRST_ROTATION)
-                    for what in ELEMENT_FIGURES
-                    if name in self.figures(what)
-                },
+        found = []
+        for dof, name in enumerate(DOF_NAMES):
+            stiffness, damping, inertia = (
+                self.figures(what)[name].figure_in(units, what, dof >= _FIRST_ROTATION)
+                if name in self.figures(what)
+                else None
+                for what in ELEMENT_FIGURES
             )
-            for dof, name in enumerate(DOF_NAMES)
-            if any(name in self.figures(what) for what in ELEMENT_FIGURES)
-        )
+            if (stiffness, damping, inertia) != (None, None, None):
+                found.append(JointElement(dof, stiffness or 0.0, damping or 0.0, inertia or 0.0))
+        return tuple(found)
 
 
 def _share_unit(items: tuple[Quantity, ...]) -> tuple[Quantity, ...]:

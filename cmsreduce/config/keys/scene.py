@@ -62,7 +62,7 @@ class SceneKeys(Keys):
     )
     parameters: dict[Name, ParameterKeys] = Field(
         default={},
-        description="Numbers beside the angles on which matrices of bodies and joints depend (docs/scenes.md).",
+        description="Numbers beside the angles on which matrices of bodies and joints depend (docs/parameters.md).",
         examples=[{"preload": {"values": [0, "50 kN"], "stiffness": {"rotor": {"file": "K1.op4", "matrix": "KG"}}}}],
     )
     actuators: dict[Name, ActuatorKeys] = Field(

@@ -148,7 +148,7 @@ def _result(run: Run) -> RunResult:
         band=run.scene.band,
         speed=None
         if not (verified and configurations)
-        else Speed(reduce_s, verified.full_s, verified.reduced_s, simulation_costs(run, systems)),
+        else Speed(reduce_s, verified.full_s, verified.reduced_s, simulation_costs(run)),
         reference=verified.reference if verified else {},
         settings=run.pipeline.model_dump(mode="json", exclude_none=True),
         systems=systems,
@@ -225,5 +225,5 @@ def _frequencies(run: Run, configuration: Configuration, treated: AssembledModel
     model = run.model.assembled
     hertz = model.resonances(configuration).omega / (2 * np.pi)
     system = model.system(configuration)
-    static = None if treated is None else highest_frequency(treated.system(configuration))
-    return SystemModes(configuration, system.rigid.shape[1], hertz, highest_frequency(system), static)
+    static = None if treated is None else highest_frequency(treated, configuration)
+    return SystemModes(configuration, system.rigid.shape[1], hertz, highest_frequency(model, configuration), static)

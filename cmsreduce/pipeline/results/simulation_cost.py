@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import scipy.sparse as sp
 
 from cmsreduce.linalg.eigen import highest_frequency
 from cmsreduce.linalg.sparse import factorise
 from cmsreduce.mechanics import IMPLICIT, cost
-from cmsreduce.model import Configuration, SimulationCost, SimulationCosts, SystemModes
+from cmsreduce.model import Configuration, SimulationCost, SimulationCosts
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import diagnostic
+from cmsreduce.pipeline.system import reduced_cost
 
 __all__ = ["simulation_costs"]
 
@@ -21,15 +21,13 @@ _QUICK = 20_000
 
 
 @diagnostic("the cost of a simulation")
-def simulation_costs(run: Run, systems: tuple[SystemModes, ...]) -> SimulationCosts | None:
+def simulation_costs(run: Run) -> SimulationCosts | None:
     """Computed cost of the reduced system in its most costly configuration, and of the full one there.
 
     Parameters
     ----------
     run : Run
         With a verify stage.
-    systems : tuple of SystemModes
-        With the highest frequency of the reduced system in each configuration.
 
     Returns
     -------
@@ -38,25 +36,14 @@ def simulation_costs(run: Run, systems: tuple[SystemModes, ...]) -> SimulationCo
     """
     assert run.pipeline.verify is not None
     keys = run.pipeline.verify.cost
-    found = [
-        cost(
-            run.model.assembled.system(each.configuration),
-            2 * np.pi * each.highest_hz,
-            run.scene.band[1],
-            keys.integrator,
-            keys.accuracy,
-        )
-        for each in systems
-        if each.highest_hz is not None
-    ]
-    if not found:
+    found = reduced_cost(run.model.assembled, keys.integrator, keys.accuracy)
+    if found is None:
         return None
-    most = max(range(len(found)), key=lambda k: found[k].operations)
-    at = next(each.configuration for each in systems if each.configuration.name == found[most].configuration)
+    at = next(each for each in run.scene.configurations if each.name == found.configuration)
     asked = "cost" in run.pipeline.verify.model_fields_set
     dofs = sum(each.body.n for each in run.bodies.values())
     full = _full(run, at) if asked or dofs <= _QUICK else None
-    return SimulationCosts(keys.integrator, keys.accuracy, found[most], full)
+    return SimulationCosts(keys.integrator, keys.accuracy, found, full)
 
 
 @diagnostic("the cost of a simulation with the full system")

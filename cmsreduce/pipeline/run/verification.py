@@ -172,7 +172,7 @@ class Verification:
         model = run.model.assembled
         # A damping matrix was proven by a factor without what parameters add to it.
         damped = [name for name, each in run.bodies.items() if all(term.letter != "D" for term in each.body.terms)]
-        found = (without_energy(model.at(each), damped) for each in run.scene.configurations)
+        found = (without_energy(model.at(each).substructures, damped) for each in run.scene.configurations)
         return next((suspect for suspect in found if suspect), "")
 
     @property

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from functools import wraps
+from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -36,8 +37,8 @@ from cmsreduce.verify import decibel_grid
 __all__ = ["AssembledModel", "DampedModes", "Resonances", "cross_orthogonality", "mass_products"]
 
 Number = TypeVar("Number", np.float64, np.complex128)
-Case = tuple[tuple[str, float], ...]
-"""Values of the parameters as a key."""
+P = ParamSpec("P")
+Result = TypeVar("Result")
 
 # Undamped modes up to this multiple of the band's upper end: a mode a little above it still acts at the edge.
 _UNDAMPED_BANDS = 1.25
@@ -85,6 +86,18 @@ class DampedModes:
     shapes: Mapping[str, NDArray[np.complex128]]
 
 
+def _with_parameters(
+    method: Callable[Concatenate[AssembledModel, Configuration, P], Result],
+) -> Callable[Concatenate[AssembledModel, Configuration, P], Result]:
+    """Make a method that takes a configuration use the model at its parameters."""
+
+    @wraps(method)
+    def delegated(model: AssembledModel, configuration: Configuration, *args: P.args, **named: P.kwargs) -> Result:
+        return method(model.at(configuration), configuration, *args, **named)
+
+    return delegated
+
+
 class AssembledModel:
     """Substructures in a scene; every result is computed once.
 
@@ -94,53 +107,51 @@ class AssembledModel:
         Bodies in order; the bodies of joints are added.
     scene : Scene
         Joints, configurations, actuators, sensors, band.
+    nominal : AssembledModel, optional
+        The same with all parameters at zero; bodies that are in both share their receptances.
     """
 
-    def __init__(self, substructures: Mapping[str, Substructure], scene: Scene) -> None:
+    def __init__(
+        self, substructures: Mapping[str, Substructure], scene: Scene, nominal: AssembledModel | None = None
+    ) -> None:
         self.substructures, self.scene = with_joint_bodies(substructures, scene), scene
         self.stack = PointStack(self.substructures)
-        self._varies = any(sub.terms for sub in self.substructures.values())
+        self._nominal = nominal
+        terms = [term.parameter for sub in self.substructures.values() for term in sub.terms]
+        joints = [name for joint in scene.joints for element in joint.elements for name, _ in element.varied]
+        self._parameters = sorted({*terms, *joints})
 
-    def _values(self, configuration: Configuration | None) -> Case:
-        """Values of the parameters of a configuration that change a body, as a key; empty without any."""
-        if configuration is None or not self._varies:
-            return ()
-        return tuple(sorted(configuration.parameters.items()))
-
-    def at(self, configuration: Configuration) -> Mapping[str, Substructure]:
-        """The bodies at the parameters of a configuration, in the same coordinates."""
-        return self._at(self._values(configuration))
+    def at(self, configuration: Configuration) -> AssembledModel:
+        """The model at the parameters of a configuration: bodies in the same coordinates, joints with their values."""
+        values = {name: configuration.parameters.get(name, 0.0) for name in self._parameters}
+        return self._at(tuple(values.items())) if any(values.values()) else self
 
     @once
-    def _at(self, values: Case) -> Mapping[str, Substructure]:
-        if not values:
-            return self.substructures
-        return {name: sub.at(dict(values)) for name, sub in self.substructures.items()}
+    def _at(self, values: tuple[tuple[str, float], ...]) -> AssembledModel:
+        joints = tuple(joint.at(dict(values)) for joint in self.scene.joints)
+        own = {joint.own_body for joint in self.scene.joints}
+        bodies = {name: sub.at(dict(values)) for name, sub in self.substructures.items() if name not in own}
+        return AssembledModel(bodies, replace(self.scene, joints=joints), self)
 
     @property
+    @once
     def held(self) -> HeldBodies:
         """The bodies for responses: a body in its dofs is held where the ground holds it."""
-        return self._held(())
+        return held_bodies(self.stack, self.scene)
 
-    @once
-    def _held(self, values: Case) -> HeldBodies:
-        """The bodies for responses at some values of the parameters."""
-        if not values:
-            return held_bodies(self.stack, self.scene)
-        held = self._held(())
-        bodies = {name: sub.at(dict(values)) for name, sub in held.substructures.items()}
-        return replace(held, stack=PointStack(bodies))
-
+    @_with_parameters
     @once
     def wiring(self, configuration: Configuration) -> Wiring:
         """Joints, inputs and outputs in a configuration."""
         return wire(self.stack, self.scene, configuration)
 
+    @_with_parameters
     @once
     def system(self, configuration: Configuration) -> System:
         """Assembled matrices in a configuration."""
         return assemble(self.substructures, self.scene, configuration, (self.stack, self.wiring(configuration)))
 
+    @_with_parameters
     @once
     def resonances(self, configuration: Configuration) -> Resonances:
         """Elastic modes up to a little above the band."""
@@ -153,6 +164,7 @@ class AssembledModel:
             zeta += _weights(system.loss, Phi) / (2 * w**2)
         return Resonances(w, zeta, _by_body(system, Phi))
 
+    @_with_parameters
     @once
     def damped_modes(self, configuration: Configuration) -> DampedModes | None:
         """Complex modes up to just above the band; None without damping."""
@@ -161,6 +173,7 @@ class AssembledModel:
         found = damped_modes(system, highest, self._modes(configuration))
         return None if found is None else DampedModes(found.s, _by_body(system, found.X))
 
+    @_with_parameters
     def every_mode(
         self, configuration: Configuration
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -203,35 +216,33 @@ class AssembledModel:
             return w[w <= highest], Phi[:, w <= highest]
         return system_modes(system, highest)
 
+    @property
     @once
-    def _receptances(self, values: Case) -> Mapping[str, Receptance]:
-        grid = decibel_grid(self.scene.band)
-        if not values:
-            return body_receptances(self.held.stack, grid)
-        # Bodies without parameters have one receptance for all values.
-        held, nominal = self._held(values), self.held.substructures
-        own = {name: sub for name, sub in held.substructures.items() if sub is not nominal[name]}
-        return {**self._receptances(()), **body_receptances(PointStack(own), grid)}
+    def _receptances(self) -> Mapping[str, Receptance]:
+        return {name: self._receptance(name) for name in self.substructures}
 
-    def receptances(
-        self, omega: NDArray[np.float64], configuration: Configuration | None = None
-    ) -> Mapping[str, Receptance]:
-        """Dynamic flexibilities of the ``held`` bodies, for every configuration with the same parameters.
+    @once
+    def _receptance(self, name: str) -> Receptance:
+        nominal = self._nominal
+        if nominal is not None and nominal.substructures.get(name) is self.substructures[name]:
+            return nominal._receptance(name)
+        alone = PointStack({name: self.held.substructures[name]})
+        return body_receptances(alone, decibel_grid(self.scene.band))[name]
+
+    def receptances(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
+        """Dynamic flexibilities of the ``held`` bodies for every configuration.
 
         They are prepared once for the band, and not for a grid within it: a resumed run gives the same numbers.
         """
-        values = self._values(configuration)
         if omega.max(initial=0.0) <= decibel_grid(self.scene.band)[-1] * (1 + _SAME_BAND):
-            return self._receptances(values)
-        return body_receptances(self._held(values).stack, omega)
+            return self._receptances
+        return body_receptances(self.held.stack, omega)
 
-    def tables(
-        self, omega: NDArray[np.float64], configuration: Configuration | None = None
-    ) -> Mapping[str, Receptance]:
-        """Receptances at frequencies that every configuration with the same parameters needs."""
+    def tables(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
+        """Receptances at frequencies that every configuration needs."""
         return {
             name: tabulated(source, omega, self.held.stack.moving(name).size)
-            for name, source in self.receptances(omega, configuration).items()
+            for name, source in self.receptances(omega).items()
         }
 
     def response(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -246,20 +257,27 @@ class AssembledModel:
     ) -> list[NDArray[np.complex128]]:
         """Frequency responses of several configurations together, each on a grid of its own.
 
-        Receptances, if given, are those of their parameters, which are then the same for all.
+        Receptances, if given, are those of the parameters of all configurations.
         """
-        whole = np.concatenate([np.empty(0), *grids])
-        groups: dict[Case, list[int]] = {}
-        for k, configuration in enumerate(configurations):
-            groups.setdefault(self._values(configuration), []).append(k)
+        models = [self.at(configuration) for configuration in configurations]
         found: dict[int, NDArray[np.complex128]] = {}
-        for values, some in groups.items():
-            Y = self.receptances(whole, configurations[some[0]]) if flexibility is None else flexibility
-            wirings = [self.held.wiring(self.wiring(configurations[k])) for k in some]
-            responses = couple(Y, self._held(values).stack, wirings, [grids[k] for k in some])
-            found |= dict(zip(some, responses, strict=True))
-        return [found[k] for k in range(len(configurations))]
+        for model in dict.fromkeys(models):
+            some = [k for k, each in enumerate(models) if each is model]
+            there = model._responses([configurations[k] for k in some], [grids[k] for k in some], flexibility)
+            found |= dict(zip(some, there, strict=True))
+        return [found[k] for k in range(len(models))]
 
+    def _responses(
+        self,
+        configurations: Sequence[Configuration],
+        grids: Sequence[NDArray[np.float64]],
+        flexibility: Mapping[str, Receptance] | None,
+    ) -> list[NDArray[np.complex128]]:
+        Y = self.receptances(np.concatenate([np.empty(0), *grids])) if flexibility is None else flexibility
+        wirings = [self.held.wiring(self.wiring(configuration)) for configuration in configurations]
+        return couple(Y, self.held.stack, wirings, grids)
+
+    @_with_parameters
     def collocated(
         self,
         configuration: Configuration,
@@ -277,7 +295,7 @@ class AssembledModel:
             its own motion. Static gains cannot be larger (Cauchy, Schwarz). A response that is much smaller is what
             rounding leaves of parts that cancel.
         """
-        Y = self.receptances(omega, configuration) if flexibility is None else flexibility
+        Y = self.receptances(omega) if flexibility is None else flexibility
         wiring = self.held.wiring(self.wiring(configuration))
         C = wiring.C1 + wiring.C2
         y, u = C.shape[0], wiring.B.shape[0]
@@ -287,12 +305,13 @@ class AssembledModel:
             C1=np.vstack([wiring.C1, C, wiring.B]),
             C2=np.vstack([wiring.C2, np.zeros((y + u, C.shape[1]))]),
         )
-        H = couple(Y, self._held(self._values(configuration)).stack, [both], [omega])[0]
+        H = couple(Y, self.held.stack, [both], [omega])[0]
         at_y = abs(H[:, np.arange(y, 2 * y), np.arange(u, u + y)])
         at_u = abs(H[:, np.arange(2 * y, 2 * y + u), np.arange(u)])
         per_rate = np.where(wiring.C2.any(axis=1), omega[:, None], 1.0)
         return H[:, :y, :u], np.sqrt(at_y[:, :, None] * at_u[:, None, :]) * per_rate[:, :, None]
 
+    @_with_parameters
     def modal_peaks(self, configuration: Configuration) -> NDArray[np.float64]:
         """Height of the peak of each elastic mode up to a little above the band (k, outputs, inputs)."""
         system, (w, Phi) = self.system(configuration), self._modes(configuration)
@@ -301,16 +320,17 @@ class AssembledModel:
         inputs = abs(system.B.T @ Phi) / (2 * zeta * w**2)
         return np.asarray(np.einsum("yk,uk->kyu", outputs, inputs))
 
+    @_with_parameters
     def kinetic_shares(self, configuration: Configuration, modes: Sequence[int]) -> list[dict[str, float]]:
         """Share of the kinetic energy in each body, for some of the elastic modes up to a little above the band."""
         found: list[dict[str, float]] = [{} for _ in modes]
-        bodies = self.at(configuration)
         for name, shapes in self.resonances(configuration).shapes.items():
             some = shapes[:, list(modes)]
-            for each, energy in zip(found, _weights(bodies[name].M, some), strict=True):
+            for each, energy in zip(found, _weights(self.substructures[name].M, some), strict=True):
                 each[name] = float(energy)
         return found
 
+    @_with_parameters
     def rigid_response(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Rigid-body part of the response (f, outputs, inputs)."""
         return rigid_response(self.system(configuration), omega)
@@ -342,7 +362,8 @@ def mass_products(
             found[name] = sub.M
             continue
         body = bodies[name]
-        M, left, right = sp.csc_array(varied(body.M, body.terms, "M", values or {})), reference[name], reduced[name]
+        M, left, right = varied(body.M, body.terms, "M", values or {}), reference[name], reduced[name]
+        assert isinstance(M, sp.csc_array)
         if right is None:
             found[name] = M if left is None else _times(M, left.Phi).T
         else:

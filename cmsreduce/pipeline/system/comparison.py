@@ -79,16 +79,12 @@ class ReducedModel:
 
     def masses(self, comparison: Comparison, configuration: Configuration) -> dict[str, Matrix]:
         """Mass of each body between its coordinates in the reference model and in this model."""
-        terms = [term for sub in comparison.reference.substructures.values() for term in sub.terms]
-        massive = {term.parameter for term in terms if term.letter == "M"}
-        values = {name: value for name, value in configuration.parameters.items() if name in massive}
-        return self._masses(comparison, tuple(values.items()))
+        return self._masses(comparison, tuple(configuration.parameters.items()))
 
     @once
     def _masses(self, comparison: Comparison, values: tuple[tuple[str, float], ...]) -> dict[str, Matrix]:
-        shapes, bodies = comparison.reference_shapes, comparison.reference.substructures
-        at = {name: sub.at(dict(values)) for name, sub in bodies.items()} if values else bodies
-        return mass_products(comparison.bodies, shapes, self.shapes, at, dict(values))
+        bodies = comparison.reference.at(Configuration("", parameters=dict(values))).substructures
+        return mass_products(comparison.bodies, comparison.reference_shapes, self.shapes, bodies, dict(values))
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +215,7 @@ class Comparison:
 
     @once
     def _few_tables(self, values: tuple[tuple[str, float], ...]) -> Mapping[str, Receptance]:
-        return self.reference.tables(self._few, Configuration("", parameters=dict(values)))
+        return self.reference.at(Configuration("", parameters=dict(values))).tables(self._few)
 
     @once
     def _responding(self, configuration: Configuration) -> tuple[NDArray[np.bool_], Real]:

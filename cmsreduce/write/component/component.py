@@ -196,7 +196,7 @@ def _parameters(group: Any, component: ModalComponent, T: Row) -> None:
     for term in component.terms:
         own = group.require_group(term.parameter)
         name = words[term.letter]
-        put(own, name, term.over(T).matrix, about=f"added to modes/{name}, times the parameter to the power stated")
+        put(own, name, term.over(T).dense, about=f"added to modes/{name}, times the parameter to the power stated")
         own.attrs[f"{name}_power"] = term.power
 
 
