@@ -14,6 +14,7 @@ from cmsreduce.cli_options import (
     Commands,
     check_options,
     convert_options,
+    key_completion,
     output_options,
     pipeline_options,
     run_options,
@@ -69,8 +70,9 @@ def _run(
         raise click.UsageError("--only and --until exclude each other")
     if only and (jobs > 1 or cluster):
         raise click.UsageError("--only runs one stage by itself; leave --jobs and --cluster out")
+    # A whole run ends with its notes.
     with (
-        output.watch() as progress,
+        output.watch(notes=bool(only or until)) as progress,
         opened_run(pipeline, overrides, out, progress, only=only, jobs=jobs, cluster=cluster) as run,
     ):
         work_in(run.folder)
@@ -234,7 +236,13 @@ def report(run_dir: Path, png: bool, svg: bool, vtu: bool, tables: bool, output:
 @main.command()
 @pipeline_options
 @click.option(
-    "--over", "swept", multiple=True, required=True, metavar="KEY=V1,V2,...", help="A key and its values, as YAML."
+    "--over",
+    "swept",
+    multiple=True,
+    required=True,
+    metavar="KEY=V1,V2,...",
+    help="A key and its values, as YAML.",
+    shell_complete=key_completion,
 )
 @worker_options
 def sweep(
@@ -316,6 +324,32 @@ def cache_clear(run_dir: Path) -> None:
     for path in kept:
         click.echo(f"{path} stays: it is damaged, or cmsreduce did not write it")
     click.echo(f"removed {count} files, {size / 2**20:.2f} MiB")
+
+
+@main.command()
+@output_options
+def doctor(output: Output) -> None:
+    """Show what a run finds here: versions, sparse solvers, threads, memory, disk, compiled loops."""
+    from cmsreduce.pipeline import environment
+
+    lines = environment(Path())
+    for line in lines:
+        output.line(f"{line.name:<16} {line.words}{f'  ({line.advice})' if line.advice else ''}")
+    output.result({line.name: line.value for line in lines})
+
+
+@main.command()
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+def completion(shell: str) -> None:
+    """Print the script that completes commands, options, keys, stages and formats in a shell.
+
+    For bash: `cmsreduce completion bash > ~/.cmsreduce-complete.bash`, and in ~/.bashrc `. ~/.cmsreduce-complete.bash`.
+    """
+    from click.shell_completion import get_completion_class
+
+    made = get_completion_class(shell)
+    assert made is not None
+    click.echo(made(main, {}, "cmsreduce", "_CMSREDUCE_COMPLETE").source())
 
 
 @main.command()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from cmsreduce.cli_endings import Ending, check_memory, ending_of, patient_streams
 
@@ -16,6 +17,7 @@ __all__ = [
     "Commands",
     "check_options",
     "convert_options",
+    "key_completion",
     "output_options",
     "pipeline_options",
     "run_options",
@@ -23,6 +25,15 @@ __all__ = [
     "worker_options",
 ]
 
+# Commands of the program, as its help shows them; a command of a group has no heading of its own.
+_HEADINGS = {
+    "Whole runs": ("new", "run", "sweep", "check", "report", "diff", "cache"),
+    "One stage, on finished ones": ("reduce", "orthogonalise", "balance", "project", "assemble", "verify", "write"),
+    "Files and other programs": ("inspect", "convert", "export"),
+    "Help": ("schema", "completion", "doctor"),
+}
+# Letters of a sentence that is not cut.
+_WHOLE = 400
 _FOLDER, _AS_JSON = f"{__name__}.folder", f"{__name__}.as_json"
 
 
@@ -72,7 +83,7 @@ class _Command(click.Command):
             check_memory()
             from cmsreduce.report import opened_output
 
-            options = {name: context.params.pop(name) for name in ("quiet", "as_json", "log_file")}
+            options = {name: context.params.pop(name) for name in ("quiet", "verbose", "as_json", "log_file")}
             context.params["output"] = context.with_resource(opened_output(**options))
         for given in context.params.values():
             if isinstance(given, Path) and (given / "summary.json").is_file():
@@ -96,6 +107,20 @@ class Commands(click.Group):
         """Names of the commands, in order."""
         return list(self.commands)
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands under headings, with their first sentences whole."""
+        left = dict(self.commands)
+        for heading, names in _HEADINGS.items():
+            rows = [(name, left.pop(name)) for name in names if name in left]
+            self._section(formatter, heading, rows)
+        self._section(formatter, "Commands", list(left.items()))
+
+    @staticmethod
+    def _section(formatter: click.HelpFormatter, heading: str, commands: list[tuple[str, click.Command]]) -> None:
+        if commands:
+            with formatter.section(heading):
+                formatter.write_dl([(name, command.get_short_help_str(limit=_WHOLE)) for name, command in commands])
+
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -113,8 +138,51 @@ def _options(*options: Decorator) -> Decorator:
 
 _PATH: Any = click.Path(path_type=Path)
 
+
+def _completed(names: Callable[[], Iterable[str]], ending: str = "") -> Callable[..., list[CompletionItem]]:
+    """Completion by names that begin with the letters typed; they are looked up when they are asked for."""
+
+    def complete(context: click.Context, option: click.Parameter, typed: str) -> list[CompletionItem]:
+        return [CompletionItem(f"{name}{ending}") for name in names() if name.startswith(typed)]
+
+    return complete
+
+
+def _stages() -> Iterable[str]:
+    from cmsreduce.pipeline import STAGES
+
+    return STAGES
+
+
+def _keys() -> Iterable[str]:
+    from cmsreduce.config import key_names
+
+    return key_names()
+
+
+key_completion = _completed(_keys, "=")
+"""Completion of the keys of a pipeline file."""
+
+
+def _limits() -> Iterable[str]:
+    from cmsreduce.config import key_names
+
+    head = "verify.limits."
+    return [name.removeprefix(head) for name in key_names() if name.startswith(head)]
+
+
+def _written(table: str) -> Callable[[], Iterable[str]]:
+    def names() -> Iterable[str]:
+        import cmsreduce.write
+
+        return list(getattr(cmsreduce.write, table))
+
+    return names
+
+
 output_options = _options(
     click.option("--quiet", is_flag=True, help="Print errors only."),
+    click.option("--verbose", is_flag=True, help="Print every piece of work, every table and every note."),
     click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else there."),
     click.option("--log-file", type=_PATH, help="Write everything that is printed here, too."),
 )
@@ -123,7 +191,14 @@ output_options = _options(
 pipeline_options = _options(
     output_options,
     click.option("--out", type=_PATH, help="Run directory, instead of `output:`."),
-    click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the pipeline."),
+    click.option(
+        "--set",
+        "overrides",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help="Override a key of the pipeline.",
+        shell_complete=key_completion,
+    ),
     click.argument("pipeline", type=_PATH),
 )
 """Pipeline, overrides and run directory."""
@@ -143,15 +218,27 @@ worker_options = _options(
 run_options = _options(
     pipeline_options,
     worker_options,
-    click.option("--only", metavar="STAGE", help="Run one stage on what earlier runs finished."),
-    click.option("--until", metavar="STAGE", help="Stop after this stage."),
+    click.option(
+        "--only",
+        metavar="STAGE",
+        help="Run one stage on what earlier runs finished.",
+        shell_complete=_completed(_stages),
+    ),
+    click.option("--until", metavar="STAGE", help="Stop after this stage.", shell_complete=_completed(_stages)),
 )
 """All options of a run."""
 
 check_options = _options(
     click.argument("path", type=_PATH),
     click.option("--limits", "file", type=_PATH, help="YAML file of limits (docs/ci.md)."),
-    click.option("--max", "maxima", multiple=True, metavar="KEY=VALUE", help="Largest value: frf_error=0.05."),
+    click.option(
+        "--max",
+        "maxima",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help="Largest value: frf_error=0.05.",
+        shell_complete=_completed(_limits, "="),
+    ),
     click.option("--baseline", type=_PATH, help="Run directory or component file to compare with."),
     click.option(
         "--tolerance",
@@ -185,6 +272,7 @@ convert_options = _options(
         "--for",
         "profile",
         metavar="PROGRAM",
+        shell_complete=_completed(_written("PROFILES")),
         help="Files that this program runs, in the frame, modes and dialect that it takes: 42, mbdyn-1.7.3, "
         "mbdyn-1.7.3-first-order, mbdyn-1.7.3-lumped, mbdyn, embs, pymbs, fembs, pysid, mbsim or exudyn.",
     ),
@@ -201,6 +289,7 @@ convert_options = _options(
         "--format",
         "target",
         metavar="FORMAT",
+        shell_complete=_completed(_written("TARGETS")),
         help="nastran, 42, sid, mbdyn, mbsim, exudyn, discos, dads, treetops, treetops-h5, matlab, abcd, simscape, "
         "extptfm or fmi; by the end of OUT's name if not given.",
     ),

@@ -28,6 +28,7 @@ from cmsreduce.config.keys import (
     WriteKeys,
     channel_kind,
     json_schema,
+    key_names,
     parse_ratio,
 )
 from cmsreduce.config.load import load_pipeline, pipeline_from_keys
@@ -63,6 +64,7 @@ __all__ = [
     "build_scene",
     "channel_kind",
     "json_schema",
+    "key_names",
     "load_cluster",
     "load_pipeline",
     "parse",

@@ -15,12 +15,14 @@ from cmsreduce.multifrontal.threads import blas_threads
 
 if TYPE_CHECKING:
     from cmsreduce.multifrontal.factor import CholeskyFactor, FactorSize, NotPositiveDefiniteError
+    from cmsreduce.multifrontal.loops import compiled_folder
 
 __all__ = [
     "CholeskyFactor",
     "FactorSize",
     "NotPositiveDefiniteError",
     "blas_threads",
+    "compiled_folder",
     "compressed_graph",
     "dissection_installed",
     "lacks",
@@ -33,6 +35,8 @@ def __getattr__(name: str) -> Any:
     # The factor needs numba, which takes half a second to load.
     if name in ("CholeskyFactor", "FactorSize", "NotPositiveDefiniteError"):
         return getattr(import_module("cmsreduce.multifrontal.factor"), name)
+    if name == "compiled_folder":
+        return import_module("cmsreduce.multifrontal.loops").compiled_folder
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

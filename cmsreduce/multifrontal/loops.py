@@ -12,7 +12,7 @@ from numba import njit
 from numba.core import config
 from numba.misc.appdirs import AppDirs
 
-__all__ = ["loop"]
+__all__ = ["compiled_folder", "loop"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -43,7 +43,7 @@ def loop(function: Function) -> Function:
     would stay in their old form.
     """
     before = config.CACHE_DIR
-    config.CACHE_DIR = str(_folder())
+    config.CACHE_DIR = str(compiled_folder())
     try:
         return cast(Function, njit(cache=True, nogil=True)(function))
     finally:
@@ -51,7 +51,7 @@ def loop(function: Function) -> Function:
 
 
 @cache
-def _folder() -> Path:
+def compiled_folder() -> Path:
     """Folder for compiled code: NUMBA_CACHE_DIR, beside the package, or in the user's cache folder."""
     name = f"multifrontal-{_stamp(Path(__file__).parent):08x}"
     for base in _bases():

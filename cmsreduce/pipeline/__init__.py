@@ -4,6 +4,7 @@ Runs, their finished stages on disk, sweeps and the inspection of files belong h
 Mathematics belongs in the stages; words for people belong in `report`.
 """
 
+from cmsreduce.pipeline.environment import environment
 from cmsreduce.pipeline.execute import execute, reopen, write_report
 from cmsreduce.pipeline.inspection import inspected
 from cmsreduce.pipeline.results import run_result
@@ -16,6 +17,7 @@ __all__ = [
     "Run",
     "STAGES",
     "Silent",
+    "environment",
     "execute",
     "inspected",
     "reopen",

@@ -20,7 +20,7 @@ WORDS = "injected fault"
 AFTERWARDS = (
     "the advice", "the checks of '{}'", "the completeness at", "the component file", "the compression", "the contrast",
     "the drawing", "the effect", "the file", "the highest", "the mass", "the notes", "the page", "the principal",
-    "the scaling", "the search", "the table", "the target",
+    "the scaling", "the search", "the table", "the target", "the units",
 )  # fmt: skip
 CONTROLLER = "A\n0 1\n-3600 -84\nB\n0 0 0\n0 3600 0\nC\n0 0\n-0.02 0\n"
 MORE = """\
@@ -51,6 +51,7 @@ BREAKING = {
     "the files for {}",
     "the margins of the controller",
     "the target {}",
+    "the units of the system",
     "the verification",
     "the verification in '{}'",
 }
@@ -71,7 +72,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "limits: {{frf_error: 0.05}}\n", f"limits: {{{{frf_error: 0.05, damping_error: 0.1}}}}\n{MORE}"
     )
     text = text.replace("keep: all}}", "keep: all, sensitivity: true}}")
-    path = write_study(folder, text.replace("[hdf5]", "[hdf5, nastran, mbsim, matlab], targets: [exudyn]"))
+    path = write_study(folder, text.replace("[hdf5]", "[hdf5, nastran, mbsim, matlab, fmi], targets: [exudyn]"))
     done = call("run", path)
     assert done.exit_code == 0, done.output
     assert json.loads((folder / "out" / "summary.json").read_text())["failures"] == []
@@ -120,7 +121,7 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[str]]:
 def test_a_run_outlives_it(name: str, request: pytest.FixtureRequest, broken: Callable[..., list[str]]) -> None:
     folder = request.getfixturevalue("repeated" if name.startswith(AFTERWARDS) else "copied")
     calls, options = broken(name), []
-    if not name.startswith(("the file", "the target")):
+    if not name.startswith(("the file", "the target", "the units")):
         options += ["--set", "write.formats=[hdf5]"]
     # One of several configurations is measured alone only where all of them together failed.
     if name == "the verification in '{}'":

@@ -60,7 +60,7 @@ def test_killed_at_every_file(study: Path, finished_study: Path) -> None:
 def test_killed_when_a_stage_begins(
     study: Path, finished_study: Path, opened: Callable[..., Run], moment: str, finished: int
 ) -> None:
-    program = [sys.executable, "-m", "cmsreduce.cli", "run", str(study)]
+    program = [sys.executable, "-m", "cmsreduce.cli", "run", str(study), "--verbose"]
     with subprocess.Popen(program, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
         assert process.stderr is not None
         for line in process.stderr:

@@ -71,7 +71,8 @@ def test_an_undamped_body_has_no_gramian_and_the_run_says_so(study: Path, rank: 
     if rank != DAMPED[0]:
         return
     # What was finished before is kept: another ranking goes on from there.
-    found = CliRunner().invoke(main, ["run", str(study), "--set", "balance.rank=modal-gain", "--set", "verify=null"])
+    asked = ["run", str(study), "--set", "balance.rank=modal-gain", "--set", "verify=null", "--verbose"]
+    found = CliRunner().invoke(main, asked)
     assert found.exit_code == 0, found.output
     assert "finished before, reused" in found.output and "arm: no damping is given" in found.output
 

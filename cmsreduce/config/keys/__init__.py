@@ -12,7 +12,7 @@ from cmsreduce.config.keys.interface import InterfaceKeys
 from cmsreduce.config.keys.joints import Articulation
 from cmsreduce.config.keys.mapping import Count, Keys, check_name, parse_point
 from cmsreduce.config.keys.parameters import ParameterKeys, ParameterMatrix, parse_value
-from cmsreduce.config.keys.pipeline import Memory, Pipeline, json_schema
+from cmsreduce.config.keys.pipeline import Memory, Pipeline, json_schema, key_names
 from cmsreduce.config.keys.project import ProjectKeys
 from cmsreduce.config.keys.quantities import Compound, Quantity, figure_powers, parse_ratio, powers_of
 from cmsreduce.config.keys.reduce import ModeSetKeys, ReduceKeys
@@ -59,6 +59,7 @@ __all__ = [
     "check_name",
     "figure_powers",
     "json_schema",
+    "key_names",
     "parse_point",
     "parse_ratio",
     "parse_row",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -20,7 +20,7 @@ from cmsreduce.config.keys.write import BodyWriteKeys, WriteKeys
 from cmsreduce.linalg.machine import Backend, Precision
 from cmsreduce.model import Units
 
-__all__ = ["Pipeline", "SolverKeys", "json_schema"]
+__all__ = ["Pipeline", "SolverKeys", "json_schema", "key_names"]
 
 _BYTES = {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12, "KiB": 2.0**10, "MiB": 2.0**20, "GiB": 2.0**30}
 _BYTES["TiB"] = 2.0**40
@@ -196,3 +196,27 @@ def json_schema() -> dict[str, Any]:
     """JSON Schema of the pipeline file, for editors and as its reference."""
     schema = Pipeline.model_json_schema(by_alias=True, mode="validation")
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "cmsreduce pipeline", **schema}
+
+
+def key_names() -> list[str]:
+    """Keys of the pipeline file below no name of the user, such as ``reduce.cutoff``, for completion.
+
+    Examples
+    --------
+    >>> [name for name in key_names() if name.startswith("reduce.c")]
+    ['reduce.cutoff']
+    """
+    schema = json_schema()
+    return list(_dotted(schema, schema["$defs"], "", ()))
+
+
+def _dotted(at: dict[str, Any], defs: dict[str, Any], above: str, within: tuple[str, ...]) -> Iterator[str]:
+    name = at.get("$ref", "").rpartition("/")[2]
+    if name in within:
+        return
+    inner = {**at, **defs.get(name, {})}
+    for key, value in inner.get("properties", {}).items():
+        yield f"{above}{key}"
+        yield from _dotted(value, defs, f"{above}{key}.", (*within, name) if name else within)
+    for arm in inner.get("anyOf", ()):
+        yield from _dotted(arm, defs, above, (*within, name) if name else within)

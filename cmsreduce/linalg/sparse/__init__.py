@@ -10,6 +10,7 @@ from cmsreduce.linalg.sparse.factorisation import (
     InsufficientMemoryError,
     NotPositiveDefiniteError,
     factorise,
+    installed_backends,
 )
 from cmsreduce.linalg.sparse.flexibility import ElasticFlexibility, Solve, determinate_dofs
 from cmsreduce.linalg.sparse.parts import part, share_order
@@ -25,6 +26,7 @@ __all__ = [
     "Solve",
     "determinate_dofs",
     "factorise",
+    "installed_backends",
     "part",
     "share_order",
 ]

@@ -76,7 +76,9 @@ def show_summary(result: RunResult, folder: Path, output: Output, written: Seque
 @diagnostic("the tables on the terminal", lambda: False)
 def _tables(result: RunResult, folder: Path, output: Output, written: Sequence[Path]) -> bool:
     for console in output.consoles():
-        print_summary(result, folder, console, written=written, elapsed=output.seconds)
+        # The log holds everything.
+        verbose = output.verbose or console.file is output.log
+        print_summary(result, folder, console, written=written, elapsed=output.seconds, verbose=verbose)
     return True
 
 
@@ -113,7 +115,8 @@ def _plain_page(result: RunResult, folder: Path) -> str:
     text = io.StringIO()
     # The last resort of a finished run: if the tables have a fault, too, the verdict and the notes are left.
     with suppress(Exception):
-        print_summary(result, folder, Console(file=text, width=120, no_color=True, force_terminal=False))
+        console = Console(file=text, width=120, no_color=True, force_terminal=False)
+        print_summary(result, folder, console, verbose=True)
     said = text.getvalue() or "\n".join([f"{result.name}: {result.verdict.word}", *result.notes])
     title = html.escape(f"{result.name}: {result.verdict.word}")
     return (

@@ -23,12 +23,14 @@ __all__ = ["Bar", "Lines", "Output", "Several", "opened_output", "print_line", "
 
 # Seconds without a line after which a long step reports its progress.
 _SILENT_S = 10.0
+# Seconds without a line after which the next piece of work gets a line: a short run is not told step by step.
+_SPACED_S = 2.0
 # Columns where there is no terminal.
 _PLAIN_WIDTH = 100
 
 
 class Lines:
-    """One plain line per piece of work, with the time since the start.
+    """Plain lines on the pieces of work, with the time since the start.
 
     Parameters
     ----------
@@ -36,21 +38,27 @@ class Lines:
         Receives the lines.
     clock : callable
         Seconds.
+    every : bool
+        True for a line for every piece of work; else for the first one, and for those that begin some seconds after the
+        line before.
     """
 
-    def __init__(self, stream: TextIO, clock: Callable[[], float] = time.perf_counter) -> None:
-        self.stream, self.clock = stream, clock
+    def __init__(self, stream: TextIO, clock: Callable[[], float] = time.perf_counter, *, every: bool = True) -> None:
+        self.stream, self.clock, self.every = stream, clock, every
         self.started = self.begun = self.last_line = clock()
         self.current = ""
 
     def stage(self, stage: str, what: str) -> None:
         """Begin a piece of work."""
-        self._write(f"{stage:<13} {what}")
-        self.begun, self.current = self.last_line, f"{stage:<13} {what}"
+        first, self.begun = not self.current, self.clock()
+        self.current = f"{stage:<13} {what}"
+        if self.every or first or self.begun - self.last_line >= _SPACED_S:
+            self._write(self.current)
 
     def reused(self, stage: str, what: str) -> None:
         """Take a finished piece of work from an earlier run."""
-        self._write(f"{stage:<13} {what} (finished before, reused)")
+        if self.every:
+            self._write(f"{stage:<13} {what} (finished before, reused)")
 
     def advance(self, done: int, total: int) -> None:
         """Write the progress of a long piece of work, with the time left, at most every ten seconds."""
@@ -70,16 +78,18 @@ class Lines:
 
 
 class Bar:
-    """A bar that moves on a terminal, one for each piece of work.
+    """A bar that moves on a terminal, for the piece of work that is being done.
 
     Parameters
     ----------
     bars : rich.progress.Progress
         Started.
+    every : bool
+        True if the bars of finished work stay.
     """
 
-    def __init__(self, bars: Bars) -> None:
-        self.bars = bars
+    def __init__(self, bars: Bars, *, every: bool = True) -> None:
+        self.bars, self.every = bars, every
         self.current: Any = None
 
     def stage(self, stage: str, what: str) -> None:
@@ -100,10 +110,13 @@ class Bar:
         self.bars.console.print(f"note: {text}", markup=False, highlight=False)
 
     def finish(self) -> None:
-        """Fill the bar of the last piece of work."""
-        if self.current is not None:
+        """Fill the bar of the last piece of work, or take it away."""
+        if self.current is not None and self.every:
             task = self.bars.tasks[-1]
             self.bars.update(self.current, total=task.total or 1, completed=task.total or 1)
+        elif self.current is not None:
+            self.bars.remove_task(self.current)
+            self.current = None
 
 
 class Several:
@@ -113,10 +126,13 @@ class Several:
     ----------
     listeners : sequence of Bar or Lines
         The outputs.
+    later : Bar or Lines, optional
+        The one whose notes are held back for the end.
     """
 
-    def __init__(self, listeners: Sequence[Bar | Lines]) -> None:
-        self.listeners = listeners
+    def __init__(self, listeners: Sequence[Bar | Lines], later: Bar | Lines | None = None) -> None:
+        self.listeners, self.later = listeners, later
+        self.held: list[str] = []
 
     def stage(self, stage: str, what: str) -> None:
         """Begin a piece of work."""
@@ -136,17 +152,30 @@ class Several:
     def note(self, text: str) -> None:
         """Report a note."""
         for each in self.listeners:
-            each.note(text)
+            if each is not self.later:
+                each.note(text)
+        self.held.append(text)
+
+    def release(self) -> None:
+        """Report the notes that were held back."""
+        if self.later is not None:
+            for text in self.held:
+                self.later.note(text)
 
 
 @contextmanager
-def watch() -> Iterator[Bar | Lines]:
+def watch(*, every: bool = True) -> Iterator[Bar | Lines]:
     """Show the progress of a run on standard error: bars on a terminal, lines elsewhere.
 
     Standard output holds results only.
+
+    Parameters
+    ----------
+    every : bool
+        True if every piece of work leaves a line.
     """
     if not sys.stderr.isatty():
-        yield Lines(sys.stderr)
+        yield Lines(sys.stderr, every=every)
     else:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -160,7 +189,7 @@ def watch() -> Iterator[Bar | Lines]:
             TimeRemainingColumn(),
         )
         with Progress(*columns, console=Console(stderr=True)) as bars:
-            bar = Bar(bars)
+            bar = Bar(bars, every=every)
             yield bar
             bar.finish()
 
@@ -176,10 +205,14 @@ class Output:
         Print the result as JSON, and nothing else, on standard output.
     log : text stream, optional
         Holds everything, whatever is printed.
+    verbose : bool
+        Print every piece of work, table and note.
     """
 
-    def __init__(self, *, quiet: bool = False, as_json: bool = False, log: TextIO | None = None) -> None:
-        self.quiet, self.as_json, self.log = quiet, as_json, log
+    def __init__(
+        self, *, quiet: bool = False, as_json: bool = False, log: TextIO | None = None, verbose: bool = False
+    ) -> None:
+        self.quiet, self.as_json, self.log, self.verbose = quiet, as_json, log, verbose
         self.started = time.perf_counter()
 
     @property
@@ -193,14 +226,25 @@ class Output:
         return not (self.quiet or self.as_json)
 
     @contextmanager
-    def watch(self) -> Iterator[Several]:
-        """Show progress on the terminal and in the log."""
+    def watch(self, *, notes: bool = True) -> Iterator[Several]:
+        """Show progress on the terminal and in the log.
+
+        Parameters
+        ----------
+        notes : bool
+            Print notes as they come; false for a command that ends with them. They are printed where it fails.
+        """
         logged = [] if self.log is None else [Lines(self.log)]
         if self.quiet:
             yield Several(logged)
             return
-        with watch() as shown:
-            yield Several([shown, *logged])
+        with watch(every=self.verbose) as shown:
+            every = Several([shown, *logged], None if notes or self.verbose else shown)
+            try:
+                yield every
+            except BaseException:
+                every.release()
+                raise
 
     def consoles(self, width: int = _PLAIN_WIDTH, *, whole: bool = False) -> Iterator[Console]:
         """Consoles for tables: standard output and the log.
@@ -261,7 +305,7 @@ class Output:
 
 
 @contextmanager
-def opened_output(*, quiet: bool, as_json: bool, log_file: Path | None) -> Iterator[Output]:
+def opened_output(*, quiet: bool, as_json: bool, log_file: Path | None, verbose: bool = False) -> Iterator[Output]:
     """Open the log; an error that ends the command is written into it.
 
     Raises
@@ -270,7 +314,7 @@ def opened_output(*, quiet: bool, as_json: bool, log_file: Path | None) -> Itera
         If the log cannot be written.
     """
     if log_file is None:
-        yield Output(quiet=quiet, as_json=as_json)
+        yield Output(quiet=quiet, as_json=as_json, verbose=verbose)
         return
     try:
         log_file.parent.mkdir(parents=True, exist_ok=True)
@@ -279,7 +323,7 @@ def opened_output(*, quiet: bool, as_json: bool, log_file: Path | None) -> Itera
     except OSError as error:
         raise WriteError(f"--log-file {log_file}: the log cannot be written: {error.strerror or error}") from None
     with log:
-        output = Output(quiet=quiet, as_json=as_json, log=log)
+        output = Output(quiet=quiet, as_json=as_json, log=log, verbose=verbose)
         try:
             yield output
         except CmsReduceError as error:

@@ -1,4 +1,4 @@
-"""The summary of a run on the terminal: sizes, errors, checks, time steps, hinges, projection, files."""
+"""Everything a run found, on the terminal: sizes, errors, checks, time steps, hinges, projection, notes, files."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 from cmsreduce.mechanics import advised_steps
 from cmsreduce.model import AxisCompleteness, Finding, ProjectionRecord, RunResult
 from cmsreduce.report.terminal.output import print_line, standard_console
+from cmsreduce.report.terminal.screen import print_screen, print_verdict
 from cmsreduce.report.terminal.tables import figures, table, words
-from cmsreduce.report.verdict import meaning, verdict_lines
 from cmsreduce.report.wording import (
     FIGURES,
     Figure,
@@ -26,7 +26,6 @@ from cmsreduce.report.wording import (
     seconds,
     simulation_words,
     worst,
-    worst_error,
 )
 
 if TYPE_CHECKING:
@@ -43,8 +42,6 @@ _INTEGRATORS = {
     "rk4": "Runge-Kutta 4",
     "ab2": "AB-2",
 }
-_STATES = {"FAIL": "red", "trusted": "yellow", "unproven": "yellow"}
-_COLOURS = {"PASS": "bold green", "FAIL": "bold red", "not checked": "bold yellow"}
 
 
 def print_summary(
@@ -54,8 +51,9 @@ def print_summary(
     *,
     written: Sequence[Path] = (),
     elapsed: float | None = None,
+    verbose: bool = False,
 ) -> None:
-    """Print the findings of a run.
+    """Print the findings of a run: one screen, or everything and the screen after it.
 
     Parameters
     ----------
@@ -68,13 +66,20 @@ def print_summary(
         Files that the run wrote; those in its folder are named, finished stages are not.
     elapsed : float, optional
         Wall time of the command in seconds, for the last line.
+    verbose : bool
+        Print every table, note and file before the screen.
     """
     console = console or standard_console()
-    verdict = run.verdict
-    word, colour = verdict.word, _COLOURS[verdict.word]
-    print_line(console, f"{run.name}: {word}: {meaning(verdict)}", colour)
-    for state, words_ in verdict_lines(verdict):
-        print_line(console, f"{state}  {words_}", _STATES.get(state, ""))
+    every = [folder / "summary.json", folder / "report.html", *sorted(folder.glob("*.h5"))]
+    every += [path for path in written if path.parent == folder]
+    made = [path for path in dict.fromkeys(every) if path.is_file()]
+    if verbose:
+        _print_everything(run, console, made)
+    print_screen(run, folder, console, made, elapsed)
+
+
+def _print_everything(run: RunResult, console: Console, made: Sequence[Path]) -> None:
+    print_verdict(run, console)
     print_line(console, headline(run).replace("→", "->"))
     if run.components:
         console.print(_components(run))
@@ -99,14 +104,8 @@ def print_summary(
         print_line(console, line)
     for note in run.notes:
         print_line(console, f"note: {note}", "yellow")
-    every = [folder / "summary.json", folder / "report.html", *sorted(folder.glob("*.h5"))]
-    every += [path for path in written if path.parent == folder]
-    made = [path for path in dict.fromkeys(every) if path.is_file()]
     for path in made:
         print_line(console, str(path))
-    if elapsed is not None:
-        ending = f"{plural(len(made), 'file')} in {folder}; {worst_error(run)}; {seconds(elapsed)}"
-        print_line(console, f"{run.name}: {word}; {ending}", colour)
 
 
 def _components(run: RunResult) -> Table:

@@ -72,9 +72,17 @@ def verdict(text: str) -> Text:
 
 
 def table(
-    columns: Iterable[Column], rows: Iterable[Sequence[str | Text]], *, title: str = "", heads: bool = True
+    columns: Iterable[Column],
+    rows: Iterable[Sequence[str | Text]],
+    *,
+    title: str = "",
+    heads: bool = True,
+    edges: bool = True,
 ) -> Table:
-    """Make a table of plain text, in which brackets are no markup; an empty row ends a section."""
+    """Make a table of plain text, in which brackets are no markup; an empty row ends a section.
+
+    A table without ``edges`` has no empty line above and below it.
+    """
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -83,6 +91,7 @@ def table(
         *columns,
         box=box.SIMPLE_HEAD if heads else box.SIMPLE,
         show_header=heads,
+        show_edge=edges,
         pad_edge=False,
         title=Text(title, "" if heads else "bold") if title else None,
         title_justify="left",

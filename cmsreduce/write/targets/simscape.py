@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from cmsreduce.errors import WriteError
 from cmsreduce.write.component import ComponentFile
@@ -79,6 +78,9 @@ def _frames(component: ComponentFile, body: Superelement) -> dict[str, Array | l
     names = [next(name for name, ids in faces.items() if node in ids) for node in nodes]
     axes = np.array([component.arrays[f"interfaces/{name}/frame"] for name in names])
     # The axes are the rows; a rotation matrix has them as columns.
+    # To load rotations takes longer than most commands that write no such file.
+    from scipy.spatial.transform import Rotation
+
     vector_first = Rotation.from_matrix(np.swapaxes(axes, 1, 2)).as_quat(canonical=True)
     return {
         "P": component.arrays["nodes/xyz"][at] * float(component.attributes["units"]["length_in_si"]),

@@ -29,7 +29,7 @@ def test_an_indefinite_matrix_is_refused(threads, row):
 
 
 def test_auto_takes_it_for_large_definite_matrices(monkeypatch):
-    monkeypatch.setattr(module, "_LARGE", CUBE.n)
+    monkeypatch.setattr(module, "LARGE", CUBE.n)
     with solver_settings(SolverSettings()) as settings:
         assert isinstance(factorise(CUBE.K), Multifrontal)
         factorise(CUBE.K[:-1][:, :-1])

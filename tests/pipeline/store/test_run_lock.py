@@ -50,7 +50,7 @@ def test_a_killed_process_holds_nothing(tmp_path: Path) -> None:
 
 
 def test_two_runs_at_once_do_each_stage_once(study: Path, opened: Callable[..., Run]) -> None:
-    program = [sys.executable, "-m", "cmsreduce.cli", "run", str(study)]
+    program = [sys.executable, "-m", "cmsreduce.cli", "run", str(study), "--verbose"]
     with subprocess.Popen(program, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as first:
         assert first.stderr is not None
         next(line for line in first.stderr if "reduce        arm" in line)

@@ -92,7 +92,8 @@ def test_a_controller_that_is_not_safe_fails_the_run(study: Path) -> None:
     assert "does not prove the full loop stable; the reduced loop has" in inspected.stdout
     # Nothing is computed anew for another controller.
     (study.parent / "k.txt").write_text(controller(-0.002))
-    again = CliRunner().invoke(main, ["run", str(study), "--set", f"scene.controller={study.parent / 'k.txt'}"])
+    asked = ["run", str(study), "--set", f"scene.controller={study.parent / 'k.txt'}", "--verbose"]
+    again = CliRunner().invoke(main, asked)
     assert again.exit_code == 0, again.output
     assert "verify        system (finished before, reused)" in again.stderr
     assert "controller spillover" in again.stdout

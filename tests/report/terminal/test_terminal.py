@@ -9,9 +9,9 @@ from cmsreduce.model import RunResult
 from cmsreduce.report import print_summary
 
 
-def printed(run: RunResult, folder: Path, width: int = 100) -> str:
+def printed(run: RunResult, folder: Path, width: int = 100, *, verbose: bool = True) -> str:
     stream = io.StringIO()
-    print_summary(run, folder, Console(file=stream, width=width))
+    print_summary(run, folder, Console(file=stream, width=width), verbose=verbose)
     return stream.getvalue()
 
 
@@ -63,7 +63,10 @@ def test_files_are_named_in_one_piece(make_run, tmp_path: Path) -> None:
     for name in ("summary.json", "report.html", "system.h5", "rotor.h5", "else.txt"):
         (folder / name).touch()
     lines = printed(make_run(), folder).splitlines()
-    assert lines[-4:] == [str(folder / name) for name in ("summary.json", "report.html", "rotor.h5", "system.h5")]
+    named = [line for line in lines if line.startswith(str(folder))]
+    assert named == [
+        str(folder / name) for name in ("summary.json", "report.html", "rotor.h5", "system.h5", "report.html")
+    ]
 
 
 def test_names_in_brackets_are_no_markup(make_run, tmp_path: Path) -> None:
@@ -78,3 +81,28 @@ def test_plain_where_there_is_no_terminal(make_run, tmp_path: Path, capsys: pyte
     text = capsys.readouterr().out
     assert "\x1b" not in text
     assert max(map(len, text.splitlines())) <= 100
+
+
+def test_the_screen_has_verdict_bodies_errors_and_three_notes(make_run, tmp_path: Path) -> None:
+    (tmp_path / "report.html").touch()
+    notes = ("units were taken as SI", "'first by frequency' is short", *(f"set `key.{k}`" for k in range(4)))
+    lines = printed(make_run(notes=notes), tmp_path, verbose=False).splitlines()
+    assert len(lines) <= 25 and lines[-1] == str(tmp_path / "report.html")
+    # Notes that name a key come first; those on compared models are in the report.
+    assert [line for line in lines if line.startswith("note: ")] == [f"note: set `key.{k}`" for k in range(3)]
+    assert "3 more notes in the report, and with --verbose" in lines
+    text = words("\n".join(lines))
+    assert "rotor craig-bampton 3 1 of 2" in text
+    assert "response error 2 % 5 % PASS spin=45 cone=30" in text
+    assert "first by frequency" not in text and "responses:" not in text
+
+
+def test_everything_comes_before_the_screen(make_run, tmp_path: Path) -> None:
+    whole, screen = (printed(make_run(), tmp_path, verbose=verbose) for verbose in (True, False))
+    assert whole.endswith(screen) and len(whole) > 2 * len(screen)
+
+
+def test_a_broken_limit_ends_with_what_to_try(make_run, tmp_path: Path) -> None:
+    text = printed(make_run(limits={"db_error": 0.1}), tmp_path, verbose=False)
+    assert "next: 1 mode of the mode sets was left out: `balance: {keep: limits}`" in text
+    assert "next:" not in printed(make_run(), tmp_path, verbose=False)

@@ -1,0 +1,56 @@
+"""The next thing to try after a broken limit depends on what the run kept, compared and measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cmsreduce.model import RunResult
+from cmsreduce.report.next_steps import next_steps
+from tests.report.conftest import MakeRun
+
+
+def all_kept(run: RunResult) -> RunResult:
+    components = {name: replace(part, kept=np.arange(3)) for name, part in run.components.items()}
+    return replace(run, components=components)
+
+
+def test_modes_left_out_come_first(make_run: MakeRun) -> None:
+    (step,) = next_steps(make_run(limits={"frf_error": 0.001, "db_error": 0.01}))
+    assert step.startswith("1 mode of the mode sets was left out") and "keep: limits" in step
+
+
+@pytest.mark.parametrize(
+    ("reduce", "says"),
+    [
+        ({"method": "craig-bampton", "cutoff": 2.0}, "raise `reduce.cutoff` from 2 to 4, or take `method: macneal-"),
+        ({"cutoff": 0.5}, "from 0.5, which is short for a band up to"),
+        ({"cutoff": "auto"}, "raise `reduce.cutoff`"),
+    ],
+)
+def test_then_the_cutoff(make_run: MakeRun, reduce: dict[str, Any], says: str) -> None:
+    run = all_kept(make_run(limits={"frf_error": 0.001}, settings={"reduce": reduce}))
+    (step,) = next_steps(run)
+    assert "all modes of the mode sets were kept" in step and says in step
+
+
+def test_a_compared_mode_set_that_meets_the_limit_is_named(make_run: MakeRun) -> None:
+    keys = {"method": "macneal-rubin", "cutoff": 2.0}
+    settings = {"reduce": {"cutoff": 2.0}, "verify": {"compare": {"better": {"reduce": keys}}}}
+    run = all_kept(make_run(limits={"frf_error": 0.001}, settings=settings, compared=("better",)))
+    assert "macneal-rubin" in next_steps(run)[0] and "'better'" not in next_steps(run)[0]
+    good = tuple(
+        replace(result, errors={**result.errors, "better": replace(result.errors["better"], frf_error=1e-5)})
+        for result in run.configurations
+    )
+    assert next_steps(replace(run, configurations=good)) == (
+        "the compared model 'better' meets this limit: `reduce: {method: macneal-rubin, cutoff: 2.0}`",
+    )
+
+
+def test_a_limit_without_channels_asks_for_them(make_run: MakeRun) -> None:
+    run = replace(make_run(configurations=(), speed=None, limits={"frf_error": 0.1}), inputs=(), outputs=())
+    assert next_steps(run) == ("name the scene's actuators and sensors under `scene:`",)
