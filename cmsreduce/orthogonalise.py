@@ -114,7 +114,8 @@ def _modal_terms(body: FEModel, Phi: Array, r: int) -> tuple[ParameterTerm, ...]
         if term.letter != "M" and r:
             still = unresisted([term.matrix], Phi[:, :r])
             P = np.eye(Phi.shape[1])
-            P[:r, :r] -= still @ still.T
+            # Exactly zero where no rigid motion is resisted.
+            P[:r, :r] = 0.0 if still.shape[1] == r else np.eye(r) - still @ still.T
             A = P @ A @ P
         found.append(replace(term, matrix=np.asarray((A + A.T) / 2)))
     return tuple(found)

@@ -18,7 +18,10 @@ from cmsreduce.errors import CmsReduceError
 from cmsreduce.model import Configuration, FEModel
 from cmsreduce.orthogonalise import at_parameters
 from cmsreduce.pipeline import Run, execute
+from cmsreduce.pipeline.results import floating_bodies, multibody_scene
 from cmsreduce.pipeline.system import selection_cost
+from cmsreduce.simulate import scene_system
+from cmsreduce.write import export_scene
 from tests.frames import BAR, line, rotation
 from tests.pipeline.study import PIPELINE, Log, arm, panel, write_body
 
@@ -318,3 +321,66 @@ def test_a_parameter_of_sparse_dofs_is_exact(string: Path) -> None:
     for w, found in zip(omega, run.comparison.reference.response(each, omega)[:, 0, 0], strict=True):
         Z = (K + 1j * loss - w**2 * body.M.toarray())[np.ix_(free, free)]
         assert found == pytest.approx(c[free] @ np.linalg.solve(Z, b[free]), rel=1e-6)
+
+
+HEAT = """\
+  parameters:
+    heat: {{values: [0, 40], unit: 100, stiffness: {{arm: {{file: soft.op4, matrix: KT}}}}}}
+    tension: {{values: [0, 2 kN], unit: 1 kN, stiffness: {{panel: {{file: soft.op4, matrix: KG}}}}}}
+"""
+
+
+def test_a_simulation_takes_the_values_of_its_configuration(tmp_path: Path) -> None:
+    """A modulus that falls with temperature, K (1 - 0.3 p / 100); a tension that turns with nothing is refused."""
+    for body in (arm(), panel()):
+        write_body(tmp_path, body)
+    tension = np.zeros((36, 36))
+    # A string between the first two nodes of the panel, 0.3 m apart.
+    tension[np.ix_([1, 7], [1, 7])] = np.array([[1, -1], [-1, 1]]) / 0.3
+    op4.write(str(tmp_path / "soft.op4"), {"KT": -0.3 * arm().K.toarray(), "KG": 1e3 * tension})
+    path = tmp_path / "study.yaml"
+    path.write_text(PIPELINE.replace("  actuators:\n", HEAT + "  actuators:\n", 1).format(output=tmp_path / "out"))
+    run = open_run(path, ["scene.articulation=null", "reduce.cutoff=6", "verify=null"])
+    execute(run, path, report=False)
+    for name, values in (("heat=0 tension=0", {}), ("heat=40 tension=0", {"heat": 40.0})):
+        scene = multibody_scene(run.folder, name)
+        system = scene_system(scene, floating_bodies(scene))
+        squares, _ = system.linear(system.start({}, None, {}))
+        found = np.sqrt(squares[squares > 1.0])
+        expected = run.model.assembled.every_mode(scene.configuration)[0]
+        np.testing.assert_allclose(found, expected, rtol=1e-7)
+        assert scene.configuration.parameters.get("heat", 0.0) == values.get("heat", 0.0)
+    softer = run.model.assembled.every_mode(run.scene.configurations[2])[0][0]
+    assert softer < 0.999 * run.model.assembled.every_mode(run.scene.configurations[0])[0][0]
+    scene = multibody_scene(run.folder, "heat=0 tension=2000")
+    with pytest.raises(CmsReduceError, match="the parameter 'tension' changes the rigid motion of the body"):
+        floating_bodies(scene)
+    with pytest.raises(CmsReduceError, match="a scene for exudyn holds one body, and this one is changed by tension"):
+        export_scene(scene, "exudyn", tmp_path / "scene")
+
+
+def test_a_joint_without_its_spring_is_free(varied: tuple[Path, Dense]) -> None:
+    """The same joint at stiffness zero, and in a pipeline without the parameter."""
+    path, _ = varied
+    quiet = ["scene.parameters.latch.values=[0, 800]", "scene.articulation=null", "verify=null"]
+    run = open_run(path, quiet)
+    each = next(
+        one for one in run.scene.configurations if not any(value for value in one.parameters.values() if value != 20)
+    )
+    assert each.parameters["latch"] == 0.0
+    assert run.model.assembled.system(each).rigid.shape[1] == 7
+    text = path.read_text()
+    path.write_text("\n".join(line for line in text.splitlines() if "latch" not in line) + "\n")
+    plain = open_run(path, quiet[1:])
+    omega = 2 * np.pi * np.array([4.0, 30.0])
+    other = next(
+        one for one in plain.scene.configurations if one.parameters["tension"] == one.parameters["ballast"] == 0
+    )
+    np.testing.assert_allclose(
+        run.model.assembled.response(each, omega), plain.model.assembled.response(other, omega), rtol=1e-9
+    )
+
+
+def test_values_that_agree_in_their_names_are_refused(string: Path) -> None:
+    with pytest.raises(CmsReduceError, match="two configurations are named 'preload=20000'"):
+        open_run(string, ["scene.parameters.preload.values=[20000.001, 20000.002]"])

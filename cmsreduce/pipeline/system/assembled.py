@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
-from typing import Concatenate, ParamSpec, TypeVar
+from typing import Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -95,7 +95,8 @@ def _with_parameters(
     def delegated(model: AssembledModel, configuration: Configuration, *args: P.args, **named: P.kwargs) -> Result:
         return method(model.at(configuration), configuration, *args, **named)
 
-    return delegated
+    # The type of `wraps` has no place for the model.
+    return cast("Callable[Concatenate[AssembledModel, Configuration, P], Result]", delegated)
 
 
 class AssembledModel:

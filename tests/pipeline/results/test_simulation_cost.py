@@ -31,7 +31,7 @@ def test_both_systems_have_a_cost(opened: Callable[..., Run], study: Path) -> No
         highest = float(np.sqrt(la.eigh(K, M, eigvals_only=True)[-1]))
         assert 2 * np.pi * each.highest_hz == pytest.approx(highest, rel=1e-5)
         # Runge-Kutta of order four: a phase error of (w h)^4 / 120 is 0.1 %.
-        assert each.steps_per_second == pytest.approx(highest / (0.12**0.25), rel=0.03)
+        assert each.steps_per_second == pytest.approx(highest / (0.12**0.25), rel=0.05)
         assert each.steps["0.1_percent"] == pytest.approx(1 / each.steps_per_second, rel=1e-9)
         # Four evaluations, each with products with K and D beside the solve with M.
         products = 4 * 2 * (np.count_nonzero(K) + np.count_nonzero(D))
