@@ -2,49 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any
 
-import numpy as np
-
-from cmsreduce.config import Pipeline, WriteKeys, load_pipeline
+from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ConfigError, StageError, not_among
-from cmsreduce.mechanics import moves_generalised
-from cmsreduce.model import UNDETERMINED, Configuration, RunResult, SimulationCost, Speed, Values, parameter_label
+from cmsreduce.model import RunResult, Values, parameter_label
 from cmsreduce.multifrontal import blas_threads
 from cmsreduce.pipeline.results import (
-    body_costly_modes,
-    channel_quantities,
-    component_checks,
     convert_system,
-    floating_bodies,
-    frame_of,
-    integral_frame_of,
-    multibody_scene,
-    outboard_of,
+    measured_costs,
     run_result,
     unit_paths,
     with_failures,
     without_binary,
+    write_body,
     write_report,
+    write_system_file,
     write_system_states,
 )
 from cmsreduce.pipeline.run import STAGES, Run
 from cmsreduce.pipeline.store import REPORT, Silent, collecting, diagnostic, read_origin, sole_use, write_origin
 from cmsreduce.report import start_packing
-from cmsreduce.simulate import measured_speed
 from cmsreduce.write import (
     PROFILES,
     TARGETS,
     conversion,
     profile_files,
     refuse_foreign,
-    write_component,
     write_summary,
-    write_system,
 )
 
 __all__ = ["execute", "reopen", "write_report"]
@@ -118,7 +105,7 @@ def execute(
         write_origin(run.folder, source, overrides)
         if last != "write":
             if "assemble" in due:
-                run.stages.written.extend(_write_system(run))
+                run.stages.written.extend(write_system_file(run))
             return None
         return _results(run, report=report)
 
@@ -128,7 +115,7 @@ def _results(run: Run, *, report: bool) -> RunResult:
     summary, failures = run.folder / "summary.json", run.stages.failures
     result = run_result(run, views=report)
     if run.pipeline.verify is not None and run.pipeline.verify.cost.measure:
-        result = with_failures(run, replace(result, speed=_measured(run, result.speed)))
+        result = with_failures(run, replace(result, speed=measured_costs(run, result.speed)))
     write_summary(summary, result)
     if report:
         write_report(result, run.folder, failures)
@@ -140,52 +127,6 @@ def _results(run: Run, *, report: bool) -> RunResult:
         if report:
             write_report(final, run.folder, failures)
     return final
-
-
-def _measured(run: Run, speed: Speed | None) -> Speed | None:
-    """The speed with measured seconds for a simulated second, of the reduced and of the full system."""
-    if speed is None or speed.simulation is None:
-        return speed
-    run.stages.progress.stage("verify", "seconds of a simulation")
-    found = speed.simulation
-    reduced, full = _timed("reduced", run, found.reduced), found.full
-    return replace(
-        speed,
-        simulation=replace(
-            found,
-            reduced=reduced,
-            full=None if full is None else _timed("full", run, full),
-        ),
-    )
-
-
-def _timed(which: str, run: Run, cost: SimulationCost) -> SimulationCost:
-    found = _seconds(which, run, cost)
-    return cost if found is None else replace(cost, seconds=found[0], noise=found[1])
-
-
-@diagnostic("the time of a simulation with the {} system", about=lambda which, *_: which, whole=True)
-def _seconds(which: str, run: Run, cost: SimulationCost) -> tuple[float, float] | None:
-    """Seconds of computing for a simulated second, and their noise, by files in a folder that is removed."""
-    keys = run.pipeline.verify
-    assert keys is not None
-    with TemporaryDirectory(prefix="cmsreduce-") as name:
-        folder = Path(name)
-        source = run if which == "reduced" else Run(_unreduced(run.pipeline), folder, Silent())
-        for body in source.flexible_names:
-            _write_body(source, body, folder / f"{body}.h5")
-        _write_system(source, folder / "system.h5")
-        scene = multibody_scene(folder, cost.configuration)
-        return measured_speed(scene, floating_bodies(scene), run.scene.band[1], keys.cost.accuracy)
-
-
-def _unreduced(pipeline: Pipeline) -> Pipeline:
-    """The pipeline without its stages from reduce to verify."""
-    parts = {
-        name: part.model_copy(update={"reduce": None, "balance": None}) for name, part in pipeline.components.items()
-    }
-    none = dict.fromkeys(("reduce", "balance", "project", "verify"))
-    return pipeline.model_copy(update={**none, "components": parts, "write": pipeline.write or WriteKeys()})
 
 
 def reopen(folder: Path) -> Run:
@@ -255,13 +196,13 @@ def _write(run: Run) -> None:
     for name in run.flexible_names if "hdf5" in formats or targets or programs else ():
         # Files of other codes are made from the component file alone, which is removed if the user did not ask for it.
         kept, other = run.folder / f"{name}.h5", run.folder / f"stages/{name}.h5"
-        path = _write_body(run, name, kept if "hdf5" in formats else other)
+        path = write_body(run, name, kept if "hdf5" in formats else other)
         if path is None:
             continue
         if path == kept:
             run.stages.written.append(path)
         if run.bodies[name].body.terms and (targets or programs):
-            path = _write_body(run.at_values(values), name, other)
+            path = write_body(run.at_values(values), name, other)
             if path is None:
                 continue
             run.stages.note(
@@ -275,7 +216,7 @@ def _write(run: Run) -> None:
         if path != kept:
             path.unlink()
     if "hdf5" in formats:
-        run.stages.written.extend(_write_system(run))
+        run.stages.written.extend(write_system_file(run))
     if "matlab" in formats:
         run.stages.written.extend(_write_states(run))
     if "fmi" in formats:
@@ -292,44 +233,6 @@ def _values_written(run: Run) -> Values:
     if name not in found:
         raise ConfigError(f"write.configuration: {not_among('configuration', name, found)}")
     return found[name]
-
-
-@diagnostic("the component file of '{}'", about=lambda run, name, _: name, required=True)
-def _write_body(run: Run, name: str, path: Path) -> Path | None:
-    """Write the component file of a body."""
-    model, component = run.model.assembled, run.written(name)
-    wiring = model.wiring(Configuration("as built"))
-    columns, L = model.stack.body_columns(name), run.written_motions(name)
-
-    def on_body(rows: np.ndarray[Any, np.dtype[np.float64]]) -> Any:
-        return rows[:, columns] @ L
-
-    forces, displacements, rates = on_body(wiring.B), on_body(wiring.C1), on_body(wiring.C2)
-    inputs = {c.name: row for c, row in zip(run.scene.actuators, forces, strict=True) if row.any()}
-    measured = zip(run.scene.sensors, displacements, rates, strict=True)
-    outputs = {c.name: (d, v) for c, d, v in measured if d.any() or v.any()}
-    frame = frame_of(run, name)
-    write_component(
-        path,
-        component,
-        nodes=[int(label) for label in model.substructures[name].motion],
-        inputs=inputs,
-        outputs=outputs,
-        checks=component_checks(run, name),
-        provenance=_provenance(run),
-        all_nodes=run.pipeline.write is not None and run.pipeline.write.all_nodes,
-        frame=frame,
-        about=integral_frame_of(run, name, frame),
-        augmented=outboard_of(run, name),
-        costly=body_costly_modes(run, name),
-        stiffening=run.bodies[name].stiffening,
-    )
-    if component.body.nodes is not None and moves_generalised(component.body):
-        run.stages.note(
-            f"{name}: {UNDETERMINED}. Its file leaves them out; exudyn and sid files are for slow rotations, without "
-            "forces by squares of angular velocities; 42, mbdyn, mbsim, discos, dads and treetops need them"
-        )
-    return path
 
 
 @diagnostic("the target {}", tuple, about=lambda run, name, target, _: f"'{target}' of '{name}'", required=True)
@@ -352,17 +255,6 @@ def _write_for(run: Run, name: str, program: str, path: Path) -> tuple[Path, ...
     return made.paths
 
 
-@diagnostic("the file system.h5", tuple, required=True)
-def _write_system(run: Run, path: Path | None = None) -> tuple[Path, ...]:
-    path = path or run.folder / "system.h5"
-    model = run.model.assembled
-    systems = [model.system(configuration) for configuration in run.scene.configurations]
-    write_system(
-        path, systems, provenance=_provenance(run), units=run.scene.units, quantities=channel_quantities(run.scene)
-    )
-    return (path,)
-
-
 @diagnostic("the file system.mat", tuple, required=True)
 def _write_states(run: Run) -> tuple[Path, ...]:
     return (write_system_states(run),)
@@ -376,7 +268,7 @@ def _write_units(run: Run) -> tuple[Path, ...]:
     if "hdf5" in run.pipeline.write.formats:
         written = convert_system(kept, run.folder, version)
     else:
-        (path,) = _write_system(run, run.folder / "stages/system.h5")
+        (path,) = write_system_file(run, run.folder / "stages/system.h5")
         try:
             written = convert_system(path, run.folder, version)
         finally:
@@ -384,11 +276,3 @@ def _write_units(run: Run) -> tuple[Path, ...]:
     for note in without_binary(written):
         run.stages.note(note)
     return written
-
-
-def _provenance(run: Run) -> Mapping[str, Any]:
-    return {
-        "pipeline": run.pipeline.name,
-        "settings": run.pipeline.model_dump(mode="json", exclude_none=True),
-        "notes": list(run.stages.notes),
-    }

@@ -5,6 +5,7 @@ Rendering belongs in `report`, file formats in `write`.
 """
 
 from cmsreduce.pipeline.results.checking import check_result, write_junit, write_markdown
+from cmsreduce.pipeline.results.component_files import write_body, write_system_file
 from cmsreduce.pipeline.results.exports import export_pictures, export_shapes, export_tables, write_system_states
 from cmsreduce.pipeline.results.floating_bodies import floating_bodies, floating_body
 from cmsreduce.pipeline.results.health import effective_mass_data, effective_mass_lines, health_table
@@ -19,6 +20,7 @@ from cmsreduce.pipeline.results.mass_and_frame import (
     total_data,
     total_lines,
 )
+from cmsreduce.pipeline.results.measured_costs import measured_costs
 from cmsreduce.pipeline.results.multibody_scene import multibody_scene
 from cmsreduce.pipeline.results.page import show_summary, write_report
 from cmsreduce.pipeline.results.result import component_checks, run_result, with_failures
@@ -53,6 +55,7 @@ __all__ = [
     "frame_of",
     "health_table",
     "integral_frame_of",
+    "measured_costs",
     "multibody_scene",
     "outboard_of",
     "read_limits",
@@ -64,8 +67,10 @@ __all__ = [
     "unit_paths",
     "with_failures",
     "without_binary",
+    "write_body",
     "write_junit",
     "write_markdown",
     "write_report",
+    "write_system_file",
     "write_system_states",
 ]
