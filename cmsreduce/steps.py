@@ -383,8 +383,8 @@ def assemble(
         of = {name for name in named if isinstance(body := bodies[name], ModalComponent) and body.terms}
         if lacking := sorted(named - of):
             raise SceneError(
-                f"assemble: the reduced body '{lacking[0]}' has no matrices of parameter '{parameter}'; a body gets them "
-                "in a pipeline, before it is reduced"
+                f"assemble: the reduced body '{lacking[0]}' has no matrices of parameter '{parameter}'; a body gets "
+                "them in a pipeline, before it is reduced"
             )
     substructures = {
         name: modal_substructure(body, body_points(built, body.body))
