@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +15,7 @@ from cmsreduce.errors import DofMapError, MatrixError, SceneError
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import SCALAR, DofTable, Nodes
 from cmsreduce.model.integrals import SecondOrder
+from cmsreduce.model.parameters import ParameterTerm, Values, varied
 from cmsreduce.model.rounding import CONDENSATION, DOUBLE
 from cmsreduce.model.units import SI, Units
 
@@ -172,6 +173,10 @@ class FEModel:
         True if the user vouches for the order of the rows where it cannot be proven.
     sources : tuple of Source
         Files that the body was read from.
+    terms : tuple of ParameterTerm
+        What parameters of the scene add to its matrices.
+    corners : tuple of mapping of parameter to float
+        Values of the parameters at which its mode sets are computed, beside the body as it is without parameters.
 
     Raises
     ------
@@ -199,6 +204,8 @@ class FEModel:
     grounded: bool = False
     rows_trusted: bool = False
     sources: tuple[Source, ...] = ()
+    terms: tuple[ParameterTerm, ...] = ()
+    corners: tuple[Values, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.dofs)
@@ -267,6 +274,16 @@ class FEModel:
         found = copy(self)
         object.__setattr__(found, "name", name)
         return found
+
+    def undamped_at(self, values: Values) -> FEModel:
+        """The body at some values of the parameters, without its damping; itself where they add nothing."""
+        acting = [term for term in self.terms if term.letter != "D" and term.factor(values)]
+        if not acting:
+            return self
+        K, M = (varied(getattr(self, letter), acting, letter, values) for letter in ("K", "M"))
+        assert isinstance(K, sp.csc_array) and isinstance(M, sp.csc_array)
+        untied = None if any(term.letter == "M" for term in acting) else self.untied_mass
+        return replace(self, K=K, M=M, D=None, damping=Damping(), terms=(), corners=(), untied_mass=untied)
 
     @property
     def n(self) -> int:

@@ -30,6 +30,7 @@ from cmsreduce.read.nastran import (
     read_followers,
     read_members,
 )
+from cmsreduce.read.parameter_matrix import read_parameter_matrix
 from cmsreduce.read.reduced import (
     ModalBody,
     in_dofs,
@@ -98,6 +99,7 @@ __all__ = [
     "read_mbdyn",
     "read_members",
     "read_modes",
+    "read_parameter_matrix",
     "read_sid",
     "read_states",
     "read_universal_modes",

@@ -216,6 +216,12 @@ class WriteKeys(BodyWriteKeys):
         "states. The states are displacements and rates of points. For matlab.",
         examples=[12],
     )
+    configuration: Plain | None = Field(
+        default=None,
+        description="Configuration of the scene whose parameter values hold in the files of other programs; by default "
+        "all parameters are zero there. Component files hold the body without parameters, and what each adds.",
+        examples=["preload=50000"],
+    )
     all_nodes: Flag = Field(
         default=False,
         description="Write shapes at every node, not only at interfaces, actuators and sensors.",

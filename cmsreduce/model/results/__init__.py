@@ -47,7 +47,8 @@ from cmsreduce.model.results.reduction_checks import (
     StepErrors,
     SystemChecks,
 )
-from cmsreduce.model.results.run import CONTROLLER_LIMITS, RunResult, Speed
+from cmsreduce.model.results.run import CONTROLLER_LIMITS, RunResult
+from cmsreduce.model.results.speed import Integrator, SimulationCost, SimulationCosts, Speed
 from cmsreduce.model.results.sweep import STATUS_OF, SweepResult, SweepRow, short_keys
 from cmsreduce.model.results.verdict import PROOFS, Proof, Verdict, judge
 
@@ -93,6 +94,9 @@ __all__ = [
     "SearchRecord",
     "SensitivityCase",
     "SensitivityRecord",
+    "Integrator",
+    "SimulationCost",
+    "SimulationCosts",
     "Speed",
     "StepErrors",
     "SweepResult",

@@ -15,9 +15,10 @@ from cmsreduce.model.results.drawing import SceneDrawing
 from cmsreduce.model.results.errors import ERRORS, BetweenErrors, Finding, ModelErrors, UnpairedMode
 from cmsreduce.model.results.failures import Failure, failure_findings
 from cmsreduce.model.results.reduction_checks import ControllerMargin, GainSum, ReductionChecks
+from cmsreduce.model.results.speed import Speed
 from cmsreduce.model.results.verdict import Proof, Verdict, judge
 
-__all__ = ["CONTROLLER_LIMITS", "RunResult", "Speed"]
+__all__ = ["CONTROLLER_LIMITS", "RunResult"]
 
 CONTROLLER_LIMITS: Mapping[str, float] = {
     "controller_ratio": float(np.nextafter(1.0, 0.0)),
@@ -37,15 +38,6 @@ _OF_BODIES = ("static_lack",)
 _BETWEEN = "frf_error between the sampled configurations"
 # Modes named in a note; more do not fit a line.
 _NAMED = 4
-
-
-@dataclass(frozen=True)
-class Speed:
-    """Wall times in seconds: all reductions, then reference and reduced responses over the same grids."""
-
-    reduce_s: float
-    full_frf_s: float
-    reduced_frf_s: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +63,7 @@ class RunResult:
     band : (float, float)
         In Hz.
     speed : Speed, optional
-        Wall times, if verified.
+        Wall times and cost of a simulation, if verified.
     reference : mapping of body to str
         Form of the body in the reference model: ``all modes``, ``sparse dofs`` or ``modes to 2 x cutoff``.
     settings : mapping

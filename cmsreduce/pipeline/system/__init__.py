@@ -11,6 +11,7 @@ from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel
 from cmsreduce.pipeline.system.completeness import axis_completeness, completeness_note
 from cmsreduce.pipeline.system.controlled import controller_margins
 from cmsreduce.pipeline.system.reduction_health import channel_gains, reduction_checks
+from cmsreduce.pipeline.system.simulation_cost import highest_omega, reduced_cost, selection_cost
 from cmsreduce.pipeline.system.stability import SystemRoots, stability_proof, system_roots, without_energy
 
 __all__ = [
@@ -24,9 +25,12 @@ __all__ = [
     "controller_margins",
     "cross_orthogonality",
     "errors_between",
+    "highest_omega",
     "mass_products",
     "midpoint_configurations",
+    "reduced_cost",
     "reduction_checks",
+    "selection_cost",
     "stability_proof",
     "system_errors",
     "system_roots",

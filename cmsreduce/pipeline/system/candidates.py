@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import Change, ModalReceptance, held_bodies
+from cmsreduce.assemble import Change, HeldBodies, ModalReceptance, held_bodies
 from cmsreduce.balance import Effects, Judge, Selection
 from cmsreduce.linalg.response import frequency_blocks
 from cmsreduce.model import ModalComponent
@@ -59,10 +59,14 @@ class Candidates:
 
     def __init__(self, model: AssembledModel, targets: Sequence[Target]) -> None:
         self._trials = []
-        held = held_bodies(model.stack, model.scene, in_modes=False)
+        held: dict[AssembledModel, HeldBodies] = {}
         for target in targets:
-            wiring = held.wiring(model.wiring(target.configuration))
-            table = ModalReceptance(held.substructures, wiring, target.omega, model.receptances(target.omega))
+            there = model.at(target.configuration)
+            if there not in held:
+                held[there] = held_bodies(there.stack, there.scene, in_modes=False)
+            bodies = held[there]
+            wiring = bodies.wiring(there.wiring(target.configuration))
+            table = ModalReceptance(bodies.substructures, wiring, target.omega, there.receptances(target.omega))
             channel = target.row[:, None] * target.column[None, :]
             power = _trapezoid(target.omega) * np.sum(abs(target.elastic * channel) ** 2, axis=(1, 2))
             # Without any response in the reference model, all scales and all errors are zero.
