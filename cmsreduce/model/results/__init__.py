@@ -37,6 +37,7 @@ from cmsreduce.model.results.errors import (
 )
 from cmsreduce.model.results.failures import Failure, failure_findings
 from cmsreduce.model.results.health import HealthFinding, health_data
+from cmsreduce.model.results.measured import BETWEEN, CONTROLLER_LIMITS, Measured
 from cmsreduce.model.results.reduction_checks import (
     CHECKS,
     ChannelZeros,
@@ -47,13 +48,14 @@ from cmsreduce.model.results.reduction_checks import (
     StepErrors,
     SystemChecks,
 )
-from cmsreduce.model.results.run import CONTROLLER_LIMITS, RunResult
+from cmsreduce.model.results.run import RunResult
 from cmsreduce.model.results.speed import Integrator, SimulationCost, SimulationCosts, Speed
 from cmsreduce.model.results.sweep import STATUS_OF, SweepResult, SweepRow, short_keys
 from cmsreduce.model.results.verdict import PROOFS, Proof, Verdict, judge
 
 __all__ = [
     "AxisCompleteness",
+    "BETWEEN",
     "BetweenErrors",
     "BodyDrawing",
     "BoundRecord",
@@ -79,6 +81,7 @@ __all__ = [
     "JointDrawing",
     "MISSING_INERTIA",
     "MacMatrix",
+    "Measured",
     "ModelErrors",
     "PortDrawing",
     "PROOFS",

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.model.results.errors import Finding
+
 __all__ = [
     "BoundRecord",
     "CutoffChoice",
@@ -27,30 +29,57 @@ _ALIKE = 0.9
 
 @dataclass(frozen=True)
 class SearchRecord:
-    """A search for the fewest modes that meet an error of the assembled system.
+    """A search for the fewest modes that meet limits on the assembled system.
 
     Parameters
     ----------
-    asked, frf_error : float
-        Largest error allowed, and error reached, in the worst configuration.
+    limits : mapping of str to float
+        Limits that count.
+    critical : Finding
+        The finding of the model that is nearest to its limit.
+    obstacle : Finding, optional
+        The limit that the best model with fewer modes breaks, among those that were tried last; None if no mode is
+        kept.
+    frf_error : float, optional
+        Error reached, in the worst configuration.
     modes, of : int
         Elastic modes kept, and elastic modes of the mode sets.
     candidates : int
-        Selections whose error was computed.
+        Selections that were measured.
     seconds : float
         Wall time of the search, including tables and reference models.
     truncated : mapping of ranking to int
-        Elastic modes that a ranking alone needs to meet the error. Rankings that need more modes than one listed before
-        them are missing.
+        Elastic modes that a ranking alone needs to meet the limits. Rankings that need more modes than one listed
+        before them are missing.
     """
 
-    asked: float
-    frf_error: float
+    limits: Mapping[str, float]
+    critical: Finding
+    obstacle: Finding | None
+    frf_error: float | None
     modes: int
     of: int
     candidates: int
     seconds: float
     truncated: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def asked(self) -> float | None:
+        """Largest frf_error allowed."""
+        return self.limits.get("frf_error")
+
+    @property
+    def words(self) -> str:
+        """Modes kept, the limit that is nearest, and the limit that stands in the way of fewer modes."""
+        near = self.critical
+        text = f"search: {self.modes} of {self.of} elastic modes meet {near.name} {near.limit:g} with {near.value:.4g}"
+        if len(self.limits) > 1:
+            others = len(self.limits) - 1
+            text += f", and {others} other limit{'s' if others > 1 else ''}"
+        far = self.obstacle
+        if far is not None:
+            text += f"; fewer would break {far.name} {far.limit:g} with {far.value:.4g} in {far.note}"
+        return text
 
 
 @dataclass(frozen=True)

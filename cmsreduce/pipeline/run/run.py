@@ -52,7 +52,7 @@ from cmsreduce.pipeline.run.keys import (
     reference_model_key,
     system_key,
 )
-from cmsreduce.pipeline.run.verification import MODEL, Verification, Verified
+from cmsreduce.pipeline.run.verification import Verification, Verified
 from cmsreduce.pipeline.store import (
     CommonWork,
     Failures,
@@ -64,7 +64,7 @@ from cmsreduce.pipeline.store import (
     report_failures,
     stage,
 )
-from cmsreduce.pipeline.system import AssembledModel, Comparison, ReducedModel
+from cmsreduce.pipeline.system import MODEL, AssembledModel, Comparison, ModelMeasure, ReducedModel
 from cmsreduce.read import read_controller
 from cmsreduce.reduce import Examined
 
@@ -401,11 +401,19 @@ class Run:
     @once
     def balancing(self) -> Balancing:
         """Ranking and choice of modes, as the pipeline asks or otherwise."""
-        return Balancing(self.pipeline, self.scene, self.bodies, self.modal, self.joined, lambda: self.comparison)
+        return Balancing(self.pipeline, self.scene, self.bodies, self.modal, self.joined, self.measure)
+
+    @property
+    @once
+    def measure(self) -> ModelMeasure:
+        """The measure of a model of the scene: errors and checks, under the limits of the run."""
+        keys = self.pipeline.verify or VerifyKeys()
+        comparison, untruncated = (lambda: self.comparison), (lambda: self.untruncated)
+        return ModelMeasure(keys, self.scene, self.bodies, comparison, untruncated, self.controller)
 
     def _system_key(self, stage: str) -> str:
         bodies = {name: self.mode_sets.modal_key(name) for name in self.bodies}
-        return system_key(stage, self.pipeline, self._points, bodies)
+        return system_key(stage, self.pipeline, self._points, bodies, self.controller)
 
     @property
     def _ranks(self) -> bool:
