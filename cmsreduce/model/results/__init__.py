@@ -6,6 +6,7 @@ Code that measures, prints or draws belongs elsewhere; so do findings that only 
 
 from cmsreduce.model.results.choices import (
     BoundRecord,
+    CertificateRecord,
     CutoffChoice,
     ExtraneousMode,
     ProjectionRecord,
@@ -13,6 +14,7 @@ from cmsreduce.model.results.choices import (
     SearchRecord,
     SensitivityCase,
     SensitivityRecord,
+    SolvedPoint,
 )
 from cmsreduce.model.results.component import (
     MISSING_INERTIA,
@@ -61,6 +63,7 @@ __all__ = [
     "BoundRecord",
     "CHECKS",
     "CONTROLLER_LIMITS",
+    "CertificateRecord",
     "ChannelZeros",
     "ComponentResult",
     "ConfigurationResult",
@@ -100,6 +103,7 @@ __all__ = [
     "Integrator",
     "SimulationCost",
     "SimulationCosts",
+    "SolvedPoint",
     "Speed",
     "StepErrors",
     "SweepResult",

@@ -11,7 +11,14 @@ from cmsreduce.pipeline.bodies.draft import Draft, draft_body, draft_pipeline
 from cmsreduce.pipeline.bodies.from_keys import read_rigid
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
 from cmsreduce.pipeline.bodies.modal_input import REDUCED_FILES, reduced_body
-from cmsreduce.pipeline.bodies.reference import ALL_MODES_LIMIT, WRITTEN_LIMIT, Reference, all_modes, reference
+from cmsreduce.pipeline.bodies.reference import (
+    ALL_MODES_LIMIT,
+    WRITTEN_LIMIT,
+    Reference,
+    all_modes,
+    damped_by_modes,
+    reference,
+)
 from cmsreduce.pipeline.bodies.spinning import spin_notes
 from cmsreduce.pipeline.bodies.wireframe import cells_of, wireframe
 
@@ -29,6 +36,7 @@ __all__ = [
     "body_reduction",
     "cells_of",
     "copy_of",
+    "damped_by_modes",
     "damping_proof",
     "damping_remark",
     "effective_masses",

@@ -108,7 +108,9 @@ def system_key(
     if settings["balance"] is not None:
         # Looking at other choices changes nothing in this one.
         settings["balance"].pop("sensitivity")
-    if keys is not None and any(ranking.keep.rule == "limits" for ranking in _rankings(pipeline)):
+    by_limits = any(ranking.keep.rule == "limits" for ranking in _rankings(pipeline))
+    by_limits |= stage != "balance" and pipeline.project is not None and pipeline.project.responses is not None
+    if keys is not None and by_limits:
         loop = None if controller is None else [A.tolist() for A in vars(controller).values()]
         asked.append([keys.limits.model_dump(exclude_none=True), keys.between, loop])
     if stage == "balance":

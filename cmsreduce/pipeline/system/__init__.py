@@ -7,7 +7,7 @@ The choice of modes belongs in `pipeline.choose`.
 from cmsreduce.pipeline.system.assembled import AssembledModel, cross_orthogonality, highest_frequency, mass_products
 from cmsreduce.pipeline.system.between import errors_between, midpoint_configurations
 from cmsreduce.pipeline.system.candidates import Candidates, system_errors
-from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel
+from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel, Target
 from cmsreduce.pipeline.system.completeness import axis_completeness, completeness_note
 from cmsreduce.pipeline.system.controlled import controller_margins
 from cmsreduce.pipeline.system.measure import MODEL, ModelMeasure
@@ -23,6 +23,7 @@ __all__ = [
     "ModelMeasure",
     "ReducedModel",
     "SystemRoots",
+    "Target",
     "axis_completeness",
     "channel_gains",
     "completeness_note",

@@ -218,6 +218,10 @@ class Comparison:
         full = self.reference.responses(configurations, grids)
         return tuple(self._target(*each) for each in zip(configurations, grids, full, strict=True))
 
+    def target(self, configuration: Configuration, omega: Real) -> Target:
+        """Reference response in a configuration, of the scene or not, on a grid."""
+        return self._target(configuration, omega, self.reference.response(configuration, omega))
+
     def _target(self, configuration: Configuration, omega: Real, H: Complex) -> Target:
         rigid = self.reference.rigid_response(configuration, omega)
         responding, _ = self._responding(configuration)

@@ -238,6 +238,8 @@ def _projection(record: ProjectionRecord) -> dict[str, Any]:
         ],
         "static_shapes_added": dict(record.suppressed),
         "between": dict(record.between),
+        "configurations": list(record.configurations),
+        "certificate": None if record.certificate is None else asdict(record.certificate),
     }
 
 
