@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from cmsreduce.errors import WriteError
 from cmsreduce.model import (
@@ -199,6 +198,8 @@ def _weld(tree: Spacecraft, part: Part, node: int, *, outwards: bool) -> None:
 
 def _add_joint(tree: Spacecraft, placed: SceneJoint, near: Point, far: Point) -> None:
     """Add a joint of the scene, in its configuration."""
+    from scipy.spatial.transform import Rotation
+
     joint, scene = placed.joint, tree.scene
     (inner, _), (outer, at) = tree.place(near), tree.place(far)
     first = scene.body(joint.first.body)
