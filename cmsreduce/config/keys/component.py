@@ -171,7 +171,8 @@ class Component(Keys):
     reduced: DataPath | None = Field(
         default=None,
         description="File that holds the whole body in a few modes, as others reduced it: a component file of "
-        "cmsreduce, or an SID file. An interface is one of its nodes, or `set: NAME` for an interface of the file.",
+        "cmsreduce, an SID file or a modal body of MBDyn. An interface is one of its nodes, or `set: NAME` for an "
+        "interface of the file.",
         examples=["../build/arm/panel.h5"],
     )
     modes: ModesKeys | None = Field(
