@@ -51,7 +51,7 @@ scene:
     gyro: {at: hub.cg, measure: [rx, ry, rz], rate: true}
 
 reduce: {method: craig-bampton, cutoff: 2.0}     # modes up to cutoff x band
-balance: {rank: gregory, keep: {frf_error: 0.01}}         # or keep: all, {modes: 20}, {bound: 0.05}
+balance: {rank: gregory, keep: limits}    # the fewest modes that meet the limits below; or all, {modes: 20}
 verify:
   frf: {points: 400}
   # A broken limit fails the run. db_error: 1.0 asks for zeros and anti-resonances, too, and so for more modes.
@@ -129,7 +129,7 @@ reduce:
   residuals: [sensors]                    # static shapes for sensors away from the joints
 {rest}"""
 _REST = """\
-balance: {rank: gregory, keep: all}     # ranked, all kept; in your own scene: keep: {frf_error: 0.01}
+balance: {rank: gregory, keep: all}     # ranked, all kept; in your own scene: keep: limits
 verify:
   limits:                                 # a broken limit fails the run: exit code 1
     frf_error: 0.05                       # of all responses over the band, resonances above all
