@@ -14,6 +14,7 @@ from cmsreduce.cli_options import (
     Commands,
     check_options,
     convert_options,
+    figure_completion,
     key_completion,
     output_options,
     pipeline_options,
@@ -205,21 +206,42 @@ def export(run_dir: Path, program: str, configuration: str | None, out: Path | N
 @click.argument("run_dir", type=click.Path(path_type=Path))
 @click.option("--png", is_flag=True, help="Draw static pictures, too: RUN_DIR/pictures.")
 @click.option("--svg", is_flag=True, help="The same as vector graphics.")
+@click.option("--pdf", is_flag=True, help="The same for a paper.")
+@click.option(
+    "--figure",
+    "figures",
+    multiple=True,
+    metavar="NAME",
+    help="Draw this picture alone, in seconds and without the page: bode (worst channel, with phase), error-cost, mac, "
+    "modes, scene, errors or gains; as PDF if no format is given.",
+    shell_complete=figure_completion,
+)
 @click.option("--vtu", is_flag=True, help="Write mode shapes for ParaView, too: RUN_DIR/shapes.")
 @click.option("--csv", "tables", is_flag=True, help="Write the tables, too: RUN_DIR/tables.")
 @output_options
-def report(run_dir: Path, png: bool, svg: bool, vtu: bool, tables: bool, output: Output) -> None:
+def report(
+    run_dir: Path,
+    png: bool,
+    svg: bool,
+    pdf: bool,
+    figures: tuple[str, ...],
+    vtu: bool,
+    tables: bool,
+    output: Output,
+) -> None:
     """Write the HTML report of a finished run again, and pictures, shapes and tables as asked for."""
     from cmsreduce.pipeline import reopen, run_result, write_report
-    from cmsreduce.pipeline.results import export_pictures, export_shapes, export_tables
+    from cmsreduce.pipeline.results import export_figures, export_pictures, export_shapes, export_tables
     from cmsreduce.pipeline.store import collecting
     from cmsreduce.report import meaning, worst_error
 
     run = reopen(run_dir)
     result = run_result(run, views=True)
     with collecting() as failures:
-        files = [write_report(result, run_dir, failures)]
-        for suffix in (".png",) * png + (".svg",) * svg:
+        suffixes = [suffix for suffix, asked in ((".png", png), (".svg", svg), (".pdf", pdf)) if asked]
+        files = [] if figures else [write_report(result, run_dir, failures)]
+        files += export_figures(result, run_dir, figures, suffixes or [".pdf"]) if figures else []
+        for suffix in () if figures else suffixes:
             files += export_pictures(result, run_dir, suffix)
         files += export_shapes(run, result, run_dir) if vtu else []
         files += export_tables(result, run_dir) if tables else []

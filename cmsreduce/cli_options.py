@@ -17,6 +17,7 @@ __all__ = [
     "Commands",
     "check_options",
     "convert_options",
+    "figure_completion",
     "key_completion",
     "output_options",
     "pipeline_options",
@@ -169,6 +170,16 @@ def _limits() -> Iterable[str]:
 
     head = "verify.limits."
     return [name.removeprefix(head) for name in key_names() if name.startswith(head)]
+
+
+def _figures() -> Iterable[str]:
+    from cmsreduce.report import FIGURE_NAMES
+
+    return FIGURE_NAMES
+
+
+figure_completion = _completed(_figures)
+"""Completion of the names of single pictures."""
 
 
 def _written(table: str) -> Callable[[], Iterable[str]]:

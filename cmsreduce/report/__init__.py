@@ -8,7 +8,15 @@ from cmsreduce.report.ci import finding_data, junit_xml, markdown_summary, print
 from cmsreduce.report.csv_tables import csv_tables
 from cmsreduce.report.page import render_report, start_packing
 from cmsreduce.report.pareto import trades
-from cmsreduce.report.pictures import response_picture, run_pictures, sweep_page, sweep_picture, write_pictures
+from cmsreduce.report.pictures import (
+    FIGURE_NAMES,
+    figure_pictures,
+    response_picture,
+    run_pictures,
+    sweep_page,
+    sweep_picture,
+    write_pictures,
+)
 from cmsreduce.report.terminal import (
     DIFFERENCE_WIDTH,
     RANKINGS_WIDTH,
@@ -30,12 +38,14 @@ from cmsreduce.report.wording import file_name, number, numbers, place, worst_er
 
 __all__ = [
     "DIFFERENCE_WIDTH",
+    "FIGURE_NAMES",
     "InspectedLine",
     "Output",
     "RANKINGS_WIDTH",
     "SWEEP_WIDTH",
     "check_line",
     "csv_tables",
+    "figure_pictures",
     "file_name",
     "finding_data",
     "health_lines",

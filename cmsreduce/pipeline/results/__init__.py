@@ -6,7 +6,13 @@ Rendering belongs in `report`, file formats in `write`.
 
 from cmsreduce.pipeline.results.checking import check_result, write_junit, write_markdown
 from cmsreduce.pipeline.results.component_files import write_body, write_system_file
-from cmsreduce.pipeline.results.exports import export_pictures, export_shapes, export_tables, write_system_states
+from cmsreduce.pipeline.results.exports import (
+    export_figures,
+    export_pictures,
+    export_shapes,
+    export_tables,
+    write_system_states,
+)
 from cmsreduce.pipeline.results.floating_bodies import floating_bodies, floating_body
 from cmsreduce.pipeline.results.health import effective_mass_data, effective_mass_lines, health_table
 from cmsreduce.pipeline.results.limits import read_limits
@@ -44,6 +50,7 @@ __all__ = [
     "convert_system",
     "effective_mass_data",
     "effective_mass_lines",
+    "export_figures",
     "export_pictures",
     "export_shapes",
     "export_tables",

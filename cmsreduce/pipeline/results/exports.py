@@ -12,16 +12,17 @@ import numpy as np
 
 from cmsreduce.assemble import elastic_states, state_space
 from cmsreduce.balance import choose_coordinates, physical_states
+from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.model import DOF_NAMES, RunResult, System
 from cmsreduce.pipeline.bodies import cells_of
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.pipeline.system import AssembledModel
-from cmsreduce.report import csv_tables, file_name, run_pictures
+from cmsreduce.report import FIGURE_NAMES, csv_tables, figure_pictures, file_name, run_pictures
 from cmsreduce.write import StateSpace, atomic_path, basic_shapes, write_matlab, write_vtu
 
-__all__ = ["export_pictures", "export_shapes", "export_tables", "write_system_states"]
+__all__ = ["export_figures", "export_pictures", "export_shapes", "export_tables", "write_system_states"]
 
 
 def export_pictures(result: RunResult, folder: Path, suffix: str = ".png") -> list[Path]:
@@ -29,6 +30,34 @@ def export_pictures(result: RunResult, folder: Path, suffix: str = ".png") -> li
     to = folder / "pictures"
     to.mkdir(parents=True, exist_ok=True)
     files = [_picture(name, draw, to / f"{file_name(name)}{suffix}") for name, draw in _pictures(result).items()]
+    return [path for path in files if path is not None]
+
+
+def export_figures(result: RunResult, folder: Path, names: Sequence[str], suffixes: Sequence[str]) -> list[Path]:
+    """Single pictures of a run in ``folder/pictures``, each in every format.
+
+    Parameters
+    ----------
+    result : RunResult
+    folder : Path
+        Run directory.
+    names : sequence of str
+        Of `FIGURE_NAMES`.
+    suffixes : sequence of {".png", ".svg", ".pdf"}
+
+    Raises
+    ------
+    ConfigError
+        If there is no such picture, or the run has no data for it.
+    """
+    found, to = figure_pictures(result), folder / "pictures"
+    for name in names:
+        if name not in found:
+            known = name in FIGURE_NAMES
+            reason = "the run has no data for it: was it verified?" if known else "there is no such picture"
+            raise ConfigError(f"--figure {name}: {reason}; this run has {', '.join(found) or 'none'}")
+    to.mkdir(parents=True, exist_ok=True)
+    files = [_picture(name, found[name], to / f"{name}{suffix}") for name in names for suffix in suffixes]
     return [path for path in files if path is not None]
 
 

@@ -4,7 +4,21 @@ SVG and PNG files belong here.
 Interactive plots belong in `report.page`.
 """
 
-from cmsreduce.report.pictures.run import response_picture, run_pictures, write_pictures
+from cmsreduce.report.pictures.run import (
+    FIGURE_NAMES,
+    figure_pictures,
+    response_picture,
+    run_pictures,
+    write_pictures,
+)
 from cmsreduce.report.pictures.sweep import sweep_page, sweep_picture
 
-__all__ = ["response_picture", "run_pictures", "sweep_page", "sweep_picture", "write_pictures"]
+__all__ = [
+    "FIGURE_NAMES",
+    "figure_pictures",
+    "response_picture",
+    "run_pictures",
+    "sweep_page",
+    "sweep_picture",
+    "write_pictures",
+]

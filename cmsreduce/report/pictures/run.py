@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
 from cmsreduce.model import RunResult
@@ -21,14 +22,25 @@ from cmsreduce.report.wording import FIGURES, Figure, compared, file_name, worst
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["response_picture", "run_pictures", "write_pictures"]
+__all__ = ["FIGURE_NAMES", "figure_pictures", "response_picture", "run_pictures", "write_pictures"]
 
-_INCHES = (8.0, 5.2)
+FIGURE_NAMES = ("bode", "error-cost", "mac", "modes", "scene", "errors", "gains")
+"""Single pictures for papers and slides, at the worst configuration and channel."""
+
+_INCHES, _WITH_PHASE = (8.0, 5.2), (8.0, 6.4)
+_HALF_TURN = 180.0
 # Smaller than any error visible in the upper panel; keeps the logarithmic axis finite.
 _FLOOR_DB = 1e-4
 
 
-def response_picture(run: RunResult, path: Path, configuration: int = 0, channel: tuple[int, int] = (0, 0)) -> None:
+def response_picture(
+    run: RunResult,
+    path: Path,
+    configuration: int = 0,
+    channel: tuple[int, int] = (0, 0),
+    *,
+    phase: bool = False,
+) -> None:
     """Draw the responses of the reference and of the reduced models, and their errors below.
 
     Parameters
@@ -41,6 +53,8 @@ def response_picture(run: RunResult, path: Path, configuration: int = 0, channel
         Number of the configuration, from 0.
     channel : (int, int)
         Numbers of output and input, from 0.
+    phase : bool
+        Draw the phase, too, in a panel between.
 
     Raises
     ------
@@ -56,8 +70,12 @@ def response_picture(run: RunResult, path: Path, configuration: int = 0, channel
         )
     result = run.configurations[configuration]
     hz, full = result.response.frequency_hz, decibels(result.response.full[:, o, i])
-    with drawn(path, _INCHES) as figure:
-        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
+    with drawn(path, _WITH_PHASE if phase else _INCHES) as figure:
+        if phase:
+            above, between, below = figure.subplots(3, 1, sharex=True, height_ratios=(2.2, 1, 1))
+            between.plot(hz, _degrees(result.response.full[:, o, i]), **line_of(FULL))
+        else:
+            above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
         above.plot(hz, full, label="full", **line_of(FULL))
         limit = run.limits.get("db_error")
         top, own = _FLOOR_DB if limit is None else max(limit, _FLOOR_DB), _FLOOR_DB
@@ -69,6 +87,8 @@ def response_picture(run: RunResult, path: Path, configuration: int = 0, channel
             # The run's own model lies on top of the others.
             look = line_of(model_style(k)) | {"zorder": 3 - 0.1 * k}
             above.plot(hz, curve, label=literal(model), **look)
+            if phase:
+                between.plot(hz, _degrees(result.response.reduced[model][:, o, i]), **look)
             below.plot(hz, error, **look)
             largest = float(np.max(error, initial=_FLOOR_DB, where=np.isfinite(error)))
             top, own = max(top, largest), largest if k == 0 else own
@@ -84,9 +104,19 @@ def response_picture(run: RunResult, path: Path, configuration: int = 0, channel
         if positive.size > 1:
             below.set_xlim(positive[0], positive[-1])
         plain_axes(above)
+        if phase:
+            between.set(ylabel="phase, deg", ylim=(-190, 190), yticks=(-180, -90, 0, 90, 180))
+            plain_axes(between)
         plain_axes(below, x="log", y="log")
         legend_above(figure, above)
         figure.align_ylabels()
+
+
+def _degrees(response: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Phase, without the line from one end of the turn to the other."""
+    angle = np.degrees(np.angle(response))
+    angle[1:][abs(np.diff(angle)) > _HALF_TURN] = np.nan
+    return angle
 
 
 def _draw_limit(axes: Axes, limit: float, figure: Figure) -> None:
@@ -141,6 +171,56 @@ def run_pictures(run: RunResult) -> dict[str, Callable[[Path], None]]:
     if run.gains:
         found["gains"] = partial(gain_picture, run, names[at] if names else next(iter(run.gains)))
     return found
+
+
+def figure_pictures(run: RunResult) -> dict[str, Callable[[Path], None]]:
+    """Pictures of `FIGURE_NAMES` that a run has data for: functions that draw into a file.
+
+    Parameters
+    ----------
+    run : RunResult
+        ``bode`` is the worst channel at its worst configuration, with phase.
+    """
+    every = run_pictures(run)
+    found = {"modes": every["shapes"]} if "shapes" in every else {}
+    found |= {name: every[name] for name in ("mac", "scene", "errors", "gains") if name in every}
+    if run.configurations:
+        at, channel = _worst_response(run)
+        found["bode"] = partial(response_picture, run, configuration=at, channel=channel, phase=True)
+        found["error-cost"] = partial(error_cost_picture, run)
+    return {name: found[name] for name in FIGURE_NAMES if name in found}
+
+
+def _worst_response(run: RunResult) -> tuple[int, tuple[int, int]]:
+    """Configuration and channel with the largest error of the run's own model."""
+    found = [(k, each) for k, result in enumerate(run.configurations) if (each := result.errors.get(run.model))]
+    if not found:
+        return 0, (0, 0)
+    at, errors = max(found, key=lambda one: (one[1].channel_error or 0.0, one[1].frf_error))
+    return at, errors.worst_channel or (0, 0)
+
+
+def error_cost_picture(run: RunResult, path: Path) -> None:
+    """Draw the worst response error of every model against its size."""
+    figure_of, points = FIGURES[0], list[tuple[int, str, int, float]]()
+    for k, model in enumerate((run.model, *compared(run))):
+        found = [result.errors[model] for result in run.configurations if model in result.errors]
+        error = max((each.frf_error for each in found), default=np.inf)
+        if 0 < error < np.inf:
+            points.append((k, model, max(each.coordinates or 0 for each in found), figure_of.scale * error))
+    middle = np.mean([min(p[2] for p in points), max(p[2] for p in points)]) if points else 0.0
+    with drawn(path) as figure:
+        axes = figure.subplots()
+        for k, model, size, error in points:
+            colour, right = model_style(k).colour, size <= middle
+            axes.plot(size, error, marker="osD^vP"[k % 6], color=colour, markersize=9 if k == 0 else 6, linestyle="")
+            place: Any = {"textcoords": "offset points", "ha": "left" if right else "right"}
+            axes.annotate(literal(model), (size, error), (7 if right else -7, 5), color=colour, **place)
+        if (limit := run.limits.get(figure_of.name)) is not None:
+            _draw_limit(axes, limit, figure_of)
+        axes.set(yscale="log", xlabel="coordinates of the system", ylabel=f"{figure_of.label}, {figure_of.unit}")
+        axes.margins(x=0.1, y=0.12)
+        plain_axes(axes, y="log")
 
 
 def error_picture(run: RunResult, path: Path) -> None:

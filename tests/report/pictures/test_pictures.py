@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from cmsreduce.report import write_pictures
+from cmsreduce.errors import ConfigError
+from cmsreduce.pipeline.results import export_figures
+from cmsreduce.report import figure_pictures, write_pictures
 from tests.report.large_run import large_run
 
 Drawn = Callable[[str], list[Path]]
@@ -53,3 +55,31 @@ def test_a_run_without_responses_has_pictures_of_its_modes(make_run, tmp_path: P
     assert [file.name for file in write_pictures(make_run(configurations=(), speed=None), tmp_path)] == [
         "sigma_rotor.png"
     ]
+
+
+def test_single_pictures(make_run, tmp_path: Path) -> None:
+    run = make_run()
+    found = figure_pictures(run)
+    # This run has no drawing, no gains and no MAC.
+    assert list(found) == ["bode", "error-cost", "errors"]
+    for name, draw in found.items():
+        draw(tmp_path / f"{name}.svg")
+    text = (tmp_path / "error-cost.svg").read_text()
+    # A model is named beside its point.
+    assert "<!-- reduced -->" in text and "<!-- first by frequency -->" in text and "<!-- limit 5 % -->" in text
+    assert "<!-- phase, deg -->" in (tmp_path / "bode.svg").read_text()
+    assert figure_pictures(make_run(configurations=(), speed=None)) == {}
+
+
+def test_bode_is_the_worst_channel_at_its_worst_configuration(make_run, tmp_path: Path) -> None:
+    figure_pictures(make_run())["bode"](tmp_path / "bode.svg")
+    text = (tmp_path / "bode.svg").read_text()
+    assert "<!-- motor → gyro, spin=45 cone=30 -->" in text
+
+
+def test_a_picture_that_the_run_does_not_have_is_refused(make_run, tmp_path: Path) -> None:
+    for name, reason in {"gains": "the run has no data for it", "bodee": "there is no such picture"}.items():
+        with pytest.raises(ConfigError, match=f"--figure {name}: {reason}.*bode, error-cost, errors"):
+            export_figures(make_run(), tmp_path, [name], [".svg"])
+    (made,) = export_figures(make_run(), tmp_path, ["errors"], [".pdf"])
+    assert made == tmp_path / "pictures" / "errors.pdf" and made.read_bytes().startswith(b"%PDF")
