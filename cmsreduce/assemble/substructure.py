@@ -73,6 +73,7 @@ def physical_substructure(body: FEModel, points: Iterable[str], rigid: Array) ->
         *_motions(body, rows, points),
         body.interfaces,
         rounding=body.rounding,
+        terms=body.terms,
     )
 
 
@@ -103,6 +104,7 @@ def modal_substructure(component: ModalComponent, points: Iterable[str]) -> Subs
         *_motions(component.body, component.Phi, points),
         component.body.interfaces,
         component.omega,
+        terms=component.terms,
     )
 
 

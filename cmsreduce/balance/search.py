@@ -263,7 +263,7 @@ class _Search:
     def __init__(
         self, components: Mapping[str, ModalComponent], judge: Judge, limit: float, among: Selection | None
     ) -> None:
-        self.names, self.judge, self.limit = list(components), judge, limit
+        self.names, self.judge, self.limit, self.every = list(components), judge, limit, among is None
         self.groups = [
             (name, columns)
             for name, c in components.items()
@@ -277,7 +277,8 @@ class _Search:
     def run(self, rankings: Mapping[str, Mapping[str, Array]]) -> Found:
         everything = frozenset(range(len(self.groups)))
         if self._error(everything, np.inf) > self.limit:
-            raise ConfigError(_unreachable(self.judge.critical(self.selection(everything)), int(self.sizes.sum())))
+            finding, modes = self.judge.critical(self.selection(everything)), int(self.sizes.sum())
+            raise ConfigError(_unreachable(finding, modes, all_of_them=self.every))
         best = everything
         truncated: dict[str, int] = {}
         for name, coefficients in rankings.items():
@@ -444,7 +445,7 @@ class _Search:
         return None
 
 
-def _unreachable(finding: Finding, modes: int) -> str:
+def _unreachable(finding: Finding, modes: int, *, all_of_them: bool) -> str:
     """Message on a limit that all modes together do not meet, with the next step."""
     place = f" in {finding.note}" if finding.note else ""
     if np.isnan(finding.value):
@@ -452,9 +453,12 @@ def _unreachable(finding: Finding, modes: int) -> str:
             f"keep: {finding.name} cannot be judged ({finding.note or 'it was not measured'}): take its limit out, or "
             "choose the modes by another rule"
         )
+    which, step = "below the cutoff", "Raise reduce.cutoff, or allow a larger error"
+    if not all_of_them:
+        which, step = "that other limits allow", "Allow a higher highest_frequency, or a larger error"
     return (
-        f"keep: {finding.name} {finding.limit:g} cannot be met: all {modes} modes below the cutoff leave "
-        f"{finding.value:.3g}{place}. Raise reduce.cutoff, or allow a larger error"
+        f"keep: {finding.name} {finding.limit:g} cannot be met: all {modes} modes {which} leave "
+        f"{finding.value:.3g}{place}. {step}"
     )
 
 

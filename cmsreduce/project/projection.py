@@ -156,6 +156,7 @@ def keep_combinations(component: ModalComponent, Q: Array, why: str, *, coupled:
         omega=np.concatenate([component.omega[:r], omega, static]),
         zeta=np.concatenate([np.zeros(r), ratio, np.zeros(static.size)]),
         D=D,
+        terms=tuple(term.over(combination) for term in component.terms),
         kind=tuple(component.kind[k] for k in columns),
         source_hz=component.source_hz[columns],
         sigma=component.sigma[columns],

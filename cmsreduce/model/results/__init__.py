@@ -50,7 +50,8 @@ from cmsreduce.model.results.reduction_checks import (
     StepErrors,
     SystemChecks,
 )
-from cmsreduce.model.results.run import RunResult, Speed
+from cmsreduce.model.results.run import RunResult
+from cmsreduce.model.results.speed import Integrator, SimulationCost, SimulationCosts, Speed
 from cmsreduce.model.results.sweep import STATUS_OF, SweepResult, SweepRow, short_keys
 from cmsreduce.model.results.verdict import PROOFS, Proof, Verdict, judge
 
@@ -99,6 +100,9 @@ __all__ = [
     "SearchRecord",
     "SensitivityCase",
     "SensitivityRecord",
+    "Integrator",
+    "SimulationCost",
+    "SimulationCosts",
     "SolvedPoint",
     "Speed",
     "StepErrors",

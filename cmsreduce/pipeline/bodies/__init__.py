@@ -10,6 +10,7 @@ from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effec
 from cmsreduce.pipeline.bodies.draft import Draft, draft_body, draft_pipeline
 from cmsreduce.pipeline.bodies.from_keys import read_rigid
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
+from cmsreduce.pipeline.bodies.modal_input import REDUCED_FILES, reduced_body
 from cmsreduce.pipeline.bodies.reference import (
     ALL_MODES_LIMIT,
     WRITTEN_LIMIT,
@@ -27,6 +28,7 @@ __all__ = [
     "DampingHealth",
     "Draft",
     "FlexibleBody",
+    "REDUCED_FILES",
     "Reference",
     "WRITTEN_LIMIT",
     "all_modes",
@@ -43,6 +45,7 @@ __all__ = [
     "probing_loads",
     "read_flexible",
     "read_rigid",
+    "reduced_body",
     "reference",
     "spin_notes",
     "wireframe",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,8 +28,9 @@ from cmsreduce.model import (
     RigidBody,
     Scene,
     SensitivityRecord,
+    Values,
 )
-from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.orthogonalise import at_parameters, orthogonalise
 from cmsreduce.pipeline.bodies import (
     WRITTEN_LIMIT,
     FlexibleBody,
@@ -122,6 +124,7 @@ class Run:
                     f"verify.compare.{label}: `cutoff: auto` is for the run's own model; state a multiple of the band"
                 )
         self.pipeline, self.folder = pipeline, folder
+        self._values: Values = {}
         self.stages = Stages(folder, progress, only, SolverSettings(**pipeline.solver.model_dump()), common)
         self.scene: Scene = build_scene(pipeline)
         self.rigid_bodies: dict[str, RigidBody] = {
@@ -182,13 +185,22 @@ class Run:
             self._refuse_unwritable(found[name].body)
             # Checked before anything is reduced, so that a faulty body shows in the results.
             _ = found[name].health
-        bare = {name: replace(each, body=each.undamped).substructure(self.scene) for name, each in found.items()}
-        rigid = {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
-        model = AssembledModel({name: (bare | rigid)[name] for name in self.pipeline.components}, self.scene)
+        model = self._in_dofs(found)
         for configuration in self.scene.configurations:
             for note in model.wiring(configuration).notes:
                 self.stages.note(note)
         return found
+
+    def _in_dofs(self, bodies: Mapping[str, FlexibleBody]) -> AssembledModel:
+        bare = {name: replace(each, body=each.undamped).substructure(self.scene) for name, each in bodies.items()}
+        rigid = {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
+        return AssembledModel({name: (bare | rigid)[name] for name in self.pipeline.components}, self.scene)
+
+    @property
+    @once
+    def in_dofs(self) -> AssembledModel:
+        """The unreduced bodies in their dofs, joined, without their damping."""
+        return self._in_dofs(self.bodies)
 
     def _refuse_unwritable(self, body: FEModel) -> None:
         """Refuse files of an unreduced body that is too large for all its modes, before anything is computed."""
@@ -540,9 +552,16 @@ class Run:
         """The bodies as they are assembled and written."""
         return self.kept if self.projected is None else self.projected.components
 
+    def at_values(self, values: Values) -> Run:
+        """The run with its bodies written at some values of their parameters; all results are shared."""
+        other = copy(self)
+        other._values = values
+        return other
+
     def written(self, name: str) -> ModalComponent:
         """A flexible body as it is written: reduced, or in all its modes where the pipeline does not reduce it."""
-        return self.final[name] if name in self.final else self._unreduced[name]
+        found = self.final[name] if name in self.final else self._unreduced[name]
+        return at_parameters(found, self._values) if self._values else found
 
     @property
     @once
@@ -556,6 +575,10 @@ class Run:
 
     def written_motions(self, name: str) -> NDArray[np.float64]:
         """Motions of the points of a body from the amplitudes of its modes as written (6 points, m)."""
+        if self._values:
+            sub = self.bodies[name].substructure(self.scene, self.written(name))
+            labels = self.model.assembled.substructures[name].motion
+            return np.vstack([np.asarray(sub.motion[label]) for label in labels])
         motions = dense(self.model.assembled.stack.motions(name))
         in_dofs = name not in self.final and self.references[name].modes is None
         return motions @ self.written(name).Phi if in_dofs else motions

@@ -12,6 +12,7 @@ from cmsreduce.pipeline.system.completeness import axis_completeness, completene
 from cmsreduce.pipeline.system.controlled import controller_margins
 from cmsreduce.pipeline.system.measure import MODEL, ModelMeasure
 from cmsreduce.pipeline.system.reduction_health import channel_gains, reduction_checks
+from cmsreduce.pipeline.system.simulation_cost import reduced_cost, selection_cost
 from cmsreduce.pipeline.system.stability import SystemRoots, stability_proof, system_roots, without_energy
 
 __all__ = [
@@ -32,7 +33,9 @@ __all__ = [
     "highest_frequency",
     "mass_products",
     "midpoint_configurations",
+    "reduced_cost",
     "reduction_checks",
+    "selection_cost",
     "stability_proof",
     "system_errors",
     "system_roots",
