@@ -509,6 +509,11 @@ class Run:
             raise ConfigError(
                 "project.responses needs a response: name at least one actuator and one sensor in the scene"
             )
+        if any(each.parameters for each in self.scene.configurations):
+            raise ConfigError(
+                "project.responses: scene shapes do not take scene.parameters, which change the matrices of bodies or "
+                "joints; use `balance:` or `project: {modes: ...}` instead"
+            )
 
         def measured(components: Mapping[str, ModalComponent]) -> Finding | None:
             return self.measure.measured(components, self.joined(components), between=False).critical
