@@ -199,6 +199,8 @@ class BodyDraft:
         True if a superelement's files hold its damping.
     damping : tuple of Path and str, optional
         Damping matrix beside the stiffness, as that is given.
+    reduced : Path, optional
+        File that holds the whole body reduced already, in place of the matrices.
     """
 
     name: str
@@ -220,6 +222,7 @@ class BodyDraft:
     notes: tuple[str, ...] = ()
     damped: bool = False
     damping: tuple[Path, str] | None = None
+    reduced: Path | None = None
 
 
 def body_pipeline(name: str, draft: BodyDraft) -> str:
@@ -343,6 +346,8 @@ def _damping(draft: BodyDraft) -> str:
 def _sources(draft: BodyDraft) -> Sequence[str]:
     if draft.extseout is not None:
         return [f'    extseout: "{draft.extseout.as_posix()}"    # stem of the files of a superelement']
+    if draft.reduced is not None:
+        return [f'    reduced: "{draft.reduced.as_posix()}"    # the whole body in its modes']
     lines = [f"    {what}: {_matrix(*of)}" for what, of in (("stiffness", draft.stiffness), ("mass", draft.mass))]
     if draft.geometry is not None:
         lines.append(

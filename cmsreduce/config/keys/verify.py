@@ -8,10 +8,11 @@ from typing import Annotated, Literal
 from pydantic import Field, Strict
 
 from cmsreduce.config.keys.balance import RankingKeys
-from cmsreduce.config.keys.mapping import Frequency, Keys, Plain, Positive, RelativeError
+from cmsreduce.config.keys.mapping import Flag, Frequency, Keys, Plain, Positive, RelativeError
 from cmsreduce.config.keys.reduce import ModeSetKeys
+from cmsreduce.model import Integrator
 
-__all__ = ["CHECK_OF", "RELATIVE_ERRORS", "CompareKeys", "FrfKeys", "LimitKeys", "VerifyKeys"]
+__all__ = ["CHECK_OF", "RELATIVE_ERRORS", "CompareKeys", "CostKeys", "FrfKeys", "LimitKeys", "VerifyKeys"]
 
 
 class CompareKeys(RankingKeys):
@@ -142,6 +143,28 @@ CHECK_OF: Mapping[str, CheckName] = {
 """Check that measures each of these limits."""
 
 
+class CostKeys(Keys):
+    """Cost of a simulation in time, of the reduced and of the full system."""
+
+    integrator: Integrator = Field(
+        default="central_difference",
+        description="Integrator of the steps and operations. An explicit one follows the highest frequency of the "
+        "system, an implicit one (trapezoidal, generalised_alpha) the band.",
+        examples=["rk4"],
+    )
+    accuracy: Annotated[RelativeError, Field(ge=1e-8, le=1e-2)] = Field(
+        default=1e-2,
+        description="Relative error of the frequency that sets the step, 1e-8 to 1 %.",
+        examples=["0.1 %"],
+    )
+    measure: Flag = Field(
+        default=False,
+        description="Measure seconds for a simulated second, too, with the integrator of cmsreduce (docs/simulate.md); "
+        "of the full system where no body has more than 600 dofs. It takes some seconds.",
+        examples=[True],
+    )
+
+
 class VerifyKeys(Keys):
     """Comparison of the reduced with the unreduced system at every configuration."""
 
@@ -160,6 +183,11 @@ class VerifyKeys(Keys):
         description="Largest number of midpoint configurations, midway between neighbouring angles, at which frf_error "
         "is measured and judged, too; `all`, or 0 for none, which a note then says.",
         examples=["all"],
+    )
+    cost: CostKeys = Field(
+        default=CostKeys(),
+        description="Cost of a simulation, computed for runs of up to 20000 dofs, and beyond if this key is given.",
+        examples=[{"integrator": "rk4", "accuracy": "0.1 %", "measure": True}],
     )
     compare: dict[Plain, CompareKeys] = Field(
         default={},

@@ -6,6 +6,7 @@ Code that measures, prints or draws belongs elsewhere; so do findings that only 
 
 from cmsreduce.model.results.choices import (
     BoundRecord,
+    CertificateRecord,
     CutoffChoice,
     ExtraneousMode,
     ProjectionRecord,
@@ -13,6 +14,7 @@ from cmsreduce.model.results.choices import (
     SearchRecord,
     SensitivityCase,
     SensitivityRecord,
+    SolvedPoint,
 )
 from cmsreduce.model.results.component import (
     MISSING_INERTIA,
@@ -48,7 +50,8 @@ from cmsreduce.model.results.reduction_checks import (
     StepErrors,
     SystemChecks,
 )
-from cmsreduce.model.results.run import RunResult, Speed
+from cmsreduce.model.results.run import RunResult
+from cmsreduce.model.results.speed import Integrator, SimulationCost, SimulationCosts, Speed
 from cmsreduce.model.results.sweep import STATUS_OF, SweepResult, SweepRow, short_keys
 from cmsreduce.model.results.verdict import PROOFS, Proof, Verdict, judge
 
@@ -60,6 +63,7 @@ __all__ = [
     "BoundRecord",
     "CHECKS",
     "CONTROLLER_LIMITS",
+    "CertificateRecord",
     "ChannelZeros",
     "ComponentResult",
     "ConfigurationResult",
@@ -96,6 +100,10 @@ __all__ = [
     "SearchRecord",
     "SensitivityCase",
     "SensitivityRecord",
+    "Integrator",
+    "SimulationCost",
+    "SimulationCosts",
+    "SolvedPoint",
     "Speed",
     "StepErrors",
     "SweepResult",

@@ -12,6 +12,7 @@ from cmsreduce.model.results.errors import Finding
 
 __all__ = [
     "BoundRecord",
+    "CertificateRecord",
     "CutoffChoice",
     "ExtraneousMode",
     "ProjectionRecord",
@@ -19,6 +20,7 @@ __all__ = [
     "SearchRecord",
     "SensitivityCase",
     "SensitivityRecord",
+    "SolvedPoint",
 ]
 
 # If this share of the first error is left at the highest cutoff, raising the cutoff was in vain.
@@ -273,6 +275,56 @@ class SampledModes:
     predicted: int | None = None
 
 
+@dataclass(frozen=True)
+class SolvedPoint:
+    """Error of the reduced response at one frequency, by a solve of the unreduced bodies.
+
+    Parameters
+    ----------
+    configuration : str
+    hz : float
+    error : float
+        Of all channels, relative to their elastic response there.
+    estimate, bound : float
+        Of this error, by residuals.
+    """
+
+    configuration: str
+    hz: float
+    error: float
+    estimate: float
+    bound: float
+
+
+@dataclass(frozen=True, eq=False)
+class CertificateRecord:
+    """Errors of the reduced responses by residuals, and solves of the unreduced bodies that check them.
+
+    Parameters
+    ----------
+    estimated, bound : mapping of configuration to float
+        Estimate of frf_error, and a bound of it that is proven for the system of all candidates.
+    solved : tuple of SolvedPoint
+        Frequencies with the largest estimates.
+    factor : float
+        The error of a configuration is at most so many times its estimate, as a rule.
+    reference : mapping of body to str
+        The unreduced bodies as they were solved.
+    """
+
+    estimated: Mapping[str, float]
+    bound: Mapping[str, float]
+    solved: tuple[SolvedPoint, ...]
+    factor: float
+    reference: Mapping[str, str]
+
+    @property
+    def worst(self) -> tuple[str, float, float]:
+        """Configuration with the largest bound, its estimate and its bound."""
+        name = max(self.bound, key=lambda each: self.bound[each])
+        return name, self.estimated[name], self.bound[name]
+
+
 @dataclass(frozen=True, eq=False)
 class ProjectionRecord:
     """One run of the project stage.
@@ -297,6 +349,10 @@ class ProjectionRecord:
         Largest singular value of a dependent shape.
     outputs : tuple of str
         Names of the outputs of ``ExtraneousMode.weight``.
+    configurations : tuple of str
+        Configurations that scene shapes were optimised in; empty if system modes were projected.
+    certificate : CertificateRecord, optional
+        Errors of scene shapes by residuals.
     """
 
     sampled: tuple[SampledModes, ...]
@@ -308,6 +364,8 @@ class ProjectionRecord:
     limit: float | None = None
     tolerance: float = 0.0
     outputs: tuple[str, ...] = ()
+    configurations: tuple[str, ...] = ()
+    certificate: CertificateRecord | None = None
 
     @property
     def worst_return(self) -> float:

@@ -12,18 +12,10 @@ from cmsreduce.model.results.drawing import SceneDrawing
 from cmsreduce.model.results.errors import ERRORS
 from cmsreduce.model.results.measured import Measured
 from cmsreduce.model.results.reduction_checks import GainSum
+from cmsreduce.model.results.speed import Speed
 from cmsreduce.model.results.verdict import Proof, Verdict, judge
 
-__all__ = ["RunResult", "Speed"]
-
-
-@dataclass(frozen=True)
-class Speed:
-    """Wall times in seconds: all reductions, then reference and reduced responses over the same grids."""
-
-    reduce_s: float
-    full_frf_s: float
-    reduced_frf_s: float
+__all__ = ["RunResult"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,7 +33,7 @@ class RunResult(Measured):
     band : (float, float)
         In Hz.
     speed : Speed, optional
-        Wall times, if verified.
+        Wall times and cost of a simulation, if verified.
     reference : mapping of body to str
         Form of the body in the reference model: ``all modes``, ``sparse dofs`` or ``modes to 2 x cutoff``.
     settings : mapping

@@ -24,15 +24,29 @@ def body_key(pipeline: Pipeline, name: str) -> str:
     # The interface that holds a body while it is stiffened may be that of its frame.
     frame = None if part.geometric_stiffness is None else pipeline.write_of(name).model_dump(mode="json")
     own = part.model_dump(mode="json", exclude=_OF_THE_PLACE | _DOWNSTREAM)
-    return stage_key("read", own, frame, pipeline.reduce_of(name) is None)
+    return stage_key("read", own, frame, pipeline.reduce_of(name) is None, _parameters(pipeline, name))
+
+
+def _parameters(pipeline: Pipeline, name: str) -> list[Any]:
+    """Matrices that parameters add to a body, with all configurations where there are any."""
+    added = [
+        (parameter, keys.unit.plain, letter, matrices[name].model_dump(mode="json"))
+        for parameter, keys in pipeline.scene.parameters.items()
+        for letter, matrices in keys.matrices().items()
+        if name in matrices
+    ]
+    if not added:
+        return []
+    return [added, pipeline.scene.model_dump(mode="json", include={"articulation", "parameters"})]
 
 
 def read_key(pipeline: Pipeline, name: str) -> str:
     """Hash of the settings that reading a body depends on; within one sweep its files do not change."""
     keys = pipeline.reduce_of(name)
     part = pipeline.components[name].model_dump(mode="json", exclude=_DOWNSTREAM)
-    scene = pipeline.scene.model_dump(mode="json", exclude={"band", "articulation"})
-    return stage_key("read", name, part, scene, None if keys is None else keys.residuals)
+    scene = pipeline.scene.model_dump(mode="json", exclude={"band", "articulation", "parameters"})
+    residuals = None if keys is None else keys.residuals
+    return stage_key("read", name, part, scene, residuals, _parameters(pipeline, name))
 
 
 def reference_key(flexible: FlexibleBody, cutoff_hz: float) -> str:
@@ -94,7 +108,9 @@ def system_key(
     if settings["balance"] is not None:
         # Looking at other choices changes nothing in this one.
         settings["balance"].pop("sensitivity")
-    if keys is not None and any(ranking.keep.rule == "limits" for ranking in _rankings(pipeline)):
+    by_limits = any(ranking.keep.rule == "limits" for ranking in _rankings(pipeline))
+    by_limits |= stage != "balance" and pipeline.project is not None and pipeline.project.responses is not None
+    if keys is not None and by_limits:
         loop = None if controller is None else [A.tolist() for A in vars(controller).values()]
         asked.append([keys.limits.model_dump(exclude_none=True), keys.between, loop])
     if stage == "balance":

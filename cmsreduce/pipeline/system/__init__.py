@@ -7,11 +7,12 @@ The choice of modes belongs in `pipeline.choose`.
 from cmsreduce.pipeline.system.assembled import AssembledModel, cross_orthogonality, highest_frequency, mass_products
 from cmsreduce.pipeline.system.between import errors_between, midpoint_configurations
 from cmsreduce.pipeline.system.candidates import Candidates, system_errors
-from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel
+from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel, Target
 from cmsreduce.pipeline.system.completeness import axis_completeness, completeness_note
 from cmsreduce.pipeline.system.controlled import controller_margins
 from cmsreduce.pipeline.system.measure import MODEL, ModelMeasure
 from cmsreduce.pipeline.system.reduction_health import channel_gains, reduction_checks
+from cmsreduce.pipeline.system.simulation_cost import reduced_cost, selection_cost
 from cmsreduce.pipeline.system.stability import SystemRoots, stability_proof, system_roots, without_energy
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "ModelMeasure",
     "ReducedModel",
     "SystemRoots",
+    "Target",
     "axis_completeness",
     "channel_gains",
     "completeness_note",
@@ -31,7 +33,9 @@ __all__ = [
     "highest_frequency",
     "mass_products",
     "midpoint_configurations",
+    "reduced_cost",
     "reduction_checks",
+    "selection_cost",
     "stability_proof",
     "system_errors",
     "system_roots",

@@ -180,7 +180,7 @@ class Candidates:
         return "db_error" in self.limits
 
     def _trial(self, target: Target, full_db: Complex, limits: Mapping[str, float]) -> _Trial:
-        model = self.model.assembled
+        model = self.model.assembled.at(target.configuration)
         held = held_bodies(model.stack, model.scene, in_modes=False)
         wiring = held.wiring(model.wiring(target.configuration))
         omega = target.omega

@@ -85,14 +85,18 @@ class ReducedModel:
         found._wider = self, kept
         return found
 
-    @once
-    def masses(self, comparison: Comparison) -> dict[str, Matrix]:
+    def masses(self, comparison: Comparison, configuration: Configuration) -> dict[str, Matrix]:
         """Mass of each body between its coordinates in the reference model and in this model."""
         if self._wider is not None:
             wider, kept = self._wider
-            return {name: M[:, kept[name]] if name in kept else M for name, M in wider.masses(comparison).items()}
-        substructures = comparison.reference.substructures
-        return mass_products(comparison.bodies, comparison.reference_shapes, self.shapes, substructures)
+            found = wider.masses(comparison, configuration)
+            return {name: M[:, kept[name]] if name in kept else M for name, M in found.items()}
+        return self._masses(comparison, tuple(configuration.parameters.items()))
+
+    @once
+    def _masses(self, comparison: Comparison, values: tuple[tuple[str, float], ...]) -> dict[str, Matrix]:
+        bodies = comparison.reference.at(Configuration("", parameters=dict(values))).substructures
+        return mass_products(comparison.bodies, comparison.reference_shapes, self.shapes, bodies, dict(values))
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,6 +218,10 @@ class Comparison:
         full = self.reference.responses(configurations, grids)
         return tuple(self._target(*each) for each in zip(configurations, grids, full, strict=True))
 
+    def target(self, configuration: Configuration, omega: Real) -> Target:
+        """Reference response in a configuration, of the scene or not, on a grid."""
+        return self._target(configuration, omega, self.reference.response(configuration, omega))
+
     def _target(self, configuration: Configuration, omega: Real, H: Complex) -> Target:
         rigid = self.reference.rigid_response(configuration, omega)
         responding, _ = self._responding(configuration)
@@ -221,15 +229,16 @@ class Comparison:
         row, column = channel_scales(self.scene.actuators, self.scene.sensors, elastic, H, omega)
         return Target(configuration, omega, elastic, rigid, row, column, responding)
 
-    @property
     @once
-    def _few_tables(self) -> Mapping[str, Receptance]:
-        return self.reference.tables(self._few)
+    def _few_tables(self, values: tuple[tuple[str, float], ...]) -> Mapping[str, Receptance]:
+        return self.reference.at(Configuration("", parameters=dict(values))).tables(self._few)
 
     @once
     def _responding(self, configuration: Configuration) -> tuple[NDArray[np.bool_], Real]:
         """Channels with an elastic response, and the reach of all at a few frequencies."""
-        H, reach = self.reference.collocated(configuration, self._few, self._few_tables)
+        H, reach = self.reference.collocated(
+            configuration, self._few, self._few_tables(tuple(configuration.parameters.items()))
+        )
         return responding_channels(H - self.reference.rigid_response(configuration, self._few), reach), reach
 
     def _false(self, configuration: Configuration, model: ReducedModel) -> NDArray[np.bool_]:
@@ -412,12 +421,14 @@ class Comparison:
     def decibels(self, model: AssembledModel, configurations: Sequence[Configuration]) -> list[Complex]:
         """Responses on the decibel grid; for many configurations, receptances of the reference bodies are tabulated."""
         many = model is self.reference and len(self.scene.configurations) > _TOGETHER
+        # Tables are of one set of parameters.
+        many &= not any(each.parameters for each in self.scene.configurations)
         flexibility = self._decibel_tables if many else None
         return model.responses(configurations, [self._decibel] * len(configurations), flexibility)
 
     def _pairs(self, configuration: Configuration, model: ReducedModel) -> tuple[FrequencyPairs, MacMatrix]:
         full, reduced = self.reference.resonances(configuration), model.assembled.resonances(configuration)
-        cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(self))
+        cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(self, configuration))
         # Both sets are orthonormal in mass.
         mac = MacMatrix(full.omega / (2 * np.pi), reduced.omega / (2 * np.pi), cross**2)
         low, high = self.scene.band
@@ -432,7 +443,7 @@ class Comparison:
         full, reduced = self.reference.damped_modes(configuration), model.assembled.damped_modes(configuration)
         if full is None or reduced is None:
             return None
-        cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(self))
+        cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(self, configuration))
         return pair_complex_modes(full.s, reduced.s, cross, self.scene.band[1])
 
 

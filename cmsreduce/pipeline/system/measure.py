@@ -198,7 +198,7 @@ class ModelMeasure:
 
     def systems(self, model: ReducedModel, configurations: Sequence[Configuration]) -> tuple[SystemModes, ...]:
         """Highest frequency of a model in each configuration."""
-        highest = {each.name: highest_frequency(model.assembled.system(each)) for each in configurations}
+        highest = {each.name: highest_frequency(model.assembled, each) for each in configurations}
         return tuple(SystemModes(each, 0, np.empty(0), highest[each.name]) for each in configurations)
 
     @diagnostic("the errors between the sampled configurations", limits=("frf_error",))

@@ -101,7 +101,7 @@ def test_keys_are_those_of_the_contract():
     for row in facts["configurations"]:
         assert set(row) >= OF_A_CONFIGURATION
     assert set(facts["worst"]) == set(ERRORS)
-    assert set(facts["speed"]) == {"reduce_s", "full_frf_s", "reduced_frf_s"}
+    assert set(facts["speed"]) == {"reduce_s", "full_frf_s", "reduced_frf_s", "simulation"}
 
 
 def test_figures_are_those_of_the_run():
