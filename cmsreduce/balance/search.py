@@ -145,7 +145,7 @@ class Effects:
         result[np.isnan(found)] = np.nan
         return result
 
-    def together(self, order: Indices, limit: float, *, decibels: bool = True) -> list[int]:
+    def together(self, order: Indices, limit: float) -> list[int]:
         """Changes predicted to stay within the limit together, chosen one after another.
 
         Parameters
@@ -154,11 +154,7 @@ class Effects:
             Changes to choose among.
         limit : float
             Largest measure.
-        decibels : bool
-            Count the decibel errors, too.
         """
-        if not decibels:
-            return Effects(self.gram).together(order, limit)
         gram, exact = self._every_gram, slice(0, self.gram.shape[0])
         square, cross, own = gram[:, 0, 0], gram[:, 0, 1:], np.diagonal(gram, axis1=1, axis2=2)[:, 1:]
         present = [each.present for each in self.decibels]
@@ -289,9 +285,6 @@ class _Search:
                     best = min(best, first, key=self.modes)
         # Starting from the best ranked set and from all modes often gives one result; otherwise the smaller one counts.
         kept = min((self._settled(start) for start in dict.fromkeys((best, everything))), key=self.modes)
-        grown = self._grown(everything, kept)
-        if grown is not None:
-            kept = self._settled(grown)
         nearest = self._nearest(kept)
         return Found(self.selection(kept), self.errors[kept], self.modes(kept), len(self.errors), nearest, truncated)
 
@@ -374,50 +367,6 @@ class _Search:
                 break
             kept = found
         return kept
-
-    def _grown(self, everything: frozenset[int], below: frozenset[int]) -> frozenset[int] | None:
-        """Find fewer modes than in a set: those that the mean square errors need, and more for the decibel errors.
-
-        Leaving out modes one after another spends the decibel error, which is that of the worst point, before the mean
-        square error.
-        """
-        members = sorted(everything)
-        effects = self.judge.effects(self.selection(everything), [self.groups[k] for k in members])
-        if not effects.decibels:
-            return None
-        every = np.arange(len(members))
-        kept = everything - {members[k] for k in effects.together(every, self.limit, decibels=False)}
-        while self.modes(kept) < self.modes(below):
-            error = self._error(kept, np.inf)
-            if error <= self.limit:
-                return kept
-            better = self._bettered(kept, error, self.modes(below) - 1)
-            if better is None:
-                return None
-            kept = better
-        return None
-
-    def _bettered(self, kept: frozenset[int], error: float, most: int) -> frozenset[int] | None:
-        """Find a set with at most so many modes that meets the limit, else one mode more that lowers the error most."""
-        effects = self.judge.effects(self.selection(kept), self.groups)
-        out = np.array(sorted(kept), dtype=np.int64)
-        into = np.array([k for k in range(len(self.groups)) if k not in kept], dtype=np.int64)
-        pairs = np.array(list(combinations(into, 2)), dtype=np.int64).reshape(-1, 2)
-        best: tuple[float, frozenset[int]] | None = None
-        for sets in (_each_with(into, out[:, None]), into[:, None], _each_with(out, pairs), pairs):
-            change = np.where(np.isin(sets, into), self.sizes[sets], -self.sizes[sets]).sum(axis=1)
-            sets = sets[self.modes(kept) + change <= most]
-            predicted = effects.predicted(sets)
-            for k in np.argsort(predicted, kind="stable")[:_TRIALS]:
-                if not predicted[k] <= _SLACK * min(error, best[0] if best else np.inf):
-                    break
-                other = kept ^ set(sets[k].tolist())
-                found = self._error(other, min(error, best[0] if best else np.inf))
-                if found <= self.limit:
-                    return other
-                if found < (1 - _GAIN) * error and (best is None or found < best[0]):
-                    best = found, other
-        return None if best is None else best[1]
 
     def _exchanged(self, kept: frozenset[int]) -> frozenset[int] | None:
         """Find a set one exchange away with fewer modes, or with as many and a smaller error."""

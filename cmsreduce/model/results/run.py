@@ -91,3 +91,10 @@ class RunResult(Measured):
     def passed(self) -> bool:
         """True if the verdict is ``PASS``: all limits are met; a run without limits does not pass."""
         return self.verdict.passed
+
+    @property
+    def chosen(self) -> bool:
+        """True if modes of the mode sets were left out by their effect on the responses, or projected."""
+        parts = self.components.values()
+        fewer = any(part.kept_modes < part.modes.elastic_count or part.cutoff is not None for part in parts)
+        return fewer or self.projection is not None
