@@ -92,7 +92,7 @@ def modal_substructure(component: ModalComponent, points: Iterable[str]) -> Subs
     loss: Matrix | None = None
     if component.damping.structural is not None:
         loss = sp.diags_array(component.loss, format="csc")
-    elif component.damping.law != "none":
+    elif component.damping.law != "none" and D is None:
         D = sp.diags_array(component.viscous, format="csc")
     return Substructure(
         component.name,

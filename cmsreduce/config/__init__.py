@@ -8,6 +8,7 @@ from cmsreduce.config.cluster import ClusterKeys, load_cluster
 from cmsreduce.config.keys import (
     BASIC,
     CENTRE,
+    CHECK_OF,
     EXTSEOUT_NAMES,
     RELATIVE_ERRORS,
     CompareKeys,
@@ -37,6 +38,7 @@ from cmsreduce.config.scene import build_scene
 from cmsreduce.config.starter import BodyDraft, body_pipeline, scene_pipeline, starter_pipeline
 
 __all__ = [
+    "CHECK_OF",
     "EXTSEOUT_NAMES",
     "BASIC",
     "BodyDraft",

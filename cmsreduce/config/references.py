@@ -323,6 +323,14 @@ def _keep(pipeline: Pipeline, keys: tuple[str | int, ...], keep: KeepKeys) -> It
     for name in keep.modes if isinstance(keep.modes, dict) else ():
         if name not in flexible:
             yield BrokenReference((*keys, "modes", name), not_among("flexible component", name, flexible))
+    for name in keep.numbers or ():
+        if name not in flexible:
+            yield BrokenReference((*keys, name), not_among("flexible component", name, flexible))
+    stated = {} if pipeline.verify is None else pipeline.verify.limits.model_dump(exclude_none=True)
+    if keep.rule == "limits" and not stated and pipeline.scene.controller is None:
+        yield BrokenReference(
+            keys, "`limits` keeps the smallest model that meets verify.limits: state one there, e.g. {frf_error: 0.05}"
+        )
 
 
 def _rankings(pipeline: Pipeline) -> Iterator[tuple[tuple[str, ...], RankingKeys]]:

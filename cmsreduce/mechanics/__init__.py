@@ -26,7 +26,8 @@ from cmsreduce.mechanics.geometric_stiffness import bars_stiffness, modal_stiffe
 from cmsreduce.mechanics.hidden_motion import condensed_dofs, hidden_motion
 from cmsreduce.mechanics.integrator_steps import ACCURACIES, INTEGRATORS, advised_steps, numerical_damping
 from cmsreduce.mechanics.lumped_mass import lumped_mass, moves_generalised, untied_body
-from cmsreduce.mechanics.modal_integrals import energies, modal_integrals, rigid_mass, spinning_modes
+from cmsreduce.mechanics.mass_points import MassPoints, mass_points, points_of_lumps
+from cmsreduce.mechanics.modal_integrals import CROSS, energies, modal_integrals, rigid_mass, spinning_modes
 from cmsreduce.mechanics.places import places_by_stiffness
 from cmsreduce.mechanics.simulation_cost import IMPLICIT, cost, longest_steps, step_operations
 from cmsreduce.mechanics.ties import Tie, tie_nodes
@@ -34,10 +35,12 @@ from cmsreduce.mechanics.undetermined import Determined, check_connected, hold_u
 
 __all__ = [
     "ACCURACIES",
+    "CROSS",
     "Determined",
     "IMPLICIT",
     "INTEGRATORS",
     "LeastDamping",
+    "MassPoints",
     "REMOVED",
     "Tie",
     "advised_steps",
@@ -56,6 +59,7 @@ __all__ = [
     "least_damping",
     "longest_steps",
     "lumped_mass",
+    "mass_points",
     "mean_axis_motion",
     "modal_integrals",
     "modal_stiffening",
@@ -70,6 +74,7 @@ __all__ = [
     "spinning_modes",
     "step_operations",
     "places_by_stiffness",
+    "points_of_lumps",
     "tie_nodes",
     "untied_body",
     "without_drag",

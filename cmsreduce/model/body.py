@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError, MatrixError, SceneError
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import SCALAR, DofTable, Nodes
+from cmsreduce.model.integrals import SecondOrder
 from cmsreduce.model.parameters import ParameterTerm, Values, varied
 from cmsreduce.model.rounding import CONDENSATION, DOUBLE
 from cmsreduce.model.units import SI, Units
@@ -163,6 +164,9 @@ class FEModel:
         Dofs that follow the rows, such as those of nodes tied to an interface point; they have no rows.
     untied_mass : UntiedMass, optional
         Mass over the dofs that the body was read with, if some of them are tied: M = T^T M_untied T.
+    second_order : SecondOrder, optional
+        Integrals of second order over unit motions of the rows, about the basic origin and along the basic axes, where
+        the source states them: mass that moves with generalised coordinates does not determine them.
     grounded : bool
         True if the user states that the body is held to the ground, so that K resists rigid motion.
     rows_trusted : bool
@@ -196,6 +200,7 @@ class FEModel:
     constrained: DofTable | None = None
     tied: Recovery | None = None
     untied_mass: UntiedMass | None = None
+    second_order: SecondOrder | None = None
     grounded: bool = False
     rows_trusted: bool = False
     sources: tuple[Source, ...] = ()
@@ -209,6 +214,8 @@ class FEModel:
                 object.__setattr__(self, letter, self._checked(getattr(self, letter), f"{what} matrix {letter}"))
         if self.tied is not None and self.tied.T.shape[1] != n:
             raise DofMapError(f"body '{self.name}': tied dofs follow {self.tied.T.shape[1]} rows, but it has {n}")
+        if self.second_order is not None and self.second_order.phi_phi.shape != (3, 3, n, n):
+            raise DofMapError(f"body '{self.name}': integrals of {self.second_order.phi_phi.shape[2]} rows, not of {n}")
         if self.D is not None and self.damping.law != "none":
             raise MatrixError(f"body '{self.name}': give a damping matrix or a damping law, not both")
         if self.nodes is not None:

@@ -92,6 +92,25 @@ class Substructure:
         """Number of coordinates."""
         return int(self.M.shape[0])
 
+    def narrowed(self, columns: NDArray[np.int64]) -> Substructure:
+        """The body in some of its coordinates; the others stand still."""
+
+        def part(A: Matrix) -> Matrix:
+            return A[columns][:, columns]
+
+        return replace(
+            self,
+            M=part(self.M),
+            K=part(self.K),
+            D=None if self.D is None else part(self.D),
+            loss=None if self.loss is None else part(self.loss),
+            rigid=self.rigid[columns],
+            motion={label: rows[:, columns] for label, rows in self.motion.items()},
+            omega=None if self.omega is None else self.omega[columns],
+            parts=None if self.parts is None else self.parts[columns],
+            terms=tuple(term.within(columns) for term in self.terms),
+        )
+
     def point_labels(self, interface: Interface) -> list[str]:
         """Labels, in ``motion``, of the nodes of an interface."""
         return [interface.name if node < 0 else str(node) for node in interface.node]

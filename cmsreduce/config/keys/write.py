@@ -153,12 +153,14 @@ Format = Literal[
     "simscape",
     "fmi",
     "extptfm",
+    "radioss",
 ]
 
 _DIALECTS = {
     "sid": ("by-axis", "by-mode", "gr-by-mode", "embs"),
     "mbdyn": ("points", "invariants", "lumped", "first-order"),
     "fmi": ("fmi3", "fmi2"),
+    "extptfm": ("openfast-5", "openfast-4"),
 }
 
 ProgramName = Literal[

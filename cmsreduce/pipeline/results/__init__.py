@@ -15,6 +15,7 @@ from cmsreduce.pipeline.results.exports import (
 )
 from cmsreduce.pipeline.results.floating_bodies import floating_bodies, floating_body
 from cmsreduce.pipeline.results.health import effective_mass_data, effective_mass_lines, health_table
+from cmsreduce.pipeline.results.inspected_models import inspected_body, inspected_system
 from cmsreduce.pipeline.results.limits import read_limits
 from cmsreduce.pipeline.results.mass_and_frame import (
     body_totals,
@@ -41,6 +42,8 @@ from cmsreduce.pipeline.results.units import (
 )
 
 __all__ = [
+    "inspected_body",
+    "inspected_system",
     "body_costly_modes",
     "body_totals",
     "channel_quantities",

@@ -51,7 +51,8 @@ def write_body(run: Run, name: str, path: Path) -> Path | None:
         costly=body_costly_modes(run, name),
         stiffening=run.bodies[name].stiffening,
     )
-    if component.body.nodes is not None and moves_generalised(component.body):
+    body = component.body
+    if body.nodes is not None and body.second_order is None and moves_generalised(body):
         run.stages.note(
             f"{name}: {UNDETERMINED}. Its file leaves them out; exudyn and sid files are for slow rotations, without "
             "forces by squares of angular velocities; 42, mbdyn, mbsim, discos, dads and treetops need them"

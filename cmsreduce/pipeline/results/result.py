@@ -29,13 +29,12 @@ from cmsreduce.pipeline.results.step_advice import (
     advice_notes,
     body_costly_modes,
     body_rounding,
-    highest_frequency,
     treated_model,
 )
 from cmsreduce.pipeline.results.views import effective_mass_curves, gain_curves, scene_drawing
 from cmsreduce.pipeline.run import MODEL, Run
 from cmsreduce.pipeline.store import collecting, diagnostic
-from cmsreduce.pipeline.system import AssembledModel
+from cmsreduce.pipeline.system import AssembledModel, highest_frequency
 from cmsreduce.verify import frequency_error_bars
 
 __all__ = ["component_checks", "mode_count", "run_result", "with_failures"]

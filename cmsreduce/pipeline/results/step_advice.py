@@ -7,14 +7,14 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import ComponentResult, Configuration, CostlyModes, ModalComponent, RoundingEffect, SystemModes
+from cmsreduce.model import ComponentResult, CostlyModes, ModalComponent, RoundingEffect, SystemModes
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import diagnostic
-from cmsreduce.pipeline.system import AssembledModel, highest_omega
+from cmsreduce.pipeline.system import AssembledModel
 from cmsreduce.verify import costly_modes, single_precision
 from cmsreduce.write import ComponentFile
 
-__all__ = ["advice_notes", "body_costly_modes", "body_rounding", "file_rounding", "highest_frequency", "treated_model"]
+__all__ = ["advice_notes", "body_costly_modes", "body_rounding", "file_rounding", "treated_model"]
 
 Array = NDArray[np.float64]
 
@@ -26,13 +26,6 @@ _LONGER_STEP = 1.5
 _HIGHER = 1.01
 # Modes named one by one in a note; summary.json has them all.
 _NAMED = 3
-
-
-@diagnostic("the highest frequency of '{}'", about=lambda model, configuration: configuration.name)
-def highest_frequency(model: AssembledModel, configuration: Configuration) -> float | None:
-    """Highest frequency of an assembled model in Hz; None if it is too large for all its modes."""
-    found = highest_omega(model, configuration)
-    return None if found is None else found / (2 * np.pi)
 
 
 @diagnostic("the search for costly modes of '{}'", about=lambda run, name: name)

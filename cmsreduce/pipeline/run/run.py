@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import rigid_substructure
+from cmsreduce.assemble import frequency_response, rigid_substructure
 from cmsreduce.balance import Selection, keep_all
-from cmsreduce.config import CompareKeys, LimitKeys, ModeSetKeys, Pipeline, VerifyKeys, build_scene
+from cmsreduce.config import CompareKeys, LimitKeys, ModeSetKeys, Pipeline, ProjectKeys, VerifyKeys, build_scene
 from cmsreduce.errors import ConfigError, StageError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.machine import SolverSettings
@@ -22,6 +22,7 @@ from cmsreduce.model import (
     Controller,
     CutoffChoice,
     FEModel,
+    Finding,
     ModalComponent,
     ReducedComponent,
     RigidBody,
@@ -36,6 +37,7 @@ from cmsreduce.pipeline.bodies import (
     Reference,
     all_modes,
     copy_of,
+    damped_by_modes,
     damping_remark,
     read_flexible,
     read_rigid,
@@ -43,7 +45,7 @@ from cmsreduce.pipeline.bodies import (
     spin_notes,
 )
 from cmsreduce.pipeline.choose import Balancing, Choice, CutoffSearch, ModeSets, asked_error, cutoff_key
-from cmsreduce.pipeline.project import Projected, ProjectStage
+from cmsreduce.pipeline.project import Projected, ProjectStage, ResponseShapes
 from cmsreduce.pipeline.run.keys import (
     body_key,
     projected_error,
@@ -52,7 +54,7 @@ from cmsreduce.pipeline.run.keys import (
     reference_model_key,
     system_key,
 )
-from cmsreduce.pipeline.run.verification import MODEL, Verification, Verified
+from cmsreduce.pipeline.run.verification import Verification, Verified
 from cmsreduce.pipeline.store import (
     CommonWork,
     Failures,
@@ -64,7 +66,7 @@ from cmsreduce.pipeline.store import (
     report_failures,
     stage,
 )
-from cmsreduce.pipeline.system import AssembledModel, Comparison, ReducedModel
+from cmsreduce.pipeline.system import MODEL, AssembledModel, Comparison, ModelMeasure, ReducedModel
 from cmsreduce.read import read_controller
 from cmsreduce.reduce import Examined
 
@@ -401,11 +403,19 @@ class Run:
     @once
     def balancing(self) -> Balancing:
         """Ranking and choice of modes, as the pipeline asks or otherwise."""
-        return Balancing(self.pipeline, self.scene, self.bodies, self.modal, self.joined, lambda: self.comparison)
+        return Balancing(self.pipeline, self.scene, self.bodies, self.modal, self.joined, self.measure)
+
+    @property
+    @once
+    def measure(self) -> ModelMeasure:
+        """The measure of a model of the scene: errors and checks, under the limits of the run."""
+        keys = self.pipeline.verify or VerifyKeys()
+        comparison, untruncated = (lambda: self.comparison), (lambda: self.untruncated)
+        return ModelMeasure(keys, self.scene, self.bodies, comparison, untruncated, self.controller)
 
     def _system_key(self, stage: str) -> str:
         bodies = {name: self.mode_sets.modal_key(name) for name in self.bodies}
-        return system_key(stage, self.pipeline, self._points, bodies)
+        return system_key(stage, self.pipeline, self._points, bodies, self.controller)
 
     @property
     def _ranks(self) -> bool:
@@ -477,6 +487,8 @@ class Run:
     )
     def _projection(self) -> Projected:
         assert self.pipeline.project is not None
+        if self.pipeline.project.responses is not None:
+            return self._response_shapes(self.pipeline.project)
         found = ProjectStage(
             self.pipeline.project,
             self.scene,
@@ -491,6 +503,40 @@ class Run:
         # Their coefficients belong to the modes before projection.
         bare = {name: replace(each, rankings={}, cluster=None) for name, each in found.components.items()}
         return replace(found, components=bare)
+
+    def _response_shapes(self, keys: ProjectKeys) -> Projected:
+        if not self.has_response:
+            raise ConfigError(
+                "project.responses needs a response: name at least one actuator and one sensor in the scene"
+            )
+
+        def measured(components: Mapping[str, ModalComponent]) -> Finding | None:
+            return self.measure.measured(components, self.joined(components), between=False).critical
+
+        return ResponseShapes(
+            keys,
+            self.measure.keys.limits,
+            self.scene,
+            self.kept,
+            self._projection_source,
+            self.comparison,
+            measured,
+            self._solved_directly,
+            {name: "sparse dofs" if modes is None else "modes" for name, modes in self._solvable.items()},
+            self.stages.progress.advance,
+        ).run()
+
+    @property
+    @once
+    def _solvable(self) -> dict[str, ModalComponent | None]:
+        """The unreduced bodies for solves at a few frequencies: in dofs, or in modes where damping needs these."""
+        by_modes = {name: damped_by_modes(each.body, each.rigid) for name, each in self.bodies.items()}
+        return {name: each.modes if by_modes[name] else None for name, each in self.references.items()}
+
+    def _solved_directly(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        subs = {name: self.bodies[name].substructure(self.scene, modes) for name, modes in self._solvable.items()}
+        subs |= {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
+        return frequency_response({n: subs[n] for n in self.pipeline.components}, self.scene, configuration, omega)
 
     @property
     @once

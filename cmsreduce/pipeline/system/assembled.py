@@ -31,10 +31,18 @@ from cmsreduce.assemble import (
 from cmsreduce.linalg.blocks import column_blocks, dense, symmetric_product
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless
 from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System, Values, varied
-from cmsreduce.pipeline.store import once
+from cmsreduce.pipeline.store import diagnostic, once
 from cmsreduce.verify import decibel_grid
 
-__all__ = ["AssembledModel", "DampedModes", "Resonances", "cross_orthogonality", "mass_products"]
+__all__ = [
+    "AssembledModel",
+    "DampedModes",
+    "Resonances",
+    "cross_orthogonality",
+    "highest_frequency",
+    "highest_omega",
+    "mass_products",
+]
 
 Number = TypeVar("Number", np.float64, np.complex128)
 P = ParamSpec("P")
@@ -47,6 +55,8 @@ _UNDAMPED_BANDS = 1.25
 _DAMPED_BANDS = 1.1
 # Coordinates of a system whose modes are all held in memory: three megabytes a configuration.
 _HELD_IN_MEMORY = 600
+# Coordinates of a system whose modes dense algebra finds in seconds.
+_DENSE = 1500
 # Damping ratio given to the peak of a mode without damping: the nearest point of the refined grid is this far from it.
 _NO_DAMPING = 5e-6
 # Grids of one band end at the same frequency to rounding.
@@ -118,6 +128,7 @@ class AssembledModel:
         self.substructures, self.scene = with_joint_bodies(substructures, scene), scene
         self.stack = PointStack(self.substructures)
         self._nominal = nominal
+        self._wider: AssembledModel | None = None
         terms = [term.parameter for sub in self.substructures.values() for term in sub.terms]
         joints = [name for joint in scene.joints for element in joint.elements for name, _ in element.varied]
         self._parameters = sorted({*terms, *joints})
@@ -134,6 +145,17 @@ class AssembledModel:
         bodies = {name: sub.at(dict(values)) for name, sub in self.substructures.items() if name not in own}
         return AssembledModel(bodies, replace(self.scene, joints=joints), self)
 
+    def narrowed(self, kept: Mapping[str, NDArray[np.int64]]) -> AssembledModel:
+        """The same system with some coordinates of some bodies alone; its wiring is the same."""
+        subs = {
+            name: sub.narrowed(kept[name]) if name in kept else sub
+            for name, sub in self.substructures.items()
+            if name in self.scene.bodies
+        }
+        found = AssembledModel(subs, self.scene)
+        found._wider = self
+        return found
+
     @property
     @once
     def held(self) -> HeldBodies:
@@ -144,6 +166,8 @@ class AssembledModel:
     @once
     def wiring(self, configuration: Configuration) -> Wiring:
         """Joints, inputs and outputs in a configuration."""
+        if self._wider is not None:
+            return self._wider.wiring(configuration)
         return wire(self.stack, self.scene, configuration)
 
     @_with_parameters
@@ -335,6 +359,20 @@ class AssembledModel:
     def rigid_response(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Rigid-body part of the response (f, outputs, inputs)."""
         return rigid_response(self.system(configuration), omega)
+
+
+def highest_omega(model: AssembledModel, configuration: Configuration) -> float | None:
+    """Highest frequency of a model in rad/s; None if it is too large for all its modes."""
+    if model.system(configuration).N > _DENSE:
+        return None
+    return float(model.every_mode(configuration)[0].max(initial=0.0))
+
+
+@diagnostic("the highest frequency of '{}'", about=lambda model, configuration: configuration.name)
+def highest_frequency(model: AssembledModel, configuration: Configuration) -> float | None:
+    """Highest frequency of a model in Hz; None if it is too large for all its modes."""
+    found = highest_omega(model, configuration)
+    return None if found is None else found / (2 * np.pi)
 
 
 def mass_products(

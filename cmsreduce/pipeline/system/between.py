@@ -10,7 +10,7 @@ from cmsreduce.errors import CmsReduceError
 from cmsreduce.model import DOF_NAMES, BetweenErrors, Configuration, Scene, parameter_label
 from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel
 
-__all__ = ["errors_between", "midpoint_configurations"]
+__all__ = ["errors_between", "judged_midpoints", "midpoint_configurations"]
 
 Axis = tuple[str, int]
 """Joint and its motion 0..5, or the name of a parameter and `_PARAMETER`."""
@@ -30,24 +30,32 @@ def errors_between(comparison: Comparison, model: ReducedModel, most: int | None
         Largest number of midpoint configurations; of more, as many at even distances in their list are taken. All by
         default.
     """
-    every = midpoint_configurations(comparison.scene)
-    some = every if most is None else [every[k] for k in _even(len(every), most)]
-    found, left_out = _measured(some, comparison, model)
+    there, left_out = judged_midpoints(comparison, model, most)
+    found = dict(zip((each.name for each in there), comparison.quick_errors(there, model), strict=True))
+    midpoints = len(midpoint_configurations(comparison.scene))
     if found and any(each.parameters for each in comparison.scene.configurations):
         # The error may be larger beside the midpoint that errs most: halfway to its neighbours.
         worst = max(found, key=lambda name: found[name])
-        centre = next(each for each in some if each.name == worst)
-        beside = _beside(centre, comparison.scene)
-        more, out = _measured(beside, comparison, model)
-        found, left_out = {**found, **more}, [*left_out, *out]
-        every = [*every, *beside]
-    return BetweenErrors(found, len(every), tuple(left_out))
+        beside = _beside(next(each for each in there if each.name == worst), comparison.scene)
+        near, out = _reachable(beside, comparison, model)
+        found |= dict(zip((each.name for each in near), comparison.quick_errors(near, model), strict=True))
+        midpoints, left_out = midpoints + len(beside), (*left_out, *out)
+    return BetweenErrors(found, midpoints, left_out)
 
 
-def _measured(
+def judged_midpoints(
+    comparison: Comparison, model: ReducedModel, most: int | None
+) -> tuple[list[Configuration], tuple[str, ...]]:
+    """Midpoint configurations where errors are measured, and those that cannot be reached, each with the reason."""
+    every = midpoint_configurations(comparison.scene)
+    some = every if most is None else [every[k] for k in _even(len(every), most)]
+    return _reachable(some, comparison, model)
+
+
+def _reachable(
     some: Sequence[Configuration], comparison: Comparison, model: ReducedModel
-) -> tuple[dict[str, float], list[str]]:
-    """Errors by name, and configurations that cannot be assembled, with the reason."""
+) -> tuple[list[Configuration], tuple[str, ...]]:
+    """Configurations that can be assembled, and the others with the reason."""
     there, left_out = [], []
     for each in some:
         try:
@@ -56,8 +64,7 @@ def _measured(
             there.append(each)
         except CmsReduceError as error:
             left_out.append(f"{each.name}: {error}")
-    errors = comparison.quick_errors(there, model)
-    return dict(zip((each.name for each in there), errors, strict=True)), left_out
+    return there, tuple(left_out)
 
 
 def _even(count: int, most: int) -> list[int]:

@@ -8,21 +8,11 @@ import numpy as np
 
 from cmsreduce.balance import Selection
 from cmsreduce.mechanics import cost
-from cmsreduce.model import Configuration, Integrator, ModalComponent, SimulationCost
-from cmsreduce.pipeline.system.assembled import AssembledModel
+from cmsreduce.model import Integrator, ModalComponent, SimulationCost
+from cmsreduce.pipeline.system.assembled import AssembledModel, highest_omega
 from cmsreduce.pipeline.system.comparison import ReducedModel
 
-__all__ = ["highest_omega", "reduced_cost", "selection_cost"]
-
-# Coordinates of a system whose modes dense algebra finds in seconds.
-_DENSE = 1500
-
-
-def highest_omega(model: AssembledModel, configuration: Configuration) -> float | None:
-    """Highest frequency of a model in rad/s; None if it is too large for all its modes."""
-    if model.system(configuration).N > _DENSE:
-        return None
-    return float(model.every_mode(configuration)[0].max(initial=0.0))
+__all__ = ["reduced_cost", "selection_cost"]
 
 
 def reduced_cost(

@@ -206,6 +206,14 @@ def _completeness(axis: str, found: Sequence[AxisCompleteness]) -> str:
 
 
 def _projection(record: ProjectionRecord) -> Iterator[str]:
+    if record.certificate is not None:
+        name, estimate, bound = record.certificate.worst
+        counts = ", ".join(f"{rank} of {body}" for body, rank in record.rank.items())
+        yield (
+            f"scene shapes: {counts}, optimised in {plural(len(record.configurations), 'configuration')}; frf_error by "
+            f"residuals: {per_cent(estimate)}, proven below {per_cent(bound)} of all candidates ('{name}')"
+        )
+        return
     for body, values in record.singular.items():
         rank = record.rank[body]
         kept, dependent = values[:rank], values[rank:]

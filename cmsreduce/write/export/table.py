@@ -12,6 +12,7 @@ from cmsreduce.model import MultibodyScene
 from cmsreduce.write.component import read_component
 from cmsreduce.write.export.exudyn import write_exudyn_scene
 from cmsreduce.write.export.mbdyn import write_mbdyn_scene
+from cmsreduce.write.export.scene42 import write_42_scene
 
 __all__ = ["EXPORTS", "SceneExport", "export_scene"]
 
@@ -35,6 +36,7 @@ class SceneExport:
 EXPORTS: dict[str, SceneExport] = {
     "exudyn": SceneExport(write_exudyn_scene, "python scene.py"),
     "mbdyn": SceneExport(write_mbdyn_scene, "mbdyn -f scene.mbd"),
+    "42": SceneExport(write_42_scene, "42 . MODEL, where MODEL is the folder Model of 42, relative to this one"),
 }
 """Programs by their name in ``export --to``; one line registers a program."""
 

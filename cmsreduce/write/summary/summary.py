@@ -96,7 +96,7 @@ def summary(run: RunResult) -> dict[str, Any]:
                 for modes in run.systems
             ],
             "projection": None if run.projection is None else _projection(run.projection),
-            "search": _record(run.search),
+            "search": _record(run.search, "asked"),
             "sensitivity": None if run.sensitivity is None else _sensitivity(run.sensitivity),
             "completeness": [_record(axis, "missing") for axis in run.completeness],
             "figures": figures(run),
@@ -238,6 +238,8 @@ def _projection(record: ProjectionRecord) -> dict[str, Any]:
         ],
         "static_shapes_added": dict(record.suppressed),
         "between": dict(record.between),
+        "configurations": list(record.configurations),
+        "certificate": None if record.certificate is None else asdict(record.certificate),
     }
 
 

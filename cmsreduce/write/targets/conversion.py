@@ -98,8 +98,8 @@ def conversion(
     _check_path(path, source)
     arguments = [dialect or chosen.dialects[0]] if chosen.dialects else []
     if not chosen.integrals:
-        made = TargetFiles(chosen.write(path, component, *arguments) or (path,), (), component)
-        return _at_zero(made, component)
+        paths = chosen.write(path, component, *arguments) or (path,)
+        return _at_zero(TargetFiles(paths, price_of(component, None, name, None), component), component)
     return _at_zero(_with_integrals(path, component, name, *arguments), component)
 
 
