@@ -184,7 +184,9 @@ def convert(
 
 @main.command()
 @click.argument("run_dir", type=click.Path(path_type=Path))
-@click.option("--to", "program", metavar="PROGRAM", required=True, help="Program that is to run the scene: exudyn.")
+@click.option(
+    "--to", "program", metavar="PROGRAM", required=True, help="Program that is to run the scene: exudyn, mbdyn, 42."
+)
 @click.option(
     "--configuration", metavar="NAME", help="Configuration in which the simulation starts, such as spin=45; the first."
 )

@@ -302,13 +302,13 @@ convert_options = _options(
         metavar="FORMAT",
         shell_complete=_completed(_written("TARGETS")),
         help="nastran, 42, sid, mbdyn, mbsim, exudyn, discos, dads, treetops, treetops-h5, matlab, abcd, simscape, "
-        "extptfm or fmi; by the end of OUT's name if not given.",
+        "extptfm, radioss or fmi; by the end of OUT's name if not given.",
     ),
     click.option(
         "--dialect",
         metavar="DIALECT",
         help="For sid: by-axis, by-mode, gr-by-mode, embs. For mbdyn: points, invariants, lumped, first-order. For "
-        "fmi: fmi3, fmi2.",
+        "fmi: fmi3, fmi2. For extptfm: openfast-5, openfast-4.",
     ),
     click.option("--configuration", metavar="NAME", help="Of a system file: the configuration to write."),
     output_options,

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.errors import MatrixError
+from cmsreduce.errors import DampingError, MatrixError
 from cmsreduce.linalg.blocks import absolute_parts, column_blocks, combine, combined, congruence, row_blocks
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless, refine
 from cmsreduce.mechanics import refuse_gain, refuse_overdamped, without_drag
-from cmsreduce.model import FEModel, ModalComponent, ModeKind, ReducedComponent
+from cmsreduce.model import (
+    FEModel,
+    ModalComponent,
+    ModeKind,
+    ParameterTerm,
+    ReducedComponent,
+    Values,
+    parameter_label,
+    unresisted,
+    varied,
+)
 
-__all__ = ["ORTHOGONAL", "STATIC", "orthogonalise", "orthogonality_errors"]
+__all__ = ["ORTHOGONAL", "STATIC", "at_parameters", "orthogonalise", "orthogonality_errors"]
 
 Array = NDArray[np.float64]
 
@@ -90,6 +102,94 @@ def orthogonalise(component: ReducedComponent) -> ModalComponent:
         basis_condition=condition,
         static_count=s,
         certificate=modes.certificate,
+        terms=_modal_terms(body, Phi, r),
+    )
+
+
+def _modal_terms(body: FEModel, Phi: Array, r: int) -> tuple[ParameterTerm, ...]:
+    """What parameters add to the modal matrices; exactly nothing on rigid motions that they do not resist."""
+    found = []
+    for term in body.terms:
+        A = congruence(term.matrix, Phi)
+        if term.letter != "M" and r:
+            still = unresisted([term.matrix], Phi[:, :r])
+            P = np.eye(Phi.shape[1])
+            # Exactly zero where no rigid motion is resisted.
+            P[:r, :r] = 0.0 if still.shape[1] == r else np.eye(r) - still @ still.T
+            A = P @ A @ P
+        found.append(replace(term, matrix=np.asarray((A + A.T) / 2)))
+    return tuple(found)
+
+
+def at_parameters(component: ModalComponent, values: Values) -> ModalComponent:
+    """The same shapes as orthonormal modes of the body at some values of its parameters.
+
+    Parameters
+    ----------
+    component : ModalComponent
+        Modes of the body without parameters.
+    values : mapping of parameter to float
+
+    Returns
+    -------
+    ModalComponent
+        Without parameters; the component itself where they add nothing. Its damping is a matrix: that of the body's law
+        in the modes without parameters, and what the parameters add.
+
+    Raises
+    ------
+    DampingError
+        If the damping is structural, which has no such matrix.
+    MatrixError
+        If the mass or the stiffness is not positive there.
+    """
+    acting = [term for term in component.terms if term.factor(values)]
+    if not acting:
+        return replace(component, terms=())
+    label = f"body '{component.name}' with {parameter_label(values)}"
+    if component.damping.structural is not None:
+        raise DampingError(f"{label}: structural damping is a share of the stiffness, which a parameter changes")
+    m, r = component.omega.size, component.rigid_count
+    M, K, D = (
+        np.asarray(varied(np.diag(diagonal), acting, letter, values))
+        for letter, diagonal in (("M", component.mass), ("K", component.stiffness), ("D", component.viscous))
+    )
+    if component.D is not None:
+        D = D - np.diag(component.viscous) + component.D
+    body = component.body.undamped_at(values)
+    rigid = np.eye(m, r) @ unresisted([term.matrix for term in acting if term.letter == "K"], np.eye(m, r))
+    try:
+        if rigid.shape[1]:
+            weight = np.linalg.cholesky(rigid.T @ M @ rigid)
+            rigid = np.asarray(np.linalg.solve(weight, rigid.T).T, dtype=np.float64)
+        lam, X, N = elastic_and_massless(K, M, rigid, body.rounding)
+    except (np.linalg.LinAlgError, UndeterminedError):
+        raise MatrixError(f"{label}: its mass is not positive; look at the values") from None
+    if lam.min(initial=np.inf) <= 0:
+        raise MatrixError(f"{label}: its stiffness is not positive: it buckles; no mode can be written")
+    change = np.hstack([rigid, X, N])
+    most = abs(change).argmax(axis=0)
+    r, s = rigid.shape[1], N.shape[1]
+    D = change.T @ D @ change
+    w = np.sqrt(lam)
+    return replace(
+        component,
+        body=body,
+        Phi=combined(component.Phi, change),
+        omega=np.concatenate([np.zeros(r), w, np.full(s, np.inf)]),
+        zeta=np.concatenate([np.zeros(r), D.diagonal()[r : m - s] / (2 * w), np.zeros(s)]),
+        rigid_count=r,
+        D=D,
+        kind=("rigid",) * r + tuple(component.kind[k] for k in most[r:]),
+        source_hz=np.concatenate([np.zeros(r), component.source_hz[most[r:]]]),
+        sigma=np.full(m, np.nan),
+        spacing=np.full(m, np.nan),
+        why=("rigid body",) * r + tuple(component.why[k] for k in most[r:]),
+        rankings={},
+        cluster=None,
+        static_count=s,
+        neglected_count=0,
+        terms=(),
     )
 
 

@@ -378,6 +378,14 @@ def assemble(
     scene = {"joints": joints, "articulation": articulation, "actuators": actuators, "sensors": sensors, **keys}
     pipeline = _pipeline("assemble", bodies, {k: v for k, v in scene.items() if v is not None}, {}, place or {})
     built = build_scene(pipeline)
+    for parameter, given in pipeline.scene.parameters.items():
+        named = {name for matrices in given.matrices().values() for name in matrices}
+        of = {name for name in named if isinstance(body := bodies[name], ModalComponent) and body.terms}
+        if lacking := sorted(named - of):
+            raise SceneError(
+                f"assemble: the reduced body '{lacking[0]}' has no matrices of parameter '{parameter}'; a body gets "
+                "them in a pipeline, before it is reduced"
+            )
     substructures = {
         name: modal_substructure(body, body_points(built, body.body))
         if isinstance(body, ModalComponent)

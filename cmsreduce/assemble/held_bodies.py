@@ -102,6 +102,7 @@ def _held(sub: Substructure, motions: Matrix, locked: NDArray[np.float64]) -> Su
         sub.position,
         sub.interfaces,
         rounding=sub.rounding,
+        terms=tuple(replace(term, matrix=space.congruent([term.matrix])) for term in sub.terms),
     )
 
 

@@ -73,6 +73,7 @@ def physical_substructure(body: FEModel, points: Iterable[str], rigid: Array) ->
         *_motions(body, rows, points),
         body.interfaces,
         rounding=body.rounding,
+        terms=body.terms,
     )
 
 
@@ -91,7 +92,7 @@ def modal_substructure(component: ModalComponent, points: Iterable[str]) -> Subs
     loss: Matrix | None = None
     if component.damping.structural is not None:
         loss = sp.diags_array(component.loss, format="csc")
-    elif component.damping.law != "none":
+    elif component.damping.law != "none" and D is None:
         D = sp.diags_array(component.viscous, format="csc")
     return Substructure(
         component.name,
@@ -103,6 +104,7 @@ def modal_substructure(component: ModalComponent, points: Iterable[str]) -> Subs
         *_motions(component.body, component.Phi, points),
         component.body.interfaces,
         component.omega,
+        terms=component.terms,
     )
 
 

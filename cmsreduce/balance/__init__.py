@@ -12,8 +12,16 @@ from cmsreduce.balance.modal_gain import Gregory, ModalGain
 from cmsreduce.balance.physical_states import PhysicalStates, choose_coordinates, physical_states
 from cmsreduce.balance.ranking import CLOSE, ByFrequency, GramianRanking, Ranking, mode_spacing, with_rankings
 from cmsreduce.balance.scaling import Sized, Turning, characteristic_length, scaled, sized, turning_rows
-from cmsreduce.balance.search import Effects, Found, Judge, keep_error
-from cmsreduce.balance.truncation import Selection, keep_all, keep_fraction, keep_modes, keep_total, whole_groups
+from cmsreduce.balance.search import DecibelEffects, Effects, Found, Judge, keep_error
+from cmsreduce.balance.truncation import (
+    Selection,
+    keep_all,
+    keep_fraction,
+    keep_modes,
+    keep_numbers,
+    keep_total,
+    whole_groups,
+)
 from cmsreduce.balance.weighting import BandPass, LowPass, TransferFunction, Weighting
 
 __all__ = [
@@ -21,6 +29,7 @@ __all__ = [
     "ByFrequency",
     "CLOSE",
     "ComponentCost",
+    "DecibelEffects",
     "Effects",
     "Found",
     "GramianRanking",
@@ -51,6 +60,7 @@ __all__ = [
     "keep_error",
     "keep_fraction",
     "keep_modes",
+    "keep_numbers",
     "keep_total",
     "mode_bounds",
     "mode_spacing",

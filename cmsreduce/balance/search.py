@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 from typing import Protocol
 
@@ -18,11 +19,12 @@ from numpy.typing import NDArray
 
 from cmsreduce.balance.truncation import Columns, Selection, whole_groups
 from cmsreduce.errors import ConfigError
-from cmsreduce.model import ModalComponent
+from cmsreduce.model import Finding, ModalComponent
 
-__all__ = ["Effects", "Found", "Judge", "keep_error"]
+__all__ = ["DecibelEffects", "Effects", "Found", "Judge", "keep_error"]
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 Indices = NDArray[np.int64]
 
 Order = list[int]
@@ -36,45 +38,156 @@ _TRIALS = 24
 _PARTNERS = 48
 # The groups predicted to be dispensable together are halved this often before groups are tried one by one.
 _HALVES = 4
+# Sets of several changes whose decibel errors are computed: in the worst configuration those that a sum of squares
+# finds best, and in all configurations the best of these.
+_SCREENED, _REFINED = 1536, 96
+# A change that would break the limit beside those chosen is passed over; after so many, no other is looked for.
+_REFUSED = 12
+# Decibels of a relative error of 1, to first order, and the 99th percentile of an error over its root mean square.
+_NEPER, _OF_ROOT_MEAN_SQUARE = 20 / np.log(10), 3.0
 # An exchange of equally many modes is made if it lowers the error by this share, and at most this many times.
 _GAIN = 0.01
 _EXCHANGES = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Effects:
-    """Effects of changes to a set of modes on the error of the response, each by itself.
+class DecibelEffects:
+    """Effects of changes to a set of modes on the response at some frequencies of one configuration.
 
     Parameters
     ----------
-    gram : (configurations, 1 + n, 1 + n) float64
+    present : (p, channels) complex128
+        Present response, relative to the reference: 1 without an error.
+    change : (p, channels, n) complex128
+        Response that each of n changes would add, relative to the reference.
+    percentile : float
+        Per cent of the points that must lie within the error.
+    limit : float
+        Decibels that count as 1.
+    """
+
+    present: Complex
+    change: Complex
+    percentile: float
+    limit: float
+
+    @cached_property
+    def gram(self) -> Array:
+        """Inner products of the present error and of the changes (1 + n, 1 + n), which stand for the error."""
+        error = np.concatenate([(self.present - 1)[..., None], self.change], axis=2)
+        rows = error.reshape(-1, error.shape[2]) * (
+            _OF_ROOT_MEAN_SQUARE * _NEPER / (self.limit * error.shape[0] ** 0.5)
+        )
+        real, imaginary = np.ascontiguousarray(rows.real), np.ascontiguousarray(rows.imag)
+        return np.asarray(real.T @ real + imaginary.T @ imaginary)
+
+    def error(self, response: Complex) -> Array:
+        """Decibel error of the worst channel over the limit; ``response`` (p, channels, ...) is relative."""
+        size = np.maximum(response.real**2 + response.imag**2, np.finfo(float).tiny)
+        apart = np.percentile(abs(10 * np.log10(size)), self.percentile, axis=0)
+        return np.asarray(apart.max(axis=0, initial=0.0) / self.limit)
+
+    def predicted(self, changes: Indices) -> Array:
+        """Error after each of some sets of changes (sets,)."""
+        found = np.repeat(self.present[..., None], changes.shape[0], axis=2)
+        for column in changes.T:
+            found += self.change[..., column]
+        return self.error(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Effects:
+    """Effects of changes to a set of modes on the measure of a model, each by itself.
+
+    Parameters
+    ----------
+    gram : (blocks, 1 + n, 1 + n) float64
         Inner products over the band of the present error and of the response that each of n changes would add, relative
-        to the response. The prediction for several changes at once is the sum of their effects.
+        to the response and to the limit: for each configuration, and for each channel with a limit of its own. The
+        prediction for several changes at once is the sum of their effects.
+    decibels : tuple of DecibelEffects
+        Effects on the decibel error, for each configuration; empty without a limit on it.
     """
 
     gram: Array
+    decibels: tuple[DecibelEffects, ...] = ()
 
     def predicted(self, changes: Indices) -> Array:
-        """Worst error over all configurations after each of some sets of changes.
+        """Measure after each of some sets of changes, over all configurations.
 
         Parameters
         ----------
         changes : (sets, k) int64
             Numbers of the changes made together.
+
+        Returns
+        -------
+        (sets,) float64
+            Infinite for sets that are not promising: the decibel errors of all of many sets take too long.
         """
-        members = np.hstack([np.zeros((changes.shape[0], 1), dtype=np.int64), changes + 1])
-        square = np.zeros((self.gram.shape[0], changes.shape[0]))
+        members, gram = np.hstack([np.zeros((changes.shape[0], 1), dtype=np.int64), changes + 1]), self._every_gram
+        square = np.zeros((gram.shape[0], changes.shape[0]))
         for a in range(members.shape[1]):
             for b in range(members.shape[1]):
-                square += self.gram[:, members[:, a], members[:, b]]
-        return np.asarray(np.sqrt(np.maximum(square, 0.0)).max(axis=0, initial=0.0))
+                square += gram[:, members[:, a], members[:, b]]
+        found = np.asarray(np.sqrt(np.maximum(square, 0.0)).max(axis=0, initial=0.0))
+        if not self.decibels:
+            return found
+        # First the configuration with the largest error now, then all of them for the best sets.
+        first = max(self.decibels, key=lambda each: float(each.error(each.present)))
+        some = np.argsort(found, kind="stable")[: max(_SCREENED, gram.shape[1])]
+        of_channels = np.sqrt(np.maximum(square[: self.gram.shape[0], some], 0.0)).max(axis=0, initial=0.0)
+        there = np.maximum(of_channels, first.predicted(changes[some]))
+        best = np.argsort(there, kind="stable")[: max(_REFINED, gram.shape[1])]
+        others = [each.predicted(changes[some[best]]) for each in self.decibels if each is not first]
+        result = np.full(changes.shape[0], np.inf)
+        result[some[best]] = np.max([there[best], *others], axis=0)
+        result[np.isnan(found)] = np.nan
+        return result
+
+    def together(self, order: Indices, limit: float) -> list[int]:
+        """Changes predicted to stay within the limit together, chosen one after another.
+
+        Parameters
+        ----------
+        order : (k,) int64
+            Changes to choose among.
+        limit : float
+            Largest measure.
+        """
+        gram, exact = self._every_gram, slice(0, self.gram.shape[0])
+        square, cross, own = gram[:, 0, 0], gram[:, 0, 1:], np.diagonal(gram, axis1=1, axis2=2)[:, 1:]
+        present = [each.present for each in self.decibels]
+        taken, refused = list[int](), 0
+        left = [int(k) for k in order if np.isfinite(own[:, k]).all()]
+        while left and refused < _REFUSED:
+            after = square[:, None] + 2 * cross[:, left] + own[:, left]
+            k = int(np.argmin(after.max(axis=0, initial=0.0)))
+            number = left.pop(k)
+            responses = [now + each.change[..., number] for now, each in zip(present, self.decibels, strict=True)]
+            within = all(each.error(there) <= limit for each, there in zip(self.decibels, responses, strict=True))
+            if not within or after[exact, k].max(initial=0.0) > limit**2:
+                refused += 1
+                continue
+            square, cross = after[:, k], cross + gram[:, 1 + number, 1:]
+            present = responses
+            taken.append(number)
+        return taken
+
+    @cached_property
+    def _every_gram(self) -> Array:
+        """The Gram matrices, and those that stand for the decibel errors where these themselves take too long."""
+        return np.concatenate([self.gram, *(each.gram[None] for each in self.decibels)])
 
 
 class Judge(Protocol):
     """Measures of the assembled system that the search needs."""
 
     def error(self, selection: Selection, limit: float = np.inf) -> float:
-        """Worst error over all configurations; any value above the limit if the error exceeds it."""
+        """Measure of a selection over all configurations; any value above the limit if it is exceeded."""
+
+    def critical(self, selection: Selection) -> Finding:
+        """The finding that decides on a selection, with its place."""
 
     def effects(self, selection: Selection, changes: Sequence[tuple[str, Columns]]) -> Effects:
         """Effects of adding columns that are left out, and of leaving out columns that are kept."""
@@ -93,6 +206,8 @@ class Found:
         Elastic modes kept.
     tried : int
         Sets whose error was measured.
+    nearest : Selection, optional
+        A set with fewer modes that breaks the limit least, by prediction; None if no mode is kept.
     truncated : mapping of ranking to int
         Elastic modes that each ranking keeps if it is cut where it first meets the limit. A ranking that needs more
         modes than one before it is not followed to its end and is missing here.
@@ -102,13 +217,18 @@ class Found:
     error: float
     modes: int
     tried: int
+    nearest: Selection | None
     truncated: Mapping[str, int]
 
 
 def keep_error(
-    components: Mapping[str, ModalComponent], rankings: Mapping[str, Mapping[str, Array]], judge: Judge, limit: float
+    components: Mapping[str, ModalComponent],
+    rankings: Mapping[str, Mapping[str, Array]],
+    judge: Judge,
+    limit: float,
+    among: Selection | None = None,
 ) -> Found:
-    """Search for the fewest modes with which the assembled system meets an error.
+    """Search for the fewest modes with which the measure of the assembled system meets a limit.
 
     Modes of a repeated frequency are kept or left out together.
 
@@ -121,34 +241,40 @@ def keep_error(
     judge : Judge
         Measures selections.
     limit : float
-        Error to meet.
+        Largest measure.
+    among : Selection, optional
+        Modes to choose among; all by default.
 
     Raises
     ------
     ConfigError
         If all modes together do not meet the limit.
     """
-    return _Search(components, judge, limit).run(rankings)
+    return _Search(components, judge, limit, among).run(rankings)
 
 
 class _Search:
     """Sets of groups of modes, by their numbers."""
 
-    def __init__(self, components: Mapping[str, ModalComponent], judge: Judge, limit: float) -> None:
-        self.names, self.judge, self.limit = list(components), judge, limit
-        self.groups = [(name, columns) for name, c in components.items() for columns in whole_groups(c)]
+    def __init__(
+        self, components: Mapping[str, ModalComponent], judge: Judge, limit: float, among: Selection | None
+    ) -> None:
+        self.names, self.judge, self.limit, self.every = list(components), judge, limit, among is None
+        self.groups = [
+            (name, columns)
+            for name, c in components.items()
+            for columns in whole_groups(c)
+            if among is None or np.isin(columns, among[name]).all()
+        ]
         self.sizes = np.array([columns.size for _, columns in self.groups], dtype=np.int64)
         self.errors: dict[frozenset[int], float] = {}
         self.limits: dict[frozenset[int], float] = {}
 
     def run(self, rankings: Mapping[str, Mapping[str, Array]]) -> Found:
         everything = frozenset(range(len(self.groups)))
-        least = self._error(everything, np.inf)
-        if least > self.limit:
-            raise ConfigError(
-                f"keep: frf_error {self.limit:g} cannot be met: all {self.sizes.sum()} modes below the cutoff leave "
-                f"{least:.3g}. Raise reduce.cutoff, or allow a larger error"
-            )
+        if self._error(everything, np.inf) > self.limit:
+            finding, modes = self.judge.critical(self.selection(everything)), int(self.sizes.sum())
+            raise ConfigError(_unreachable(finding, modes, all_of_them=self.every))
         best = everything
         truncated: dict[str, int] = {}
         for name, coefficients in rankings.items():
@@ -159,7 +285,17 @@ class _Search:
                     best = min(best, first, key=self.modes)
         # Starting from the best ranked set and from all modes often gives one result; otherwise the smaller one counts.
         kept = min((self._settled(start) for start in dict.fromkeys((best, everything))), key=self.modes)
-        return Found(self.selection(kept), self.errors[kept], self.modes(kept), len(self.errors), truncated)
+        nearest = self._nearest(kept)
+        return Found(self.selection(kept), self.errors[kept], self.modes(kept), len(self.errors), nearest, truncated)
+
+    def _nearest(self, kept: frozenset[int]) -> Selection | None:
+        """The set without one group more that breaks the limit least."""
+        members = sorted(kept)
+        if not members:
+            return None
+        effects = self.judge.effects(self.selection(kept), [self.groups[k] for k in members])
+        one = effects.predicted(np.arange(len(members))[:, None])
+        return self.selection(kept - {members[int(np.argmin(np.where(np.isnan(one), np.inf, one)))]})
 
     def selection(self, kept: frozenset[int]) -> Selection:
         """Columns of each body."""
@@ -221,7 +357,7 @@ class _Search:
             effects = self.judge.effects(self.selection(kept), [self.groups[k] for k in members])
             one = effects.predicted(np.arange(len(members))[:, None])
             order = np.argsort(one, kind="stable")
-            together = self._dispensable(effects, order)
+            together = effects.together(order, self.limit)
             # Halves of the groups predicted to be dispensable together, then single groups.
             trials = [kept - {members[k] for k in together[: len(together) >> half]} for half in range(_HALVES)]
             trials = [fewer for fewer in trials if len(fewer) < len(kept) - 1]
@@ -231,23 +367,6 @@ class _Search:
                 break
             kept = found
         return kept
-
-    def _dispensable(self, effects: Effects, order: Indices) -> list[int]:
-        """Changes predicted to stay within the limit together, chosen one after another."""
-        gram = effects.gram
-        square, cross, taken = gram[:, 0, 0].copy(), gram[:, 0, 1:].copy(), list[int]()
-        own = np.diagonal(gram, axis1=1, axis2=2)[:, 1:]
-        left = [int(k) for k in order if np.isfinite(own[:, k]).all()]
-        while left:
-            after = (square[:, None] + 2 * cross[:, left] + own[:, left]).max(axis=0)
-            k = int(np.argmin(after))
-            if after[k] > self.limit**2:
-                break
-            number = left.pop(k)
-            square = square + 2 * cross[:, number] + own[:, number]
-            cross = cross + gram[:, 1 + number, 1:]
-            taken.append(number)
-        return taken
 
     def _exchanged(self, kept: frozenset[int]) -> frozenset[int] | None:
         """Find a set one exchange away with fewer modes, or with as many and a smaller error."""
@@ -273,6 +392,23 @@ class _Search:
                 if self._error(other, limit) <= limit:
                     return other
         return None
+
+
+def _unreachable(finding: Finding, modes: int, *, all_of_them: bool) -> str:
+    """Message on a limit that all modes together do not meet, with the next step."""
+    place = f" in {finding.note}" if finding.note else ""
+    if np.isnan(finding.value):
+        return (
+            f"keep: {finding.name} cannot be judged ({finding.note or 'it was not measured'}): take its limit out, or "
+            "choose the modes by another rule"
+        )
+    which, step = "below the cutoff", "Raise reduce.cutoff, or allow a larger error"
+    if not all_of_them:
+        which, step = "that other limits allow", "Allow a higher highest_frequency, or a larger error"
+    return (
+        f"keep: {finding.name} {finding.limit:g} cannot be met: all {modes} modes {which} leave "
+        f"{finding.value:.3g}{place}. {step}"
+    )
 
 
 def _each_with(one: Indices, others: Indices) -> Indices:

@@ -6,7 +6,7 @@ part of it would depend on the solver.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,16 @@ from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.eigen import repeated_groups
 from cmsreduce.model import ModalComponent
 
-__all__ = ["Columns", "Selection", "keep_all", "keep_fraction", "keep_modes", "keep_total", "whole_groups"]
+__all__ = [
+    "Columns",
+    "Selection",
+    "keep_all",
+    "keep_fraction",
+    "keep_modes",
+    "keep_numbers",
+    "keep_total",
+    "whole_groups",
+]
 
 Columns = NDArray[np.int64]
 Selection = dict[str, Columns]
@@ -58,6 +67,42 @@ def keep_modes(components: Mapping[str, ModalComponent], count: Mapping[str, int
                 "modes below the cutoff; ask for fewer or raise reduce.cutoff"
             )
     return {name: _first(_ranked(c), wanted.get(name, c.elastic_count)) for name, c in components.items()}
+
+
+def keep_numbers(components: Mapping[str, ModalComponent], numbers: Mapping[str, Sequence[int]]) -> Selection:
+    """Keep elastic modes by their numbers, 1 for the lowest frequency.
+
+    Parameters
+    ----------
+    components : mapping of name to ModalComponent
+    numbers : mapping of name to sequence of int
+        Modes of each body; a body that is not named keeps all of its modes.
+
+    Raises
+    ------
+    ConfigError
+        If a body is unknown or has fewer modes, or a part of a repeated mode is named.
+    """
+    kept = keep_all(components)
+    for name, own in numbers.items():
+        if name not in components:
+            raise ConfigError(f"keep: there is no flexible component '{name}' (there are: {', '.join(components)})")
+        first, count = components[name].rigid_count, components[name].elastic_count
+        if max(own, default=0) > count:
+            raise ConfigError(
+                f"keep: mode {max(own)} of '{name}' is asked for, but it has {count} elastic modes below the cutoff; "
+                "name others or raise reduce.cutoff"
+            )
+        columns = first + np.sort(np.asarray(own, dtype=np.int64)) - 1
+        for group in whole_groups(components[name]):
+            if 0 < np.isin(group, columns).sum() < group.size:
+                words = ", ".join(str(k - first + 1) for k in group)
+                raise ConfigError(
+                    f"keep: modes {words} of '{name}' have one frequency, and their shapes are any basis of one space: "
+                    "name all of them or none"
+                )
+        kept[name] = columns
+    return kept
 
 
 def keep_fraction(components: Mapping[str, ModalComponent], fraction: float) -> Selection:

@@ -8,6 +8,7 @@ from cmsreduce.config.cluster import ClusterKeys, load_cluster
 from cmsreduce.config.keys import (
     BASIC,
     CENTRE,
+    CHECK_OF,
     EXTSEOUT_NAMES,
     RELATIVE_ERRORS,
     CompareKeys,
@@ -25,6 +26,7 @@ from cmsreduce.config.keys import (
     Size,
     SpinKeys,
     VerifyKeys,
+    WriteKeys,
     channel_kind,
     json_schema,
     key_names,
@@ -36,6 +38,7 @@ from cmsreduce.config.scene import build_scene
 from cmsreduce.config.starter import BodyDraft, body_pipeline, scene_pipeline, starter_pipeline
 
 __all__ = [
+    "CHECK_OF",
     "EXTSEOUT_NAMES",
     "BASIC",
     "BodyDraft",
@@ -58,6 +61,7 @@ __all__ = [
     "RELATIVE_ERRORS",
     "LimitKeys",
     "VerifyKeys",
+    "WriteKeys",
     "body_pipeline",
     "build_scene",
     "channel_kind",

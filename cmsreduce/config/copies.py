@@ -13,7 +13,10 @@ from cmsreduce.errors import not_among
 __all__ = ["copies_written_out", "without_repetitions"]
 
 # Keys that say which body it is: with another one of them, it is another body.
-_THE_BODY = ("rigid", "extseout", "reduced", "modes", "stiffness", "mass", "geometry", "rows", "units", "grounded")
+_THE_BODY = (
+    *("rigid", "extseout", "reduced", "modes", "states", "stiffness", "mass"),
+    *("geometry", "rows", "units", "grounded"),
+)
 
 
 def copies_written_out(root: Entry, adapt: Adapt) -> Entry:

@@ -9,6 +9,7 @@ from cmsreduce.config.keys import (
     FLEXIBLE_ONLY,
     ActuatorKeys,
     Articulation,
+    Compound,
     KeepKeys,
     Pipeline,
     Quantity,
@@ -16,14 +17,20 @@ from cmsreduce.config.keys import (
     ScalingKeys,
     SensorKeys,
     channel_kind,
+    figure_powers,
     parse_point,
     parse_row,
+    parse_value,
+    powers_of,
 )
 from cmsreduce.config.scene_channels import free_dof, free_dof_named, joint_value, sized_names
 from cmsreduce.errors import SceneError, UnitsError, not_among
-from cmsreduce.model import Point, UnitLoad
+from cmsreduce.model import DOF_NAMES, Point, UnitLoad
 
 __all__ = ["BrokenReference", "broken_references"]
+
+
+_FIRST_ROTATION = 3
 
 
 class BrokenReference(NamedTuple):
@@ -48,6 +55,7 @@ def broken_references(pipeline: Pipeline) -> Iterator[BrokenReference]:
     scene = pipeline.scene
     if scene.articulation is not None:
         yield from _articulation(pipeline, scene.articulation)
+    yield from _parameters(pipeline)
     channels: tuple[tuple[str, dict[str, ActuatorKeys] | dict[str, SensorKeys]], ...] = (
         ("actuators", scene.actuators),
         ("sensors", scene.sensors),
@@ -200,13 +208,72 @@ def _articulation(pipeline: Pipeline, articulation: Articulation) -> Iterator[Br
         yield BrokenReference((*at, joint), f"the same motion is set by '{others}'")
     names: list[str | None] = []
     for k, named in enumerate(articulation.named or ()):
-        for joint, quantity in named.joints.items():
+        joints = {key: value for key, value in named.joints.items() if key not in pipeline.scene.parameters}
+        for joint, quantity in joints.items():
+            if not isinstance(quantity, Quantity):
+                yield BrokenReference((*at, k, joint), f"{quantity} is no value of a joint, e.g. 45 deg")
+                continue
             yield from _joint_values(pipeline, (*at, k, joint), joint, (quantity,))
-        for joint, others in _same_motion(pipeline, list(named.joints)):
+        for key in named.joints.keys() - joints.keys():
+            yield from _named_value(pipeline, (*at, k, key), key, named.joints[key])
+        for joint, others in _same_motion(pipeline, list(joints)):
             yield BrokenReference((*at, k, joint), f"the same motion is set by '{others}'")
         if named.name is not None and named.name in names:
             yield BrokenReference((*at, k, "name"), f"two configurations are named '{named.name}'")
         names.append(named.name)
+
+
+def _parameters(pipeline: Pipeline) -> Iterator[BrokenReference]:
+    """Check components and joints that parameters name, and that every parameter has values."""
+    scene = pipeline.scene
+    flexible = [
+        name
+        for name, part in pipeline.components.items()
+        if part.rigid is None and part.reduced is None and part.modes is None
+    ]
+    listed = scene.articulation.named if scene.articulation is not None else None
+    for name, keys in scene.parameters.items():
+        at = ("scene", "parameters", name)
+        if name in scene.joints or any(name == f"{joint}.{dof}" for joint in scene.joints for dof in DOF_NAMES):
+            yield BrokenReference(at, "a joint has this name; choose another one for the parameter")
+        for what, matrices in (("stiffness", keys.stiffness), ("mass", keys.mass), ("damping", keys.damping)):
+            for body in matrices:
+                if body not in flexible:
+                    yield BrokenReference((*at, what, body), not_among("component with matrices", body, flexible))
+        for key, figure in keys.joints.items():
+            try:
+                _, dof = free_dof_named(scene, key)
+            except SceneError as error:
+                yield BrokenReference((*at, "joints", key), str(error))
+                continue
+            wanted = figure_powers(figure, dof >= _FIRST_ROTATION)
+            if wanted is None:
+                yield BrokenReference(
+                    (*at, "joints", key), "a sliding joint has no inertia: add the mass to a body by `mass`"
+                )
+            for value in keys.values:
+                if value.unit and wanted is not None and powers_of(value) != wanted:
+                    yield BrokenReference((*at, "values"), f"{value} is no {figure} of '{key}'")
+                if value.value < 0:
+                    yield BrokenReference((*at, "values"), f"{value}: a {figure} of a joint is negative")
+        if not keys.values and not (listed and all(name in one.joints for one in listed)):
+            yield BrokenReference(
+                at, "it has no `values`, and not every configuration of the list under `articulation` states one"
+            )
+
+
+def _named_value(
+    pipeline: Pipeline, keys: tuple[str | int, ...], name: str, value: Quantity | Compound
+) -> Iterator[BrokenReference]:
+    """Check the value of a parameter in a list of configurations."""
+    try:
+        own = parse_value(value.plain)
+    except UnitsError as error:
+        yield BrokenReference(keys, str(error))
+        return
+    known = [each for each in pipeline.scene.parameters[name].values if each.unit]
+    if own.unit and known and powers_of(own) != powers_of(known[0]):
+        yield BrokenReference(keys, f"{own} and {known[0]} are of different dimensions")
 
 
 def _same_motion(pipeline: Pipeline, joints: list[str]) -> Iterator[tuple[str, str]]:
@@ -256,6 +323,14 @@ def _keep(pipeline: Pipeline, keys: tuple[str | int, ...], keep: KeepKeys) -> It
     for name in keep.modes if isinstance(keep.modes, dict) else ():
         if name not in flexible:
             yield BrokenReference((*keys, "modes", name), not_among("flexible component", name, flexible))
+    for name in keep.numbers or ():
+        if name not in flexible:
+            yield BrokenReference((*keys, name), not_among("flexible component", name, flexible))
+    stated = {} if pipeline.verify is None else pipeline.verify.limits.model_dump(exclude_none=True)
+    if keep.rule == "limits" and not stated and pipeline.scene.controller is None:
+        yield BrokenReference(
+            keys, "`limits` keeps the smallest model that meets verify.limits: state one there, e.g. {frf_error: 0.05}"
+        )
 
 
 def _rankings(pipeline: Pipeline) -> Iterator[tuple[tuple[str, ...], RankingKeys]]:

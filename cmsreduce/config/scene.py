@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import product
 
-from cmsreduce.config.keys import Pipeline, Quantity, parse_point
+from cmsreduce.config.keys import Pipeline, Quantity, parse_point, parse_value
 from cmsreduce.config.references import broken_references
 from cmsreduce.config.scene_channels import actuator_channel, free_dof_named, joint_value, sensor_channels
 from cmsreduce.errors import SceneError
-from cmsreduce.model import Configuration, Joint, Scene, dof_index
+from cmsreduce.model import Configuration, Joint, JointElement, Scene, Values, dof_index, parameter_label
 
 __all__ = ["build_scene"]
 
@@ -39,11 +40,17 @@ def build_scene(pipeline: Pipeline) -> Scene:
     if wrong:
         raise SceneError("\n".join(wrong))
     keys, units = pipeline.scene, pipeline.units
+    configurations = tuple(_configurations(pipeline))
+    names = [each.name for each in configurations]
+    if repeated := [name for k, name in enumerate(names) if name in names[:k]]:
+        raise SceneError(
+            f"two configurations are named '{repeated[0]}': their values agree in six digits; take values further apart"
+        )
     return Scene(
         bodies=tuple(pipeline.components),
         band=keys.band,
         joints=tuple(_joints(pipeline)),
-        configurations=tuple(_configurations(pipeline)),
+        configurations=configurations,
         actuators=tuple(actuator_channel(pipeline, name, actuator) for name, actuator in keys.actuators.items()),
         sensors=tuple(
             channel for name, sensor in keys.sensors.items() for channel in sensor_channels(pipeline, name, sensor)
@@ -69,25 +76,65 @@ def _joints(pipeline: Pipeline) -> Iterator[Joint]:
             x, y, z = (item.length_in(pipeline.units) for item in joint.offset)
             offset = (x, y, z)
         free = frozenset(dof_index(dof) for dof in joint.free)
-        yield Joint(name, first, second, free, offset, joint.elements(pipeline.units))
+        yield Joint(name, first, second, free, offset, _elements(pipeline, name))
+
+
+def _elements(pipeline: Pipeline, joint: str) -> tuple[JointElement, ...]:
+    """Springs, dampers and inertias of a joint, those that parameters give it included."""
+    found = {each.dof: each for each in pipeline.scene.joints[joint].elements(pipeline.units)}
+    for parameter, keys in pipeline.scene.parameters.items():
+        for key, figure in keys.joints.items():
+            name, dof = free_dof_named(pipeline.scene, key)
+            if name == joint:
+                known = found.get(dof, JointElement(dof))
+                found[dof] = replace(known, varied=(*known.varied, (parameter, figure)))
+    return tuple(found[dof] for dof in sorted(found))
 
 
 def _configurations(pipeline: Pipeline) -> Iterator[Configuration]:
-    """All combinations of joint values, the last joint varying fastest, or the named configurations."""
+    """All combinations of joint values, or the named configurations, with all combinations of parameters.
+
+    The last joint varies fastest, and parameters faster than joints. A parameter that a named configuration sets has
+    that value there.
+    """
+    varied = {name: keys.values for name, keys in pipeline.scene.parameters.items()}
+    for configuration in _articulated(pipeline):
+        own = {name: values for name, values in varied.items() if values and name not in configuration.parameters}
+        for values in product(*own.values()):
+            numbers = {name: value.number_in(pipeline.units) for name, value in zip(own, values, strict=True)}
+            if not numbers:
+                yield configuration
+                continue
+            base = "" if configuration.name == "as built" and not configuration.angles else f"{configuration.name} "
+            parameters = {**configuration.parameters, **numbers}
+            yield Configuration(f"{base}{parameter_label(numbers)}", configuration.angles, parameters)
+
+
+def _articulated(pipeline: Pipeline) -> Iterator[Configuration]:
     articulation = pipeline.scene.articulation
     if articulation is None or not (articulation.product or articulation.named):
         yield Configuration("as built")
         return
     if articulation.named is not None:
         for named in articulation.named:
-            yield _configuration(pipeline, named.joints, named.name)
+            angles: dict[str, Quantity] = {}
+            parameters: dict[str, float] = {}
+            for key, value in named.joints.items():
+                if key in pipeline.scene.parameters:
+                    parameters[key] = parse_value(value.plain).number_in(pipeline.units)
+                else:
+                    assert isinstance(value, Quantity)
+                    angles[key] = value
+            yield _configuration(pipeline, angles, named.name, parameters)
         return
     joints = articulation.product or {}
     for values in product(*(listed.quantities() for listed in joints.values())):
         yield _configuration(pipeline, dict(zip(joints, values, strict=True)), None)
 
 
-def _configuration(pipeline: Pipeline, values: dict[str, Quantity], name: str | None) -> Configuration:
+def _configuration(
+    pipeline: Pipeline, values: dict[str, Quantity], name: str | None, parameters: Values | None = None
+) -> Configuration:
     angles: dict[tuple[str, int], float] = {}
     labels: list[str] = []
     for key, quantity in values.items():
@@ -96,4 +143,6 @@ def _configuration(pipeline: Pipeline, values: dict[str, Quantity], name: str | 
         angles[joint, dof] = value
         # Adding zero turns -0 into 0. Six digits hide the round-off of the conversion to degrees.
         labels.append(f"{key}={(math.degrees(value) if dof >= _FIRST_ROTATION else value) + 0.0:.6g}")
-    return Configuration(name or " ".join(labels) or "as built", angles)
+    if parameters:
+        labels.append(parameter_label(parameters))
+    return Configuration(name or " ".join(labels) or "as built", angles, parameters or {})

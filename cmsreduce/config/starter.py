@@ -51,7 +51,7 @@ scene:
     gyro: {at: hub.cg, measure: [rx, ry, rz], rate: true}
 
 reduce: {method: craig-bampton, cutoff: 2.0}     # modes up to cutoff x band
-balance: {rank: gregory, keep: {frf_error: 0.01}}         # or keep: all, {modes: 20}, {bound: 0.05}
+balance: {rank: gregory, keep: limits}    # the fewest modes that meet the limits below; or all, {modes: 20}
 verify:
   frf: {points: 400}
   # A broken limit fails the run. db_error: 1.0 asks for zeros and anti-resonances, too, and so for more modes.
@@ -129,7 +129,7 @@ reduce:
   residuals: [sensors]                    # static shapes for sensors away from the joints
 {rest}"""
 _REST = """\
-balance: {rank: gregory, keep: all}     # ranked, all kept; in your own scene: keep: {frf_error: 0.01}
+balance: {rank: gregory, keep: all}     # ranked, all kept; in your own scene: keep: limits
 verify:
   limits:                                 # a broken limit fails the run: exit code 1
     frf_error: 0.05                       # of all responses over the band, resonances above all
@@ -199,6 +199,8 @@ class BodyDraft:
         True if a superelement's files hold its damping.
     damping : tuple of Path and str, optional
         Damping matrix beside the stiffness, as that is given.
+    reduced : Path, optional
+        File that holds the whole body reduced already, in place of the matrices.
     """
 
     name: str
@@ -220,6 +222,7 @@ class BodyDraft:
     notes: tuple[str, ...] = ()
     damped: bool = False
     damping: tuple[Path, str] | None = None
+    reduced: Path | None = None
 
 
 def body_pipeline(name: str, draft: BodyDraft) -> str:
@@ -343,6 +346,8 @@ def _damping(draft: BodyDraft) -> str:
 def _sources(draft: BodyDraft) -> Sequence[str]:
     if draft.extseout is not None:
         return [f'    extseout: "{draft.extseout.as_posix()}"    # stem of the files of a superelement']
+    if draft.reduced is not None:
+        return [f'    reduced: "{draft.reduced.as_posix()}"    # the whole body in its modes']
     lines = [f"    {what}: {_matrix(*of)}" for what, of in (("stiffness", draft.stiffness), ("mass", draft.mass))]
     if draft.geometry is not None:
         lines.append(

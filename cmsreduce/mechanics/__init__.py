@@ -26,16 +26,21 @@ from cmsreduce.mechanics.geometric_stiffness import bars_stiffness, modal_stiffe
 from cmsreduce.mechanics.hidden_motion import condensed_dofs, hidden_motion
 from cmsreduce.mechanics.integrator_steps import ACCURACIES, INTEGRATORS, advised_steps, numerical_damping
 from cmsreduce.mechanics.lumped_mass import lumped_mass, moves_generalised, untied_body
-from cmsreduce.mechanics.modal_integrals import energies, modal_integrals, rigid_mass, spinning_modes
+from cmsreduce.mechanics.mass_points import MassPoints, mass_points, points_of_lumps
+from cmsreduce.mechanics.modal_integrals import CROSS, energies, modal_integrals, rigid_mass, spinning_modes
 from cmsreduce.mechanics.places import places_by_stiffness
+from cmsreduce.mechanics.simulation_cost import IMPLICIT, cost, longest_steps, step_operations
 from cmsreduce.mechanics.ties import Tie, tie_nodes
 from cmsreduce.mechanics.undetermined import Determined, check_connected, hold_undetermined
 
 __all__ = [
     "ACCURACIES",
+    "CROSS",
     "Determined",
+    "IMPLICIT",
     "INTEGRATORS",
     "LeastDamping",
+    "MassPoints",
     "REMOVED",
     "Tie",
     "advised_steps",
@@ -43,6 +48,7 @@ __all__ = [
     "best_fit",
     "check_connected",
     "condensed_dofs",
+    "cost",
     "end_dofs",
     "energies",
     "fitted_motion",
@@ -51,7 +57,9 @@ __all__ = [
     "hold_undetermined",
     "integrals_about",
     "least_damping",
+    "longest_steps",
     "lumped_mass",
+    "mass_points",
     "mean_axis_motion",
     "modal_integrals",
     "modal_stiffening",
@@ -64,7 +72,9 @@ __all__ = [
     "rigid_mass",
     "rigid_mass_matrix",
     "spinning_modes",
+    "step_operations",
     "places_by_stiffness",
+    "points_of_lumps",
     "tie_nodes",
     "untied_body",
     "without_drag",

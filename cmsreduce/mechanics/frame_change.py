@@ -32,12 +32,6 @@ def integrals_about(integrals: ModalIntegrals, origin: ArrayLike, axes: ArrayLik
     d, A = integrals.axes @ (origin - integrals.origin), axes @ integrals.axes.T
     m, s = integrals.mass, integrals.first_moment
     S = A @ (integrals.second_moment - np.outer(s, d) - np.outer(d, s) + m * np.outer(d, d)) @ A.T
-    second = integrals.second_order
-    if second is not None:
-        r_phi = second.r_phi - d[:, None, None] * integrals.phi
-        second = SecondOrder(
-            np.einsum("ip,jq,pqa->ija", A, A, r_phi), np.einsum("ip,jq,pqab->ijab", A, A, second.phi_phi)
-        )
     return replace(
         integrals,
         origin=origin,
@@ -46,7 +40,7 @@ def integrals_about(integrals: ModalIntegrals, origin: ArrayLike, axes: ArrayLik
         inertia=np.trace(S) * np.eye(3) - S,
         phi=A @ integrals.phi,
         r_cross_phi=A @ (integrals.r_cross_phi - cross_matrix(d) @ integrals.phi),
-        second_order=second,
+        second_order=integrals.second_order and integrals.second_order.seen_from(d, A, integrals.phi),
     )
 
 

@@ -100,7 +100,8 @@ def modal_integrals(
 
     Where generalised coordinates carry mass, the matrices hold no such blocks of the whole body. R^T M R, R^T M phi
     and phi^T M phi' are exact there, because the motions of the boundary contain the rigid ones; the integrals of
-    second order, but for the trace and the skew part named above, are left undetermined.
+    second order, but for the trace and the skew part named above, are left undetermined unless the source of the body
+    states them.
     """
     if body.nodes is None:
         raise DofMapError(f"body '{body.name}' has no geometry, so there is nothing to integrate over")
@@ -115,7 +116,11 @@ def modal_integrals(
     rigid = R.T @ (M @ R)
     mass, first_moment = mass_and_first_moment(body, rigid)
     momentum = (M @ R).T @ shapes
-    of_second_order = None if moves_generalised(body) else _second_order(body, M, shapes, origin, axes, momentum[3:])
+    of_second_order = None
+    if body.second_order is not None and lumping == "consistent":
+        of_second_order = body.second_order.of(shapes).seen_from(origin, axes, axes.T @ momentum[:3])
+    elif not moves_generalised(body):
+        of_second_order = _second_order(body, M, shapes, origin, axes, momentum[3:])
     return ModalIntegrals(
         origin=origin,
         axes=axes,

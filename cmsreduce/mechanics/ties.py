@@ -230,6 +230,7 @@ def _restated(body: FEModel, T: sp.csr_array, gone: NDArray[np.int64], name: str
         sets=sets,
         tied=Recovery(every.dofs[follow], dofs, every.T[follow] @ T),
         untied_mass=body.untied_mass or UntiedMass(body.dofs, body.M),
+        second_order=None,
     )
 
 

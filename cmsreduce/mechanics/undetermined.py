@@ -267,6 +267,7 @@ def _restricted(
         sets={name: place[rows][place[rows] >= 0] for name, rows in body.sets.items()},
         constrained=at_rest if body.constrained is None else body.constrained.joined(at_rest),
         tied=body.tied and replace(body.tied, leads=body.dofs[stay], T=body.tied.T[:, stay]),
+        second_order=body.second_order and body.second_order.of(np.eye(body.n)[:, stay]),
     )
 
 

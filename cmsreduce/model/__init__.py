@@ -51,6 +51,7 @@ from cmsreduce.model.mapped_array import (
 )
 from cmsreduce.model.mode_set import ModeBlock, ModeCertificate, ModeKind, ModeSet
 from cmsreduce.model.multibody_scene import MultibodyScene, SceneBody, SceneJoint
+from cmsreduce.model.parameters import ParameterTerm, Values, parameter_label, unresisted, varied
 from cmsreduce.model.reduced import ModalComponent, ReducedComponent
 from cmsreduce.model.results import *  # noqa: F403 - its own face names what it offers
 from cmsreduce.model.rounding import (
@@ -87,7 +88,13 @@ from cmsreduce.model.system import (
     Substructure,
     System,
 )
-from cmsreduce.model.unit_conversion import in_units, load_stiffness_in_units, recovery_in_units, rigid_in_units
+from cmsreduce.model.unit_conversion import (
+    in_units,
+    load_stiffness_in_units,
+    matrix_in_units,
+    recovery_in_units,
+    rigid_in_units,
+)
 from cmsreduce.model.units import SI, UNITS, UnitKind, Units, units_of
 
 __all__ = [
@@ -133,6 +140,7 @@ __all__ = [
     "Nodes",
     "OutboardMass",
     "PRINTED",
+    "ParameterTerm",
     "Placement",
     "Point",
     "PointTerm",
@@ -157,6 +165,7 @@ __all__ = [
     "UnitLoad",
     "Units",
     "UntiedMass",
+    "Values",
     "add_dataset",
     "checksum",
     "chosen_columns",
@@ -172,6 +181,8 @@ __all__ = [
     "map_dataset",
     "mapped_array",
     "mapped_in",
+    "matrix_in_units",
+    "parameter_label",
     "pattern_errors",
     "recovery_in_units",
     "rigid_body_shapes",
@@ -180,5 +191,7 @@ __all__ = [
     "shapes_beside",
     "spread_noise",
     "units_of",
+    "unresisted",
+    "varied",
 ]
 __all__ += results.__all__

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from cmsreduce.errors import DofMapError, MatrixError, SceneError
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import SCALAR, DofTable, Nodes
+from cmsreduce.model.integrals import SecondOrder
+from cmsreduce.model.parameters import ParameterTerm, Values, varied
 from cmsreduce.model.rounding import CONDENSATION, DOUBLE
 from cmsreduce.model.units import SI, Units
 
@@ -162,12 +164,19 @@ class FEModel:
         Dofs that follow the rows, such as those of nodes tied to an interface point; they have no rows.
     untied_mass : UntiedMass, optional
         Mass over the dofs that the body was read with, if some of them are tied: M = T^T M_untied T.
+    second_order : SecondOrder, optional
+        Integrals of second order over unit motions of the rows, about the basic origin and along the basic axes, where
+        the source states them: mass that moves with generalised coordinates does not determine them.
     grounded : bool
         True if the user states that the body is held to the ground, so that K resists rigid motion.
     rows_trusted : bool
         True if the user vouches for the order of the rows where it cannot be proven.
     sources : tuple of Source
         Files that the body was read from.
+    terms : tuple of ParameterTerm
+        What parameters of the scene add to its matrices.
+    corners : tuple of mapping of parameter to float
+        Values of the parameters at which its mode sets are computed, beside the body as it is without parameters.
 
     Raises
     ------
@@ -191,9 +200,12 @@ class FEModel:
     constrained: DofTable | None = None
     tied: Recovery | None = None
     untied_mass: UntiedMass | None = None
+    second_order: SecondOrder | None = None
     grounded: bool = False
     rows_trusted: bool = False
     sources: tuple[Source, ...] = ()
+    terms: tuple[ParameterTerm, ...] = ()
+    corners: tuple[Values, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.dofs)
@@ -202,6 +214,8 @@ class FEModel:
                 object.__setattr__(self, letter, self._checked(getattr(self, letter), f"{what} matrix {letter}"))
         if self.tied is not None and self.tied.T.shape[1] != n:
             raise DofMapError(f"body '{self.name}': tied dofs follow {self.tied.T.shape[1]} rows, but it has {n}")
+        if self.second_order is not None and self.second_order.phi_phi.shape != (3, 3, n, n):
+            raise DofMapError(f"body '{self.name}': integrals of {self.second_order.phi_phi.shape[2]} rows, not of {n}")
         if self.D is not None and self.damping.law != "none":
             raise MatrixError(f"body '{self.name}': give a damping matrix or a damping law, not both")
         if self.nodes is not None:
@@ -260,6 +274,16 @@ class FEModel:
         found = copy(self)
         object.__setattr__(found, "name", name)
         return found
+
+    def undamped_at(self, values: Values) -> FEModel:
+        """The body at some values of the parameters, without its damping; itself where they add nothing."""
+        acting = [term for term in self.terms if term.letter != "D" and term.factor(values)]
+        if not acting:
+            return self
+        K, M = (varied(getattr(self, letter), acting, letter, values) for letter in ("K", "M"))
+        assert isinstance(K, sp.csc_array) and isinstance(M, sp.csc_array)
+        untied = None if any(term.letter == "M" for term in acting) else self.untied_mass
+        return replace(self, K=K, M=M, D=None, damping=Damping(), terms=(), corners=(), untied_mass=untied)
 
     @property
     def n(self) -> int:

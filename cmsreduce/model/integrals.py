@@ -53,6 +53,21 @@ class SecondOrder:
     r_phi: NDArray[np.float64]
     phi_phi: NDArray[np.float64]
 
+    def of(self, T: NDArray[np.float64]) -> SecondOrder:
+        """Integrals of the shapes T (k, m) in amplitudes of these."""
+        return SecondOrder(self.r_phi @ T, T.T @ self.phi_phi @ T)
+
+    def seen_from(
+        self, origin: NDArray[np.float64], axes: NDArray[np.float64], phi: NDArray[np.float64]
+    ) -> SecondOrder:
+        """The same integrals about another origin (3,) and along other axes, as rows (3, 3).
+
+        Both are in the frame of these integrals, and ``phi`` is int phi dm in it (3, k).
+        """
+        r_phi = self.r_phi - origin[:, None, None] * phi
+        turned = [np.einsum("ai,bj,ij...->ab...", axes, axes, each) for each in (r_phi, self.phi_phi)]
+        return SecondOrder(*turned)
+
 
 @dataclass(frozen=True, eq=False)
 class ModalIntegrals:

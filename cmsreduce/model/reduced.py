@@ -13,6 +13,7 @@ from cmsreduce.model.body import FEModel
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.mapped_array import chosen_columns
 from cmsreduce.model.mode_set import ModeCertificate, ModeKind, ModeSet
+from cmsreduce.model.parameters import ParameterTerm
 
 __all__ = ["ModalComponent", "ReducedComponent"]
 
@@ -101,6 +102,8 @@ class ModalComponent:
     basis_condition : float
         Largest over smallest singular value of the mode set in the energy K / tr K + M / tr M, with columns of unit
         length; NaN if unknown.
+    terms : tuple of ParameterTerm
+        What parameters add to its modal matrices; the modes are those of the body without parameters.
     certificate : ModeCertificate, optional
         Proof about the normal modes of the basis.
     rankings : mapping of name to (m,) float64
@@ -131,6 +134,7 @@ class ModalComponent:
     neglected_count: int = 0
     basis_rank: int = 0
     basis_condition: float = float("nan")
+    terms: tuple[ParameterTerm, ...] = ()
 
     def __post_init__(self) -> None:
         m = self.Phi.shape[1]
@@ -246,6 +250,9 @@ class ModalComponent:
         above = slice(first, self.elastic.stop)
         scale = np.ones(self.omega.size)
         scale[above] = 1 / self.omega[above]
+        # A mode without mass has none of a parameter either.
+        on = np.ones(self.omega.size)
+        on[above] = 0.0
         label = f"static: above {omega / (2 * np.pi):.6g} Hz"
         why = self.why[:first] + (label,) * (self.elastic.stop - first) + self.why[self.elastic.stop :]
 
@@ -266,6 +273,7 @@ class ModalComponent:
             neglected_count=self.neglected_count + above.stop - first,
             rankings={name: blank(values, np.nan) for name, values in self.rankings.items()},
             cluster=None if self.cluster is None else np.where(np.isinf(omega_now), 0, self.cluster),
+            terms=tuple(term.over(np.diag(on if term.letter == "M" else scale)) for term in self.terms),
         )
 
     def truncated(self, keep: ArrayLike, why: Sequence[str] | None = None) -> ModalComponent:
@@ -294,4 +302,5 @@ class ModalComponent:
             why=tuple(reasons[c] for c in columns),
             rankings={name: values[columns] for name, values in self.rankings.items()},
             cluster=None if self.cluster is None else self.cluster[columns],
+            terms=tuple(term.within(columns) for term in self.terms),
         )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import SceneError, UnitsError
+from cmsreduce.model.parameters import Values
 from cmsreduce.model.units import SI, Units
 
 __all__ = [
@@ -66,6 +67,8 @@ class JointElement:
         In the scene's units: force per length or moment per radian; for the damping, times a second.
     inertia : float
         Moment of inertia about the joint's axis; rotations only.
+    varied : tuple of (parameter, "stiffness" or "damping" or "inertia")
+        Parameters of the scene whose values are added.
 
     Raises
     ------
@@ -77,16 +80,34 @@ class JointElement:
     stiffness: float = 0.0
     damping: float = 0.0
     inertia: float = 0.0
+    varied: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         for what in ("stiffness", "damping", "inertia"):
             if not getattr(self, what) >= 0:
                 raise SceneError(f"a joint's {what} of {getattr(self, what):g} is negative")
-        if self.inertia and self.dof < _FIRST_ROTATION:
+        if self.has("inertia") and self.dof < _FIRST_ROTATION:
             raise SceneError(
                 "a joint's inertia is about one of its axes; a part that slides has mass in every direction: "
                 "add its mass to a body"
             )
+
+    def has(self, what: str) -> bool:
+        """True if the element has a stiffness, damping or inertia, by itself or by a parameter."""
+        return bool(getattr(self, what)) or any(figure == what for _, figure in self.varied)
+
+    def at(self, values: Values) -> JointElement:
+        """The element at some values of the parameters.
+
+        Raises
+        ------
+        SceneError
+            If a stiffness, damping or inertia is negative.
+        """
+        added = dict.fromkeys(("stiffness", "damping", "inertia"), 0.0)
+        for parameter, what in self.varied:
+            added[what] += values.get(parameter, 0.0)
+        return JointElement(self.dof, *(getattr(self, what) + more for what, more in added.items()))
 
 
 @dataclass(frozen=True)
@@ -196,7 +217,7 @@ class Joint:
         acted_on = [element.dof for element in self.elements]
         for element in self.elements:
             dof = element.dof
-            if dof not in self.free and (element.stiffness or element.damping):
+            if dof not in self.free and (element.has("stiffness") or element.has("damping")):
                 raise SceneError(
                     f"joint '{self.name}': {DOF_NAMES[dof]} is locked, so that no spring or damper acts on it: "
                     f"free it (`free: [{DOF_NAMES[dof]}]`), or take the key out"
@@ -206,8 +227,17 @@ class Joint:
 
     def locked(self) -> Joint:
         """The same joint with its free motions locked; its inertias stay."""
-        held = (JointElement(element.dof, inertia=element.inertia) for element in self.elements)
-        return replace(self, free=frozenset(), elements=tuple(element for element in held if element.inertia))
+        held = (
+            JointElement(
+                element.dof, inertia=element.inertia, varied=tuple(one for one in element.varied if one[1] == "inertia")
+            )
+            for element in self.elements
+        )
+        return replace(self, free=frozenset(), elements=tuple(each for each in held if each.has("inertia")))
+
+    def at(self, values: Values) -> Joint:
+        """The joint at some values of the parameters, which no longer vary."""
+        return replace(self, elements=tuple(element.at(values) for element in self.elements))
 
     @property
     def own_body(self) -> str:
@@ -217,7 +247,7 @@ class Joint:
 
 @dataclass(frozen=True)
 class Configuration:
-    """A configuration: one set of joint angles.
+    """A configuration: one set of joint angles and parameters.
 
     Parameters
     ----------
@@ -225,10 +255,18 @@ class Configuration:
         Label, such as ``spin=45 cone=30``.
     angles : mapping of (joint, dof 0..5) to float
         In radians, or in the scene's unit of length for a translation; motions without a value are zero.
+    parameters : mapping of name to float
+        Values of the parameters in the scene's units; a parameter without a value is zero.
     """
 
     name: str
     angles: Mapping[tuple[str, int], float] = field(default_factory=dict)
+    parameters: Values = field(default_factory=dict)
+
+    @property
+    def as_built(self) -> Configuration:
+        """The configuration with all joints at zero."""
+        return Configuration("as built", parameters=self.parameters)
 
 
 @dataclass(frozen=True, eq=False)

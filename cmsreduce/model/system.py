@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.model.body import Interface
+from cmsreduce.model.parameters import ParameterTerm, Values, unresisted, varied
 from cmsreduce.model.scene import Configuration, Joint
 
 __all__ = ["Controller", "InterfaceLoading", "Matrix", "ModalChannels", "OutboardMass", "Substructure", "System"]
@@ -46,13 +47,15 @@ class Substructure:
     interfaces : mapping of name to Interface
         The label of node k of an interface is ``point_labels(interface)[k]``.
     omega : (m,) float64, optional
-        Natural frequencies if the coordinates are orthonormal modes (M = I, K = diag(omega^2)); infinite for static
-        modes, which have no mass and unit stiffness.
+        Natural frequencies if the coordinates are orthonormal modes (M = I, K = diag(omega^2) without parameters);
+        infinite for static modes, which have no mass and unit stiffness.
     rounding : float
         Relative rounding of the entries of M and K.
     parts : (m,) float64, optional
         Sum of the absolute parts of the strain energy of each coordinate in the unreduced body. They cancel in K, whose
         rounding is a share of them.
+    terms : tuple of ParameterTerm
+        What parameters add to M, D and K.
     """
 
     name: str
@@ -69,11 +72,44 @@ class Substructure:
     omega: NDArray[np.float64] | None = None
     rounding: float = 2.0**-53
     parts: NDArray[np.float64] | None = None
+    terms: tuple[ParameterTerm, ...] = ()
+
+    def at(self, values: Values) -> Substructure:
+        """The body at some values of the parameters, in the same coordinates; itself where they add nothing."""
+        acting = [term for term in self.terms if term.factor(values)]
+        if not acting:
+            return self
+        M, K, D = (varied(getattr(self, letter), acting, letter, values) for letter in ("M", "K", "D"))
+        assert M is not None and K is not None
+        rigid = self.rigid @ unresisted([term.matrix for term in acting if term.letter == "K"], self.rigid)
+        if M is not self.M and rigid.shape[1]:
+            weight = np.linalg.cholesky(rigid.T @ np.asarray(M @ rigid))
+            rigid = np.asarray(np.linalg.solve(weight, rigid.T).T, dtype=np.float64)
+        return replace(self, M=M, K=K, D=D, rigid=rigid, parts=None, terms=())
 
     @property
     def m(self) -> int:
         """Number of coordinates."""
         return int(self.M.shape[0])
+
+    def narrowed(self, columns: NDArray[np.int64]) -> Substructure:
+        """The body in some of its coordinates; the others stand still."""
+
+        def part(A: Matrix) -> Matrix:
+            return A[columns][:, columns]
+
+        return replace(
+            self,
+            M=part(self.M),
+            K=part(self.K),
+            D=None if self.D is None else part(self.D),
+            loss=None if self.loss is None else part(self.loss),
+            rigid=self.rigid[columns],
+            motion={label: rows[:, columns] for label, rows in self.motion.items()},
+            omega=None if self.omega is None else self.omega[columns],
+            parts=None if self.parts is None else self.parts[columns],
+            terms=tuple(term.within(columns) for term in self.terms),
+        )
 
     def point_labels(self, interface: Interface) -> list[str]:
         """Labels, in ``motion``, of the nodes of an interface."""

@@ -12,9 +12,10 @@ from cmsreduce.model.body import FEModel, Interface, Recovery, RigidBody
 from cmsreduce.model.damping import Damping
 from cmsreduce.model.dofs import DofTable
 from cmsreduce.model.geometric_stiffness import UnitLoad
+from cmsreduce.model.integrals import SecondOrder
 from cmsreduce.model.units import Units
 
-__all__ = ["in_units", "load_stiffness_in_units", "recovery_in_units", "rigid_in_units"]
+__all__ = ["in_units", "load_stiffness_in_units", "matrix_in_units", "recovery_in_units", "rigid_in_units"]
 
 
 def in_units(body: FEModel, units: Units) -> FEModel:
@@ -60,7 +61,14 @@ def in_units(body: FEModel, units: Units) -> FEModel:
         units=units,
         tied=body.tied and recovery_in_units(body.tied, body.units, units),
         untied_mass=untied_mass,
+        second_order=body.second_order and _second_order_in_units(body.second_order, inverse, length, mass),
     )
+
+
+def _second_order_in_units(given: SecondOrder, inverse: sp.dia_array, length: float, mass: float) -> SecondOrder:
+    """Integrals over new units of motion of the rows, times the units of mass and of both lengths in them."""
+    unit = given.of(inverse.toarray())
+    return SecondOrder(mass * length**2 * unit.r_phi, mass * length**2 * unit.phi_phi)
 
 
 def load_stiffness_in_units(A: sp.csc_array, dofs: DofTable, load: UnitLoad, old: Units, new: Units) -> sp.csc_array:
@@ -69,6 +77,14 @@ def load_stiffness_in_units(A: sp.csc_array, dofs: DofTable, load: UnitLoad, old
     inverse = _diagonal(dofs, 1 / length)
     energy = mass * length**2 / time**2
     return sp.csc_array(energy * load.worth(new) / load.worth(old) * (inverse @ A @ inverse))
+
+
+def matrix_in_units(A: sp.csc_array, dofs: DofTable, letter: str, old: Units, new: Units) -> sp.csc_array:
+    """Convert a stiffness, damping or mass matrix (n, n); ``letter`` is K, D or M."""
+    length, mass, time = _ratios(old, new)
+    inverse = _diagonal(dofs, 1 / length)
+    scale = mass * length**2 / time**2 * time ** "KDM".index(letter)
+    return sp.csc_array(scale * (inverse @ A @ inverse))
 
 
 def recovery_in_units(known: Recovery, old: Units, new: Units) -> Recovery:

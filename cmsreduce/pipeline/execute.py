@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from cmsreduce.config import load_pipeline
-from cmsreduce.errors import StageError
-from cmsreduce.mechanics import moves_generalised
-from cmsreduce.model import UNDETERMINED, Configuration, RunResult
+from cmsreduce.errors import ConfigError, StageError, not_among
+from cmsreduce.model import RunResult, Values, parameter_label
 from cmsreduce.multifrontal import blas_threads
 from cmsreduce.pipeline.results import (
-    body_costly_modes,
-    channel_quantities,
-    component_checks,
     convert_system,
-    frame_of,
-    integral_frame_of,
-    outboard_of,
+    measured_costs,
     run_result,
     unit_paths,
     with_failures,
     without_binary,
+    write_body,
     write_report,
+    write_system_file,
     write_system_states,
 )
 from cmsreduce.pipeline.run import STAGES, Run
@@ -37,9 +31,7 @@ from cmsreduce.write import (
     conversion,
     profile_files,
     refuse_foreign,
-    write_component,
     write_summary,
-    write_system,
 )
 
 __all__ = ["execute", "reopen", "write_report"]
@@ -87,6 +79,9 @@ def execute(
         if only == "project" and run.pipeline.project is None:
             raise StageError("the pipeline has no `project:`; add it, or take `--only project` out")
         refuse_foreign(_outputs(run, due, report), _inputs(run))
+        if run.pipeline.write is not None:
+            # Before anything is computed.
+            _values_written(run)
         if report and last == "write":
             _begin_packing()
         for name in run.flexible_names:
@@ -110,7 +105,7 @@ def execute(
         write_origin(run.folder, source, overrides)
         if last != "write":
             if "assemble" in due:
-                run.stages.written.extend(_write_system(run))
+                run.stages.written.extend(write_system_file(run))
             return None
         return _results(run, report=report)
 
@@ -119,6 +114,8 @@ def _results(run: Run, *, report: bool) -> RunResult:
     """Write the results of a run: summary and report first, then component files and files of other programs."""
     summary, failures = run.folder / "summary.json", run.stages.failures
     result = run_result(run, views=report)
+    if run.pipeline.verify is not None and run.pipeline.verify.cost.measure:
+        result = with_failures(run, replace(result, speed=measured_costs(run, result.speed)))
     write_summary(summary, result)
     if report:
         write_report(result, run.folder, failures)
@@ -195,14 +192,23 @@ def _write(run: Run) -> None:
     formats, programs = run.pipeline.write.formats, run.pipeline.write.targets
     targets = [target for target in formats if target in TARGETS]
     run.stages.progress.stage("write", "component files")
+    values = _values_written(run)
     for name in run.flexible_names if "hdf5" in formats or targets or programs else ():
         # Files of other codes are made from the component file alone, which is removed if the user did not ask for it.
-        kept = run.folder / f"{name}.h5"
-        path = _write_body(run, name, kept if "hdf5" in formats else run.folder / f"stages/{name}.h5")
+        kept, other = run.folder / f"{name}.h5", run.folder / f"stages/{name}.h5"
+        path = write_body(run, name, kept if "hdf5" in formats else other)
         if path is None:
             continue
         if path == kept:
             run.stages.written.append(path)
+        if run.bodies[name].body.terms and (targets or programs):
+            path = write_body(run.at_values(values), name, other)
+            if path is None:
+                continue
+            run.stages.note(
+                f"{name}: files of other programs hold it with {parameter_label(values) or 'all parameters at zero'} "
+                "(write.configuration)"
+            )
         for target in targets:
             run.stages.written.extend(_write_target(run, name, target, path))
         for program in programs:
@@ -210,50 +216,23 @@ def _write(run: Run) -> None:
         if path != kept:
             path.unlink()
     if "hdf5" in formats:
-        run.stages.written.extend(_write_system(run))
+        run.stages.written.extend(write_system_file(run))
     if "matlab" in formats:
         run.stages.written.extend(_write_states(run))
     if "fmi" in formats:
         run.stages.written.extend(_write_units(run))
 
 
-@diagnostic("the component file of '{}'", about=lambda run, name, _: name, required=True)
-def _write_body(run: Run, name: str, path: Path) -> Path | None:
-    """Write the component file of a body."""
+def _values_written(run: Run) -> Values:
+    """Values of the parameters in files of other programs; none unless a configuration is asked for."""
     assert run.pipeline.write is not None
-    model, component = run.model.assembled, run.written(name)
-    wiring = model.wiring(Configuration("as built"))
-    columns, L = model.stack.body_columns(name), run.written_motions(name)
-
-    def on_body(rows: np.ndarray[Any, np.dtype[np.float64]]) -> Any:
-        return rows[:, columns] @ L
-
-    forces, displacements, rates = on_body(wiring.B), on_body(wiring.C1), on_body(wiring.C2)
-    inputs = {c.name: row for c, row in zip(run.scene.actuators, forces, strict=True) if row.any()}
-    measured = zip(run.scene.sensors, displacements, rates, strict=True)
-    outputs = {c.name: (d, v) for c, d, v in measured if d.any() or v.any()}
-    frame = frame_of(run, name)
-    write_component(
-        path,
-        component,
-        nodes=[int(label) for label in model.substructures[name].motion],
-        inputs=inputs,
-        outputs=outputs,
-        checks=component_checks(run, name),
-        provenance=_provenance(run),
-        all_nodes=run.pipeline.write.all_nodes,
-        frame=frame,
-        about=integral_frame_of(run, name, frame),
-        augmented=outboard_of(run, name),
-        costly=body_costly_modes(run, name),
-        stiffening=run.bodies[name].stiffening,
-    )
-    if component.body.nodes is not None and moves_generalised(component.body):
-        run.stages.note(
-            f"{name}: {UNDETERMINED}. Its file leaves them out; exudyn and sid files are for slow rotations, without "
-            "forces by squares of angular velocities; 42, mbdyn, mbsim, discos, dads and treetops need them"
-        )
-    return path
+    name = run.pipeline.write.configuration
+    if name is None:
+        return {}
+    found = {each.name: each.parameters for each in run.scene.configurations}
+    if name not in found:
+        raise ConfigError(f"write.configuration: {not_among('configuration', name, found)}")
+    return found[name]
 
 
 @diagnostic("the target {}", tuple, about=lambda run, name, target, _: f"'{target}' of '{name}'", required=True)
@@ -276,17 +255,6 @@ def _write_for(run: Run, name: str, program: str, path: Path) -> tuple[Path, ...
     return made.paths
 
 
-@diagnostic("the file system.h5", tuple, required=True)
-def _write_system(run: Run, path: Path | None = None) -> tuple[Path, ...]:
-    path = path or run.folder / "system.h5"
-    model = run.model.assembled
-    systems = [model.system(configuration) for configuration in run.scene.configurations]
-    write_system(
-        path, systems, provenance=_provenance(run), units=run.scene.units, quantities=channel_quantities(run.scene)
-    )
-    return (path,)
-
-
 @diagnostic("the file system.mat", tuple, required=True)
 def _write_states(run: Run) -> tuple[Path, ...]:
     return (write_system_states(run),)
@@ -300,7 +268,7 @@ def _write_units(run: Run) -> tuple[Path, ...]:
     if "hdf5" in run.pipeline.write.formats:
         written = convert_system(kept, run.folder, version)
     else:
-        (path,) = _write_system(run, run.folder / "stages/system.h5")
+        (path,) = write_system_file(run, run.folder / "stages/system.h5")
         try:
             written = convert_system(path, run.folder, version)
         finally:
@@ -308,11 +276,3 @@ def _write_units(run: Run) -> tuple[Path, ...]:
     for note in without_binary(written):
         run.stages.note(note)
     return written
-
-
-def _provenance(run: Run) -> Mapping[str, Any]:
-    return {
-        "pipeline": run.pipeline.name,
-        "settings": run.pipeline.model_dump(mode="json", exclude_none=True),
-        "notes": list(run.stages.notes),
-    }

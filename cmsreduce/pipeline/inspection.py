@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 from cmsreduce.config import Pipeline, build_scene, load_pipeline
 from cmsreduce.mechanics import ACCURACIES, INTEGRATORS
 from cmsreduce.model import FEModel, Finding, Scene, SystemChecks, health_data, loads_in_words
-from cmsreduce.pipeline.bodies import FlexibleBody, body_health, effective_masses, read_flexible
+from cmsreduce.pipeline.bodies import (
+    REDUCED_FILES,
+    FlexibleBody,
+    body_health,
+    effective_masses,
+    read_flexible,
+)
 from cmsreduce.pipeline.execute import reopen
 from cmsreduce.pipeline.results import (
     body_totals,
@@ -24,6 +30,8 @@ from cmsreduce.pipeline.results import (
     file_totals,
     frame_lines,
     health_table,
+    inspected_body,
+    inspected_system,
     run_result,
     total_data,
     total_lines,
@@ -32,7 +40,7 @@ from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import collecting, diagnostic
 from cmsreduce.read import FileKind, file_kind, matrix_names, read_geometry
 from cmsreduce.report import InspectedLine, check_line, health_lines
-from cmsreduce.write import ComponentFile, read_component, summary, verify_seal
+from cmsreduce.write import ComponentFile, read_component, summary
 
 __all__ = ["Inspected", "inspected"]
 
@@ -85,9 +93,7 @@ def _indented(rows: Sequence[InspectedLine]) -> list[InspectedLine]:
 
 
 def _system(path: Path) -> Inspected:
-    sealed = verify_seal(path)
-    said = ["assembled reduced system", "sealed" if sealed else "not sealed: it was written by an earlier version"]
-    return Inspected([*map(InspectedLine, said)], {"kind": "system", "sealed": sealed})
+    return Inspected(*inspected_system(path))
 
 
 def _component(path: Path) -> Inspected:
@@ -153,6 +159,8 @@ def _integration(file: ComponentFile) -> Iterator[InspectedLine]:
 
 def _model_file(kind: FileKind, path: Path) -> Inspected:
     """Matrices of a file, or else its nodes; the reader of geometry refuses a file that has neither."""
+    if kind.name in REDUCED_FILES:
+        return Inspected(*inspected_body(kind, path))
     if not kind.matrices:
         return _geometry(path)
     rows, matrices = [InspectedLine(f"format {kind.matrices}")], []

@@ -1,21 +1,46 @@
 """Projection and assembly: system modes projected on the bodies that will reproduce them.
 
-Projection, extraneous modes and the cost of a coordinate in the system belong here.
-The joined system itself belongs in `assemble`.
+Projection, extraneous modes, shapes made for the scene's responses and the cost of a coordinate in the system belong
+here. The joined system itself belongs in `assemble`.
 """
 
 from cmsreduce.project.extraneous import extraneous_count, extraneous_modes, returned
 from cmsreduce.project.projection import Projection, keep_combinations, project_shapes
+from cmsreduce.project.response_certificate import (
+    ESTIMATE_FACTOR,
+    ResponseCertificate,
+    response_certificates,
+    richer_shapes,
+)
+from cmsreduce.project.scene_responses import BodyModes, ResponseSample, SceneResponses, Shapes
+from cmsreduce.project.scene_shapes import ResponseLimits, SceneFit, energy_shapes, fit_shapes, objective
+from cmsreduce.project.shape_search import Judged, Settled, ShapeSearch
 from cmsreduce.project.system_cost import SystemCost, cost_shares, system_cost
 
 __all__ = [
+    "ESTIMATE_FACTOR",
+    "BodyModes",
+    "Judged",
     "Projection",
+    "ResponseCertificate",
+    "ResponseLimits",
+    "ResponseSample",
+    "SceneFit",
+    "SceneResponses",
+    "Settled",
+    "ShapeSearch",
+    "Shapes",
     "SystemCost",
     "cost_shares",
+    "energy_shapes",
     "extraneous_count",
     "extraneous_modes",
+    "fit_shapes",
     "keep_combinations",
+    "objective",
     "project_shapes",
+    "response_certificates",
     "returned",
+    "richer_shapes",
     "system_cost",
 ]

@@ -95,7 +95,7 @@ def project_shapes(body: str, shapes: Sequence[Array], M: Matrix, tolerance: flo
     return Projection(body, np.asarray(basis @ U[:, :rank]), np.asarray(singular))
 
 
-def keep_combinations(component: ModalComponent, Q: Array, why: str) -> ModalComponent:
+def keep_combinations(component: ModalComponent, Q: Array, why: str, *, coupled: bool = False) -> ModalComponent:
     """Reduce a body to chosen combinations of its elastic modes.
 
     Parameters
@@ -106,15 +106,17 @@ def keep_combinations(component: ModalComponent, Q: Array, why: str) -> ModalCom
         Orthonormal columns: the combinations to keep.
     why : str
         Reason why they are kept.
+    coupled : bool
+        Project the viscous damping of a law completely, as that of a damping matrix.
 
     Returns
     -------
     ModalComponent
         k elastic modes, orthonormal in M and K: combinations of the columns that make Q^T K Q diagonal. Their
         frequencies lie between the old ones. Modal damping is no longer diagonal; its diagonal is kept, because the
-        coupling is zeta times a difference of the combined frequencies. A damping matrix is projected without such an
-        approximation. Kind, source and ranking are those of the old mode most alike; the reason names that mode, unless
-        the combination is itself an old mode.
+        coupling is zeta times a difference of the combined frequencies. A damping matrix, and with ``coupled`` a law,
+        is projected without such an approximation. Kind, source and ranking are those of the old mode most alike; the
+        reason names that mode, unless the combination is itself an old mode.
 
     Raises
     ------
@@ -142,6 +144,8 @@ def keep_combinations(component: ModalComponent, Q: Array, why: str) -> ModalCom
     ]
     columns = np.concatenate([np.arange(r), r + like, np.arange(e.stop, component.omega.size)])
     D = None if component.D is None else combination.T @ component.D @ combination
+    if coupled and D is None and component.damping.law not in ("none", "structural"):
+        D = combination.T @ (component.viscous[:, None] * combination)
     zeta = np.einsum("ij,i,ij->j", Y, d, Y) if D is None else D.diagonal()[r : r + omega.size]
     loss = component.damping.structural
     ratio = zeta / (2 * omega) if loss is None else np.full(omega.size, loss / 2)
@@ -152,6 +156,7 @@ def keep_combinations(component: ModalComponent, Q: Array, why: str) -> ModalCom
         omega=np.concatenate([component.omega[:r], omega, static]),
         zeta=np.concatenate([np.zeros(r), ratio, np.zeros(static.size)]),
         D=D,
+        terms=tuple(term.over(combination) for term in component.terms),
         kind=tuple(component.kind[k] for k in columns),
         source_hz=component.source_hz[columns],
         sigma=component.sigma[columns],

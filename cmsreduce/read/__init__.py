@@ -12,6 +12,7 @@ from cmsreduce.read.file_kind import FORMATS, GEOMETRY_FORMATS, FileKind, expect
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import Geometry, GeometryFormat, MatrixFormat, MatrixInfo, StoredMatrix
 from cmsreduce.read.geometry import read_cells, read_geometry
+from cmsreduce.read.inner_grids import with_inner_grids
 from cmsreduce.read.interfaces import InterfaceSpec, MatrixSource, Nearby
 from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import detect_format, matrix_names, read_matrix
@@ -29,7 +30,16 @@ from cmsreduce.read.nastran import (
     read_followers,
     read_members,
 )
-from cmsreduce.read.reduced import ModalBody, in_dofs, read_modes, read_sid
+from cmsreduce.read.parameter_matrix import read_parameter_matrix
+from cmsreduce.read.reduced import (
+    ModalBody,
+    in_dofs,
+    read_mbdyn,
+    read_modes,
+    read_sid,
+    read_states,
+    read_universal_modes,
+)
 from cmsreduce.read.row_order import (
     LOUD,
     QUIET,
@@ -86,10 +96,15 @@ __all__ = [
     "read_followers",
     "read_geometry",
     "read_matrix",
+    "read_mbdyn",
     "read_members",
     "read_modes",
+    "read_parameter_matrix",
     "read_sid",
+    "read_states",
+    "read_universal_modes",
     "sha256_of",
     "superelement_damping",
     "superelement_matrices",
+    "with_inner_grids",
 ]

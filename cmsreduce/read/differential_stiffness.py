@@ -12,7 +12,7 @@ from cmsreduce.read.interfaces import MatrixSource
 from cmsreduce.read.matrix import read_matrix
 from cmsreduce.read.row_order import is_condensed
 
-__all__ = ["read_differential_stiffness"]
+__all__ = ["matrix_on_rows", "read_differential_stiffness", "refuse_other_couplings"]
 
 # Of the largest entry: symmetric to ten thousand roundings of the file, the limit of a stiffness matrix, too.
 _SYMMETRY_FACTOR = 1e4
@@ -47,8 +47,40 @@ def read_differential_stiffness(source: MatrixSource, body: FEModel, label: str)
         If it couples nodes that the stiffness matrix does not couple, or a translation of the whole body costs force:
         its rows are in another order, or it contains more than stress.
     """
+    what = f"body '{body.name}': geometric stiffness"
+    A, rounding, named = matrix_on_rows(source, body, what, f" ({label})")
+    refuse_other_couplings(A, body, named)
+    return A, _remark_on_balance(A, body, named, rounding)
+
+
+def matrix_on_rows(source: MatrixSource, body: FEModel, what: str, label: str = "") -> tuple[sp.csc_array, float, str]:
+    """Read a symmetric matrix beside those of a body.
+
+    Parameters
+    ----------
+    source : MatrixSource
+        File of the matrix.
+    body : FEModel
+        n dofs, as read.
+    what, label : str
+        Words before and behind the name of the matrix in messages.
+
+    Returns
+    -------
+    matrix : (n, n) sparse array
+        Symmetric, in the rows of the body.
+    rounding : float
+        Relative rounding of its entries.
+    named : str
+        The matrix in words.
+
+    Raises
+    ------
+    MatrixError
+        If its size is not that of the body, or it is not finite or not symmetric.
+    """
     found = read_matrix(source.path, source.matrix, source.format)
-    what = f"body '{body.name}': geometric stiffness '{found.name}' of {found.path} ({label})"
+    what = f"{what} '{found.name}' of {found.path}{label}"
     A = found.A
     if A.shape[0] != A.shape[1] or (found.dofs is None and A.shape[0] != body.n):
         raise MatrixError(
@@ -65,12 +97,10 @@ def read_differential_stiffness(source: MatrixSource, body: FEModel, label: str)
             f"{what} is not symmetric: it differs from its transpose by {skew / largest:.2e} of its largest entry; "
             "leave out the unsymmetric stiffness of follower loads, and mark a single triangle as symmetric"
         )
-    A = sp.csc_array((A + A.T) * 0.5)
-    _refuse_other_couplings(A, body, what)
-    return A, _remark_on_balance(A, body, what, found.rounding)
+    return sp.csc_array((A + A.T) * 0.5), found.rounding, what
 
 
-def _refuse_other_couplings(A: sp.csc_array, body: FEModel, what: str) -> None:
+def refuse_other_couplings(A: sp.csc_array, body: FEModel, what: str) -> None:
     """Refuse couplings that the stiffness lacks: an element with stress between two nodes has stiffness there, too."""
     ids, node = np.unique(body.dofs.node, return_inverse=True)
     others = np.setdiff1d(_coupled(A, node), _coupled(body.K, node))

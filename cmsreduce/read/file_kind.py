@@ -107,6 +107,8 @@ def _matches(pattern: bytes) -> Callable[[bytes], bool]:
 
 
 _MESH = rb"\A\s*(?:\$MeshFormat|# vtk |solid |OFF\b|ply\b|(?:<\?xml[^>]*>\s*)?<(?:!DOCTYPE Xdmf|VTKFile|Xdmf))"
+# MBDyn reads by record groups, and some writers have other words before them.
+_MBDYN = rb"MBDyn MODAL DATA FILE|\A(?:\*\*[^\n]*\n|\s*\n)*\*\*\s*RECORD\s+GROUP\s+1\s*,"
 _KEYS = rb"\A(?:\xef\xbb\xbf)?(?:\s*(?:#[^\n]*|---[^\n]*|%YAML[^\n]*)?\n)*"
 
 _MARKS = (
@@ -138,7 +140,7 @@ _MARKS = (
         "name the deck and the OP4, OP2 or punch file of the run",
     ),
     _Mark("sid", "an SID file, a body that is reduced already", _matches(rb"^\s*part\s*$\s*^\s*new modal\b"), _REDUCED),
-    _Mark("mbdyn", "a modal body of MBDyn, which is reduced already", _matches(rb"MBDyn MODAL DATA FILE")),
+    _Mark("mbdyn", "a modal body of MBDyn, which is reduced already", _matches(_MBDYN), _REDUCED),
     _Mark("html", "a web page", _matches(rb"\A\s*<(?:!doctype\s+)?html")),
     _Mark(
         "dofs", "a dof list, one node.component a line", _matches(rb"\A(?:\s*\d+\.[0-6]\s*\n){2}"), "use it as `rows:`"
@@ -204,7 +206,7 @@ def file_kind(path: Path) -> FileKind:
     if not head:
         return FileKind("empty", "an empty file", step="the run that should have written it may have failed")
     if is_row_mapping(path):
-        return FileKind("rows", "a list of the nodes of rows, as ANSYS exports it", step="use it as `rows:`")
+        return FileKind("rows", "a list of the rows of a matrix, as ANSYS exports it", step="use it as `rows:`")
     matrices, geometry = matrix_format(path, head), geometry_format(head)
     if matrices is not None or geometry is not None:
         main = matrices or geometry

@@ -15,8 +15,9 @@ from cmsreduce.read.matrix import matrix_names, read_matrix
 
 __all__ = ["SuperelementMatrices", "superelement_damping", "superelement_matrices"]
 
-# Ends of the names by medium and program: KXX and KAA in OP4 and OP2 files, KAAX in punch files.
-_FAMILIES = ("XX", "AA", "AAX")
+# Names by medium and program, with the letter of the matrix: KXX and KAA in OP4 and OP2 files, KAAX in punch files,
+# MATK in OP2 files of NX.
+_FAMILIES = ("{}XX", "{}AA", "{}AAX", "MAT{}")
 # A multiple of the stiffness differs from it by the digits of the file.
 _MULTIPLE = 1e-6
 
@@ -55,9 +56,10 @@ def superelement_matrices(path: Path) -> SuperelementMatrices:
     """
     # A matrix that a superelement does not have is a place holder of one row.
     found = {info.name.upper(): info for info in matrix_names(path) if info.rows == info.cols > 1}
-    ends = [name[1:] for name in found if name.startswith("K") and f"M{name[1:]}" in found]
-    family = next((end for end in _FAMILIES if end in ends), ends[0] if len(ends) == 1 else None)
-    if family is None or found[f"K{family}"].rows != found[f"M{family}"].rows:
+    ends = [f"{{}}{name[1:]}" for name in found if name.startswith("K") and f"M{name[1:]}" in found]
+    known = [each for each in _FAMILIES if {each.format("K"), each.format("M")} <= found.keys()]
+    family = known[0] if known else ends[0] if len(ends) == 1 else None
+    if family is None or found[family.format("K")].rows != found[family.format("M")].rows:
         held = ", ".join(found) or "none"
         raise ReadError(
             f"{path}: holds no stiffness and mass of a superelement, such as KXX and MXX or KAA and MAA; its square "
@@ -66,7 +68,7 @@ def superelement_matrices(path: Path) -> SuperelementMatrices:
 
     def source(letter: str) -> MatrixSource | None:
         # Programs add the number of the load case to the names of damping matrices.
-        names = (f"{letter}{family}", f"{letter}{family}1")
+        names = (family.format(letter), f"{family.format(letter)}1")
         return next((MatrixSource(path, found[name].name) for name in names if name in found), None)
 
     stiffness, mass = source("K"), source("M")

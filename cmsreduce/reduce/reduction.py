@@ -15,8 +15,9 @@ from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import column_blocks, congruence
 from cmsreduce.linalg.eigen import rigid_body_modes
 from cmsreduce.linalg.machine import current_settings
-from cmsreduce.model import FEModel, ModeBlock, ModeSet, ReducedComponent, rigid_body_shapes
+from cmsreduce.model import FEModel, ModeBlock, ModeSet, ReducedComponent, parameter_label, rigid_body_shapes
 from cmsreduce.reduce.basis import Basis
+from cmsreduce.reduce.corners import rigid_at, with_corners
 
 __all__ = ["Examined", "Reduction", "kept_rigid", "project"]
 
@@ -129,7 +130,8 @@ class Reduction(ABC):
             modes = basis.enriched() if enriched else basis.modes
             # The factor that the basis holds is large.
             del basis
-            return project(body, modes, rigid)
+            corners = self._at_corners(body, interface, loads, rigid, enriched=enriched)
+            return project(body, with_corners(body, modes, corners, self.cutoff_hz), rigid)
 
     def examine(
         self,
@@ -166,8 +168,29 @@ class Reduction(ABC):
             modes, more = basis.modes, basis.enriched() if enrich else None
             # The factor that the basis holds is large.
             del basis
-            richer = None if more is None else project(body, more, rigid)
+            corners = self._at_corners(body, interface, loads, rigid)
+            modes = with_corners(body, modes, corners, self.cutoff_hz)
+            richer = None
+            if more is not None:
+                richer = project(body, with_corners(body, more, corners, self.cutoff_hz), rigid)
             return Examined(project(body, modes, rigid), missed, richer)
+
+    def _at_corners(
+        self, body: FEModel, interface: ArrayLike | None, loads: Array | None, rigid: Array, *, enriched: bool = False
+    ) -> list[tuple[str, ModeSet]]:
+        """The mode set at each corner of the body's parameters, with the values in words."""
+        found = []
+        for values in body.corners:
+            there, label = body.undamped_at(values), parameter_label(values)
+            if there is body:
+                continue
+            try:
+                own = rigid_at(body, values, rigid)
+                basis = self.basis(there, _i_set(body, interface), own, _loads(body, loads))
+                found.append((label, basis.enriched() if enriched else basis.modes))
+            except MatrixError as error:
+                raise MatrixError(f"with {label}: {error}") from None
+        return found
 
     def _refuse_empty(self, body: FEModel, modes: ModeSet) -> None:
         if not modes.m:

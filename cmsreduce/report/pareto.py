@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cmsreduce.model import SweepResult, SweepRow
 
-__all__ = ["Trade", "pareto_front", "trades"]
+__all__ = ["WALL_NOISE", "Trade", "front_beyond_noise", "pareto_front", "trades"]
 
 # Errors below rounding count as equal; zero has no place on a logarithmic axis.
 _EXACT = float(np.finfo(float).eps)
@@ -19,8 +19,16 @@ COSTS = {
     "reduce_s": "reduction time, s",
     "n_reduced": "coordinates of the reduced system",
     "reduced_frf_s": "time of the reduced responses, s",
+    "steps_per_second": "steps for a simulated second",
+    "operations": "operations for a simulated second",
+    "simulation_s": "seconds of computing for a simulated second",
 }
-"""Costs of a model with their labels: once, in memory and integration steps, and at every use."""
+"""Costs of a model with their labels: once, in memory, at every use, and in a simulation."""
+
+WALL_NOISE = 0.2
+"""Relative difference that one wall time may have from another one of the same work, on a machine with other work."""
+
+_TIMED_ONCE = ("reduce_s", "reduced_frf_s")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +45,8 @@ class Trade:
         Their costs and errors.
     front : (k,) bool
         Those on the Pareto front.
+    noise : float
+        Relative difference of two costs that counts as none.
     """
 
     cost: str
@@ -45,6 +55,7 @@ class Trade:
     x: NDArray[np.float64]
     y: NDArray[np.float64]
     front: NDArray[np.bool_]
+    noise: float = 0.0
 
     @property
     def steps(self) -> NDArray[np.int64]:
@@ -78,6 +89,32 @@ def pareto_front(figures: ArrayLike) -> NDArray[np.bool_]:
     return np.asarray(known & ~np.array(better, dtype=bool))
 
 
+def front_beyond_noise(cost: ArrayLike, error: ArrayLike, noise: float) -> NDArray[np.bool_]:
+    """Points of cost and error on the Pareto front, where a cost that is less by no more than its noise is not less.
+
+    Parameters
+    ----------
+    cost, error : (k,) array_like
+        Smaller is better.
+    noise : float
+        Relative noise of the cost, below 1; with 0 the front is that of `pareto_front`.
+
+    Examples
+    --------
+    >>> front_beyond_noise([1.0, 1.1, 3.0], [0.2, 0.1, 0.1], 0.2).tolist()
+    [False, True, False]
+    """
+    x, y = np.asarray(cost, dtype=np.float64), np.asarray(error, dtype=np.float64)
+    front, least, last = np.zeros(x.size, dtype=bool), np.inf, (np.nan, np.nan)
+    for k in np.lexsort((x, y)):
+        if np.isnan(x[k]) or np.isnan(y[k]):
+            continue
+        # Points come by rising error: each must be cheaper than all before it.
+        if x[k] < (1 - noise) * least or (x[k], y[k]) == last:
+            front[k], least, last = True, x[k], (x[k], y[k])
+    return front
+
+
 def trades(sweep: SweepResult, error: str = "frf_error") -> tuple[Trade, ...]:
     """Error against every cost; empty where no point has an error.
 
@@ -93,5 +130,13 @@ def trades(sweep: SweepResult, error: str = "frf_error") -> tuple[Trade, ...]:
         x, y = (np.array([getattr(row, name) for row in rows], dtype=np.float64) for name in (cost, error))
         y = np.maximum(y, _EXACT)
         if rows:
-            found.append(Trade(cost, label, rows, x, y, pareto_front(np.column_stack([x, y]))))
+            noise = _noise(cost, rows)
+            found.append(Trade(cost, label, rows, x, y, front_beyond_noise(x, y, noise), noise))
     return tuple(found)
+
+
+def _noise(cost: str, rows: tuple[SweepRow, ...]) -> float:
+    """Noise of a cost: none of a count, the largest that was measured of seconds of a simulation."""
+    if cost == "simulation_s":
+        return min(max(row.simulation_noise for row in rows), 0.9)
+    return WALL_NOISE if cost in _TIMED_ONCE else 0.0

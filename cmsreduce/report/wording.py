@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cmsreduce.model import ERRORS, Finding, RunResult
+from cmsreduce.model import ERRORS, Finding, RunResult, SimulationCosts
 
 __all__ = [
     "CLOSE_MODES",
@@ -28,6 +28,7 @@ __all__ = [
     "place",
     "plural",
     "seconds",
+    "simulation_words",
     "worst",
     "worst_error",
 ]
@@ -100,6 +101,8 @@ MORE_FIGURES = (
     Figure("zero_error", "zeros", "%", 100.0, "largest shift of a transmission zero in the band"),
     Figure("zeros_lost", "zeros lost", "", 1.0, "zeros in the band that the reduced system does not have"),
     Figure("step_error", "step response", "%", 100.0, "root mean square error of a step response"),
+    Figure("hinge_inertia", "hinge inertia", "%", 100.0, "largest share of a hinge's inertia lost with modes left out"),
+    Figure("highest_frequency", "highest frequency", "Hz", 1.0, "highest natural frequency of the reduced system"),
     Figure("controller_ratio", "controller spillover", "", 1.0, "sigma_max(dG K) / sigma_min(I + G_R K); safe below 1"),
     Figure("controller_unstable", "unstable loop roots", "", 1.0, "unstable roots of the reduced closed loop"),
 )
@@ -223,3 +226,30 @@ def channels_left_out(run: RunResult) -> tuple[str, ...]:
 def _some(names: Sequence[str]) -> str:
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     return ", ".join(names[:_NAMED]) + more
+
+
+def simulation_words(costs: SimulationCosts) -> list[str]:
+    """Lines on the cost of a simulated second: of the full and of the reduced system, and their ratio."""
+    lines = [
+        f"a simulated second ({costs.integrator.replace('_', ' ')}, {per_cent(costs.accuracy)} in frequency, "
+        f"{costs.reduced.configuration}):"
+    ]
+    for which, cost in (("full", costs.full), ("reduced", costs.reduced)):
+        if cost is None:
+            lines.append(f"{which}: highest frequency not known")
+            continue
+        steps = ", ".join(
+            f"{number(step, 3)} s for {label.replace('_percent', ' %')}" for label, step in cost.steps.items()
+        )
+        line = (
+            f"{which}: {number(cost.highest_hz)} Hz, longest step {steps}; {number(cost.steps_per_second, 3)} steps of "
+            f"{number(cost.operations_per_step, 3)} operations"
+        )
+        if math.isfinite(cost.seconds):
+            line += f"; {number(cost.seconds, 3)} s of computing measured (noise {per_cent(cost.noise, 2)})"
+        lines.append(line)
+    if costs.full is not None and costs.reduced.operations > 0:
+        ratio = f"{number(costs.full.operations / costs.reduced.operations, 3)} times fewer operations"
+        measured = costs.full.seconds / costs.reduced.seconds
+        lines.append(ratio + (f", {number(measured, 3)} times faster as measured" if math.isfinite(measured) else ""))
+    return lines

@@ -8,6 +8,7 @@ from cmsreduce.simulate.floating_body import FloatingBody, Marker, Stretch
 from cmsreduce.simulate.laws import Law, Pulse, Slew
 from cmsreduce.simulate.motion import Motion, simulate_scene
 from cmsreduce.simulate.scene import scene_system
+from cmsreduce.simulate.speed import measured_speed
 from cmsreduce.simulate.system import MultibodySystem
 from cmsreduce.simulate.time_step import Method, integrate, longest_step
 
@@ -23,6 +24,7 @@ __all__ = [
     "Stretch",
     "integrate",
     "longest_step",
+    "measured_speed",
     "scene_system",
     "simulate_scene",
 ]

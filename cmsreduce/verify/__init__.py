@@ -20,7 +20,14 @@ from cmsreduce.verify.body_matrices import (
     negative_directions,
     stiffness_contrast,
 )
-from cmsreduce.verify.constant_loads import gain_sum, static_completeness, step_errors, step_response
+from cmsreduce.verify.constant_loads import (
+    StaticLoads,
+    gain_sum,
+    static_completeness,
+    static_loads,
+    step_errors,
+    step_response,
+)
 from cmsreduce.verify.controller_stability import controller_response, stability_margin
 from cmsreduce.verify.costly_modes import costly_modes, single_precision
 from cmsreduce.verify.input_rounding import frequency_error_bars, rigid_motions_proof
@@ -55,9 +62,11 @@ from cmsreduce.verify.mode_pairing import (
     scaled_rows,
 )
 from cmsreduce.verify.response_error import (
+    PERCENTILE,
     channel_errors,
     channel_scales,
     db_error,
+    db_errors,
     decibel_grid,
     frac,
     frequency_grid,
@@ -78,9 +87,11 @@ __all__ = [
     "LightDofs",
     "MassProperties",
     "ModePairing",
+    "PERCENTILE",
     "PrincipalInertia",
     "REALISABLE",
     "RigidMotions",
+    "StaticLoads",
     "articulation_inertia",
     "articulation_sensors",
     "carried_momentum",
@@ -90,6 +101,7 @@ __all__ = [
     "costly_modes",
     "coupled_momentum",
     "db_error",
+    "db_errors",
     "decibel_grid",
     "effective_mass",
     "frac",
@@ -128,6 +140,7 @@ __all__ = [
     "single_precision",
     "stability_margin",
     "static_completeness",
+    "static_loads",
     "step_errors",
     "step_response",
     "stiffness_contrast",

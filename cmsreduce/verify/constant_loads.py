@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
@@ -10,7 +12,7 @@ from cmsreduce.linalg.eigen import motions_held
 from cmsreduce.linalg.sparse import ElasticFlexibility, factorise
 from cmsreduce.model import FEModel, GainSum, ModalComponent
 
-__all__ = ["gain_sum", "static_completeness", "step_errors", "step_response"]
+__all__ = ["StaticLoads", "gain_sum", "static_completeness", "static_loads", "step_errors", "step_response"]
 
 Array = NDArray[np.float64]
 
@@ -22,15 +24,45 @@ _APART = 1e-10
 _SILENT = 1e-10
 
 
-def static_completeness(
-    modes: ModalComponent, body: FEModel, rigid: Array, loads: Array, interface: NDArray[np.int64]
-) -> Array:
-    """Strain energy under static loads that a reduced body lacks, as a share of the body's own.
+@dataclass(frozen=True, eq=False)
+class StaticLoads:
+    """Static loads on a body that stays in place, and the strain energy of the body under each.
 
     Parameters
     ----------
-    modes : ModalComponent
-        Orthonormal modes of the body, static ones included.
+    balanced : (n, s) float64
+        Loads with their reactions.
+    energy : (s,) float64
+        Strain energy of the unreduced body; 1 where a load deforms nothing.
+    deforms : (s,) bool
+        Loads that leave more than rounding when they are balanced.
+
+    Notes
+    -----
+    A balanced load does no work on rigid motion, so that u_r is the projection of u, with energy sum (phi^T f)^2 / w^2.
+    """
+
+    balanced: Array
+    energy: Array
+    deforms: NDArray[np.bool_]
+
+    def shares(self, modes: ModalComponent) -> Array:
+        """Share of the strain energy that each orthonormal mode holds (m, s); rigid ones hold none."""
+        elastic = slice(modes.rigid_count, None)
+        found = np.zeros((modes.omega.size, self.energy.size))
+        found[elastic] = (modes.Phi[:, elastic].T @ self.balanced) ** 2 / modes.stiffness[elastic, None] / self.energy
+        return found
+
+    def lack(self, shares: Array) -> Array:
+        """Strain energy that modes with these shares lack, |u - u_r|_K^2 / |u|_K^2 of each load (s,)."""
+        return np.where(self.deforms, np.maximum(1 - shares.sum(axis=0), 0.0), 0.0)
+
+
+def static_loads(body: FEModel, rigid: Array, loads: Array, interface: NDArray[np.int64]) -> StaticLoads:
+    """Strain energy of a body under static loads.
+
+    Parameters
+    ----------
     body : FEModel
         The unreduced body.
     rigid : (n, r) float64
@@ -40,28 +72,35 @@ def static_completeness(
     interface : (i,) int64
         Rows among which the body is held in a statically determinate way, as its neighbours hold it. Where they cannot
         hold the body, its own inertia balances the load.
+    """
+    balanced = _balanced(body, rigid, loads, interface)
+    solve = ElasticFlexibility(body.K, body.M, rigid) if rigid.shape[1] else factorise(body.K, what="the stiffness")
+    U = np.asarray(solve(balanced))
+    # A load that only moves the body leaves nothing but rounding when it is balanced.
+    some = np.linalg.norm(balanced, axis=0) > _NOTHING * np.linalg.norm(loads, axis=0)
+    return StaticLoads(balanced, np.where(some, np.einsum("ij,ij->j", balanced, U), 1.0), some)
+
+
+def static_completeness(
+    modes: ModalComponent, body: FEModel, rigid: Array, loads: Array, interface: NDArray[np.int64]
+) -> Array:
+    """Strain energy under static loads that a reduced body lacks, as a share of the body's own.
+
+    Parameters
+    ----------
+    modes : ModalComponent
+        Orthonormal modes of the body, static ones included.
+    body, rigid, loads, interface
+        As for `static_loads`.
 
     Returns
     -------
     (s,) float64
         |u - u_r|_K^2 / |u|_K^2 for each load; 0 where the displacement is in the basis or the load deforms nothing, 1
         where none of it is. Craig-Bampton and MacNeal-Rubin have 0 for every load on their i-set.
-
-    Notes
-    -----
-    A balanced load does no work on rigid motion, so that u_r is the projection of u, with energy sum (phi^T f)^2 / w^2.
     """
-    balanced = _balanced(body, rigid, loads, interface)
-    solve = ElasticFlexibility(body.K, body.M, rigid) if rigid.shape[1] else factorise(body.K, what="the stiffness")
-    U = np.asarray(solve(balanced))
-    energy = np.einsum("ij,ij->j", balanced, U)
-    elastic = slice(modes.rigid_count, None)
-    share = (modes.Phi[:, elastic].T @ balanced) ** 2 / modes.stiffness[elastic, None]
-    # A load that only moves the body leaves nothing but rounding when it is balanced.
-    size = np.linalg.norm(balanced, axis=0)
-    some = size > _NOTHING * np.linalg.norm(loads, axis=0)
-    lacking = 1 - share.sum(axis=0) / np.where(some, energy, 1.0)
-    return np.where(some, np.maximum(lacking, 0.0), 0.0)
+    found = static_loads(body, rigid, loads, interface)
+    return found.lack(found.shares(modes))
 
 
 def _balanced(body: FEModel, rigid: Array, loads: Array, interface: NDArray[np.int64]) -> Array:

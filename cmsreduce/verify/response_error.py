@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from cmsreduce.model import Channel
 
 __all__ = [
+    "PERCENTILE",
     "channel_errors",
     "channel_scales",
     "db_error",
+    "db_errors",
     "decibel_grid",
     "frac",
     "frequency_grid",
@@ -45,8 +47,8 @@ SILENT = 1e-6
 # Rounds of scaling rows and columns in turn. More rounds would raise a negligible coupling until outputs and inputs
 # agree in every unit.
 _ROUNDS = 4
-# Share of the points of a Bode plot that lie within the decibel error.
-_PERCENTILE = 99.0
+PERCENTILE = 99.0
+"""Per cent of the points of a Bode plot that lie within the decibel error."""
 # A peak 60 dB below the highest of its channel cannot be seen beside it.
 _SEEN = 1e-3
 # A peak lies off its resonance by zeta^2, more where the slope of other modes tilts it; further off, it belongs to a
@@ -162,27 +164,34 @@ def frf_error(omega: Array, H: Response, H_r: Response, row: Array, column: Arra
     return float(np.sqrt(miss / size))
 
 
-def db_error(H: Response, H_r: Response, row: Array, column: Array) -> float:
-    """Difference in decibels of the reduced response from the reference, worst channel.
+def db_errors(H: Response, H_r: Response, row: Array, column: Array) -> Array:
+    """Difference in decibels of the reduced response from the reference, channel by channel.
 
     Parameters
     ----------
     H, H_r : (f, outputs, inputs) complex128
         Responses with their rigid-body part, on `decibel_grid`.
     row, column : float64
-        From `channel_scales`; channels silent beside the strongest of their unit do not count.
+        From `channel_scales`.
 
     Returns
     -------
-    float
-        99th percentile over the grid of |20 log10(|H_r| / |H|)|.
+    (outputs, inputs) float64
+        99th percentile over the grid of |20 log10(|H_r| / |H|)|; NaN for channels silent beside the strongest of their
+        unit.
     """
-    worst = 0.0
+    loud = loud_channels(H, row, column)
     tiny = np.finfo(float).tiny
-    for i, j in zip(*np.nonzero(loud_channels(H, row, column)), strict=True):
-        ratio = np.maximum(abs(H_r[:, i, j]), tiny) / np.maximum(abs(H[:, i, j]), tiny)
-        worst = max(worst, float(np.percentile(abs(20 * np.log10(ratio)), _PERCENTILE)))
-    return worst
+    full, reduced = (np.maximum(abs(X[:, loud]), tiny) for X in (H, H_r))
+    found = np.full(loud.shape, np.nan)
+    if loud.any():
+        found[loud] = np.percentile(abs(20 * np.log10(reduced / full)), PERCENTILE, axis=0)
+    return found
+
+
+def db_error(H: Response, H_r: Response, row: Array, column: Array) -> float:
+    """Largest of `db_errors`: that of the worst channel; 0 without a channel."""
+    return float(np.nanmax(db_errors(H, H_r, row, column), initial=0.0))
 
 
 def loud_channels(H: Response, row: Array, column: Array, omega: Array | None = None) -> NDArray[np.bool_]:

@@ -4,7 +4,14 @@ Every file is written whole under a temporary name and renamed.
 The choice of what to write belongs in `pipeline`.
 """
 
-from cmsreduce.write.component import SAME_MASS, ComponentFile, basic_shapes, read_component, write_component
+from cmsreduce.write.component import (
+    SAME_MASS,
+    ComponentFile,
+    basic_shapes,
+    read_component,
+    stored_integrals,
+    write_component,
+)
 from cmsreduce.write.export import EXPORTS, export_scene
 from cmsreduce.write.files import atomic_path, hdf5_file, put_texts
 from cmsreduce.write.own_files import refuse_foreign
@@ -57,6 +64,7 @@ __all__ = [
     "read_component",
     "read_system",
     "refuse_foreign",
+    "stored_integrals",
     "summary",
     "system_settings",
     "unit_binary",

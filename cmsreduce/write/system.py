@@ -94,6 +94,8 @@ def write_system(
             group.attrs["rounding"] = system.rounding
             for (joint, dof), value in system.configuration.angles.items():
                 group.attrs[f"setting {joint}.{DOF_NAMES[dof]}"] = value
+            for name, value in system.configuration.parameters.items():
+                group.attrs[f"parameter {name}"] = value
             put_texts(group, "bodies", system.sizes, "in the order of the rows of T")
             put(group, "sizes", np.array(list(system.sizes.values()), dtype=np.int64), "", "coordinates of each body")
             put_texts(group, "inputs", system.inputs)

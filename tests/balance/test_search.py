@@ -10,6 +10,7 @@ import pytest
 
 from cmsreduce.balance import Effects, keep_error
 from cmsreduce.errors import ConfigError
+from cmsreduce.model import Finding
 from tests.balance.test_truncation import BODIES, GROUPED, as_lists, component
 
 
@@ -28,6 +29,9 @@ class Vectors:
         exact = float(np.linalg.norm(self.missed(selection)))
         # Beyond the limit as little as may be said.
         return exact if exact <= limit else float(np.nextafter(limit, np.inf))
+
+    def critical(self, selection: Mapping[str, np.ndarray]) -> Finding:
+        return Finding("frf_error", self.error(selection), 0.01, "as built")
 
     def effects(self, selection: Mapping[str, np.ndarray], changes: Sequence[tuple[str, np.ndarray]]) -> Effects:
         columns = [np.zeros_like(next(iter(self.terms.values()))) + self.missed(selection)]
@@ -122,7 +126,7 @@ def test_how_far_rankings_get_by_themselves_is_told():
 def test_an_error_below_what_all_modes_reach_is_refused():
     judge = apart(COSTS)
     judge.missed = lambda _: np.array([0.3])  # type: ignore[method-assign]
-    with pytest.raises(ConfigError, match=r"frf_error 0\.01 cannot be met: all 6 modes .* leave 0\.3"):
+    with pytest.raises(ConfigError, match=r"frf_error 0\.01 cannot be met: all 6 modes .* leave 0\.3 in as built"):
         keep_error(BODIES, ranked(BODIES), judge, 0.01)
 
 

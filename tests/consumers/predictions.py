@@ -1,9 +1,10 @@
-"""Motions of flexible bodies in a moving frame, integrated by scipy from the matrices of the finite elements."""
+"""Motions of flexible bodies in a moving frame, integrated by scipy from finite elements, without modal integrals."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -12,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from cmsreduce.model import ModalComponent, cross_matrix, rigid_body_shapes
 
-__all__ = ["HingedPair", "PlaneBeam", "tumbling_tip"]
+__all__ = ["HingedPair", "Particles", "PlaneBeam", "tumbling_tip"]
 
 # Of the integrator, relative and absolute: four orders under what is asserted of either motion.
 _RTOL, _ATOL = 1e-10, 1e-12
@@ -111,98 +112,125 @@ def rotation(e: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class _Nodes:
-    """A flexible body in a frame at a clamped point: velocities of all dofs are (R v_w + C(q) w + Phi q').
+class Particles:
+    """A flexible body in a frame at a point: weighted rows, each a particle or a sum over particles.
 
     Parameters
     ----------
-    M : (n, n) float64
-        Mass matrix of the finite elements, or of amplitudes of all motions below.
-    rigid : (n, 6) float64
-        Rigid motions about the clamped point.
-    Phi : (n, k) float64
-        Shapes that do not move this point.
-    swing : (n, 3, k) float64
-        Motion of the dofs for a unit rotation of the frame about x, y, z, per unit of each shape.
+    weight : (p,) float64
+        Roots of the masses.
+    place : (p, 3) float64
+        From the point, times the weight.
+    shapes : (p, 3, k) float64
+        Motion in the frame, times the weight.
     stiffness, damping : (k, k) float64
         Modal.
     """
 
-    M: np.ndarray
-    rigid: np.ndarray
-    Phi: np.ndarray
-    swing: np.ndarray
+    weight: np.ndarray
+    place: np.ndarray
+    shapes: np.ndarray
     stiffness: np.ndarray
     damping: np.ndarray
 
     @classmethod
-    def of(cls, component: ModalComponent, interface: str) -> _Nodes:
-        """Elastic modes of a free body, less the rigid motion of one node in each."""
-        body = component.body
-        rows, rigid = (
-            body.interface_rows(interface),
-            rigid_body_shapes(body.dofs, body.nodes, body.interfaces[interface].position[0]),
-        )
-        elastic = slice(component.rigid_count, None)
-        Phi = component.Phi[:, elastic]
+    def of(cls, component: ModalComponent, interface: str, structure: Any) -> Particles:
+        """Elastic modes of a free body, less the rigid motion of one node in each, from the elements of its deck.
+
+        ``structure`` is what a script of the samples makes. Its consistent bars are particles at the points of Gauss,
+        which move by the bar's cubic and linear shapes; concentrated masses are six particles each.
+        """
+        body, elastic = component.body, slice(component.rigid_count, None)
+        rows, at = body.interface_rows(interface), body.interfaces[interface].position[0]
+        rigid, Phi = rigid_body_shapes(body.dofs, body.nodes, at), component.Phi[:, elastic]
         Phi = Phi - rigid @ np.linalg.solve(rigid[rows], Phi[rows])
-        at, component_of = body.nodes.index(body.dofs.node), body.dofs.component
-        moved = np.zeros((len(body.nodes.id), 3, Phi.shape[1]))
-        for row in np.flatnonzero(component_of <= 3):
-            moved[at[row]] += np.outer(body.nodes.frame[at[row], component_of[row] - 1], Phi[row])
-        swing = np.zeros((body.n, 3, Phi.shape[1]))
-        for row in np.flatnonzero(component_of <= 3):
-            axis = body.nodes.frame[at[row], component_of[row] - 1]
-            # e . (w x u) = w . (u x e)
-            swing[row] = np.cross(moved[at[row]], axis[:, None], axis=0)
-        # The dofs move in these ways only: their amplitudes are fewer.
-        k, omega = Phi.shape[1], component.omega[elastic]
-        ways = np.hstack([rigid, Phi, swing.reshape(body.n, 3 * k)])
-        one = np.eye(ways.shape[1])
-        M, swung = ways.T @ (body.M @ ways), one[:, 6 + k :].reshape(-1, 3, k)
+        motion = _motion_of_grids(structure, Phi)
+        found = [*_bars(structure, motion), *_lumps(structure, motion)]
+        root = np.sqrt([mass for mass, _, _ in found])
+        place = np.array([r for _, r, _ in found]) - at
+        shapes = np.array([u for _, _, u in found])
+        assert np.allclose(np.einsum("p,pia,pib->ab", root**2, shapes, shapes), Phi.T @ (body.M @ Phi), atol=1e-10)
+        # Every sum of products over the particles is the same sum over the rows of this triangle.
+        columns = np.hstack([np.ones((root.size, 1)), place, shapes.reshape(root.size, -1)])
+        few = np.linalg.qr(root[:, None] * columns, mode="r")
+        omega = component.omega[elastic]
         damping = np.diag(2 * component.zeta[elastic] * omega)
-        return cls(M, one[:, :6], one[:, 6 : 6 + k], swung, np.diag(omega**2), damping)
+        return cls(few[:, 0], few[:, 1:4], few[:, 4:].reshape(len(few), 3, -1), np.diag(omega**2), damping)
 
     def inertia_force(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mass matrix over (v, w, q') along the frame's axes, and the forces that hold without acceleration.
 
-        Boltzmann and Hamel: with p = dT/ds, (p_v' + w x p_v, p_w' + w x p_w + v x p_v, p_q' - dT/dq).
+        D'Alembert: B^T (w x v + w x (w x x) + 2 w x u') over all particles, B their motion by (v, w, q').
         """
         v, w, rate = s[:3], s[3:6], s[6:]
-        B = np.hstack([self.rigid, self.Phi])
-        B[:, 3:6] += self.swing @ q
-        MB = self.M @ B
-        momentum = MB @ s
-        turned = self.swing @ rate
-        force = MB.T @ (turned @ w)
-        force[3:6] += turned.T @ momentum
-        p = B.T @ momentum
-        force[:3] += np.cross(w, p[:3])
-        force[3:6] += np.cross(w, p[3:6]) + np.cross(v, p[:3])
-        force[6:] += self.stiffness @ q + self.damping @ rate - np.einsum("n,nak,a->k", momentum, self.swing, w)
-        return B.T @ MB, force
+        x = self.place + self.shapes @ q
+        B = np.concatenate([self.weight[:, None, None] * np.eye(3), -cross_matrix(x), self.shapes], axis=2)
+        left = np.cross(w, self.weight[:, None] * v + np.cross(w, x) + 2 * self.shapes @ rate)
+        B = B.reshape(left.size, -1)
+        force = B.T @ left.ravel()
+        force[6:] += self.stiffness @ q + self.damping @ rate
+        return B.T @ B, force
+
+
+def _motion_of_grids(structure: Any, Phi: np.ndarray) -> dict[int, np.ndarray]:
+    """Translations and rotations (2, 3, k) of every grid along the basic axes, condensed ones by statics."""
+    nodes = sorted(structure.grids)
+    whole = replace(structure, grids={node: replace(grid, dofs="123456") for node, grid in structure.grids.items()})
+    K, _ = whole.matrices()
+    kept = np.array([6 * i + int(c) - 1 for i, node in enumerate(nodes) for c in structure.grids[node].dofs])
+    omitted = np.setdiff1d(np.arange(len(K)), kept)
+    full = np.empty((len(K), Phi.shape[1]))
+    full[kept] = Phi
+    full[omitted] = -np.linalg.solve(K[np.ix_(omitted, omitted)], K[np.ix_(omitted, kept)] @ Phi)
+    moved = full.reshape(len(nodes), 2, 3, -1)
+    return {node: structure.grids[node].axes.T @ own for node, own in zip(nodes, moved, strict=True)}
+
+
+def _bars(structure: Any, motion: dict[int, np.ndarray]) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
+    """Mass, place and motion of five particles of each bar: exact for products of its shapes."""
+    points, weights = np.polynomial.legendre.leggauss(5)
+    for a, b, name, _ in structure.bars:
+        section = structure.sections[name]
+        start, way = structure.grids[a].xyz, structure.grids[b].xyz - structure.grids[a].xyz
+        mass = structure.materials[section.material].rho * section.A * float(np.linalg.norm(way))
+        (ua, ta), (ub, tb) = motion[a], motion[b]
+        along = np.outer(way, way) / (way @ way)
+        for x, weight in zip((points + 1) / 2, weights / 2, strict=True):
+            cubic = 3 * x**2 - 2 * x**3
+            across = (1 - cubic) * ua + cubic * ub
+            turned = (x - 2 * x**2 + x**3) * ta - (x**2 - x**3) * tb
+            shape = along @ ((1 - x) * ua + x * ub) + across - along @ across + np.cross(turned, way[:, None], axis=0)
+            if mass > 0:
+                yield mass * weight, start + x * way, shape
+
+
+def _lumps(structure: Any, motion: dict[int, np.ndarray]) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
+    """Mass, place and motion of six particles on the principal axes of each concentrated mass."""
+    for node, mass, inertia in structure.masses:
+        u, t = motion[node]
+        arms = np.diag(np.sqrt(3 * (np.sum(inertia) / 2 - inertia) / mass))
+        for arm in (*arms, *-arms):
+            yield mass / 6, structure.grids[node].xyz + arm, u + np.cross(t, arm[:, None], axis=0)
 
 
 class HingedPair:
     """Two flexible bodies that float and turn against each other about z of the point to which both are clamped.
 
-    Lagrange's equations over all nodes, by the mass matrices of the finite elements; no integral over shapes is formed.
+    D'Alembert's principle over particles; no integral over shapes is formed.
 
     Parameters
     ----------
-    first, second : ModalComponent
-        Elastic modes of the free bodies.
-    interface : str
-        The same on both.
+    first, second : Particles
+        The bodies.
     """
 
-    def __init__(self, first: ModalComponent, second: ModalComponent, interface: str) -> None:
-        self.bodies = _Nodes.of(first, interface), _Nodes.of(second, interface)
+    def __init__(self, first: Particles, second: Particles) -> None:
+        self.bodies = first, second
 
     def turned_by(self, torque: Callable[[float], float], times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Angle of the hinge (times,), and modal coordinates of both bodies (times, k), from rest."""
         a, b = self.bodies
-        ka, kb = a.Phi.shape[1], b.Phi.shape[1]
+        ka, kb = len(a.stiffness), len(b.stiffness)
         n, z = 7 + ka + kb, np.array([0.0, 0.0, 1.0])
         own = np.zeros((6 + ka, n))
         own[:6, :6], own[6:, 7 : 7 + ka] = np.eye(6), np.eye(ka)

@@ -65,7 +65,9 @@ def filled(data: Mapping[str, Any]) -> dict[str, Any]:
     components = {**data.get("components", {})}
     components.update({name: {} for name in named_bodies(data) if name not in components})
     for name, keys in components.items():
-        if not {"rigid", "extseout", "modes", "reduced", "like"} & set(keys):
+        if "states" in keys:
+            components[name] = {"geometry": "a.bdf", "rows": "a.dof", **keys}
+        elif not {"rigid", "extseout", "modes", "reduced", "like"} & set(keys):
             components[name] = {**BODY, "interfaces": {place: {"node": 1} for place in PLACES}, **keys}
     scene = {"band": 10, **channels(next(iter(components))), **data.get("scene", {})}
     return {"name": "snippet", **data, "components": components, "scene": scene}

@@ -17,9 +17,11 @@ TRIANGLES = [[0, 1, 2, 4, 5, 8], [0, 2, 3, 8, 6, 7]]
 SQUARE = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
 STEEL = "*MATERIAL, NAME=STEEL\n*ELASTIC\n2.1e11, 0.3\n*DENSITY\n7850.\n"
 SECTIONS = {
+    "M": "*MEMBRANE SECTION, ELSET={}, MATERIAL=STEEL\n0.002\n",
+    "T": "*SOLID SECTION, ELSET={}, MATERIAL=STEEL\n1e-4\n",
     "C": "*SOLID SECTION, ELSET={}, MATERIAL=STEEL\n",
     "S": "*SHELL SECTION, ELSET={}, MATERIAL=STEEL\n0.01\n",
-    "B": "*BEAM SECTION, ELSET={}, MATERIAL=STEEL, SECTION=RECT\n0.02, 0.03\n0.1, 1., 0.3\n",
+    "B": "*BEAM SECTION, ELSET={}, MATERIAL=STEEL, SECTION={}\n0.1, 1., 0.3\n",
 }
 
 
@@ -41,8 +43,8 @@ def cells_of(kind):
 class Deck:
     """Nodes by their place and layer, elements by kind, and further keywords."""
 
-    def __init__(self):
-        self.nodes, self.elements, self.keywords = {}, [], ""
+    def __init__(self, section="RECT\n0.02, 0.03"):
+        self.nodes, self.elements, self.keywords, self.section = {}, [], "", section
 
     def node(self, place, layer=0):
         key = (layer, *(round(float(x), 9) for x in place))
@@ -92,7 +94,8 @@ class Deck:
             rows = [", ".join(fields[at : at + 11]) for at in range(0, len(fields), 11)]
             lines += [f"*ELEMENT, TYPE={kind}, ELSET=E{kind[0]}", ",\n".join(rows)]
         used = "".join(
-            SECTIONS[letter].format(f"E{letter}") for letter in sorted({kind[0] for kind, _ in self.elements})
+            SECTIONS[letter].format(f"E{letter}", self.section)
+            for letter in sorted({kind[0] for kind, _ in self.elements})
         )
         return "\n".join(lines) + "\n" + STEEL + used + self.keywords
 
@@ -151,6 +154,31 @@ def halves(joint):
     return deck
 
 
+def turned():
+    """Results along axes of a cylinder at all nodes, and two rigid ends."""
+    deck = Deck().solid("C3D8", (4, 2, 2), (1, 0.1, 0.15))
+    deck.nset("EVERY", list(deck.nodes.values()))
+    deck.keywords += "*TRANSFORM, NSET=EVERY, TYPE=C\n0., 0., 0., 0., 0., 1.\n"
+    for name, x in (("LEFT", 0), ("RIGHT", 1)):
+        deck.nset(name, deck.at(x, layer=0))
+        lead, turn = deck.node((1.2 * x - 0.1, 0.05, 0.075), layer=1), deck.node((3 + x, 3, 3), layer=1)
+        deck.keywords += f"*RIGID BODY, NSET={name}, REF NODE={lead}, ROT NODE={turn}\n"
+    return deck
+
+
+def stiffened(kind):
+    """A solid with a membrane on a side, or a truss across it: both are ties of their nodes."""
+    deck = Deck().solid("C3D8", (4, 2, 2), (1, 0.1, 0.15))
+    if kind == "T3D2":
+        deck.add("T3D2", [(0, 0, 0), (1, 0.1, 0.15)])
+    else:
+        for i in range(4):
+            deck.add(
+                "M3D4", [(x, y, 0.15) for x, y in ((i / 4, 0), (i / 4 + 0.25, 0), (i / 4 + 0.25, 0.05), (i / 4, 0.05))]
+            )
+    return deck
+
+
 BODIES = {
     "C3D4": lambda: Deck().solid("C3D4", (4, 2, 2), (1, 0.1, 0.15)),
     "C3D8I": lambda: Deck().solid("C3D8I", (4, 2, 2), (1, 0.1, 0.15)),
@@ -166,6 +194,9 @@ BODIES = {
     "folded S8R": folded,
     "B31": lambda: Deck().beam("B31", 10, arc),
     "B32R": lambda: Deck().beam("B32R", 5, arc),
+    "pipe B32R": lambda: Deck("PIPE\n0.02, 0.003").beam("B32R", 5, arc),
+    "box B32R": lambda: Deck("BOX\n0.03, 0.05, 0.003, 0.003, 0.004, 0.004").beam("B32R", 5, arc),
+    "turned axes": turned,
     "bent B32R": lambda: Deck().beam("B32R", 6, bent),
     "mixed": mixed,
     "rigid": lambda: rigid("C3D8", turns=True),

@@ -19,14 +19,14 @@ from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
 from cmsreduce.pipeline import Run, Silent
 from cmsreduce.pipeline.bodies import draft_body
 from cmsreduce.read import InterfaceSpec, MatrixSource, prove_row_order, read_body, read_geometry
-from tests.golden.calculix_bodies import BODIES, Deck, body, solve
+from tests.golden.calculix_bodies import BODIES, Deck, body, solve, stiffened
 
 pytestmark = pytest.mark.ccx
 
-# Hourglass motions of C3D8R have neither stiffness nor mass; what CalculiX prints for them is rounding.
+# Most motions of free C3D8R have no mass, and CalculiX prints zeros for all of them.
 FREE = [name for name in BODIES if name != "C3D8R"]
 # Free ones alone show the order of their nodes.
-HELD = [name for name in BODIES if name not in ("C3D6", "C3D15", "S3", "S6")]
+HELD = [name for name in BODIES if name not in ("C3D6", "C3D15", "S3", "S6", "pipe B32R", "box B32R", "turned axes")]
 # Zero frequencies, free and held: the shell of the mixed body turns about the edge of the solid.
 MOTIONS = {"mixed": (8, 2)}
 AT_ZERO = 0.01  # Hz
@@ -68,6 +68,17 @@ def test_frequencies(tmp_path, name, held):
     found = read(tmp_path)
     assert held or prove_row_order(found).status == "proven"
     np.testing.assert_allclose(frequencies(found)[:4], elastic[:4], rtol=digits(name))
+
+
+def test_a_free_body_of_reduced_integration_has_six_rigid_motions(tmp_path):
+    """One point an element leaves most motions without mass; CalculiX holds hourglasses by stiffness."""
+    solve(tmp_path, "bar", body("C3D8R", held=False), matrices=True)
+    found = read(tmp_path)
+    assert prove_row_order(found).status == "proven"
+    R = rigid_body_shapes(found.dofs, found.nodes)
+    rigid = rigid_body_modes(found.K, found.M, R, found.stiffness_rounding, "bar")
+    stiffness, mass = (la.eigvalsh(A.toarray()) for A in (found.K, found.M))
+    assert rigid.shape[1] == 6 == (stiffness < 1e-9 * stiffness[-1]).sum() < (mass < 1e-9 * mass[-1]).sum()
 
 
 @pytest.mark.parametrize("name", ["S8R", "folded S8R", "B31", "bent B32R", "mixed", "C3D8I", "tie"])
@@ -160,6 +171,10 @@ def test_messages(tmp_path):
         read(tmp_path, "whole.frd")
     with pytest.raises(CmsReduceError, match=r"no set 'HUP' .* sets of nodes: ALL \(\d+\), TIP \(9\)"):
         read(tmp_path, interfaces={"hub": InterfaceSpec(set="HUP")})
+    for kind, words in (("M3D4", "a membrane"), ("T3D2", "a truss")):
+        solve(tmp_path, "bar", stiffened(kind).text(), matrices=True)
+        with pytest.raises(CmsReduceError, match=rf"element \d+ is {words} \({kind}.*not read yet"):
+            read(tmp_path)
     deck = Deck().plate("S4", (2, 2), (0, 0, 0), (1, 0, 0), (0, 1, 0))
     deck.keywords += "*NORMAL\n1, 1, 0., 0., 1.\n"
     solve(tmp_path, "bar", deck.text(), matrices=True)

@@ -177,3 +177,27 @@ def test_a_body_with_a_reduction_of_its_own(opened: Callable[..., Run]) -> None:
 def test_rules_that_cannot_be_met(opened: Callable[..., Run], settings: tuple[str, ...], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         _ = opened(*settings).selection
+
+
+def test_modes_by_hand_are_those_named(opened: Callable[..., Run]) -> None:
+    run = opened("balance.keep={arm: [2, 5, 7-9]}")
+    np.testing.assert_array_equal(run.selection["arm"], 5 + np.array([2, 5, 7, 8, 9]))
+    assert run.selection["panel"].size == run.ranked["panel"].elastic_count
+    assert set(run.kept["arm"].why[6:]) == {"chosen by number"} and set(run.kept["panel"].why[6:]) == {"all modes kept"}
+
+
+@pytest.mark.parametrize(
+    ("keep", "words"),
+    [
+        ("{arm: [99]}", r"mode 99 of 'arm' is asked for, but it has \d+ elastic modes below the cutoff"),
+        ("{arm: [0, 2]}", "modes are numbered from 1"),
+        ("{arm: [5-3]}", "the range 5-3 ends below its start: write 3-5"),
+        ("{arm: [2, 1-3]}", "mode 2 is named twice"),
+        ("{arm: [first]}", r"numbers of modes are expected, e.g. \[1, 2, 5\] or \[1-4\], found 'first'"),
+        ("{arms: [1]}", "there is no flexible component 'arms', did you mean 'arm'"),
+        ("{arm: [1], frf_error: 0.01}", "frf_error and numbers are different rules: state one of them"),
+    ],
+)
+def test_modes_by_hand_that_do_not_exist_are_refused(opened: Callable[..., Run], keep: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        _ = opened(f"balance.keep={keep}").selection

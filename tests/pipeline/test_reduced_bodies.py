@@ -3,14 +3,17 @@
 import numpy as np
 import pytest
 import scipy.linalg as la
-from scipy.io import savemat
+from click.testing import CliRunner
+from scipy.io import loadmat, savemat
 from scipy.optimize import brentq
 
+from cmsreduce.cli import main
 from cmsreduce.config import load_pipeline
 from cmsreduce.errors import CmsReduceError, ConfigError
 from cmsreduce.pipeline import Run, execute
+from cmsreduce.pipeline.inspection import inspected
 from cmsreduce.steps import AssembledSystem
-from cmsreduce.write import read_component
+from cmsreduce.write import read_component, stored_integrals
 from tests.pipeline.study import ARM, PANEL, PIPELINE, Log, arm
 
 FREQUENCIES = [0.5, 7.0, 23.0, 58.0]
@@ -34,7 +37,7 @@ def response(run, configuration=1):
 @pytest.fixture
 def written(opened, study):
     """A run whose files another pipeline takes as its bodies, and a way to open that pipeline."""
-    text = PIPELINE.replace("cutoff: 15", "cutoff: 8").replace("[hdf5]", "[hdf5, sid]")
+    text = PIPELINE.replace("cutoff: 15", "cutoff: 8").replace("[hdf5]", "[hdf5, sid, mbdyn, matlab]")
     run = opened(text=text)
     execute(run, study, report=False)
     run.folder.rename(study.parent / "finished")
@@ -72,17 +75,81 @@ def test_bodies_of_files_answer_as_the_bodies_that_were_written(written, files, 
     ]
     Fs = [shapes @ shapes.T for shapes in flexibility]
     np.testing.assert_allclose(Fs[1], Fs[0], rtol=0, atol=1e-8 * abs(Fs[0]).max())
+    for found, expected in zip(bent(new), bent(old), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7 * abs(expected).max())
 
 
-def test_a_sid_file_of_a_run_answers_as_the_body_that_was_written(written, study):
+def bent(file):
+    """Integrals of second order of the elastic answer to constant loads at the tip, in any basis of equal modes."""
+    amplitudes = file.arrays["interfaces/tip/shapes"][:, file.elastic].T / file.omega[file.elastic][:, None] ** 2
+    integrals = stored_integrals(file)
+    return integrals.r_phi @ amplitudes, amplitudes.T @ integrals.phi_phi @ amplitudes
+
+
+@pytest.mark.parametrize("name", ["arm.h5", "arm.SID_FEM", "arm.fem"])
+def test_from_new_to_run(written, study, monkeypatch, name):
+    first, *_ = written
+    monkeypatch.chdir(study.parent)
+    done = CliRunner().invoke(main, ["new", "again", f"finished/{name}"])
+    assert done.exit_code == 0 and "warning" not in done.output, done.output
+    done = CliRunner().invoke(main, ["run", "again.yaml"])
+    assert done.exit_code == 0, done.output
+    hz = read_component(study.parent / "build/again/again.h5").omega
+    own = first.final["arm"].omega
+    own = own[own > 1.0][:4]
+    np.testing.assert_allclose(hz[hz > 1.0][:4], own, rtol=1e-5)
+
+
+def test_inspect_says_what_a_system_and_a_reduced_body_hold(written, study):
+    first, *_ = written
+    found = inspected(study.parent / "finished/system.h5").data
+    assert (found["outputs"], list(found["sizes"])[:3]) == (["gyro.ry", "gyro.rz", "probe"], ["arm", "panel", "hub"])
+    for configuration, hz in zip(first.scene.configurations, found["frequencies_hz"].values(), strict=True):
+        expected = AssembledSystem(first.model.assembled, configuration).frequencies_hz
+        np.testing.assert_allclose(hz, expected[expected > 1e-2][:4], rtol=1e-8)
+    for name in ("arm.SID_FEM", "arm.fem"):
+        body = inspected(study.parent / "finished" / name).data
+        assert body["second_order"] and body["mass"] == pytest.approx(arm().M.toarray()[::6, ::6].sum(), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["arm.SID_FEM", "arm.fem"])
+def test_a_file_for_another_program_answers_as_the_body_that_was_written(written, study, name):
     first, text, open_files = written
-    [sid] = (study.parent / "finished").glob("arm*SID*")
-    of_sid = OF_FILES.replace("arm.h5", sid.name).replace("set: root", "node: 1")
-    again = open_files(text.replace(ARM, of_sid), "components.arm.reduce={cutoff: 10000}")
+    of_file = OF_FILES.replace("arm.h5", name).replace("set: root", "node: 1")
+    again = open_files(text.replace(ARM, of_file), "components.arm.reduce={cutoff: 10000}")
     H, expected = response(again), response(first)
     np.testing.assert_allclose(H, expected, rtol=0, atol=1e-7 * abs(expected).max())
     proofs = {proof.what: proof for proof in again.bodies["arm"].proofs}
     assert proofs["row order"].state == "unproven"
+    # Written again, it has the integrals that the first file had.
+    execute(again, study, report=False)
+    files = [read_component(study.parent / folder / "arm.h5") for folder in ("finished", "out")]
+    for expected, found in zip(*map(bent, files), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * abs(expected).max())
+
+
+OF_STATES = """\
+  arm:
+    states: arm.mat
+    rows: arm.dof
+    geometry: arm.bdf
+    interfaces: {{root: {{node: 1}}, tip: {{node: 5}}}}
+"""
+
+
+def test_a_state_space_of_a_run_answers_as_the_body_that_was_written(written, study):
+    first, text, open_files = written
+    # Inputs are the motor, then forces on the dofs that the outputs measure.
+    states = loadmat(study.parent / "finished/arm.mat")
+    savemat(study.parent / "arm.mat", {"A": states["A"], "B": states["B"][:, 1:], "C": states["C"]})
+    (study.parent / "arm.dof").write_text("\n".join(f"{node}.{dof}" for node in (1, 5) for dof in range(1, 7)))
+    again = open_files(text.replace(ARM, OF_STATES), "components.arm.reduce={cutoff: 10000}")
+    H, expected = response(again), response(first)
+    np.testing.assert_allclose(H, expected, rtol=0, atol=1e-7 * abs(expected).max())
+    proofs = {proof.what: proof for proof in again.bodies["arm"].proofs}
+    assert proofs["row order"].state == "proven"
+    with pytest.raises(ConfigError, match=r"`states` needs `rows`: .* the dof .* of each input"):
+        open_files(text.replace(ARM, OF_STATES.replace("    rows: arm.dof\n", "")))
 
 
 @pytest.mark.parametrize(

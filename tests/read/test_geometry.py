@@ -115,7 +115,10 @@ def test_abaqus_and_calculix_input(tmp_path: Path, text: str, ids: list[int], xy
         ("*NODE\n1,0.,x\n", r"line 2: '1,0.,x' is no node"),
         ("*NODE\n2305843009213693952,0.,0.\n", r"line 2: '2305843009213693952,0.,0.' is no node"),
         ("*NODE\n1,0.\n*NGEN\n1,5,1\n", "line 3: \\*NGEN: generated nodes are not read"),
-        ("*NODE\n1,0.\n*TRANSFORM, NSET=A, TYPE=C\n", "degrees of freedom in a local system"),
+        (
+            "*NODE\n1,0.\n*TRANSFORM, NSET=1, TYPE=C\n*BOUNDARY\n1, 2\n",
+            "node 1 is held in .* a local system",
+        ),
         ("*NODE, SYSTEM=C\n1,0.\n", "write rectangular ones"),
         ("*HEADING\n*STEP\n", "there are no nodes in it"),
         ("*INCLUDE, INPUT=gone.inp\n", "gone.inp: cannot be read: No such file"),

@@ -35,6 +35,10 @@ def made_sweep(name: str = "study") -> SweepResult:
             reduce_s=seconds,
             full_frf_s=1.0,
             reduced_frf_s=response,
+            steps_per_second=100.0 * size,
+            operations=1e4 * size**2,
+            simulation_s=seconds,
+            simulation_noise=0.1,
             point_s=1.0,
         )
         for number, (method, cutoff, status, size, error, seconds, response) in enumerate(figures, 1)

@@ -227,8 +227,13 @@ def test_the_page_of_a_sweep_opens(browser: Any, tmp_path: Path) -> None:
     path.write_text(sweep_page(made_sweep()), encoding="utf-8")
     with opened(browser, path) as found:
         found.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
-        # A line for each of three fronts, four points in each panel.
-        assert found.page.evaluate(MARKS, "sweep") >= 3 + 3 * 4
+        # A line for the front, and four points.
+        assert found.page.evaluate(MARKS, "sweep") >= 1 + 4
+        title = "() => document.getElementById('sweep').layout.xaxis.title.text"
+        assert found.page.evaluate(title) == "reduction time, s"
+        found.page.select_option("#cost", "operations")
+        found.page.select_option("#error", "db_error")
+        assert found.page.evaluate(title) == "operations for a simulated second"
         assert found.faults == []
 
 

@@ -11,16 +11,18 @@ from cmsreduce.config.keys.files import MatrixFile
 from cmsreduce.config.keys.interface import InterfaceKeys
 from cmsreduce.config.keys.joints import Articulation
 from cmsreduce.config.keys.mapping import Count, Keys, check_name, parse_point
+from cmsreduce.config.keys.parameters import ParameterKeys, ParameterMatrix, parse_value
 from cmsreduce.config.keys.pipeline import Memory, Pipeline, json_schema, key_names
 from cmsreduce.config.keys.project import ProjectKeys
-from cmsreduce.config.keys.quantities import Quantity, parse_ratio
+from cmsreduce.config.keys.quantities import Compound, Quantity, figure_powers, parse_ratio, powers_of
 from cmsreduce.config.keys.reduce import ModeSetKeys, ReduceKeys
 from cmsreduce.config.keys.scene import SceneKeys
 from cmsreduce.config.keys.stiffening import GeometricStiffnessKeys, SpinKeys
-from cmsreduce.config.keys.verify import RELATIVE_ERRORS, CompareKeys, LimitKeys, VerifyKeys
-from cmsreduce.config.keys.write import BASIC, CENTRE
+from cmsreduce.config.keys.verify import CHECK_OF, RELATIVE_ERRORS, CompareKeys, LimitKeys, VerifyKeys
+from cmsreduce.config.keys.write import BASIC, CENTRE, WriteKeys
 
 __all__ = [
+    "CHECK_OF",
     "RELATIVE_ERRORS",
     "CompareKeys",
     "LimitKeys",
@@ -29,6 +31,7 @@ __all__ = [
     "BASIC",
     "CENTRE",
     "Component",
+    "Compound",
     "Count",
     "EXTSEOUT_NAMES",
     "FLEXIBLE_ONLY",
@@ -39,6 +42,8 @@ __all__ = [
     "MatrixFile",
     "Memory",
     "ModeSetKeys",
+    "ParameterKeys",
+    "ParameterMatrix",
     "Pipeline",
     "ProjectKeys",
     "Quantity",
@@ -50,11 +55,15 @@ __all__ = [
     "Size",
     "SpinKeys",
     "VerifyKeys",
+    "WriteKeys",
     "channel_kind",
     "check_name",
+    "figure_powers",
     "json_schema",
     "key_names",
     "parse_point",
     "parse_ratio",
     "parse_row",
+    "parse_value",
+    "powers_of",
 ]

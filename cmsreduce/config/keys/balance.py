@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -52,8 +53,11 @@ Rank = Annotated[
     Literal["gregory", "hankel", "component-cost", "modal-gain", "frequency", "system-cost"],
     refused({"peak-amplitude": "is no longer a ranking: write gregory, which gives the same order"}),
 ]
-KeepRule = Literal["all", "modes", "total", "fraction", "frf_error", "bound"]
-_KEEP_RULES: tuple[KeepRule, ...] = ("modes", "total", "fraction", "bound", "frf_error")
+KeepRule = Literal["all", "modes", "total", "fraction", "frf_error", "bound", "limits", "numbers"]
+_KEEP_RULES: tuple[KeepRule, ...] = ("modes", "total", "fraction", "bound", "frf_error", "limits", "numbers")
+# Modes that one range names: a slip of the finger must not fill the memory.
+_MOST_NUMBERS = 100_000
+_RANGE = re.compile(r"(\d{1,9})\s*-\s*(\d{1,9})")
 
 
 class WeightingKeys(Keys):
@@ -211,11 +215,57 @@ Modes = Annotated[
 """A number, or a number for each body that is named."""
 
 
-class KeepKeys(Keys):
-    """Number of ranked modes to keep: one of the keys, or ``all``."""
+def _is_listed(value: object) -> bool:
+    """True for a list, or a range alone: no other value of a key that names a component."""
+    return isinstance(value, (list, tuple)) or (isinstance(value, str) and _RANGE.fullmatch(value.strip()) is not None)
 
-    alternatives: ClassVar[tuple[str, ...]] = ("modes", "total", "fraction", "hankel_fraction", "frf_error", "bound")
-    short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"const": "all"},)
+
+def _parse_numbers(value: object) -> tuple[int, ...]:
+    """Read a list of numbers and of ranges such as 3-7."""
+    found: list[int] = []
+    for item in value if isinstance(value, (list, tuple)) else [value]:
+        span = _RANGE.fullmatch(item.strip()) if isinstance(item, str) else None
+        if span is not None:
+            first, last = int(span[1]), int(span[2])
+        elif isinstance(item, int) and not isinstance(item, bool):
+            first = last = item
+        else:
+            raise ValueError(f"numbers of modes are expected, e.g. [1, 2, 5] or [1-4], found {item!r}")
+        if first < 1:
+            raise ValueError(f"modes are numbered from 1, the lowest elastic one; found {item}")
+        if last < first:
+            raise ValueError(f"the range {item} ends below its start: write {last}-{first}")
+        if last - first >= _MOST_NUMBERS:
+            raise ValueError(f"the range {item} names more than {_MOST_NUMBERS} modes")
+        found += range(first, last + 1)
+    repeated = [number for k, number in enumerate(found) if number in found[:k]]
+    if repeated:
+        raise ValueError(f"mode {repeated[0]} is named twice")
+    return tuple(sorted(found))
+
+
+Numbers = Annotated[
+    tuple[int, ...],
+    BeforeValidator(_parse_numbers),
+    WithJsonSchema({"type": "array", "items": {"anyOf": [{"type": "integer", "minimum": 1}, {"type": "string"}]}}),
+]
+"""Numbers of modes from 1, and ranges of them."""
+
+
+class KeepKeys(Keys):
+    """Modes to keep: one of the keys, ``all``, ``limits``, or lists of modes by the names of components."""
+
+    alternatives: ClassVar[tuple[str, ...]] = (
+        "modes",
+        "total",
+        "fraction",
+        "hankel_fraction",
+        "frf_error",
+        "bound",
+        "limits",
+        "numbers",
+    )
+    short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"const": "all"}, {"const": "limits"})
 
     modes: Modes | None = Field(
         default=None,
@@ -249,15 +299,32 @@ class KeepKeys(Keys):
         examples=[0.05],
     )
 
+    limits: Literal["all"] | None = Field(
+        default=None,
+        description="The smallest model that meets every limit of verify.limits, at every configuration and midpoint "
+        "configuration that verify judges. Short: `keep: limits`.",
+        examples=["all"],
+    )
+    numbers: dict[Name, Numbers] | None = Field(
+        default=None,
+        description="Elastic modes of each body by number, the lowest frequency first; a body that is not named keeps "
+        "all. Short: the names of the components alone, `keep: {rotor: [1, 2, 5], stator: [1-4]}`.",
+        examples=[{"rotor": [1, 2, 5], "stator": ["1-4"]}],
+    )
+
     @classmethod
     def written_out(cls, value: object) -> object:
-        """Read ``all`` as a mapping without a rule."""
-        if value == "all":
-            return {}
+        """Read ``all`` as a mapping without a rule, ``limits`` as all limits, and lists as modes by number."""
+        if value in ("all", "limits"):
+            return {} if value == "all" else {"limits": "all"}
         if isinstance(value, (str, int, float, list)):
             raise ValueError(
-                f"`all` or a mapping is expected, e.g. {{modes: 20}} or {{frf_error: 0.01}}: found {value!r}"
+                f"`all`, `limits` or a mapping is expected, e.g. {{modes: 20}} or {{frf_error: 0.01}}: found {value!r}"
             )
+        if isinstance(value, dict):
+            listed = {key: each for key, each in value.items() if key not in cls.alternatives and _is_listed(each)}
+            if listed:
+                return {**{key: each for key, each in value.items() if key not in listed}, "numbers": listed}
         return value
 
     @model_validator(mode="after")

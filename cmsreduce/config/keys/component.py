@@ -36,8 +36,8 @@ from cmsreduce.model import Damping, Placement, Units
 __all__ = ["Component", "DampingKeys", "EXTSEOUT_NAMES", "FLEXIBLE_ONLY", "PlacementKeys", "RayleighKeys", "RigidKeys"]
 
 FLEXIBLE_ONLY = (
-    *("extseout", "modes", "reduced", "stiffness", "mass", "geometry", "rows", "damping", "grounded"),
-    *("geometric_stiffness", "reduce", "balance", "write"),
+    *("extseout", "modes", "reduced", "states", "stiffness", "mass", "geometry", "rows", "damping"),
+    *("grounded", "geometric_stiffness", "reduce", "balance", "write"),
 )
 """Keys that a rigid body does not have."""
 
@@ -46,8 +46,11 @@ EXTSEOUT_NAMES = ("KXX", "MXX")
 
 # Files of a superelement by what they hold, the likeliest first.
 _EXTSEOUT_MATRICES, _EXTSEOUT_GEOMETRY = (".op4", ".op2", ".pch"), (".asm", ".pch")
-_NOT_BESIDE_MODES = ("rigid", "extseout", "reduced", "stiffness", "mass", "geometric_stiffness")
-_NOT_BESIDE_REDUCED = ("rigid", "extseout", "stiffness", "mass", "geometry", "rows", "grounded", "geometric_stiffness")
+_NOT_BESIDE_MODES = ("rigid", "extseout", "reduced", "states", "stiffness", "mass", "geometric_stiffness")
+_NOT_BESIDE_REDUCED = (
+    *("rigid", "extseout", "states", "stiffness", "mass", "geometry", "rows", "grounded", "geometric_stiffness"),
+)
+_NOT_BESIDE_STATES = ("rigid", "extseout", "stiffness", "mass", "geometric_stiffness")
 _LAWS = ("modal", "table", "per_mode", "rayleigh", "structural", "matrix")
 
 
@@ -144,7 +147,7 @@ class PlacementKeys(Keys):
 
 
 class Component(Keys):
-    """A body: `rigid`, matrices (`stiffness` and `mass`, or `extseout`), `modes`, `reduced`, or `like` another one."""
+    """A body: `rigid`, matrices (`stiffness`, `mass`, `extseout`), `modes`, `reduced`, `states`, or `like` another."""
 
     like: Name | None = Field(
         default=None,
@@ -168,7 +171,8 @@ class Component(Keys):
     reduced: DataPath | None = Field(
         default=None,
         description="File that holds the whole body in a few modes, as others reduced it: a component file of "
-        "cmsreduce, or an SID file. An interface is one of its nodes, or `set: NAME` for an interface of the file.",
+        "cmsreduce, an SID file or a modal body of MBDyn. An interface is one of its nodes, or `set: NAME` for an "
+        "interface of the file.",
         examples=["../build/arm/panel.h5"],
     )
     modes: ModesKeys | None = Field(
@@ -176,6 +180,13 @@ class Component(Keys):
         description="A body that is known by its modes, computed elsewhere or measured, with `geometry` for the places "
         "of its nodes.",
         examples=[{"frequencies": ["12.3 Hz", "15.1 Hz"], "shapes": {"file": "modes.mat", "matrix": "PHI"}}],
+    )
+    states: MatrixFile | None = Field(
+        default=None,
+        description="A body in state space: a file with A, B and C, or with M, K, B and perhaps D and C; `matrix` "
+        "names the struct that holds them. `rows` lists the dof that each input drives and each output measures, "
+        "`geometry` has the places of the nodes.",
+        examples=["plant.mat"],
     )
     stiffness: MatrixFile | None = Field(
         default=None, description="Stiffness matrix.", examples=[{"file": "rotor.op4", "matrix": "KAA"}]
@@ -269,19 +280,36 @@ class Component(Keys):
             beside = [key for key in _NOT_BESIDE_MODES if getattr(self, key) is not None]
             if beside:
                 raise ValueError(f"`modes` is a whole body: take `{beside[0]}` out, or `modes`")
-            if self.geometry is None:
+            if self.geometry is None and self.modes.file is None:
                 raise ValueError("`modes` needs `geometry`, the places of the nodes of its shapes")
+            return self
+        if self.states is not None:
+            beside = [key for key in _NOT_BESIDE_STATES if getattr(self, key) is not None]
+            if beside:
+                raise ValueError(f"`states` is a whole body: take `{beside[0]}` out, or `states`")
+            if self.geometry is None or self.rows is None or self.rows.file is None:
+                lacking = "geometry" if self.geometry is None else "rows"
+                raise ValueError(
+                    f"`states` needs `{lacking}`: `rows` is a list of the dof (node.component) of each input and "
+                    "output, `geometry` has the places of these nodes"
+                )
             return self
         if self.rigid is not None:
             return self
         if self.stiffness is None and self.mass is None:
             raise ValueError(
-                "a component needs `rigid`, or `stiffness` and `mass`, or `extseout`, `modes`, `reduced` or `like`"
+                "a component needs `rigid`, or `stiffness` and `mass`, or `extseout`, `modes`, `reduced`, `states` or "
+                "`like`"
             )
         if self.stiffness is None or self.mass is None:
             given, lacking = ("mass", "stiffness") if self.stiffness is None else ("stiffness", "mass")
             raise ValueError(f"`{given}` is given without `{lacking}`: a flexible body needs both")
         return self
+
+    @property
+    def in_modes(self) -> bool:
+        """True if the body is given in amplitudes of modes or in states, and not in dofs of nodes."""
+        return self.reduced is not None or self.modes is not None or self.states is not None
 
     def units_in(self, scene: Units) -> Units:
         """Unit system of the body's data."""

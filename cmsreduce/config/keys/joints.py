@@ -21,11 +21,11 @@ from pydantic_core import CoreSchema
 
 from cmsreduce.config.keys.channels import DofName, Pair
 from cmsreduce.config.keys.mapping import DofNames, Keys, LengthVector, Plain, Written, WrittenItems, reported
-from cmsreduce.config.keys.quantities import Compound, ElementFigure, Quantity, parse_compound
+from cmsreduce.config.keys.quantities import Compound, ElementFigure, Quantity, parse_compound, parse_quantity
 from cmsreduce.errors import UnitsError
 from cmsreduce.model import DOF_NAMES, SI, JointElement, Units
 
-__all__ = ["Articulation", "JointKeys", "NamedConfiguration", "JointValues"]
+__all__ = ["ELEMENT_FIGURES", "Articulation", "JointKeys", "NamedConfiguration", "JointValues"]
 
 ELEMENT_FIGURES: tuple[ElementFigure, ...] = ("stiffness", "damping", "inertia")
 """Keys of springs, dampers and inertias on free motions of a joint."""
@@ -109,18 +109,17 @@ class JointKeys(Keys):
 
     def elements(self, units: Units) -> tuple[JointElement, ...]:
         """Springs, dampers and inertias in the scene's units, one for each motion that has any."""
-        return tuple(
-            JointElement(
-                dof,
-                **{
-                    what: self.figures(what)[name].figure_in(units, what, dof >= _FIRST_ROTATION)
-                    for what in ELEMENT_FIGURES
-                    if name in self.figures(what)
-                },
+        found = []
+        for dof, name in enumerate(DOF_NAMES):
+            stiffness, damping, inertia = (
+                self.figures(what)[name].figure_in(units, what, dof >= _FIRST_ROTATION)
+                if name in self.figures(what)
+                else None
+                for what in ELEMENT_FIGURES
             )
-            for dof, name in enumerate(DOF_NAMES)
-            if any(name in self.figures(what) for what in ELEMENT_FIGURES)
-        )
+            if (stiffness, damping, inertia) != (None, None, None):
+                found.append(JointElement(dof, stiffness or 0.0, damping or 0.0, inertia or 0.0))
+        return tuple(found)
 
 
 def _share_unit(items: tuple[Quantity, ...]) -> tuple[Quantity, ...]:
@@ -189,11 +188,33 @@ class JointValues(Keys):
         return (*inner, last)
 
 
+def _parse_setting(value: object) -> Quantity | Compound:
+    """Read the value of a joint, or that of a parameter, which may have any unit."""
+    if isinstance(value, Compound):
+        return value
+    try:
+        return parse_quantity(value)
+    except UnitsError as error:
+        try:
+            return parse_compound(value)
+        except UnitsError:
+            raise error from None
+
+
+Setting = Annotated[
+    Quantity | Compound,
+    BeforeValidator(reported(_parse_setting)),
+    PlainSerializer(lambda value: value.plain),
+    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
+]
+"""Value of a joint or of a parameter, as written."""
+
+
 class NamedConfiguration(Keys):
-    """One configuration: a name, and the value of each joint as JOINT or JOINT.DOF."""
+    """One configuration: a name, the value of each joint as JOINT or JOINT.DOF, and those of parameters."""
 
     name: Plain | None = Field(default=None, description="Label; by default the joint values.", examples=["stowed"])
-    joints: dict[str, Written] = Field(description="Value of each joint.")
+    joints: dict[str, Setting] = Field(description="Value of each joint, and of parameters by name.")
 
     @classmethod
     def written_out(cls, value: object) -> object:

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, model_validator
 
 from cmsreduce.config.keys.files import MatrixFile
-from cmsreduce.config.keys.mapping import Frequency, Keys, Positive, exactly_one
+from cmsreduce.config.keys.mapping import DataPath, Frequency, Keys, Positive, exactly_one
 from cmsreduce.config.keys.rigid import RigidKeys
 
 __all__ = ["ModesKeys"]
 
 
 class ModesKeys(Keys):
-    """Frequencies or modal matrices, and the shapes at some nodes."""
+    """A file with all of it, or frequencies or modal matrices and the shapes at some nodes."""
 
-    alternatives: ClassVar[tuple[str, ...]] = ("frequencies", "stiffness")
+    short_key: ClassVar[str] = "file"
+    short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"type": "string"},)
+    alternatives: ClassVar[tuple[str, ...]] = ("file", "frequencies", "stiffness")
+
+    file: DataPath | None = Field(
+        default=None,
+        description="Universal file with modes (datasets 55 and 2414): frequencies, damping, modal masses, shapes and, "
+        "without `geometry`, the nodes.",
+        examples=["test.uff"],
+    )
 
     frequencies: Annotated[tuple[Frequency, ...], Field(min_length=1)] | None = Field(
         default=None,
@@ -24,7 +33,9 @@ class ModesKeys(Keys):
         examples=[["12.3 Hz", "15.1 Hz"]],
     )
     modal_mass: tuple[Positive, ...] | None = Field(
-        default=None, description="Modal mass of each mode, beside frequencies; by default 1.", examples=[[1.0, 2.5]]
+        default=None,
+        description="Modal mass of each mode, beside frequencies (by default 1) or a file whose shapes have no scale.",
+        examples=[[1.0, 2.5]],
     )
     stiffness: MatrixFile | None = Field(
         default=None,
@@ -34,7 +45,8 @@ class ModesKeys(Keys):
     mass: MatrixFile | None = Field(
         default=None, description="Modal mass matrix, beside the stiffness.", examples=[{"file": "modes.mat"}]
     )
-    shapes: MatrixFile = Field(
+    shapes: MatrixFile | None = Field(
+        default=None,
         description="Shapes: rows are dofs of nodes, which `rows` lists, columns are modes.",
         examples=[{"file": "modes.mat", "matrix": "PHI"}],
     )
@@ -47,7 +59,14 @@ class ModesKeys(Keys):
 
     @model_validator(mode="after")
     def _frequencies_or_matrices(self) -> ModesKeys:
-        given = exactly_one(self, ("frequencies", "stiffness"), "modes")
+        given = exactly_one(self, ("file", "frequencies", "stiffness"), "modes")
+        if given == "file":
+            beside = self.given(("shapes", "mass"))
+            if beside:
+                raise ValueError(f"`file` of modes holds its shapes and masses: take `{beside[0]}` out")
+            return self
+        if self.shapes is None:
+            raise ValueError("modes need `shapes`: the motion of some nodes in each of them")
         if (self.mass is None) == (given == "stiffness"):
             raise ValueError("`stiffness` and `mass` of modes are given together, or `frequencies` alone")
         if self.modal_mass is not None and given == "stiffness":

@@ -66,8 +66,15 @@ Sampled = Annotated[
 
 
 class ProjectKeys(Keys):
-    """Projection of system modes on the bodies, so that the assembled bodies reproduce these modes."""
+    """Projection of system modes, or of the scene's responses, on the bodies."""
 
+    responses: Literal["auto"] | Count | dict[Plain, Count] | None = Field(
+        default=None,
+        description="Take shapes from the scene's own responses instead of system modes: the number of shapes of each "
+        "body or of all bodies, or auto, the fewest that meet the limits of verify in all configurations and, with "
+        "`between`, in the whole range of the articulation.",
+        examples=["auto", {"rotor": 12, "stator": 7}],
+    )
     modes: SystemModeKeys = Field(
         default=SystemModeKeys(),
         description="Modes of the system; auto takes the fewest with which frf_error is met.",
@@ -123,6 +130,15 @@ class ProjectKeys(Keys):
     between: Flag = Field(
         default=True,
         description="Also measure the error at midpoint configurations between neighbouring angles, where no modes "
-        "were computed.",
+        "were computed; with `responses`, in the whole range of the articulation.",
         examples=[True],
     )
+
+    @model_validator(mode="after")
+    def _of_responses(self) -> ProjectKeys:
+        other = self.model_fields_set - {"responses", "of", "between"}
+        if self.responses is not None and other:
+            raise ValueError(
+                f"`responses` takes no system modes: leave `{min(other)}` out (`of` and `between` stay possible)"
+            )
+        return self

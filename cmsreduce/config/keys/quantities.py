@@ -17,11 +17,14 @@ __all__ = [
     "Compound",
     "Dimension",
     "ElementFigure",
+    "Powers",
     "Quantity",
+    "figure_powers",
     "measure",
     "parse_compound",
     "parse_quantity",
     "parse_ratio",
+    "powers_of",
 ]
 
 Dimension = Literal["frequency", "angle", "length", "time"]
@@ -275,6 +278,24 @@ class Compound(_Written):
             raise UnitsError(f"{self} is no {figure} {kind}, e.g. {example}")
         length, mass, time = wanted
         return self.value * factor / (units.length**length * units.mass**mass * units.time**time)
+
+    def number_in(self, units: Units) -> float:
+        """Value in a unit system, whatever its dimension; a number without a unit is in that system already."""
+        if not self.unit:
+            return self.value
+        (length, mass, time), factor = _product(self.unit)
+        return self.value * factor / (units.length**length * units.mass**mass * units.time**time)
+
+
+def figure_powers(figure: ElementFigure, rotation: bool) -> Powers | None:
+    """Exponents of length, mass and time of a property of a joint; None for one that does not exist."""
+    found = _DIMENSION.get((figure, rotation))
+    return None if found is None else found[0]
+
+
+def powers_of(value: Compound) -> Powers | None:
+    """Exponents of length, mass and time of a number's unit; None without a unit."""
+    return _product(value.unit)[0] if value.unit else None
 
 
 def parse_compound(value: object) -> Compound:

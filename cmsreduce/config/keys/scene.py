@@ -10,6 +10,7 @@ from cmsreduce.config.keys.channels import ActuatorKeys, SensorKeys
 from cmsreduce.config.keys.files import ControllerFile
 from cmsreduce.config.keys.joints import Articulation, JointKeys
 from cmsreduce.config.keys.mapping import Keys, Name, OneOrMore, PointName, UnitSystem, reported
+from cmsreduce.config.keys.parameters import ParameterKeys
 from cmsreduce.config.keys.quantities import Quantity, measure, parse_quantity
 from cmsreduce.config.keys.stiffening import SpinKeys
 
@@ -58,6 +59,11 @@ class SceneKeys(Keys):
         description="Configurations in which the system is assembled and checked: all combinations of a "
         "mapping JOINT or JOINT.DOF: [values] or {from, to, steps}, or a list of named configurations.",
         examples=[{"spin": [0, 45, "90 deg"]}],
+    )
+    parameters: dict[Name, ParameterKeys] = Field(
+        default={},
+        description="Numbers beside the angles on which matrices of bodies and joints depend (docs/parameters.md).",
+        examples=[{"preload": {"values": [0, "50 kN"], "stiffness": {"rotor": {"file": "K1.op4", "matrix": "KG"}}}}],
     )
     actuators: dict[Name, ActuatorKeys] = Field(
         default={}, description="Inputs by name.", examples=[{"motor": {"joint": "spin", "dof": "rz"}}]

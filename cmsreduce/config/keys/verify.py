@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field, Strict
 
 from cmsreduce.config.keys.balance import RankingKeys
-from cmsreduce.config.keys.mapping import Keys, Plain, Positive, RelativeError
+from cmsreduce.config.keys.mapping import Flag, Frequency, Keys, Plain, Positive, RelativeError
 from cmsreduce.config.keys.reduce import ModeSetKeys
+from cmsreduce.model import Integrator
 
-__all__ = ["RELATIVE_ERRORS", "CompareKeys", "FrfKeys", "LimitKeys", "VerifyKeys"]
+__all__ = ["CHECK_OF", "RELATIVE_ERRORS", "CompareKeys", "CostKeys", "FrfKeys", "LimitKeys", "VerifyKeys"]
 
 
 class CompareKeys(RankingKeys):
@@ -108,6 +110,16 @@ class LimitKeys(Keys):
         description="Relative root mean square error of a step response.",
         examples=[0.01],
     )
+    hinge_inertia: RelativeError | None = Field(
+        default=None,
+        description="Share of the inertia at a hinge that is lost with the modes left out.",
+        examples=[0.05],
+    )
+    highest_frequency: Annotated[Frequency, Field(gt=0)] | None = Field(
+        default=None,
+        description="Highest natural frequency of the assembled reduced system, which sets the step of an integrator.",
+        examples=["500 Hz"],
+    )
     controller_ratio: Positive | None = Field(
         default=None,
         description="sigma_max(dG K) / sigma_min(I + G_R K) of scene.controller; just below 1 without this key.",
@@ -121,13 +133,36 @@ RELATIVE_ERRORS = frozenset(
 """Limits that are fractions, or per cent with their sign."""
 
 CheckName = Literal["static", "gains", "zeros", "step"]
-_CHECK_OF: dict[str, CheckName] = {
+CHECK_OF: Mapping[str, CheckName] = {
     "static_lack": "static",
     "gain_error": "gains",
     "zero_error": "zeros",
     "zeros_lost": "zeros",
     "step_error": "step",
 }
+"""Check that measures each of these limits."""
+
+
+class CostKeys(Keys):
+    """Cost of a simulation in time, of the reduced and of the full system."""
+
+    integrator: Integrator = Field(
+        default="central_difference",
+        description="Integrator of the steps and operations. An explicit one follows the highest frequency of the "
+        "system, an implicit one (trapezoidal, generalised_alpha) the band.",
+        examples=["rk4"],
+    )
+    accuracy: Annotated[RelativeError, Field(ge=1e-8, le=1e-2)] = Field(
+        default=1e-2,
+        description="Relative error of the frequency that sets the step, 1e-8 to 1 %.",
+        examples=["0.1 %"],
+    )
+    measure: Flag = Field(
+        default=False,
+        description="Measure seconds for a simulated second, too, with the integrator of cmsreduce (docs/simulate.md); "
+        "of the full system where no body has more than 600 dofs. It takes some seconds.",
+        examples=[True],
+    )
 
 
 class VerifyKeys(Keys):
@@ -149,6 +184,11 @@ class VerifyKeys(Keys):
         "is measured and judged, too; `all`, or 0 for none, which a note then says.",
         examples=["all"],
     )
+    cost: CostKeys = Field(
+        default=CostKeys(),
+        description="Cost of a simulation, computed for runs of up to 20000 dofs, and beyond if this key is given.",
+        examples=[{"integrator": "rk4", "accuracy": "0.1 %", "measure": True}],
+    )
     compare: dict[Plain, CompareKeys] = Field(
         default={},
         description="Other rankings and mode sets to compare with the model of the run, by label; limits do not apply "
@@ -159,5 +199,5 @@ class VerifyKeys(Keys):
     @property
     def required_checks(self) -> tuple[CheckName, ...]:
         """Checks that are named, or whose results have a limit."""
-        limited = [check for figure, check in _CHECK_OF.items() if getattr(self.limits, figure) is not None]
+        limited = [check for figure, check in CHECK_OF.items() if getattr(self.limits, figure) is not None]
         return tuple(dict.fromkeys([*(self.checks or ()), *limited]))

@@ -153,12 +153,14 @@ Format = Literal[
     "simscape",
     "fmi",
     "extptfm",
+    "radioss",
 ]
 
 _DIALECTS = {
     "sid": ("by-axis", "by-mode", "gr-by-mode", "embs"),
     "mbdyn": ("points", "invariants", "lumped", "first-order"),
     "fmi": ("fmi3", "fmi2"),
+    "extptfm": ("openfast-5", "openfast-4"),
 }
 
 ProgramName = Literal[
@@ -213,6 +215,12 @@ class WriteKeys(BodyWriteKeys):
         description="Also write the elastic part of the system's state space, balanced and truncated to this number of "
         "states. The states are displacements and rates of points. For matlab.",
         examples=[12],
+    )
+    configuration: Plain | None = Field(
+        default=None,
+        description="Configuration of the scene whose parameter values hold in the files of other programs; by default "
+        "all parameters are zero there. Component files hold the body without parameters, and what each adds.",
+        examples=["preload=50000"],
     )
     all_nodes: Flag = Field(
         default=False,

@@ -6,6 +6,7 @@ The meaning of a mode for a body belongs in `reduce` or `verify`.
 
 from cmsreduce.linalg.eigen.complex_modes import ComplexModes, DampedPencil, complex_modes
 from cmsreduce.linalg.eigen.eigenpairs import beside_modes, certified_modes, count_below, modes_below
+from cmsreduce.linalg.eigen.highest import HighestFrequency, highest_frequency
 from cmsreduce.linalg.eigen.null_space import (
     DEPENDENT,
     HELD,
@@ -33,6 +34,7 @@ __all__ = [
     "DEPENDENT",
     "DampedPencil",
     "HELD",
+    "HighestFrequency",
     "UndeterminedError",
     "beside_modes",
     "certified_modes",
@@ -41,6 +43,7 @@ __all__ = [
     "elastic_and_massless",
     "elastic_pairs",
     "energy_parts",
+    "highest_frequency",
     "modes_below",
     "motions_held",
     "null_space",

@@ -6,6 +6,7 @@ Code that measures, prints or draws belongs elsewhere; so do findings that only 
 
 from cmsreduce.model.results.choices import (
     BoundRecord,
+    CertificateRecord,
     CutoffChoice,
     ExtraneousMode,
     ProjectionRecord,
@@ -13,6 +14,7 @@ from cmsreduce.model.results.choices import (
     SearchRecord,
     SensitivityCase,
     SensitivityRecord,
+    SolvedPoint,
 )
 from cmsreduce.model.results.component import (
     MISSING_INERTIA,
@@ -37,6 +39,7 @@ from cmsreduce.model.results.errors import (
 )
 from cmsreduce.model.results.failures import Failure, failure_findings
 from cmsreduce.model.results.health import HealthFinding, health_data
+from cmsreduce.model.results.measured import BETWEEN, CONTROLLER_LIMITS, Measured
 from cmsreduce.model.results.reduction_checks import (
     CHECKS,
     ChannelZeros,
@@ -47,17 +50,20 @@ from cmsreduce.model.results.reduction_checks import (
     StepErrors,
     SystemChecks,
 )
-from cmsreduce.model.results.run import CONTROLLER_LIMITS, RunResult, Speed
+from cmsreduce.model.results.run import RunResult
+from cmsreduce.model.results.speed import Integrator, SimulationCost, SimulationCosts, Speed
 from cmsreduce.model.results.sweep import STATUS_OF, SweepResult, SweepRow, short_keys
 from cmsreduce.model.results.verdict import PROOFS, Proof, Verdict, judge
 
 __all__ = [
     "AxisCompleteness",
+    "BETWEEN",
     "BetweenErrors",
     "BodyDrawing",
     "BoundRecord",
     "CHECKS",
     "CONTROLLER_LIMITS",
+    "CertificateRecord",
     "ChannelZeros",
     "ComponentResult",
     "ConfigurationResult",
@@ -78,6 +84,7 @@ __all__ = [
     "JointDrawing",
     "MISSING_INERTIA",
     "MacMatrix",
+    "Measured",
     "ModelErrors",
     "PortDrawing",
     "PROOFS",
@@ -93,6 +100,10 @@ __all__ = [
     "SearchRecord",
     "SensitivityCase",
     "SensitivityRecord",
+    "Integrator",
+    "SimulationCost",
+    "SimulationCosts",
+    "SolvedPoint",
     "Speed",
     "StepErrors",
     "SweepResult",

@@ -8,8 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.model.results.errors import Finding
+
 __all__ = [
     "BoundRecord",
+    "CertificateRecord",
     "CutoffChoice",
     "ExtraneousMode",
     "ProjectionRecord",
@@ -17,6 +20,7 @@ __all__ = [
     "SearchRecord",
     "SensitivityCase",
     "SensitivityRecord",
+    "SolvedPoint",
 ]
 
 # If this share of the first error is left at the highest cutoff, raising the cutoff was in vain.
@@ -27,30 +31,57 @@ _ALIKE = 0.9
 
 @dataclass(frozen=True)
 class SearchRecord:
-    """A search for the fewest modes that meet an error of the assembled system.
+    """A search for the fewest modes that meet limits on the assembled system.
 
     Parameters
     ----------
-    asked, frf_error : float
-        Largest error allowed, and error reached, in the worst configuration.
+    limits : mapping of str to float
+        Limits that count.
+    critical : Finding
+        The finding of the model that is nearest to its limit.
+    obstacle : Finding, optional
+        The limit that the best model with fewer modes breaks, among those that were tried last; None if no mode is
+        kept.
+    frf_error : float, optional
+        Error reached, in the worst configuration.
     modes, of : int
         Elastic modes kept, and elastic modes of the mode sets.
     candidates : int
-        Selections whose error was computed.
+        Selections that were measured.
     seconds : float
         Wall time of the search, including tables and reference models.
     truncated : mapping of ranking to int
-        Elastic modes that a ranking alone needs to meet the error. Rankings that need more modes than one listed before
-        them are missing.
+        Elastic modes that a ranking alone needs to meet the limits. Rankings that need more modes than one listed
+        before them are missing.
     """
 
-    asked: float
-    frf_error: float
+    limits: Mapping[str, float]
+    critical: Finding
+    obstacle: Finding | None
+    frf_error: float | None
     modes: int
     of: int
     candidates: int
     seconds: float
     truncated: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def asked(self) -> float | None:
+        """Largest frf_error allowed."""
+        return self.limits.get("frf_error")
+
+    @property
+    def words(self) -> str:
+        """Modes kept, the limit that is nearest, and the limit that stands in the way of fewer modes."""
+        near = self.critical
+        text = f"search: {self.modes} of {self.of} elastic modes meet {near.name} {near.limit:g} with {near.value:.4g}"
+        if len(self.limits) > 1:
+            others = len(self.limits) - 1
+            text += f", and {others} other limit{'s' if others > 1 else ''}"
+        far = self.obstacle
+        if far is not None:
+            text += f"; fewer would break {far.name} {far.limit:g} with {far.value:.4g} in {far.note}"
+        return text
 
 
 @dataclass(frozen=True)
@@ -244,6 +275,56 @@ class SampledModes:
     predicted: int | None = None
 
 
+@dataclass(frozen=True)
+class SolvedPoint:
+    """Error of the reduced response at one frequency, by a solve of the unreduced bodies.
+
+    Parameters
+    ----------
+    configuration : str
+    hz : float
+    error : float
+        Of all channels, relative to their elastic response there.
+    estimate, bound : float
+        Of this error, by residuals.
+    """
+
+    configuration: str
+    hz: float
+    error: float
+    estimate: float
+    bound: float
+
+
+@dataclass(frozen=True, eq=False)
+class CertificateRecord:
+    """Errors of the reduced responses by residuals, and solves of the unreduced bodies that check them.
+
+    Parameters
+    ----------
+    estimated, bound : mapping of configuration to float
+        Estimate of frf_error, and a bound of it that is proven for the system of all candidates.
+    solved : tuple of SolvedPoint
+        Frequencies with the largest estimates.
+    factor : float
+        The error of a configuration is at most so many times its estimate, as a rule.
+    reference : mapping of body to str
+        The unreduced bodies as they were solved.
+    """
+
+    estimated: Mapping[str, float]
+    bound: Mapping[str, float]
+    solved: tuple[SolvedPoint, ...]
+    factor: float
+    reference: Mapping[str, str]
+
+    @property
+    def worst(self) -> tuple[str, float, float]:
+        """Configuration with the largest bound, its estimate and its bound."""
+        name = max(self.bound, key=lambda each: self.bound[each])
+        return name, self.estimated[name], self.bound[name]
+
+
 @dataclass(frozen=True, eq=False)
 class ProjectionRecord:
     """One run of the project stage.
@@ -268,6 +349,10 @@ class ProjectionRecord:
         Largest singular value of a dependent shape.
     outputs : tuple of str
         Names of the outputs of ``ExtraneousMode.weight``.
+    configurations : tuple of str
+        Configurations that scene shapes were optimised in; empty if system modes were projected.
+    certificate : CertificateRecord, optional
+        Errors of scene shapes by residuals.
     """
 
     sampled: tuple[SampledModes, ...]
@@ -279,6 +364,8 @@ class ProjectionRecord:
     limit: float | None = None
     tolerance: float = 0.0
     outputs: tuple[str, ...] = ()
+    configurations: tuple[str, ...] = ()
+    certificate: CertificateRecord | None = None
 
     @property
     def worst_return(self) -> float:

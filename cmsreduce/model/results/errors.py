@@ -47,6 +47,11 @@ class Finding:
         return f"{self.subject}: {self.name}" if self.subject else self.name
 
     @property
+    def limit_name(self) -> str:
+        """Name of its limit: one limit judges the response error in and between the sampled configurations."""
+        return self.name.partition(" ")[0]
+
+    @property
     def judged(self) -> bool:
         """True if there is a limit."""
         return not math.isinf(self.limit)
@@ -55,6 +60,21 @@ class Finding:
     def passed(self) -> bool:
         """True if the value meets the limit or there is none; NaN meets no limit."""
         return bool(self.value <= self.limit) or not self.judged
+
+    @property
+    def ratio(self) -> float:
+        """Value over its limit: at most 1 if it passes, infinite if it was not measured or none is allowed.
+
+        Examples
+        --------
+        >>> Finding("frf_error", 0.01, 0.05).ratio, Finding("modes_lost", 0.0, 0.0).ratio
+        (0.2, 0.0)
+        """
+        if math.isnan(self.value):
+            return math.inf
+        if self.limit > 0:
+            return self.value / self.limit
+        return 0.0 if self.passed else math.inf
 
     @property
     def verdict(self) -> str:
@@ -189,6 +209,8 @@ class ModelErrors:
     channel_errors, channel_peak : (outputs, inputs) float64, optional
         Relative error of the elastic response, and of its highest peak, channel by channel; NaN where silent. The error
         is infinite where only the reference model is silent.
+    channel_db : (outputs, inputs) float64, optional
+        Decibel error, channel by channel; NaN where silent.
     channel_shift : (outputs, inputs) float64, optional
         Largest relative shift of a natural frequency with a peak in the channel; NaN where there is no peak.
     nrfd : float, optional
@@ -216,6 +238,7 @@ class ModelErrors:
     frac_error: float | None = None
     channel_errors: NDArray[np.float64] | None = None
     channel_peak: NDArray[np.float64] | None = None
+    channel_db: NDArray[np.float64] | None = None
     channel_shift: NDArray[np.float64] | None = None
     nrfd: float | None = None
     responding: NDArray[np.bool_] | None = None
@@ -233,6 +256,14 @@ class ModelErrors:
         if judged.max(initial=-1.0) < 0:
             return None
         y, u = np.unravel_index(int(judged.argmax()), judged.shape)
+        return int(y), int(u)
+
+    @property
+    def worst_db_channel(self) -> tuple[int, int] | None:
+        """Output and input of the channel with the largest decibel error; None without one."""
+        if self.channel_db is None or not np.nanmax(self.channel_db, initial=0.0) > 0:
+            return None
+        y, u = np.unravel_index(int(np.nanargmax(self.channel_db)), self.channel_db.shape)
         return int(y), int(u)
 
     @property

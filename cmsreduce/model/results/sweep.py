@@ -43,6 +43,10 @@ class SweepRow:
         Wall time of reducing all bodies. A point that reuses the result of another point has the time of that point.
     full_frf_s, reduced_frf_s : float
         Wall times of the responses over the same grids.
+    steps_per_second, operations : float
+        Steps and floating-point operations for a simulated second of the reduced system (`SimulationCost`).
+    simulation_s, simulation_noise : float
+        Measured seconds of computing for it, and their relative noise.
     point_s : float
         Wall time of the point in this sweep.
     """
@@ -64,6 +68,10 @@ class SweepRow:
     reduce_s: float = float("nan")
     full_frf_s: float = float("nan")
     reduced_frf_s: float = float("nan")
+    steps_per_second: float = float("nan")
+    operations: float = float("nan")
+    simulation_s: float = float("nan")
+    simulation_noise: float = float("nan")
     point_s: float = float("nan")
 
     @property

@@ -250,6 +250,9 @@ def _measured(point: SweepPoint, result: RunResult) -> SweepRow:
     if result.speed is not None:
         names = ("reduce_s", "full_frf_s", "reduced_frf_s")
         figures |= {name: float(getattr(result.speed, name)) for name in names}
+        if (costs := result.speed.simulation) is not None:
+            figures |= {name: getattr(costs.reduced, name) for name in ("steps_per_second", "operations")}
+            figures |= {"simulation_s": costs.reduced.seconds, "simulation_noise": costs.reduced.noise}
     return SweepRow(
         point.number,
         _row_folder(point),

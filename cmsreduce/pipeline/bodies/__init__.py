@@ -10,7 +10,15 @@ from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health, effec
 from cmsreduce.pipeline.bodies.draft import Draft, draft_body, draft_pipeline
 from cmsreduce.pipeline.bodies.from_keys import read_rigid
 from cmsreduce.pipeline.bodies.interface_loading import body_reduction
-from cmsreduce.pipeline.bodies.reference import ALL_MODES_LIMIT, WRITTEN_LIMIT, Reference, all_modes, reference
+from cmsreduce.pipeline.bodies.modal_input import REDUCED_FILES, reduced_body
+from cmsreduce.pipeline.bodies.reference import (
+    ALL_MODES_LIMIT,
+    WRITTEN_LIMIT,
+    Reference,
+    all_modes,
+    damped_by_modes,
+    reference,
+)
 from cmsreduce.pipeline.bodies.spinning import spin_notes
 from cmsreduce.pipeline.bodies.wireframe import cells_of, wireframe
 
@@ -20,6 +28,7 @@ __all__ = [
     "DampingHealth",
     "Draft",
     "FlexibleBody",
+    "REDUCED_FILES",
     "Reference",
     "WRITTEN_LIMIT",
     "all_modes",
@@ -27,6 +36,7 @@ __all__ = [
     "body_reduction",
     "cells_of",
     "copy_of",
+    "damped_by_modes",
     "damping_proof",
     "damping_remark",
     "effective_masses",
@@ -35,6 +45,7 @@ __all__ = [
     "probing_loads",
     "read_flexible",
     "read_rigid",
+    "reduced_body",
     "reference",
     "spin_notes",
     "wireframe",

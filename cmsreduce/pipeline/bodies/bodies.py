@@ -32,7 +32,8 @@ from cmsreduce.model import (
 from cmsreduce.pipeline.bodies.body_damping import DampingHealth, damping_health
 from cmsreduce.pipeline.bodies.body_health import BodyHealth, body_health
 from cmsreduce.pipeline.bodies.body_proofs import definite, prove_body
-from cmsreduce.pipeline.bodies.from_keys import body_as_read, tied_body
+from cmsreduce.pipeline.bodies.from_keys import body_as_read, recovered_body, tied_body
+from cmsreduce.pipeline.bodies.parameters import body_corners, body_terms
 from cmsreduce.pipeline.bodies.stiffening import body_stiffening
 from cmsreduce.read import (
     RowOrderProof,
@@ -95,7 +96,8 @@ class FlexibleBody:
     @property
     def undamped(self) -> FEModel:
         """The body without its damping, for questions of geometry."""
-        return replace(self.body, damping=Damping(), D=None)
+        terms = tuple(term for term in self.body.terms if term.letter != "D")
+        return replace(self.body, damping=Damping(), D=None, terms=terms)
 
     @cached_property
     def health(self) -> BodyHealth:
@@ -111,11 +113,15 @@ class FlexibleBody:
         body, ports = self.body, self.ports
         arrays: list[NDArray[Any]] = [body.dofs.node, body.dofs.component, ports.interface, ports.static_loads]
         arrays += [np.array(self.rigid.shape), np.array([body.rounding, body.noise])]
-        for A in (body.K, body.M, body.D):
+        for A in (body.K, body.M, body.D, *(sp.csc_array(term.matrix) for term in body.terms)):
             if A is not None:
                 arrays += [A.indptr, A.indices, A.data]
+        if body.second_order is not None:
+            arrays += [body.second_order.r_phi, body.second_order.phi_phi]
         if body.nodes is not None:
             arrays += [body.nodes.id, body.nodes.xyz, body.nodes.frame]
+        varied = [(term.parameter, term.letter, term.power) for term in body.terms]
+        digest.update(repr((varied, body.corners)).encode() if varied else b"")
         for array in arrays:
             digest.update(str((array.shape, array.dtype.str)).encode())
             digest.update(np.ascontiguousarray(array).tobytes())
@@ -147,13 +153,14 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         As `read_body` does.
     """
     part = pipeline.components[name]
-    as_read, unproven = body_as_read(name, part, part.units_in(scene.units))
+    as_read, unproven, changed = body_as_read(name, part, part.units_in(scene.units))
     # The rows are proven on the matrices as they are read; ties and units change them.
     proof, order = prove_row_order(as_read), prove_mass_order(as_read)
     if unproven:
         proof = RowOrderProof("labelled", remark=unproven)
     free = proof.status == "proven" and proof.motions == _FREE
-    tied = tied_body(as_read, part, free)
+    grown, unused = recovered_body(as_read, part)
+    tied = tied_body(grown, part, free)
     converted = in_units(tied, scene.units)
     # One factorisation proves that a large body has stiffness and mass in every motion but its rigid ones.
     large = converted.n > _LARGE
@@ -161,7 +168,7 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
     determined = hold_undetermined(converted, named, proven)
     body = determined.body
-    if part.reduced is None and part.modes is None:
+    if not part.in_modes:
         # A mode that no other one excites shares neither stiffness nor mass with them.
         check_connected(body)
     if body is not converted:
@@ -172,13 +179,17 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     negative = definite(body, proven)
     geometry = None if part.geometry is None else part.geometry.file
     proved = prove_body(as_read, converted, geometry, proof, order, negative)
-    notes = _mechanisms(body, rigid)
+    notes = [*changed, *_mechanisms(body, rigid)]
     if proof.status != "proven":
         notes.append(f"{name}: the row order is not proven ({proof.remark or proof.status})")
     if body.damping.law == "none" and body.D is None:
         notes.append(f"{name}: no damping is given; its resonances are infinite")
-    if determined.note:
-        notes.append(determined.note)
+    notes += [note for note in (unused, determined.note) if note]
+    terms, unproven_terms = body_terms(pipeline, body, as_read)
+    if terms:
+        body = replace(body, terms=terms, corners=body_corners(terms, scene, name))
+        determined = replace(determined, body=body)
+        notes += unproven_terms
     ports = _ports(pipeline, determined, rigid, scene)
     stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
     # A dof that is held because nothing moves it may take a rigid motion with it, such as the spin of a straight bar.

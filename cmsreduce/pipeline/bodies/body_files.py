@@ -86,6 +86,8 @@ def bodies_of_files(name: str, files: Sequence[Path]) -> list[BodyDraft]:
     """
     kinds = _kinds(files)
     every_shape = [path for path, kind in kinds.items() if kind.geometry]
+    # A deck says more than the tables of an OP2 file beside it.
+    every_shape = [path for path in every_shape if kinds[path].geometry != "op2"] or every_shape
     sources = [path for path, kind in kinds.items() if kind.matrices and not (kind.geometry and _has_others(kinds))]
     shapes, notes = _each_once(every_shape)
     stems = {path.stem.lower() for path in sources}
@@ -171,7 +173,8 @@ def _each_once(paths: Sequence[Path]) -> tuple[list[Path], tuple[str, ...]]:
 
 def _rows(kinds: Mapping[Path, FileKind], decks: int) -> Path | None:
     """The list of the nodes of the rows, which holds for both matrices of the only body."""
-    found = [path for path, kind in kinds.items() if kind.name == "rows"]
+    # HBMAT writes the same list beside each matrix.
+    found, _ = _each_once([path for path, kind in kinds.items() if kind.name == "rows"])
     if len(found) > 1 or (found and decks > 1):
         raise ReadError(
             f"{', '.join(map(str, found))}: a list of the nodes of rows holds for the matrices of one body; draft each "
@@ -288,7 +291,7 @@ def _body(
             f"no stiffness among the matrices found: {held}. Translations cost force in all rows of each, as in a "
             f"mass{_twice(heavy)}; name the stiffness too, and the deck or mesh that both came from: {command}"
         )
-    K, M = _chosen(stiff or candidates, "k"), _chosen(heavy or candidates, "m")
+    K, M = _pair(stiff, candidates) or (_chosen(stiff or candidates, "k"), _chosen(heavy or candidates, "m"))
     if K is None or M is None or K is M:
         what = _WORDS["k" if K is None else "m"]
         raise ReadError(
@@ -334,6 +337,19 @@ def _twice(found: Sequence[_Candidate]) -> str:
 
 def _by_name(found: Sequence[_Candidate]) -> bool:
     return any(one.called("k") for one in found) and any(one.called("m") for one in found)
+
+
+def _pair(stiff: Sequence[_Candidate], every: Sequence[_Candidate]) -> tuple[_Candidate, _Candidate] | None:
+    """First stiffness and its mass among matrices of several superelements, which are numbered alike in one file."""
+    for K in stiff:
+        name, numbered, number = K.name.rpartition("#")
+        if numbered and K.called("k"):
+            wanted = {f"{letter}{name[1:]}#{number}" for letter in "mM"}
+            for M in every:
+                same = M.matrix.path == K.matrix.path and M.matrix.A.shape == K.matrix.A.shape
+                if M.name in wanted and M.massive and same:
+                    return K, M
+    return None
 
 
 def _chosen(found: Sequence[_Candidate], letter: str) -> _Candidate | None:

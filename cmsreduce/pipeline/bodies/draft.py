@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
@@ -19,6 +20,7 @@ from cmsreduce.mechanics import hold_undetermined
 from cmsreduce.model import SI, FEModel, Units, rigid_body_shapes
 from cmsreduce.pipeline.bodies.body_files import bodies_of_files, body_names, deck_beside
 from cmsreduce.pipeline.bodies.coincident_nodes import Meeting, meetings
+from cmsreduce.pipeline.bodies.modal_input import REDUCED_FILES, reduced_body
 from cmsreduce.pipeline.bodies.plausible_units import material_of, plausible_units
 from cmsreduce.pipeline.bodies.proposed_interfaces import Place, proposed_interfaces
 from cmsreduce.pipeline.store import diagnostic
@@ -39,6 +41,7 @@ __all__ = ["Draft", "draft_body", "draft_pipeline"]
 # A larger body takes more than a minute to factorise; only the run computes its first frequency.
 _QUICK = 20_000
 _FREE = 6
+_REDUCED = ("component", *REDUCED_FILES)
 _NO_DECK = "no deck, listing (.f06) or mesh is given, so that the place of no node is known: cmsreduce new {}2 {} {}"
 _AXES = "xyz"
 
@@ -110,6 +113,12 @@ def _found(name: str, files: Sequence[Path]) -> list[tuple[FEModel | None, BodyD
             raise ReadError(f"{path}: this is a folder; name the files of the body in it")
         if not path.is_file():
             raise ReadError(f"{path}: there is no such file; `ls {path.parent}` shows those that there are")
+    already = [path for path in files if file_kind(path).name in _REDUCED]
+    if already:
+        rest = [path for path in files if path not in already]
+        labels = [name] if len(files) == 1 else body_names(already)
+        found = [_read_reduced(label, path) for label, path in zip(labels, already, strict=True)]
+        return [*found, *(_found(name, rest) if rest else ())]
     superelements = _superelements(files)
     # Files of a superelement belong to it, the matrices too.
     rest = [path for path in files if path.with_suffix("") not in superelements]
@@ -151,6 +160,30 @@ def _superelement(name: str, superelement: Path, files: Sequence[Path]) -> BodyD
         return BodyDraft(name, stiffness, mass, superelement)
     damped = superelement_damping(name, found) != (None, None)
     return BodyDraft(name, stiffness, mass, keys.geometry.file, extseout=keys.extseout, damped=damped)
+
+
+def _read_reduced(name: str, path: Path) -> tuple[None, BodyDraft]:
+    """Draft of a body that is reduced already: its mount is an interface of its file, or its first node."""
+    modal = reduced_body(name, path, SI)
+    nodes, counts = np.unique(modal.dofs.node, return_counts=True)
+    label, face = next(iter(modal.sets.items()), ("", None))
+    node = int(nodes[counts.argmax()] if face is None or not face.nodes else face.nodes[0])
+    words = f"one of {len(nodes)} nodes" if face is None else "an interface of the file"
+    at = modal.nodes.xyz[modal.nodes.index(np.append(nodes, node))]
+    own = set(modal.dofs.component[modal.dofs.node == node].tolist())
+    stiff = la.eigvalsh(modal.K, modal.M)[int((~modal.K.any(axis=0)).sum()) :]
+    return None, BodyDraft(
+        name,
+        (path, ""),
+        (path, ""),
+        interfaces=(("mount", f"{{set: {label}}}" if label else f"{{node: {node}}}", words),),
+        point=str(node),
+        far=int(nodes[np.linalg.norm(at[:-1] - at[-1], axis=1).argmax()]),
+        axes="".join(axis for axis, component in zip(_AXES, (1, 2, 3), strict=True) if component in own) or _AXES,
+        elastic_hz=float(np.sqrt(max(stiff[0], 0.0)) / (2 * np.pi)) if stiff.size else None,
+        damped=bool(modal.D.any()) or modal.damping.law != "none",
+        reduced=path,
+    )
 
 
 def _read(draft: BodyDraft) -> tuple[FEModel | None, BodyDraft]:

@@ -16,12 +16,13 @@ from cmsreduce.read import (
     read_body,
     superelement_damping,
     superelement_matrices,
+    with_inner_grids,
 )
 
-__all__ = ["body_as_read", "read_rigid", "tied_body"]
+__all__ = ["body_as_read", "read_rigid", "recovered_body", "tied_body"]
 
 
-def body_as_read(name: str, part: Component, units: Units) -> tuple[FEModel, str]:
+def body_as_read(name: str, part: Component, units: Units) -> tuple[FEModel, str, tuple[str, ...]]:
     """Read the body of a component as its files have it.
 
     Parameters
@@ -39,6 +40,8 @@ def body_as_read(name: str, part: Component, units: Units) -> tuple[FEModel, str
         In the units of its files, without ties.
     unproven : str
         Reason why its rows cannot be proven; empty if they can.
+    remarks : tuple of str
+        What was changed in reading it.
 
     Raises
     ------
@@ -46,9 +49,9 @@ def body_as_read(name: str, part: Component, units: Units) -> tuple[FEModel, str
         If a file cannot be read, or the keys contradict it.
     """
     interfaces = {label: _interface(label, name, keys, units) for label, keys in part.interfaces.items()}
-    if part.reduced is not None or part.modes is not None:
+    if part.in_modes:
         modal = modal_input(name, part, units)
-        return in_dofs(modal, interfaces), modal.unproven
+        return in_dofs(modal, interfaces), modal.unproven, modal.remarks
     assert part.stiffness is not None and part.mass is not None
     given = None if part.damping is None else part.damping.matrix
     matrix = None if given is None else matrix_source(given)
@@ -72,7 +75,30 @@ def body_as_read(name: str, part: Component, units: Units) -> tuple[FEModel, str
         grounded=part.grounded,
         interfaces=interfaces,
     )
-    return body, ""
+    return body, "", ()
+
+
+def recovered_body(body: FEModel, part: Component) -> tuple[FEModel, str]:
+    """Give a superelement the grids inside it where its files state their motion and mass.
+
+    Parameters
+    ----------
+    body : FEModel
+        As its files have it.
+    part : Component
+        Its keys.
+
+    Returns
+    -------
+    body : FEModel
+        With the grids inside, or as it was.
+    note : str
+        Reason why recovery matrices of the files are not used; empty if they are, or there are none.
+    """
+    if part.stiffness is None or part.geometry is None or part.geometry.file is None:
+        return body, ""
+    found, reason = with_inner_grids(body, part.stiffness.file, part.geometry.file)
+    return found, reason and f"{body.name}: the recovery matrix MUG1 of {part.stiffness.file} is not used: {reason}"
 
 
 def tied_body(body: FEModel, part: Component, free: bool) -> FEModel:

@@ -6,18 +6,42 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.config import Component, MatrixFile
 from cmsreduce.errors import DampingError, ReadError, SceneError, UnitsError
-from cmsreduce.model import SCALAR, Damping, DofTable, Nodes, RigidBody, Source, Units
-from cmsreduce.read import InterfaceSpec, MatrixSource, ModalBody, file_kind, read_modes, read_sid, sha256_of
-from cmsreduce.write import ComponentFile, read_component
+from cmsreduce.mechanics import integrals_about, mass_points
+from cmsreduce.model import SCALAR, Damping, DofTable, Nodes, RigidBody, SecondOrder, Source, Units
+from cmsreduce.read import (
+    InterfaceSpec,
+    MatrixSource,
+    ModalBody,
+    file_kind,
+    read_mbdyn,
+    read_modes,
+    read_sid,
+    read_states,
+    read_universal_modes,
+    sha256_of,
+)
+from cmsreduce.write import SAME_MASS, ComponentFile, read_component, stored_integrals
 
-__all__ = ["matrix_source", "modal_input"]
+__all__ = ["REDUCED_FILES", "matrix_source", "modal_input", "reduced_body"]
 
+_INTEGRALS = (
+    "integrals/rigid_mass",
+    "integrals/int_phi",
+    "integrals/int_r_x_phi",
+    "integrals/r_phi",
+    "integrals/phi_phi",
+)
 # Loss factors of the modes that differ by less than this share are one: they are quotients of stored numbers.
 _ONE_FACTOR = 1e-9
+_READERS = {"sid": read_sid, "mbdyn": read_mbdyn}
+
+REDUCED_FILES = frozenset(_READERS)
+"""Kinds of files of other programs that hold a reduced body."""
 
 
 def modal_input(name: str, part: Component, units: Units) -> ModalBody:
@@ -29,17 +53,30 @@ def modal_input(name: str, part: Component, units: Units) -> ModalBody:
         If its files cannot be read, or the keys contradict them.
     """
     if part.reduced is not None:
-        modal = _of_file(name, part.reduced, units)
+        modal = reduced_body(name, part.reduced, units)
         if part.units is not None and modal.units != units:
             raise UnitsError(
                 f"component '{name}': {part.reduced} states the units {modal.units.name}, the pipeline {units.name}; "
                 "take `units` out"
             )
+    elif part.states is not None:
+        assert part.geometry is not None and part.rows is not None and part.rows.file is not None
+        modal = read_states(
+            name,
+            part.states.file,
+            part.states.matrix,
+            geometry=part.geometry.file,
+            rows=part.rows.file,
+            units=units,
+            grounded=part.grounded,
+        )
     else:
         modal = _of_modes(name, part, units)
     tied = [label for label, keys in part.interfaces.items() if keys.tie is not None]
     if tied:
-        remedy = "tie them where it is reduced" if part.modes is None else "give the shapes at one node with six dofs"
+        remedy = (
+            "tie them where it is reduced" if part.reduced is not None else "give the shapes at one node with six dofs"
+        )
         raise SceneError(f"'{name}.{tied[0]}': nodes of a body that is given by modes cannot be tied; {remedy}")
     if part.damping is None:
         return modal
@@ -57,24 +94,40 @@ def matrix_source(keys: MatrixFile) -> MatrixSource:
 
 def _of_modes(name: str, part: Component, units: Units) -> ModalBody:
     keys = part.modes
-    assert keys is not None and part.geometry is not None
-    rigid = keys.rigid
+    assert keys is not None
+    rigid = None
+    if keys.rigid is not None:
+        rigid = RigidBody(name, keys.rigid.mass, np.array(keys.rigid.cg), keys.rigid.tensor())
+    geometry = None if part.geometry is None else part.geometry.file
+    if keys.file is not None:
+        if part.rows is not None:
+            raise SceneError(f"component '{name}': {keys.file} names the node of each shape; take `rows` out")
+        return read_universal_modes(
+            name,
+            keys.file,
+            geometry=geometry,
+            units=units,
+            modal_mass=keys.modal_mass,
+            rigid=rigid,
+            grounded=part.grounded,
+        )
+    assert keys.shapes is not None and geometry is not None
     return read_modes(
         name,
         shapes=matrix_source(keys.shapes),
-        geometry=part.geometry.file,
+        geometry=geometry,
         rows=None if part.rows is None else part.rows.file or part.rows.set,
         units=units,
         frequencies=keys.frequencies,
         modal_mass=keys.modal_mass,
         stiffness=None if keys.stiffness is None else matrix_source(keys.stiffness),
         mass=None if keys.mass is None else matrix_source(keys.mass),
-        rigid=None if rigid is None else RigidBody(name, rigid.mass, np.array(rigid.cg), rigid.tensor()),
+        rigid=rigid,
         grounded=part.grounded,
     )
 
 
-def _of_file(name: str, path: Path, units: Units) -> ModalBody:
+def reduced_body(name: str, path: Path, units: Units) -> ModalBody:
     """Reduced body of a file, whose content tells what it is.
 
     Parameters
@@ -94,11 +147,11 @@ def _of_file(name: str, path: Path, units: Units) -> ModalBody:
     kind = file_kind(path)
     if kind.name == "component":
         return _of_component(name, path, read_component(path))
-    if kind.name == "sid":
-        return read_sid(name, path, units)
+    if kind.name in _READERS:
+        return _READERS[kind.name](name, path, units)
     raise ReadError(
-        f"{path}: this is {kind.words}, no reduced body: `reduced:` takes a component file of cmsreduce or an SID "
-        "file. Give matrices of a superelement as `stiffness:`, `mass:` and `geometry:`"
+        f"{path}: this is {kind.words}, no reduced body: `reduced:` takes a component file of cmsreduce, an SID "
+        "file or a modal body of MBDyn. Give matrices of a superelement as `stiffness:`, `mass:` and `geometry:`"
     )
 
 
@@ -134,7 +187,26 @@ def _of_component(name: str, path: Path, file: ComponentFile) -> ModalBody:
         damping=_damping(path, arrays["modes/stiffness"], arrays.get("modes/loss")),
         units=Units.parse(str(file.attributes["units"]["name"])),
         sources=(Source(str(path), sha256_of(path), f"component {file.name}"),),
+        second_order=_second_order(file),
     )
+
+
+def _second_order(file: ComponentFile) -> SecondOrder | None:
+    """Integrals of second order of all modes about the basic origin; None if they are not of the modal mass."""
+    arrays = file.arrays
+    if not set(_INTEGRALS) <= arrays.keys() or str(file.attributes["integrals"].get("lumping", "")) != "consistent":
+        return None
+    found = integrals_about(stored_integrals(file), np.zeros(3), np.eye(3))
+    if abs(np.einsum("iiab->ab", found.phi_phi) - arrays["modes/mass"][np.ix_(found.modes, found.modes)]).max(
+        initial=0.0
+    ) > SAME_MASS * abs(arrays["modes/mass"]).max(initial=0.0):
+        return None
+    rigid = np.setdiff1d(np.arange(file.omega.size), found.modes)
+    momentum = np.vstack([arrays["integrals/int_phi"], arrays["integrals/int_r_x_phi"]])[:, rigid]
+    # Rigid modes are rigid motions about the basic origin.
+    motions = la.lstsq(arrays["integrals/rigid_mass"], momentum)[0]
+    order = np.concatenate([rigid, found.modes])
+    return mass_points(found).second_order(motions).of(np.eye(file.omega.size)[order])
 
 
 def _damping(path: Path, K: NDArray[np.float64], loss: NDArray[np.float64] | None) -> Damping:

@@ -12,7 +12,7 @@ from cmsreduce.model import FEModel, ModalComponent, ModeKind, ModeSet, ReducedC
 from cmsreduce.orthogonalise import orthogonalise
 from cmsreduce.reduce import MacNealRubin
 
-__all__ = ["ALL_MODES_LIMIT", "WRITTEN_LIMIT", "Reference", "all_modes", "reference"]
+__all__ = ["ALL_MODES_LIMIT", "WRITTEN_LIMIT", "Reference", "all_modes", "damped_by_modes", "reference"]
 
 ALL_MODES = "all modes"
 """Label of a body that is represented by all its modes."""
@@ -72,9 +72,7 @@ def reference(body: FEModel, ports: Ports, rigid: NDArray[np.float64], cutoff_hz
     cutoff_hz : float
         Cutoff of the reduction.
     """
-    # alpha M without its action on rigid motion is no sparse matrix, but it is diagonal in the modes.
-    alpha = 0.0 if body.damping.rayleigh is None else body.damping.rayleigh[0]
-    by_modes = body.damping.acts_on_modes or (alpha > 0 and rigid.shape[1] > 0)
+    by_modes = damped_by_modes(body, rigid)
     if not by_modes and body.n <= SPARSE_LIMIT:
         return Reference(None, "sparse dofs")
     if by_modes and body.n <= ALL_MODES_LIMIT:
@@ -82,6 +80,13 @@ def reference(body: FEModel, ports: Ports, rigid: NDArray[np.float64], cutoff_hz
     method = MacNealRubin(_BEYOND_CUTOFF * cutoff_hz)
     modes = orthogonalise(method.reduce(body, ports.interface, ports.static_loads, rigid, enriched=True))
     return Reference(modes, f"modes to {_BEYOND_CUTOFF:g} x cutoff")
+
+
+def damped_by_modes(body: FEModel, rigid: NDArray[np.float64]) -> bool:
+    """True if the damping of a body with rigid modes (n, r) has no sparse matrix."""
+    # alpha M without its action on rigid motion is no sparse matrix, but it is diagonal in the modes.
+    alpha = 0.0 if body.damping.rayleigh is None else body.damping.rayleigh[0]
+    return body.damping.acts_on_modes or (alpha > 0 and rigid.shape[1] > 0)
 
 
 def all_modes(body: FEModel, rigid: NDArray[np.float64]) -> ModalComponent:

@@ -31,7 +31,7 @@ from cmsreduce.read import (
     sha256_of,
 )
 
-__all__ = ["body_stiffening"]
+__all__ = ["body_stiffening", "row_motions"]
 
 
 def body_stiffening(
@@ -73,7 +73,7 @@ def body_stiffening(
 
 def _given(keys: GeometricStiffnessKeys, body: FEModel, as_read: FEModel) -> tuple[GeometricStiffness, list[str]]:
     """The user's matrices in the units and rows of the body."""
-    T = _row_motions(body, as_read)
+    T = row_motions(body, as_read)
     loads, matrices, sources, remarks = [], [], [], []
     for item in keys.matrices.values():
         load = UnitLoad.parse(item.load)
@@ -88,7 +88,7 @@ def _given(keys: GeometricStiffnessKeys, body: FEModel, as_read: FEModel) -> tup
     return GeometricStiffness(tuple(loads), tuple(matrices), tuple(sources), origin, "as in the user's files"), remarks
 
 
-def _row_motions(body: FEModel, as_read: FEModel) -> sp.csr_array:
+def row_motions(body: FEModel, as_read: FEModel) -> sp.csr_array:
     """Motion of the rows of the files (rows read, n) per motion of the body's rows; held dofs stand still."""
     rows = body.recovery.dofs.rows(as_read.dofs.node, as_read.dofs.component)
     kept = np.flatnonzero(rows >= 0)
@@ -104,7 +104,7 @@ def _hidden(path: Path, body: FEModel, as_read: FEModel, bars: Bars) -> Recovery
     condensed = len(condensed_dofs(as_read, followers, end_dofs(bars)))
     found = hidden_motion(as_read, followers, read_members(path, as_read.nodes) if condensed else None)
     restated = recovery_in_units(found, as_read.units, body.units)
-    return Recovery(restated.dofs, body.dofs, restated.T @ _row_motions(body, as_read))
+    return Recovery(restated.dofs, body.dofs, restated.T @ row_motions(body, as_read))
 
 
 def _computed(

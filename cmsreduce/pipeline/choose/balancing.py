@@ -24,12 +24,14 @@ from cmsreduce.pipeline.choose.sensitivity import (
 )
 from cmsreduce.pipeline.choose.system_ranking import SYSTEM_COST, with_system_cost
 from cmsreduce.pipeline.store import once
-from cmsreduce.pipeline.system import Comparison, ReducedModel, system_errors
+from cmsreduce.pipeline.system import ModelMeasure, ReducedModel, system_errors
 
 __all__ = ["Balancing"]
 
 Components = Mapping[str, ModalComponent]
 
+# Rules that a search over all bodies meets.
+_OF_SYSTEM = ("frf_error", "limits")
 # Costs in a system of more modes take minutes; a search goes without them.
 _MOST_COSTED = 400
 
@@ -49,8 +51,8 @@ class Balancing:
         Gives a body in the orthonormal modes of the run, or of another mode set.
     model : callable
         Assembles bodies.
-    comparison : callable
-        Gives the reference model, which is made only when it is needed.
+    measure : ModelMeasure
+        Errors and checks of a model, with the limits of the run.
     """
 
     def __init__(
@@ -60,10 +62,10 @@ class Balancing:
         bodies: Mapping[str, FlexibleBody],
         modal: Callable[[str, ModeSetKeys | None], ModalComponent],
         model: Callable[[Components], ReducedModel],
-        comparison: Callable[[], Comparison],
+        measure: ModelMeasure,
     ) -> None:
         self.pipeline, self.scene, self.bodies = pipeline, scene, bodies
-        self._modal, self._model, self._comparison = modal, model, comparison
+        self._modal, self._model, self._measure = modal, model, measure
         self.names = [name for name in bodies if pipeline.reduce_of(name) is not None]
 
     @property
@@ -78,9 +80,9 @@ class Balancing:
         chosen = Choice({})
         for name in own:
             rule = self.pipeline.keep_of(name)
-            if rule.rule == "frf_error":
+            if rule.rule in _OF_SYSTEM:
                 raise ConfigError(
-                    f"component '{name}': keep.frf_error measures the whole system; state it in the pipeline's "
+                    f"component '{name}': keep.{rule.rule} measures the whole system; state it in the pipeline's "
                     "`balance:`, and here a number of modes, a fraction or a bound"
                 )
             chosen = chosen.joined(self._select({name: self.ranked[name]}, self.pipeline.balance_of(name), {}))
@@ -119,14 +121,21 @@ class Balancing:
 
     def _changed_selection(self, change: Change) -> Selection:
         """Modes that the rules of the run choose of the same modes after a change."""
-        changed = Balancing(
-            self.pipeline,
+        bodies = changed_bodies(self.bodies, change.scene)
+
+        def modal(name: str, other: ModeSetKeys | None) -> ModalComponent:
+            return changed_component(self._modal(name, other), change.damping)
+
+        def model(components: Components) -> ReducedModel:
+            return changed_model(self._model(components), components, change)
+
+        measure = self._measure.changed(
             change.scene,
-            changed_bodies(self.bodies, change.scene),
-            lambda name, other: changed_component(self._modal(name, other), change.damping),
-            lambda components: changed_model(self._model(components), components, change),
-            cache(lambda: changed_comparison(self._comparison(), change)),
+            bodies,
+            cache(lambda: changed_comparison(self._measure.comparison, change)),
+            cache(lambda: model({name: modal(name, None) for name in self.names})),
         )
+        changed = Balancing(self.pipeline, change.scene, bodies, modal, model, measure)
         off = off_every_path(change.scene)
         kept = changed.choose().selection
         # A body that no response depends on any more stays rigid, unless the pipeline states a number of modes.
@@ -165,12 +174,12 @@ class Balancing:
             costed = with_system_cost(asked, self._model(found).assembled, scaling)
             ranked_now = {name: replace(c, sigma=c.rankings[SYSTEM_COST]) for name, c in costed.items()}
             return {**found, **ranked_now}
-        searched = {name: found[name] for name, own in keys.items() if own is not None and own.keep.rule == "frf_error"}
+        searched = {name: found[name] for name, own in keys.items() if own is not None and own.keep.rule in _OF_SYSTEM}
         few = sum(component.elastic_count for component in found.values()) <= _MOST_COSTED
         if not (searched and few and self.scene.actuators and self.scene.sensors):
             return dict(found)
         try:
-            scaling = next(own.scaling for own in keys.values() if own is not None and own.keep.rule == "frf_error")
+            scaling = next(own.scaling for own in keys.values() if own is not None and own.keep.rule in _OF_SYSTEM)
             return {**found, **with_system_cost(searched, self._model(found).assembled, scaling)}
         except (DampingError, MatrixError):
             # A system with structural damping, undamped modes or dampers without springs has no such coefficients.
@@ -185,7 +194,11 @@ class Balancing:
                 channels[name] = ranking_channels(component, self.bodies[name].ports, keys, self.scene, rows)
         # Bodies with a rule of their own keep the modes that it chose.
         settled = {name: self.ranked[name].truncated(columns) for name, columns in fixed.items()}
-        system = partial(system_errors, {**self.ranked, **settled, **found}, self._model, self._comparison)
+        measure = self._measure
+        error = keys.keep.frf_error
+        limits = measure.limits if error is None else {"frf_error": error}
+        every = {**self.ranked, **settled, **found}
+        system = partial(system_errors, measure, limits, every, list(found), self._model, between=error is None)
         return select(found, keys, channels, system if self.scene.actuators and self.scene.sensors else None)
 
 
@@ -196,6 +209,10 @@ def _reason(body: str, keys: RankingKeys | None) -> str:
         return "all modes kept"
     if rule == "frf_error":
         return f"needed for frf_error {keys.keep.frf_error:g}, {keys.rank}"
+    if rule == "limits":
+        return f"needed for the limits, {keys.rank}"
+    if rule == "numbers":
+        return "chosen by number" if body in (keys.keep.numbers or {}) else "all modes kept"
     if rule == "fraction":
         return f"influence above {keys.keep.fraction:g} of the largest, {keys.rank}"
     if rule == "bound":

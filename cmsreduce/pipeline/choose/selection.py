@@ -10,7 +10,6 @@ import numpy as np
 
 from cmsreduce.assemble import Ports
 from cmsreduce.balance import (
-    Judge,
     Selection,
     elastic_norm,
     keep_all,
@@ -18,13 +17,15 @@ from cmsreduce.balance import (
     keep_error,
     keep_fraction,
     keep_modes,
+    keep_numbers,
     keep_total,
     mode_bounds,
 )
 from cmsreduce.config import RankingKeys
 from cmsreduce.errors import ConfigError
 from cmsreduce.linalg.blocks import observed
-from cmsreduce.model import BoundRecord, ModalChannels, ModalComponent, SearchRecord
+from cmsreduce.model import BoundRecord, Measured, ModalChannels, ModalComponent, SearchRecord
+from cmsreduce.pipeline.system import Candidates
 
 __all__ = ["Choice", "modal_channels", "select", "truncate"]
 
@@ -83,11 +84,8 @@ class Choice:
         notes = []
         if self.search is not None:
             s = self.search
-            notes.append(
-                f"search: {s.modes} of {s.of} elastic modes meet frf_error {s.asked:g} with {s.frf_error:.4g}; "
-                # Without the seconds, which are in summary.json: notes are part of files that equal runs write equal.
-                f"{s.candidates} candidates"
-            )
+            # Without the seconds, which are in summary.json: notes are part of files that equal runs write equal.
+            notes.append(f"{s.words}; {s.candidates} candidates")
         for name, b in self.bounds.items():
             notes.append(
                 f"{name}: the error of this body by itself is proven to be below {b.bound:.3g} of its largest elastic "
@@ -107,7 +105,7 @@ def select(
     components: Mapping[str, ModalComponent],
     keys: RankingKeys,
     channels: Mapping[str, ModalChannels],
-    system: Callable[[], tuple[Judge, Callable[[Selection], float]]] | None = None,
+    system: Callable[[], tuple[Candidates, Callable[[Selection], Measured]]] | None = None,
 ) -> Choice:
     """Apply a keep rule to ranked bodies.
 
@@ -120,7 +118,7 @@ def select(
     channels : mapping of name to ModalChannels
         Elastic modes of the bodies, for bounds.
     system : callable, optional
-        Gives the two measures of selections that `system_errors` makes, for errors of the system.
+        Gives the two measures of selections that `system_errors` makes, for limits on the system.
 
     Raises
     ------
@@ -133,6 +131,9 @@ def select(
     if keep.rule == "modes":
         assert keep.modes is not None
         return Choice(keep_modes(components, keep.modes))
+    if keep.rule == "numbers":
+        assert keep.numbers is not None
+        return Choice(keep_numbers(components, keep.numbers))
     if keep.rule == "total":
         assert keep.total is not None
         return Choice(keep_total(components, keep.total))
@@ -144,43 +145,55 @@ def select(
     if keep.rule == "bound":
         assert keep.bound is not None
         return _bounded(components, keep.bound, channels)
-    assert keep.frf_error is not None
     if system is None:
         raise ConfigError(
-            "balance.keep.frf_error needs a response to measure: name at least one actuator and one sensor in the scene"
+            f"balance.keep.{keep.rule} needs a response to measure: name at least one actuator and one sensor in the "
+            "scene"
         )
-    return _searched(components, keys.rank, keep.frf_error, system)
+    return _searched(components, keys.rank, system)
 
 
 def _searched(
     components: Mapping[str, ModalComponent],
     rank: str,
-    asked: float,
-    system: Callable[[], tuple[Judge, Callable[[Selection], float]]],
+    system: Callable[[], tuple[Candidates, Callable[[Selection], Measured]]],
 ) -> Choice:
     started = time.perf_counter()
     judge, exact = system()
-    limit, tried = asked, 0
+    tried = 0
     rankings = {rank: {name: component.sigma for name, component in components.items()}}
     tables = [component.rankings for component in components.values()]
     for other in tables[0] if tables else ():
         if other != rank and all(other in table for table in tables):
             rankings[other] = {name: component.rankings[other] for name, component in components.items()}
-    for _ in range(_ATTEMPTS):
-        found = keep_error(components, rankings, judge, limit)
-        tried += found.tried
-        error = exact(found.selection)
-        if error <= asked:
-            modes = sum(c.elastic_count for c in components.values())
-            seconds = time.perf_counter() - started
-            return Choice(
-                found.selection, SearchRecord(asked, error, found.modes, modes, tried, seconds, found.truncated)
+    among, attempts = judge.below_highest(), 0
+    while True:
+        found = keep_error(components, rankings, judge, 1.0, among)
+        tried, attempts = tried + found.tried, attempts + 1
+        measured = exact(found.selection)
+        critical = measured.critical
+        assert critical is not None
+        if critical.ratio <= 1:
+            worst = measured.findings.get("frf_error")
+            record = SearchRecord(
+                limits=measured.limits,
+                critical=critical,
+                obstacle=None if found.nearest is None else judge.critical(found.nearest),
+                frf_error=None if worst is None else worst.value,
+                modes=found.modes,
+                of=sum(component.elastic_count for component in components.values()),
+                candidates=tried,
+                seconds=time.perf_counter() - started,
+                truncated=found.truncated,
             )
-        limit *= _MARGIN * asked / error
-    raise ConfigError(
-        f"balance.keep.frf_error: no model was found that stays below {asked:g} on a grid of its own; the "
-        f"last one reached {error:.3g}. Raise reduce.cutoff, or allow a larger error"
-    )
+            return Choice(found.selection, record)
+        if np.isinf(critical.ratio) or attempts == _ATTEMPTS:
+            raise ConfigError(
+                f"balance.keep: no model was found that meets {critical.name} {critical.limit:g} on a grid of its own; "
+                f"the last one reached {critical.value:.3g} ({critical.note}). Raise reduce.cutoff, or allow a larger "
+                "error"
+            )
+        judge.tighten(critical.limit_name, _MARGIN / critical.ratio)
 
 
 def _bounded(components: Mapping[str, ModalComponent], asked: float, channels: Mapping[str, ModalChannels]) -> Choice:

@@ -142,4 +142,5 @@ def _damped(sub: Substructure, factor: float) -> Substructure:
         sub,
         D=None if sub.D is None else factor * sub.D,
         loss=None if sub.loss is None else factor * sub.loss,
+        terms=tuple(replace(term, matrix=factor * term.matrix) if term.letter == "D" else term for term in sub.terms),
     )

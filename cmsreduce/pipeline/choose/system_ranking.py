@@ -71,7 +71,7 @@ def with_system_cost(
             column = efforts
         if np.isfinite(motions).all():
             row = 1 / motions
-        costs.append(system_cost(model.system(configuration), model.substructures, column**2, row**2))
+        costs.append(system_cost(model.system(configuration), model.at(configuration).substructures, column**2, row**2))
     found = {}
     for name, component in components.items():
         groups = whole_groups(component)

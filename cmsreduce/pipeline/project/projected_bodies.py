@@ -140,6 +140,7 @@ def _of_other_modes(
         spacing=np.full(r + k, np.nan),
         why=("rigid body",) * r + (_WHY,) * k,
         basis_size=r + k,
+        terms=tuple(term.over(whole) for term in modes.terms),
     )
     return component, found
 

@@ -109,7 +109,7 @@ def _energy(model: ReducedModel, modes: SystemModes) -> dict[str, Real]:
     """Kinetic and strain energy of each body in each mode."""
     found = {}
     for name, X in modes.by_body.items():
-        sub = model.assembled.substructures[name]
+        sub = model.assembled.at(modes.configuration).substructures[name]
         kinetic = np.einsum("ij,ij->j", X, np.asarray(sub.M @ X))
         found[name] = kinetic + np.einsum("ij,ij->j", X, np.asarray(sub.K @ X)) / modes.omega**2
     return found

@@ -128,7 +128,7 @@ def _sharpened(model: ReducedModel, modes: SystemModes) -> SystemModes:
     """
     strain, kinetic = np.zeros(modes.count), np.zeros(modes.count)
     for name, X in modes.by_body.items():
-        sub = model.assembled.substructures[name]
+        sub = model.assembled.at(modes.configuration).substructures[name]
         kinetic += np.einsum("ij,ij->j", X, np.asarray(sub.M @ X))
         if sub.omega is None and name in model.shapes:
             strain += energies(sub.K, X - sub.rigid @ (sub.rigid.T @ (sub.M @ X)))

@@ -5,6 +5,7 @@ Rendering belongs in `report`, file formats in `write`.
 """
 
 from cmsreduce.pipeline.results.checking import check_result, write_junit, write_markdown
+from cmsreduce.pipeline.results.component_files import write_body, write_system_file
 from cmsreduce.pipeline.results.exports import (
     export_figures,
     export_pictures,
@@ -14,6 +15,7 @@ from cmsreduce.pipeline.results.exports import (
 )
 from cmsreduce.pipeline.results.floating_bodies import floating_bodies, floating_body
 from cmsreduce.pipeline.results.health import effective_mass_data, effective_mass_lines, health_table
+from cmsreduce.pipeline.results.inspected_models import inspected_body, inspected_system
 from cmsreduce.pipeline.results.limits import read_limits
 from cmsreduce.pipeline.results.mass_and_frame import (
     body_totals,
@@ -25,6 +27,7 @@ from cmsreduce.pipeline.results.mass_and_frame import (
     total_data,
     total_lines,
 )
+from cmsreduce.pipeline.results.measured_costs import measured_costs
 from cmsreduce.pipeline.results.multibody_scene import multibody_scene
 from cmsreduce.pipeline.results.page import show_summary, write_report
 from cmsreduce.pipeline.results.result import component_checks, run_result, with_failures
@@ -39,6 +42,8 @@ from cmsreduce.pipeline.results.units import (
 )
 
 __all__ = [
+    "inspected_body",
+    "inspected_system",
     "body_costly_modes",
     "body_totals",
     "channel_quantities",
@@ -60,6 +65,7 @@ __all__ = [
     "frame_of",
     "health_table",
     "integral_frame_of",
+    "measured_costs",
     "multibody_scene",
     "outboard_of",
     "read_limits",
@@ -71,8 +77,10 @@ __all__ = [
     "unit_paths",
     "with_failures",
     "without_binary",
+    "write_body",
     "write_junit",
     "write_markdown",
     "write_report",
+    "write_system_file",
     "write_system_states",
 ]

@@ -64,7 +64,11 @@ def check_result(path: Path, limits: Limits, baseline: Path | None = None) -> tu
     except (KeyError, TypeError, AttributeError, ValueError):
         raise ReadError(f"{path}: its summary.json is damaged; run the pipeline again, or `cmsreduce report`") from None
     speed = (result.summary or {}).get("speed") or {}
-    unlisted = [Finding(key, float(value)) for key, value in speed.items()]
+    unlisted = [Finding(key, float(value)) for key, value in speed.items() if isinstance(value, (int, float))]
+    for which, cost in (speed.get("simulation") or {}).items():
+        if isinstance(cost, dict):
+            known = {key: cost.get(key) for key in ("operations", "steps_per_second", "seconds")}
+            unlisted += [Finding(f"{which}_{key}", float(value)) for key, value in known.items() if value is not None]
     for name in result.names:
         findings += checks[name]
         unlisted += _sizes(result, name)

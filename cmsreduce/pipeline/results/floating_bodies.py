@@ -6,15 +6,28 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmsreduce.errors import FloatingFrameError
-from cmsreduce.model import MultibodyScene
+from cmsreduce.model import ModalIntegrals, MultibodyScene, Values, varied
 from cmsreduce.simulate import FloatingBody, Marker, Stretch
-from cmsreduce.write.component import flexible_body, frame_stiffening, read_component, require_mass, stored_integrals
+from cmsreduce.write import ComponentFile
+from cmsreduce.write.component import (
+    FlexibleBody,
+    flexible_body,
+    frame_stiffening,
+    read_component,
+    require_mass,
+    stored_integrals,
+)
 
 __all__ = ["floating_bodies", "floating_body"]
 
+Array = NDArray[np.float64]
+
 _SIX = 6
+# Share of the largest entry that a change of frame may leave on a rigid motion that is not resisted.
+_ROUNDING = 1e-10
 
 
 def floating_bodies(scene: MultibodyScene) -> dict[str, FloatingBody]:
@@ -24,13 +37,20 @@ def floating_bodies(scene: MultibodyScene) -> dict[str, FloatingBody]:
     for body in scene.bodies:
         if body.file is not None:
             if body.file not in read:
-                read[body.file] = floating_body(body.file)
+                read[body.file] = floating_body(body.file, scene.configuration.parameters)
             found[body.name] = replace(read[body.file], name=body.name)
     return found
 
 
-def floating_body(path: Path) -> FloatingBody:
+def floating_body(path: Path, values: Values | None = None) -> FloatingBody:
     """Read a body for simulation in time; its markers are the nodes of the file.
+
+    Parameters
+    ----------
+    path : Path
+        Component file.
+    values : mapping of parameter to float, optional
+        Values of the parameters that change its stiffness and damping.
 
     Raises
     ------
@@ -56,6 +76,7 @@ def floating_body(path: Path) -> FloatingBody:
             body.node.tolist(), body.position, body.translation, body.rotation, strict=True
         )
     }
+    K, D = _with_parameters(component, integrals, body, values or {})
     return FloatingBody(
         name=body.name,
         mass=integrals.mass,
@@ -65,8 +86,8 @@ def floating_body(path: Path) -> FloatingBody:
         r_phi=np.ascontiguousarray(integrals.r_phi),
         phi_phi=np.ascontiguousarray(integrals.phi_phi),
         M=body.mass,
-        K=body.stiffness,
-        D=body.damping,
+        K=K,
+        D=D,
         origin=integrals.origin,
         axes=integrals.axes,
         markers=markers,
@@ -75,3 +96,27 @@ def floating_body(path: Path) -> FloatingBody:
         else Stretch.of(stiffening.acceleration, stiffening.turning, stiffening.spinning),
         held=component.rigid_count == 0,
     )
+
+
+def _with_parameters(
+    component: ComponentFile, integrals: ModalIntegrals, body: FlexibleBody, values: Values
+) -> tuple[Array, Array]:
+    """Stiffness and damping of the deforming modes at some values of the parameters.
+
+    A parameter that changes the mass changes the modal integrals, and one that resists rigid motion acts on the frame:
+    both are refused.
+    """
+    acting = [term for term in component.parameter_terms if term.factor(values)]
+    columns = integrals.modes
+    rigid = np.setdiff1d(np.arange(component.omega.size), columns)
+    for term in acting:
+        if term.letter == "M" or abs(term.dense[rigid]).max(initial=0.0) > _ROUNDING * abs(term.dense).max():
+            what = "the mass, and so the modal integrals" if term.letter == "M" else "the rigid motion of the body"
+            raise FloatingFrameError(
+                f"component '{component.name}': the parameter '{term.parameter}' changes {what}, which a file for one "
+                "value does not hold; write the body for this configuration (`write: {configuration: NAME}`), or take "
+                "one in which it is zero"
+            )
+    own = [term.within(columns) for term in acting]
+    K, D = varied(body.stiffness, own, "K", values), varied(body.damping, own, "D", values)
+    return np.asarray(K), np.asarray(D)

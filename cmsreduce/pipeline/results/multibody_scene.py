@@ -172,7 +172,7 @@ def _joints(scene: Scene, configuration: Configuration, bodies: tuple[SceneBody,
         moving = [available(face, k, face.frame) for k in range(face.node.size)]
         found.append(
             SceneJoint(
-                joint,
+                joint.at(configuration.parameters),
                 face.frame,
                 # Rows along the scene's axes, seen from the second body.
                 joint_axes(by_name, built, joint) @ built[joint.second.body].rotation,

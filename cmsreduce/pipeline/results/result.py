@@ -24,17 +24,17 @@ from cmsreduce.orthogonalise import ORTHOGONAL, orthogonality_errors
 from cmsreduce.pipeline.bodies import damping_proof
 from cmsreduce.pipeline.results.health import error_bar, health_table
 from cmsreduce.pipeline.results.mass_and_frame import frame_checks, frame_of
+from cmsreduce.pipeline.results.simulation_cost import simulation_costs
 from cmsreduce.pipeline.results.step_advice import (
     advice_notes,
     body_costly_modes,
     body_rounding,
-    highest_frequency,
     treated_model,
 )
 from cmsreduce.pipeline.results.views import effective_mass_curves, gain_curves, scene_drawing
 from cmsreduce.pipeline.run import MODEL, Run
 from cmsreduce.pipeline.store import collecting, diagnostic
-from cmsreduce.pipeline.system import AssembledModel
+from cmsreduce.pipeline.system import AssembledModel, highest_frequency
 from cmsreduce.verify import frequency_error_bars
 
 __all__ = ["component_checks", "mode_count", "run_result", "with_failures"]
@@ -145,7 +145,9 @@ def _result(run: Run) -> RunResult:
         inputs=tuple(channel.name for channel in run.scene.actuators),
         outputs=tuple(channel.name for channel in run.scene.sensors),
         band=run.scene.band,
-        speed=Speed(reduce_s, verified.full_s, verified.reduced_s) if verified and configurations else None,
+        speed=None
+        if not (verified and configurations)
+        else Speed(reduce_s, verified.full_s, verified.reduced_s, simulation_costs(run)),
         reference=verified.reference if verified else {},
         settings=run.pipeline.model_dump(mode="json", exclude_none=True),
         systems=systems,
@@ -222,5 +224,5 @@ def _frequencies(run: Run, configuration: Configuration, treated: AssembledModel
     model = run.model.assembled
     hertz = model.resonances(configuration).omega / (2 * np.pi)
     system = model.system(configuration)
-    static = None if treated is None else highest_frequency(treated.system(configuration))
-    return SystemModes(configuration, system.rigid.shape[1], hertz, highest_frequency(system), static)
+    static = None if treated is None else highest_frequency(treated, configuration)
+    return SystemModes(configuration, system.rigid.shape[1], hertz, highest_frequency(model, configuration), static)

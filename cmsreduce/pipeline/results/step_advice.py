@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import system_modes
-from cmsreduce.linalg.blocks import dense
-from cmsreduce.model import ComponentResult, CostlyModes, ModalComponent, RoundingEffect, System, SystemModes
+from cmsreduce.model import ComponentResult, CostlyModes, ModalComponent, RoundingEffect, SystemModes
 from cmsreduce.pipeline.run import Run
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.pipeline.system import AssembledModel
 from cmsreduce.verify import costly_modes, single_precision
 from cmsreduce.write import ComponentFile
 
-__all__ = ["advice_notes", "body_costly_modes", "body_rounding", "file_rounding", "highest_frequency", "treated_model"]
+__all__ = ["advice_notes", "body_costly_modes", "body_rounding", "file_rounding", "treated_model"]
 
 Array = NDArray[np.float64]
 
-# Coordinates of a system whose modes dense algebra finds in seconds.
-_DENSE = 1500
 # Modes of a body for which the effect of single precision is computed: it takes a dozen decompositions.
 _FEW = 600
 # Ratio of two time steps from which a note is worth its line.
@@ -31,15 +26,6 @@ _LONGER_STEP = 1.5
 _HIGHER = 1.01
 # Modes named one by one in a note; summary.json has them all.
 _NAMED = 3
-
-
-@diagnostic("the highest frequency of '{}'", about=lambda system: system.configuration.name)
-def highest_frequency(system: System) -> float | None:
-    """Highest frequency of an assembled system in Hz; None if it is too large for all its modes."""
-    if system.N > _DENSE:
-        return None
-    omega = system_modes(replace(system, K=dense(system.K), M=dense(system.M)), float("inf"))[0]
-    return float(omega.max(initial=0.0)) / (2 * np.pi)
 
 
 @diagnostic("the search for costly modes of '{}'", about=lambda run, name: name)

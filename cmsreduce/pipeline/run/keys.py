@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from cmsreduce import __version__
-from cmsreduce.config import Pipeline
+from cmsreduce.config import Pipeline, RankingKeys
+from cmsreduce.model import Controller
 from cmsreduce.pipeline.bodies import ALL_MODES_LIMIT, FlexibleBody
 from cmsreduce.pipeline.store import stage_key
 
@@ -23,15 +24,29 @@ def body_key(pipeline: Pipeline, name: str) -> str:
     # The interface that holds a body while it is stiffened may be that of its frame.
     frame = None if part.geometric_stiffness is None else pipeline.write_of(name).model_dump(mode="json")
     own = part.model_dump(mode="json", exclude=_OF_THE_PLACE | _DOWNSTREAM)
-    return stage_key("read", own, frame, pipeline.reduce_of(name) is None)
+    return stage_key("read", own, frame, pipeline.reduce_of(name) is None, _parameters(pipeline, name))
+
+
+def _parameters(pipeline: Pipeline, name: str) -> list[Any]:
+    """Matrices that parameters add to a body, with all configurations where there are any."""
+    added = [
+        (parameter, keys.unit.plain, letter, matrices[name].model_dump(mode="json"))
+        for parameter, keys in pipeline.scene.parameters.items()
+        for letter, matrices in keys.matrices().items()
+        if name in matrices
+    ]
+    if not added:
+        return []
+    return [added, pipeline.scene.model_dump(mode="json", include={"articulation", "parameters"})]
 
 
 def read_key(pipeline: Pipeline, name: str) -> str:
     """Hash of the settings that reading a body depends on; within one sweep its files do not change."""
     keys = pipeline.reduce_of(name)
     part = pipeline.components[name].model_dump(mode="json", exclude=_DOWNSTREAM)
-    scene = pipeline.scene.model_dump(mode="json", exclude={"band", "articulation"})
-    return stage_key("read", name, part, scene, None if keys is None else keys.residuals)
+    scene = pipeline.scene.model_dump(mode="json", exclude={"band", "articulation", "parameters"})
+    residuals = None if keys is None else keys.residuals
+    return stage_key("read", name, part, scene, residuals, _parameters(pipeline, name))
 
 
 def reference_key(flexible: FlexibleBody, cutoff_hz: float) -> str:
@@ -58,7 +73,9 @@ def projected_error(pipeline: Pipeline) -> float | None:
     return next((error for error in stated if error is not None), None)
 
 
-def system_key(stage: str, pipeline: Pipeline, points: int, bodies: Mapping[str, str]) -> str:
+def system_key(
+    stage: str, pipeline: Pipeline, points: int, bodies: Mapping[str, str], controller: Controller | None = None
+) -> str:
     """Hash of everything that balance, project or verify depends on.
 
     Parameters
@@ -66,11 +83,14 @@ def system_key(stage: str, pipeline: Pipeline, points: int, bodies: Mapping[str,
     stage : str
         One of the three.
     pipeline : Pipeline
-        Its settings; those of later stages do not count, nor do limits, which judge the results.
+        Its settings; those of later stages do not count, nor do limits, which judge the results, unless they choose
+        the modes.
     points : int
         Points of the grid that errors are taken on.
     bodies : mapping of name to str
         Keys of the bodies' orthonormal modes.
+    controller : Controller, optional
+        Of the scene.
     """
     # File names are left out: their contents are in the keys of the bodies.
     read = {"like", "extseout", "reduced", "modes", "stiffness", "mass", "geometry", "rows", "damping"}
@@ -88,9 +108,22 @@ def system_key(stage: str, pipeline: Pipeline, points: int, bodies: Mapping[str,
     if settings["balance"] is not None:
         # Looking at other choices changes nothing in this one.
         settings["balance"].pop("sensitivity")
+    by_limits = any(ranking.keep.rule == "limits" for ranking in _rankings(pipeline))
+    by_limits |= stage != "balance" and pipeline.project is not None and pipeline.project.responses is not None
+    if keys is not None and by_limits:
+        loop = None if controller is None else [A.tolist() for A in vars(controller).values()]
+        asked.append([keys.limits.model_dump(exclude_none=True), keys.between, loop])
     if stage == "balance":
         settings.pop("project")
     elif pipeline.project is not None:
         # A limit may be the error that projection must meet.
         asked.append(projected_error(pipeline))
     return stage_key(stage, __version__, settings, asked, dict(bodies))
+
+
+def _rankings(pipeline: Pipeline) -> Iterator[RankingKeys]:
+    """Rankings of the run's own model, and of those that it is compared with."""
+    if pipeline.balance is not None:
+        yield pipeline.balance
+    if pipeline.verify is not None:
+        yield from pipeline.verify.compare.values()

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.assemble import rigid_substructure
+from cmsreduce.assemble import frequency_response, rigid_substructure
 from cmsreduce.balance import Selection, keep_all
-from cmsreduce.config import CompareKeys, LimitKeys, ModeSetKeys, Pipeline, VerifyKeys, build_scene
+from cmsreduce.config import CompareKeys, LimitKeys, ModeSetKeys, Pipeline, ProjectKeys, VerifyKeys, build_scene
 from cmsreduce.errors import ConfigError, StageError
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.machine import SolverSettings
@@ -21,19 +22,22 @@ from cmsreduce.model import (
     Controller,
     CutoffChoice,
     FEModel,
+    Finding,
     ModalComponent,
     ReducedComponent,
     RigidBody,
     Scene,
     SensitivityRecord,
+    Values,
 )
-from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.orthogonalise import at_parameters, orthogonalise
 from cmsreduce.pipeline.bodies import (
     WRITTEN_LIMIT,
     FlexibleBody,
     Reference,
     all_modes,
     copy_of,
+    damped_by_modes,
     damping_remark,
     read_flexible,
     read_rigid,
@@ -41,7 +45,7 @@ from cmsreduce.pipeline.bodies import (
     spin_notes,
 )
 from cmsreduce.pipeline.choose import Balancing, Choice, CutoffSearch, ModeSets, asked_error, cutoff_key
-from cmsreduce.pipeline.project import Projected, ProjectStage
+from cmsreduce.pipeline.project import Projected, ProjectStage, ResponseShapes
 from cmsreduce.pipeline.run.keys import (
     body_key,
     projected_error,
@@ -50,7 +54,7 @@ from cmsreduce.pipeline.run.keys import (
     reference_model_key,
     system_key,
 )
-from cmsreduce.pipeline.run.verification import MODEL, Verification, Verified
+from cmsreduce.pipeline.run.verification import Verification, Verified
 from cmsreduce.pipeline.store import (
     CommonWork,
     Failures,
@@ -62,7 +66,7 @@ from cmsreduce.pipeline.store import (
     report_failures,
     stage,
 )
-from cmsreduce.pipeline.system import AssembledModel, Comparison, ReducedModel
+from cmsreduce.pipeline.system import MODEL, AssembledModel, Comparison, ModelMeasure, ReducedModel
 from cmsreduce.read import read_controller
 from cmsreduce.reduce import Examined
 
@@ -120,6 +124,7 @@ class Run:
                     f"verify.compare.{label}: `cutoff: auto` is for the run's own model; state a multiple of the band"
                 )
         self.pipeline, self.folder = pipeline, folder
+        self._values: Values = {}
         self.stages = Stages(folder, progress, only, SolverSettings(**pipeline.solver.model_dump()), common)
         self.scene: Scene = build_scene(pipeline)
         self.rigid_bodies: dict[str, RigidBody] = {
@@ -180,13 +185,22 @@ class Run:
             self._refuse_unwritable(found[name].body)
             # Checked before anything is reduced, so that a faulty body shows in the results.
             _ = found[name].health
-        bare = {name: replace(each, body=each.undamped).substructure(self.scene) for name, each in found.items()}
-        rigid = {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
-        model = AssembledModel({name: (bare | rigid)[name] for name in self.pipeline.components}, self.scene)
+        model = self._in_dofs(found)
         for configuration in self.scene.configurations:
             for note in model.wiring(configuration).notes:
                 self.stages.note(note)
         return found
+
+    def _in_dofs(self, bodies: Mapping[str, FlexibleBody]) -> AssembledModel:
+        bare = {name: replace(each, body=each.undamped).substructure(self.scene) for name, each in bodies.items()}
+        rigid = {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
+        return AssembledModel({name: (bare | rigid)[name] for name in self.pipeline.components}, self.scene)
+
+    @property
+    @once
+    def in_dofs(self) -> AssembledModel:
+        """The unreduced bodies in their dofs, joined, without their damping."""
+        return self._in_dofs(self.bodies)
 
     def _refuse_unwritable(self, body: FEModel) -> None:
         """Refuse files of an unreduced body that is too large for all its modes, before anything is computed."""
@@ -389,11 +403,19 @@ class Run:
     @once
     def balancing(self) -> Balancing:
         """Ranking and choice of modes, as the pipeline asks or otherwise."""
-        return Balancing(self.pipeline, self.scene, self.bodies, self.modal, self.joined, lambda: self.comparison)
+        return Balancing(self.pipeline, self.scene, self.bodies, self.modal, self.joined, self.measure)
+
+    @property
+    @once
+    def measure(self) -> ModelMeasure:
+        """The measure of a model of the scene: errors and checks, under the limits of the run."""
+        keys = self.pipeline.verify or VerifyKeys()
+        comparison, untruncated = (lambda: self.comparison), (lambda: self.untruncated)
+        return ModelMeasure(keys, self.scene, self.bodies, comparison, untruncated, self.controller)
 
     def _system_key(self, stage: str) -> str:
         bodies = {name: self.mode_sets.modal_key(name) for name in self.bodies}
-        return system_key(stage, self.pipeline, self._points, bodies)
+        return system_key(stage, self.pipeline, self._points, bodies, self.controller)
 
     @property
     def _ranks(self) -> bool:
@@ -465,6 +487,8 @@ class Run:
     )
     def _projection(self) -> Projected:
         assert self.pipeline.project is not None
+        if self.pipeline.project.responses is not None:
+            return self._response_shapes(self.pipeline.project)
         found = ProjectStage(
             self.pipeline.project,
             self.scene,
@@ -480,6 +504,45 @@ class Run:
         bare = {name: replace(each, rankings={}, cluster=None) for name, each in found.components.items()}
         return replace(found, components=bare)
 
+    def _response_shapes(self, keys: ProjectKeys) -> Projected:
+        if not self.has_response:
+            raise ConfigError(
+                "project.responses needs a response: name at least one actuator and one sensor in the scene"
+            )
+        if any(each.parameters for each in self.scene.configurations):
+            raise ConfigError(
+                "project.responses: scene shapes do not take scene.parameters, which change the matrices of bodies or "
+                "joints; use `balance:` or `project: {modes: ...}` instead"
+            )
+
+        def measured(components: Mapping[str, ModalComponent]) -> Finding | None:
+            return self.measure.measured(components, self.joined(components), between=False).critical
+
+        return ResponseShapes(
+            keys,
+            self.measure.keys.limits,
+            self.scene,
+            self.kept,
+            self._projection_source,
+            self.comparison,
+            measured,
+            self._solved_directly,
+            {name: "sparse dofs" if modes is None else "modes" for name, modes in self._solvable.items()},
+            self.stages.progress.advance,
+        ).run()
+
+    @property
+    @once
+    def _solvable(self) -> dict[str, ModalComponent | None]:
+        """The unreduced bodies for solves at a few frequencies: in dofs, or in modes where damping needs these."""
+        by_modes = {name: damped_by_modes(each.body, each.rigid) for name, each in self.bodies.items()}
+        return {name: each.modes if by_modes[name] else None for name, each in self.references.items()}
+
+    def _solved_directly(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        subs = {name: self.bodies[name].substructure(self.scene, modes) for name, modes in self._solvable.items()}
+        subs |= {name: rigid_substructure(body) for name, body in self.rigid_bodies.items()}
+        return frequency_response({n: subs[n] for n in self.pipeline.components}, self.scene, configuration, omega)
+
     @property
     @once
     def projected(self) -> Projected | None:
@@ -494,9 +557,16 @@ class Run:
         """The bodies as they are assembled and written."""
         return self.kept if self.projected is None else self.projected.components
 
+    def at_values(self, values: Values) -> Run:
+        """The run with its bodies written at some values of their parameters; all results are shared."""
+        other = copy(self)
+        other._values = values
+        return other
+
     def written(self, name: str) -> ModalComponent:
         """A flexible body as it is written: reduced, or in all its modes where the pipeline does not reduce it."""
-        return self.final[name] if name in self.final else self._unreduced[name]
+        found = self.final[name] if name in self.final else self._unreduced[name]
+        return at_parameters(found, self._values) if self._values else found
 
     @property
     @once
@@ -510,6 +580,10 @@ class Run:
 
     def written_motions(self, name: str) -> NDArray[np.float64]:
         """Motions of the points of a body from the amplitudes of its modes as written (6 points, m)."""
+        if self._values:
+            sub = self.bodies[name].substructure(self.scene, self.written(name))
+            labels = self.model.assembled.substructures[name].motion
+            return np.vstack([np.asarray(sub.motion[label]) for label in labels])
         motions = dense(self.model.assembled.stack.motions(name))
         in_dofs = name not in self.final and self.references[name].modes is None
         return motions @ self.written(name).Phi if in_dofs else motions

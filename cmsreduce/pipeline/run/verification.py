@@ -6,8 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from cmsreduce.config import VerifyKeys
-from cmsreduce.errors import ConstraintError
 from cmsreduce.model import (
     AxisCompleteness,
     BetweenErrors,
@@ -19,14 +17,10 @@ from cmsreduce.model import (
 )
 from cmsreduce.pipeline.store import diagnostic, once
 from cmsreduce.pipeline.system import (
+    MODEL,
     SystemRoots,
-    axis_completeness,
     completeness_note,
-    controller_margins,
-    errors_between,
-    reduction_checks,
     stability_proof,
-    system_roots,
     without_energy,
 )
 
@@ -34,9 +28,6 @@ if TYPE_CHECKING:
     from cmsreduce.pipeline.run.run import Run
 
 __all__ = ["MODEL", "Verification", "Verified"]
-
-MODEL = "reduced"
-"""Label of the run's own model among those it is compared with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,31 +101,19 @@ class Verification:
                     f"the reference model holds {label} and all static shapes of it"
                 )
 
-    @diagnostic("the errors between the sampled configurations", limits=("frf_error",))
     def _between(self) -> BetweenErrors | None:
         """Errors at midpoint configurations; None without a verify stage, or if the project stage measured them."""
         keys, project = self.run.pipeline.verify, self.run.pipeline.project
         if keys is None or (project is not None and project.between):
             return None
-        return errors_between(self.run.comparison, self.run.model, None if keys.between == "all" else keys.between)
+        return self.run.measure.errors_between(self.run.model)
 
-    @diagnostic(
-        "the checks of the reduction",
-        ReductionChecks,
-        limits=("static_lack", "gain_error", "zero_error", "zeros_lost", "step_error"),
-    )
     def _checked(self) -> ReductionChecks:
         run = self.run
-        keys = run.pipeline.verify or VerifyKeys()
-        return reduction_checks(
-            keys.required_checks,
-            keys.checks is None,
-            run.scene,
-            run.bodies,
-            {name: run.final[name] for name in run.reduced_names},
-            run.comparison.reference if run.has_response else None,
-            run.model.assembled,
-        )
+        keys = run.measure.keys
+        reduced = {name: run.final[name] for name in run.reduced_names}
+        configurations = run.scene.configurations
+        return run.measure.checks(keys.required_checks, reduced, run.model, configurations, usual=keys.checks is None)
 
     @property
     @once
@@ -144,22 +123,17 @@ class Verification:
 
     @property
     @once
-    @diagnostic("the completeness at the hinges", tuple)
     def completeness(self) -> tuple[AxisCompleteness, ...]:
         """Share of the inertia at each hinge that the modes hold; empty if hinges move each other, as in a loop."""
-        try:
-            return axis_completeness(self.run.model.assembled, self.run.untruncated.assembled)
-        except ConstraintError:
-            return ()
+        return self.run.measure.completeness(self.run.model, self.run.scene.configurations)
 
     @property
     @once
-    @diagnostic("the margins of the controller", tuple, limits=("controller_ratio", "controller_unstable"))
     def margins(self) -> tuple[ControllerMargin, ...]:
         """Margins of the scene's controller in every configuration; empty without a controller or without verify."""
         if self.run.controller is None or self.run.pipeline.verify is None:
             return ()
-        return controller_margins(self.run.controller, self.run.verified.configurations, self.roots, MODEL)
+        return self.run.measure.margins(self.run.verified.configurations, lambda: self.roots)
 
     @property
     @once
@@ -168,14 +142,18 @@ class Verification:
         # A damping matrix of a body that could give energy was refused when the body was read or its modes were made.
         if self.run.controller is not None:
             return "the controller"
-        return without_energy(self.run.model.assembled.substructures, self.run.bodies)
+        run = self.run
+        model = run.model.assembled
+        # A damping matrix was proven by a factor without what parameters add to it.
+        damped = [name for name, each in run.bodies.items() if all(term.letter != "D" for term in each.body.terms)]
+        found = (without_energy(model.at(each).substructures, damped) for each in run.scene.configurations)
+        return next((suspect for suspect in found if suspect), "")
 
     @property
     @once
     def roots(self) -> Mapping[str, SystemRoots | None]:
         """Roots of the reduced system in each configuration, its loop closed; None where they are not known."""
-        model = self.run.model.assembled
-        return {each.name: system_roots(model, each, self.run.controller) for each in self.run.scene.configurations}
+        return self.run.measure.roots(self.run.model, self.run.scene.configurations)
 
     @property
     @once

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from functools import wraps
+from typing import Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -29,13 +30,23 @@ from cmsreduce.assemble import (
 )
 from cmsreduce.linalg.blocks import column_blocks, dense, symmetric_product
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless
-from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System
-from cmsreduce.pipeline.store import once
+from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System, Values, varied
+from cmsreduce.pipeline.store import diagnostic, once
 from cmsreduce.verify import decibel_grid
 
-__all__ = ["AssembledModel", "DampedModes", "Resonances", "cross_orthogonality", "mass_products"]
+__all__ = [
+    "AssembledModel",
+    "DampedModes",
+    "Resonances",
+    "cross_orthogonality",
+    "highest_frequency",
+    "highest_omega",
+    "mass_products",
+]
 
 Number = TypeVar("Number", np.float64, np.complex128)
+P = ParamSpec("P")
+Result = TypeVar("Result")
 
 # Undamped modes up to this multiple of the band's upper end: a mode a little above it still acts at the edge.
 _UNDAMPED_BANDS = 1.25
@@ -44,6 +55,8 @@ _UNDAMPED_BANDS = 1.25
 _DAMPED_BANDS = 1.1
 # Coordinates of a system whose modes are all held in memory: three megabytes a configuration.
 _HELD_IN_MEMORY = 600
+# Coordinates of a system whose modes dense algebra finds in seconds.
+_DENSE = 1500
 # Damping ratio given to the peak of a mode without damping: the nearest point of the refined grid is this far from it.
 _NO_DAMPING = 5e-6
 # Grids of one band end at the same frequency to rounding.
@@ -83,6 +96,19 @@ class DampedModes:
     shapes: Mapping[str, NDArray[np.complex128]]
 
 
+def _with_parameters(
+    method: Callable[Concatenate[AssembledModel, Configuration, P], Result],
+) -> Callable[Concatenate[AssembledModel, Configuration, P], Result]:
+    """Make a method that takes a configuration use the model at its parameters."""
+
+    @wraps(method)
+    def delegated(model: AssembledModel, configuration: Configuration, *args: P.args, **named: P.kwargs) -> Result:
+        return method(model.at(configuration), configuration, *args, **named)
+
+    # The type of `wraps` has no place for the model.
+    return cast("Callable[Concatenate[AssembledModel, Configuration, P], Result]", delegated)
+
+
 class AssembledModel:
     """Substructures in a scene; every result is computed once.
 
@@ -92,11 +118,43 @@ class AssembledModel:
         Bodies in order; the bodies of joints are added.
     scene : Scene
         Joints, configurations, actuators, sensors, band.
+    nominal : AssembledModel, optional
+        The same with all parameters at zero; bodies that are in both share their receptances.
     """
 
-    def __init__(self, substructures: Mapping[str, Substructure], scene: Scene) -> None:
+    def __init__(
+        self, substructures: Mapping[str, Substructure], scene: Scene, nominal: AssembledModel | None = None
+    ) -> None:
         self.substructures, self.scene = with_joint_bodies(substructures, scene), scene
         self.stack = PointStack(self.substructures)
+        self._nominal = nominal
+        self._wider: AssembledModel | None = None
+        terms = [term.parameter for sub in self.substructures.values() for term in sub.terms]
+        joints = [name for joint in scene.joints for element in joint.elements for name, _ in element.varied]
+        self._parameters = sorted({*terms, *joints})
+
+    def at(self, configuration: Configuration) -> AssembledModel:
+        """The model at the parameters of a configuration: bodies in the same coordinates, joints with their values."""
+        values = {name: configuration.parameters.get(name, 0.0) for name in self._parameters}
+        return self._at(tuple(values.items())) if any(values.values()) else self
+
+    @once
+    def _at(self, values: tuple[tuple[str, float], ...]) -> AssembledModel:
+        joints = tuple(joint.at(dict(values)) for joint in self.scene.joints)
+        own = {joint.own_body for joint in self.scene.joints}
+        bodies = {name: sub.at(dict(values)) for name, sub in self.substructures.items() if name not in own}
+        return AssembledModel(bodies, replace(self.scene, joints=joints), self)
+
+    def narrowed(self, kept: Mapping[str, NDArray[np.int64]]) -> AssembledModel:
+        """The same system with some coordinates of some bodies alone; its wiring is the same."""
+        subs = {
+            name: sub.narrowed(kept[name]) if name in kept else sub
+            for name, sub in self.substructures.items()
+            if name in self.scene.bodies
+        }
+        found = AssembledModel(subs, self.scene)
+        found._wider = self
+        return found
 
     @property
     @once
@@ -104,16 +162,21 @@ class AssembledModel:
         """The bodies for responses: a body in its dofs is held where the ground holds it."""
         return held_bodies(self.stack, self.scene)
 
+    @_with_parameters
     @once
     def wiring(self, configuration: Configuration) -> Wiring:
         """Joints, inputs and outputs in a configuration."""
+        if self._wider is not None:
+            return self._wider.wiring(configuration)
         return wire(self.stack, self.scene, configuration)
 
+    @_with_parameters
     @once
     def system(self, configuration: Configuration) -> System:
         """Assembled matrices in a configuration."""
         return assemble(self.substructures, self.scene, configuration, (self.stack, self.wiring(configuration)))
 
+    @_with_parameters
     @once
     def resonances(self, configuration: Configuration) -> Resonances:
         """Elastic modes up to a little above the band."""
@@ -126,6 +189,7 @@ class AssembledModel:
             zeta += _weights(system.loss, Phi) / (2 * w**2)
         return Resonances(w, zeta, _by_body(system, Phi))
 
+    @_with_parameters
     @once
     def damped_modes(self, configuration: Configuration) -> DampedModes | None:
         """Complex modes up to just above the band; None without damping."""
@@ -134,6 +198,7 @@ class AssembledModel:
         found = damped_modes(system, highest, self._modes(configuration))
         return None if found is None else DampedModes(found.s, _by_body(system, found.X))
 
+    @_with_parameters
     def every_mode(
         self, configuration: Configuration
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -179,7 +244,15 @@ class AssembledModel:
     @property
     @once
     def _receptances(self) -> Mapping[str, Receptance]:
-        return body_receptances(self.held.stack, decibel_grid(self.scene.band))
+        return {name: self._receptance(name) for name in self.substructures}
+
+    @once
+    def _receptance(self, name: str) -> Receptance:
+        nominal = self._nominal
+        if nominal is not None and nominal.substructures.get(name) is self.substructures[name]:
+            return nominal._receptance(name)
+        alone = PointStack({name: self.held.substructures[name]})
+        return body_receptances(alone, decibel_grid(self.scene.band))[name]
 
     def receptances(self, omega: NDArray[np.float64]) -> Mapping[str, Receptance]:
         """Dynamic flexibilities of the ``held`` bodies for every configuration.
@@ -207,11 +280,29 @@ class AssembledModel:
         grids: Sequence[NDArray[np.float64]],
         flexibility: Mapping[str, Receptance] | None = None,
     ) -> list[NDArray[np.complex128]]:
-        """Frequency responses of several configurations together, each on a grid of its own."""
+        """Frequency responses of several configurations together, each on a grid of its own.
+
+        Receptances, if given, are those of the parameters of all configurations.
+        """
+        models = [self.at(configuration) for configuration in configurations]
+        found: dict[int, NDArray[np.complex128]] = {}
+        for model in dict.fromkeys(models):
+            some = [k for k, each in enumerate(models) if each is model]
+            there = model._responses([configurations[k] for k in some], [grids[k] for k in some], flexibility)
+            found |= dict(zip(some, there, strict=True))
+        return [found[k] for k in range(len(models))]
+
+    def _responses(
+        self,
+        configurations: Sequence[Configuration],
+        grids: Sequence[NDArray[np.float64]],
+        flexibility: Mapping[str, Receptance] | None,
+    ) -> list[NDArray[np.complex128]]:
         Y = self.receptances(np.concatenate([np.empty(0), *grids])) if flexibility is None else flexibility
         wirings = [self.held.wiring(self.wiring(configuration)) for configuration in configurations]
         return couple(Y, self.held.stack, wirings, grids)
 
+    @_with_parameters
     def collocated(
         self,
         configuration: Configuration,
@@ -245,6 +336,7 @@ class AssembledModel:
         per_rate = np.where(wiring.C2.any(axis=1), omega[:, None], 1.0)
         return H[:, :y, :u], np.sqrt(at_y[:, :, None] * at_u[:, None, :]) * per_rate[:, :, None]
 
+    @_with_parameters
     def modal_peaks(self, configuration: Configuration) -> NDArray[np.float64]:
         """Height of the peak of each elastic mode up to a little above the band (k, outputs, inputs)."""
         system, (w, Phi) = self.system(configuration), self._modes(configuration)
@@ -253,6 +345,7 @@ class AssembledModel:
         inputs = abs(system.B.T @ Phi) / (2 * zeta * w**2)
         return np.asarray(np.einsum("yk,uk->kyu", outputs, inputs))
 
+    @_with_parameters
     def kinetic_shares(self, configuration: Configuration, modes: Sequence[int]) -> list[dict[str, float]]:
         """Share of the kinetic energy in each body, for some of the elastic modes up to a little above the band."""
         found: list[dict[str, float]] = [{} for _ in modes]
@@ -262,9 +355,24 @@ class AssembledModel:
                 each[name] = float(energy)
         return found
 
+    @_with_parameters
     def rigid_response(self, configuration: Configuration, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Rigid-body part of the response (f, outputs, inputs)."""
         return rigid_response(self.system(configuration), omega)
+
+
+def highest_omega(model: AssembledModel, configuration: Configuration) -> float | None:
+    """Highest frequency of a model in rad/s; None if it is too large for all its modes."""
+    if model.system(configuration).N > _DENSE:
+        return None
+    return float(model.every_mode(configuration)[0].max(initial=0.0))
+
+
+@diagnostic("the highest frequency of '{}'", about=lambda model, configuration: configuration.name)
+def highest_frequency(model: AssembledModel, configuration: Configuration) -> float | None:
+    """Highest frequency of a model in Hz; None if it is too large for all its modes."""
+    found = highest_omega(model, configuration)
+    return None if found is None else found / (2 * np.pi)
 
 
 def mass_products(
@@ -272,6 +380,7 @@ def mass_products(
     reference: Mapping[str, ModalComponent | None],
     reduced: Mapping[str, ModalComponent | None],
     substructures: Mapping[str, Substructure],
+    values: Values | None = None,
 ) -> dict[str, Matrix]:
     """Mass of each body between its coordinates in two models, body: (m_i, r_i) array.
 
@@ -283,13 +392,17 @@ def mass_products(
         Modes whose amplitudes are the coordinates of either model; None where these are dofs.
     substructures : mapping of name to Substructure
         Bodies of the reference model; the rigid ones have their mass here.
+    values : mapping of parameter to float, optional
+        Values of the parameters, where they change the mass.
     """
     found: dict[str, Matrix] = {}
     for name, sub in substructures.items():
         if name not in bodies:
             found[name] = sub.M
             continue
-        M, left, right = bodies[name].M, reference[name], reduced[name]
+        body = bodies[name]
+        M, left, right = varied(body.M, body.terms, "M", values or {}), reference[name], reduced[name]
+        assert isinstance(M, sp.csc_array)
         if right is None:
             found[name] = M if left is None else _times(M, left.Phi).T
         else:

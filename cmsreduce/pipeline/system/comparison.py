@@ -31,7 +31,7 @@ from cmsreduce.verify import (
     FrequencyPairs,
     channel_errors,
     channel_scales,
-    db_error,
+    db_errors,
     decibel_grid,
     frac,
     frequency_grid,
@@ -76,12 +76,27 @@ class ReducedModel:
 
     def __init__(self, assembled: AssembledModel, shapes: Mapping[str, ModalComponent | None]) -> None:
         self.assembled, self.shapes = assembled, shapes
+        self._wider: tuple[ReducedModel, Mapping[str, NDArray[np.int64]]] | None = None
+
+    def narrowed(self, kept: Mapping[str, NDArray[np.int64]]) -> ReducedModel:
+        """The model with some columns of some bodies alone; products of large matrices are taken from this one."""
+        shapes = {name: None if name in kept else shape for name, shape in self.shapes.items()}
+        found = ReducedModel(self.assembled.narrowed(kept), shapes)
+        found._wider = self, kept
+        return found
+
+    def masses(self, comparison: Comparison, configuration: Configuration) -> dict[str, Matrix]:
+        """Mass of each body between its coordinates in the reference model and in this model."""
+        if self._wider is not None:
+            wider, kept = self._wider
+            found = wider.masses(comparison, configuration)
+            return {name: M[:, kept[name]] if name in kept else M for name, M in found.items()}
+        return self._masses(comparison, tuple(configuration.parameters.items()))
 
     @once
-    def masses(self, comparison: Comparison) -> dict[str, Matrix]:
-        """Mass of each body between its coordinates in the reference model and in this model."""
-        substructures = comparison.reference.substructures
-        return mass_products(comparison.bodies, comparison.reference_shapes, self.shapes, substructures)
+    def _masses(self, comparison: Comparison, values: tuple[tuple[str, float], ...]) -> dict[str, Matrix]:
+        bodies = comparison.reference.at(Configuration("", parameters=dict(values))).substructures
+        return mass_products(comparison.bodies, comparison.reference_shapes, self.shapes, bodies, dict(values))
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,6 +218,10 @@ class Comparison:
         full = self.reference.responses(configurations, grids)
         return tuple(self._target(*each) for each in zip(configurations, grids, full, strict=True))
 
+    def target(self, configuration: Configuration, omega: Real) -> Target:
+        """Reference response in a configuration, of the scene or not, on a grid."""
+        return self._target(configuration, omega, self.reference.response(configuration, omega))
+
     def _target(self, configuration: Configuration, omega: Real, H: Complex) -> Target:
         rigid = self.reference.rigid_response(configuration, omega)
         responding, _ = self._responding(configuration)
@@ -210,15 +229,16 @@ class Comparison:
         row, column = channel_scales(self.scene.actuators, self.scene.sensors, elastic, H, omega)
         return Target(configuration, omega, elastic, rigid, row, column, responding)
 
-    @property
     @once
-    def _few_tables(self) -> Mapping[str, Receptance]:
-        return self.reference.tables(self._few)
+    def _few_tables(self, values: tuple[tuple[str, float], ...]) -> Mapping[str, Receptance]:
+        return self.reference.at(Configuration("", parameters=dict(values))).tables(self._few)
 
     @once
     def _responding(self, configuration: Configuration) -> tuple[NDArray[np.bool_], Real]:
         """Channels with an elastic response, and the reach of all at a few frequencies."""
-        H, reach = self.reference.collocated(configuration, self._few, self._few_tables)
+        H, reach = self.reference.collocated(
+            configuration, self._few, self._few_tables(tuple(configuration.parameters.items()))
+        )
         return responding_channels(H - self.reference.rigid_response(configuration, self._few), reach), reach
 
     def _false(self, configuration: Configuration, model: ReducedModel) -> NDArray[np.bool_]:
@@ -272,7 +292,7 @@ class Comparison:
         started = time.perf_counter()
         full = self.reference.responses(configurations, grids)
         self.reference_seconds += time.perf_counter() - started
-        full_db = self._decibels(self.reference, configurations)
+        full_db = self.decibels(self.reference, configurations)
         targets = [self._target(*each) for each in zip(configurations, grids, full, strict=True)]
         errors: list[dict[str, ModelErrors]] = [{} for _ in configurations]
         curves: list[dict[str, Complex]] = [{} for _ in configurations]
@@ -320,17 +340,39 @@ class Comparison:
         responses = model.assembled.responses(configurations, grids)
         seconds = time.perf_counter() - started
         each = seconds / sum(omega.size for omega in grids)
-        reduced_db = self._decibels(model.assembled, configurations)
+        reduced_db = self.decibels(model.assembled, configurations)
         found = []
         for k, (target, H_r) in enumerate(zip(targets, responses, strict=True)):
-            in_db = db_error(full_db[k], reduced_db[k], target.row, target.column)
-            found.append((self._model_errors(target, model, H_r, in_db, each * target.omega.size), H_r))
+            in_db = db_errors(full_db[k], reduced_db[k], target.row, target.column)
+            found.append((self.model_errors(target, model, H_r, in_db, each * target.omega.size), H_r))
         return found, seconds
 
-    def _model_errors(
-        self, target: Target, model: ReducedModel, H_r: Complex, in_db: float, seconds: float
+    def model_errors(
+        self,
+        target: Target,
+        model: ReducedModel,
+        H_r: Complex,
+        in_db: Real,
+        seconds: float | None = None,
+        *,
+        damped: bool = True,
     ) -> ModelErrors:
-        """Errors of a model by its response on the grid of the target, beside those in decibels."""
+        """Errors of a model in one configuration.
+
+        Parameters
+        ----------
+        target : Target
+            Response of the reference model.
+        model : ReducedModel
+        H_r : (f, outputs, inputs) complex128
+            Response of the model on the grid of the target.
+        in_db : (outputs, inputs) float64
+            Its decibel errors.
+        seconds : float, optional
+            Wall time of its response.
+        damped : bool
+            Pair the complex modes, too, for the errors of damping ratios.
+        """
         configuration, omega, H = target.configuration, target.omega, target.elastic
         row, column = target.row, target.column
         false = self._false(configuration, model)
@@ -346,13 +388,14 @@ class Comparison:
         return ModelErrors(
             # Without a channel there is nothing to measure.
             frf_error=_frf_error(target, elastic, false) if loud.any() else nothing,
-            db_error=in_db if loud.any() else nothing,
+            db_error=float(np.nanmax(in_db, initial=0.0)) if loud.any() else nothing,
+            channel_db=in_db,
             frequency_error=pairs.worst,
             frac=shape,
             full_hz=pairs.full_hz,
             reduced_hz=pairs.reduced_hz,
             mac=pairs.mac,
-            damped=self._damped_pairs(configuration, model),
+            damped=self._damped_pairs(configuration, model) if damped else None,
             peak_error=float(peak[sure].max(initial=0.0)) if sure.any() else nothing,
             frac_error=float((1 - shape[sure]).max(initial=0.0)) if sure.any() else nothing,
             channel_errors=channel_errors(omega, H, elastic),
@@ -375,15 +418,17 @@ class Comparison:
     def _decibel_tables(self) -> Mapping[str, Receptance]:
         return self.reference.tables(self._decibel)
 
-    def _decibels(self, model: AssembledModel, configurations: Sequence[Configuration]) -> list[Complex]:
+    def decibels(self, model: AssembledModel, configurations: Sequence[Configuration]) -> list[Complex]:
         """Responses on the decibel grid; for many configurations, receptances of the reference bodies are tabulated."""
         many = model is self.reference and len(self.scene.configurations) > _TOGETHER
+        # Tables are of one set of parameters.
+        many &= not any(each.parameters for each in self.scene.configurations)
         flexibility = self._decibel_tables if many else None
         return model.responses(configurations, [self._decibel] * len(configurations), flexibility)
 
     def _pairs(self, configuration: Configuration, model: ReducedModel) -> tuple[FrequencyPairs, MacMatrix]:
         full, reduced = self.reference.resonances(configuration), model.assembled.resonances(configuration)
-        cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(self))
+        cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(self, configuration))
         # Both sets are orthonormal in mass.
         mac = MacMatrix(full.omega / (2 * np.pi), reduced.omega / (2 * np.pi), cross**2)
         low, high = self.scene.band
@@ -398,7 +443,7 @@ class Comparison:
         full, reduced = self.reference.damped_modes(configuration), model.assembled.damped_modes(configuration)
         if full is None or reduced is None:
             return None
-        cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(self))
+        cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(self, configuration))
         return pair_complex_modes(full.s, reduced.s, cross, self.scene.band[1])
 
 

@@ -27,7 +27,9 @@ _HELD = 1e-9
 _STRAY = 1e-6
 
 
-def axis_completeness(reduced: AssembledModel, untruncated: AssembledModel) -> tuple[AxisCompleteness, ...]:
+def axis_completeness(
+    reduced: AssembledModel, untruncated: AssembledModel, configurations: Sequence[Configuration]
+) -> tuple[AxisCompleteness, ...]:
     """Share of the inertia at each hinge that the modes of a reduced system do not represent.
 
     Parameters
@@ -36,6 +38,8 @@ def axis_completeness(reduced: AssembledModel, untruncated: AssembledModel) -> t
         The reduced system.
     untruncated : AssembledModel
         The system with all modes of the bodies' mode sets.
+    configurations : sequence of Configuration
+        Positions of the joints.
 
     Returns
     -------
@@ -52,7 +56,7 @@ def axis_completeness(reduced: AssembledModel, untruncated: AssembledModel) -> t
     large = any(sum(body.m for body in model.substructures.values()) > _DENSE for model in (reduced, untruncated))
     if large or not sensors:
         return ()
-    for configuration in scene.configurations:
+    for configuration in configurations:
         measured = _able(reduced, sensors, configuration)
         if not measured:
             continue

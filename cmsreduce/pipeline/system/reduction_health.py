@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,9 +26,10 @@ from cmsreduce.pipeline.bodies import FlexibleBody, probing_loads
 from cmsreduce.pipeline.store import diagnostic
 from cmsreduce.pipeline.system.assembled import AssembledModel
 from cmsreduce.verify import (
+    StaticLoads,
     gain_sum,
     judged_zeros,
-    static_completeness,
+    static_loads,
     step_errors,
     step_response,
     visible_modes,
@@ -36,7 +37,17 @@ from cmsreduce.verify import (
     zeros_below,
 )
 
-__all__ = ["AllModes", "all_modes", "channel_gains", "reduction_checks", "static_lack", "step_compared", "zeros_apart"]
+__all__ = [
+    "AllModes",
+    "StaticProbes",
+    "all_modes",
+    "channel_gains",
+    "reduction_checks",
+    "static_lack",
+    "static_probes",
+    "step_compared",
+    "zeros_apart",
+]
 
 Array = NDArray[np.float64]
 
@@ -87,6 +98,7 @@ def reduction_checks(
     required: Collection[str],
     usual: bool,
     scene: Scene,
+    configurations: Sequence[Configuration],
     bodies: Mapping[str, FlexibleBody],
     reduced: Mapping[str, ModalComponent],
     full: AssembledModel | None,
@@ -101,7 +113,9 @@ def reduction_checks(
     usual : bool
         Also check static completeness, gains and zeros where these checks take tenths of a second.
     scene : Scene
-        Channels, configurations, band.
+        Channels, band.
+    configurations : sequence of Configuration
+        Positions of the joints.
     bodies : mapping of name to FlexibleBody
         As read.
     reduced : mapping of name to ModalComponent
@@ -124,7 +138,7 @@ def reduction_checks(
             static[name] = lack
     systems = []
     channels = wanted - {"static"}
-    for configuration in scene.configurations if channels and full is not None else ():
+    for configuration in configurations if channels and full is not None else ():
         assert full is not None
         N = full.system(configuration).N
         here = {check for check in channels if (_DENSE if check in required else _QUICK) >= N}
@@ -187,16 +201,44 @@ def _step(
         return None, [f"step: {error}"]
 
 
-def static_lack(flexible: FlexibleBody, modes: ModalComponent, scene: Scene) -> dict[str, float]:
-    """Static energy error of a reduced body under unit loads at each of its interfaces and actuators."""
+@dataclass(frozen=True, eq=False)
+class StaticProbes:
+    """Shares of the strain energy that the modes of a body hold under unit loads at its interfaces and actuators.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Such as ``interface 'tip'``; loads of one name count together.
+    loads : StaticLoads
+    shares : (m, s) float64
+        Of each mode.
+    """
+
+    names: tuple[str, ...]
+    loads: StaticLoads
+    shares: Array
+
+    def lack(self, columns: NDArray[np.int64] | None = None) -> dict[str, float]:
+        """Largest lack of some columns, by default of all, under the loads of each name."""
+        found = self.loads.lack(self.shares if columns is None else self.shares[columns])
+        worst: dict[str, float] = {}
+        for load, value in zip(self.names, found, strict=True):
+            worst[load] = max(worst.get(load, 0.0), float(value))
+        return worst
+
+
+def static_probes(flexible: FlexibleBody, modes: ModalComponent, scene: Scene) -> StaticProbes:
+    """Load a body with unit loads at each of its interfaces and actuators."""
     names, loads = probing_loads(flexible, scene, joints=True)
     acting = np.array([not load.startswith("sensor") for load in names], dtype=bool)
     acting &= abs(loads).max(axis=0, initial=0.0) > 0
-    lack = static_completeness(modes, flexible.body, flexible.rigid, loads[:, acting], flexible.ports.interface)
-    worst: dict[str, float] = {}
-    for load, value in zip(np.array(names)[acting], lack, strict=True):
-        worst[str(load)] = max(worst.get(str(load), 0.0), float(value))
-    return worst
+    found = static_loads(flexible.body, flexible.rigid, loads[:, acting], flexible.ports.interface)
+    return StaticProbes(tuple(np.array(names)[acting].tolist()), found, found.shares(modes))
+
+
+def static_lack(flexible: FlexibleBody, modes: ModalComponent, scene: Scene) -> dict[str, float]:
+    """Static energy error of a reduced body under unit loads at each of its interfaces and actuators."""
+    return static_probes(flexible, modes, scene).lack()
 
 
 def all_modes(model: AssembledModel, configuration: Configuration) -> AllModes:

@@ -31,7 +31,8 @@ _EQUATIONS, _ACTIVE, _LUMPED, _UNSYMMETRIC, _CONSTRAINT_EQUATIONS = 1, 2, 10, 13
 _HEADER_INTEGERS = 40
 _EXPORT = (
     "let ANSYS write it as text: *SMAT,K,D,IMPORT,FULL,file.full,STIFF and *EXPORT,K,MMF,K.txt, the same with MASS, "
-    "and *VEC,MAP,I,IMPORT,FULL,file.full,BACK for `rows:`"
+    "and *VEC,MAP,I,IMPORT,FULL,file.full,BACK for `rows:`; or HBMAT with its mapping file, whose matrices have "
+    "constraints and couplings worked in"
 )
 
 
@@ -65,7 +66,7 @@ def _matrices(path: Path) -> list[StoredMatrix]:
     if kind != _FULL:
         raise ReadError(
             f"{path}: is a binary file of ANSYS ({_KINDS.get(kind or 0, f'kind {kind}')}), of which no matrices are "
-            "read; write them as text with *SMAT and *EXPORT, or HBMAT"
+            "read; write them as text by HBMAT with its mapping file (Mapping = YES), which is read as `rows:`"
         )
     with reading(path, "the header"):
         header = struct.unpack_from(f"<{_HEADER_INTEGERS}i", head, 4 * (_HEADER + _LENGTHS))

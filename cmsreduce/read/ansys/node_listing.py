@@ -1,4 +1,4 @@
-"""Text tables of nodes: the export of ANSYS Mechanical, NLIST of ANSYS, and other lists ``node x y z`` under a heading.
+"""Text tables of nodes: the export of ANSYS Mechanical, NLIST and *VWRITE of ANSYS, and other lists ``node x y z``.
 
 Mechanical writes the decimal sign of the user's country, so ``0,15`` between tabs is a number.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -25,6 +26,7 @@ _HEADING = re.compile(r"(?i)(?<![a-z])x(?![a-z]).*(?<![a-z])y(?![a-z]).*(?<![a-z
 _HEADING_LINES = 40
 # No line of a list is longer; patterns with blanks on both sides of a separator take the square of a length.
 _LONGEST_LINE = 1000
+_DECIMAL = re.compile(r"[+-]?\d*\.\d*(?:[EeDd][+-]?\d+)?")
 _ID = re.compile(r"\d{1,15}")
 # Tabs and semicolons separate whatever the decimal sign is; a comma separates only where blanks do not.
 _SEPARATORS = (re.compile(r"\s*[\t;]\s*"), re.compile(r"\s+"), re.compile(r"\s*,\s*"))
@@ -53,13 +55,29 @@ def _separator(line: str) -> re.Pattern[str] | None:
 
 
 def _is_listing(head: str) -> bool:
-    """True if a heading that names x, y and z stands right above a node."""
+    """True if a heading that names x, y and z stands right above a node, or all lines are nodes in ascending order."""
     above = ""
-    for line in islice((line for line in head.splitlines() if line.strip()), _HEADING_LINES):
+    lines = list(islice((line for line in head.splitlines() if line.strip()), _HEADING_LINES))
+    for line in lines:
         if _separator(line) is not None:
-            return len(above) <= _LONGEST_LINE and _HEADING.search(above) is not None
+            headed = len(above) <= _LONGEST_LINE and _HEADING.search(above) is not None
+            return headed or (not above and _all_nodes(lines))
         above = line
     return False
+
+
+def _all_nodes(lines: Sequence[str]) -> bool:
+    """True if every line is a number and three coordinates with a decimal sign, and the numbers ascend."""
+    last = 0
+    # The last line of a head may be cut.
+    for line in lines[:-1] or lines:
+        words = line.replace(",", " ").split()
+        if len(words) != 4 or not all(_DECIMAL.fullmatch(word) for word in words[1:]):
+            return False
+        if not _ID.fullmatch(words[0]) or int(words[0]) <= last:
+            return False
+        last = int(words[0])
+    return True
 
 
 def _read_listing(path: Path) -> Geometry:
@@ -106,7 +124,7 @@ def _read_listing(path: Path) -> Geometry:
 
 NODE_LISTING = GeometryFormat(
     "node-listing",
-    "table 'node x y z' under a heading (ANSYS Mechanical, NLIST)",
+    "table 'node x y z' (ANSYS Mechanical, NLIST, *VWRITE)",
     _is_listing,
     _read_listing,
     lambda path: {},

@@ -40,7 +40,12 @@ def supports(deck: Sequence[Block], sets: DeckSets, turning: Mapping[int, int]) 
     Raises
     ------
     ReadError
-        If a line names no components.
+        If a line names no components, or a node is held along axes of its own.
+
+    Notes
+    -----
+    The matrices of CalculiX are along the basic axes also at nodes of *TRANSFORM, which turns their supports alone. The
+    proof of the row order refuses matrices along other axes.
     """
     held: dict[tuple[int, int], None] = {}
     for block in deck:
@@ -56,6 +61,15 @@ def supports(deck: Sequence[Block], sets: DeckSets, turning: Mapping[int, int]) 
                     held[(turning[node], component + 3) if turns else (node, component)] = None
     if not held:
         return None
+    turned = {
+        node: block for block in deck if block.keyword == "TRANSFORM" for node in sets.nodes_of(block.option("NSET"))
+    }
+    for node in dict.fromkeys(node for node, _ in held):
+        if node in turned:
+            raise ReadError(
+                f"{turned[node].where}: node {node} is held in degrees of freedom in a local system, which are not "
+                "read; give the geometry as a mesh with plain nodes, such as a .frd file, with `grounded: true`"
+            )
     node, component = np.array(sorted(held), dtype=np.int64).T
     return DofTable(node, component.astype(np.int8))
 

@@ -30,6 +30,7 @@ _ELEMENT = re.compile(
 # Nodes of the solid element at each node of a beam's two ends, then of its middle.
 _BEAM_ENDS = ((0, 3, 4, 7, 11, 15, 16, 19), (1, 2, 5, 6, 9, 13, 17, 18))
 _BEAM_MIDDLE = (8, 10, 12, 14)
+_UNREAD = {"M": "a membrane", "T": "a truss"}
 # Numbers that CalculiX reserves for each node of a shell or a beam, once for each normal.
 SHELL_NODES, BEAM_NODES = 3, 8
 
@@ -86,6 +87,21 @@ class Expansion:
                 last[node] = max(last.get(node, 0), ids[0] + reserved)
         return {last[knot]: knot for knot in self.knots if knot in last}
 
+    def refuse_unread(self) -> None:
+        """Refuse membranes and trusses, whose nodes follow each other in another way than those of shells and beams.
+
+        Raises
+        ------
+        ReadError
+            With the first of them.
+        """
+        for element in self.elements:
+            if element.label[:1] in _UNREAD:
+                raise ReadError(
+                    f"{self.path}: element {element.number} is {_UNREAD[element.label[:1]]} ({element.label}), which "
+                    "is not read yet: give shells or beams in its place, or leave it out and add a spring to the scene"
+                )
+
     def relabelled(self, node: NDArray[np.int64], component: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
         """Labels of rows with the node that each row belongs to.
 
@@ -99,7 +115,13 @@ class Expansion:
         node, component : (n,) int64
             A row that a support leaves of a node, so that nothing tells which of its nodes it belongs to, is scalar,
             with a number of its own.
+
+        Raises
+        ------
+        ReadError
+            If there are membranes or trusses.
         """
+        self.refuse_unread()
         node, component = node.copy(), component.copy()
         placeless = [np.empty(0, dtype=np.int64)]
         for known, rows in _rows_by_node(node).items():

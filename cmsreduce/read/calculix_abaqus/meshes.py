@@ -45,7 +45,6 @@ _UNREAD = {
     "NCOPY": "copied nodes",
     "NMAP": "mapped nodes",
     "SYSTEM": "node coordinates in a local system",
-    "TRANSFORM": "degrees of freedom in a local system",
 }
 # Kind of cell and nodes by the start of an element's name.
 _INPUT_CELLS = {
@@ -62,6 +61,10 @@ _INPUT_CELLS = {
     "STRI65": ("triangle", 6),
     "S4": ("quad", 4),
     "S8": ("quad", 8),
+    "M3D3": ("triangle", 3),
+    "M3D6": ("triangle", 6),
+    "M3D4": ("quad", 4),
+    "M3D8": ("quad", 8),
     "B31": ("line", 2),
     "B33": ("line", 2),
     "T3D2": ("line", 2),

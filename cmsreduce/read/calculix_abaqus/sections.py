@@ -36,6 +36,7 @@ _FACES = {
 _SECTION = np.array([(-1, 1), (-1, -1), (1, -1), (1, 1), (-1, 0), (0, -1), (1, 0), (0, 1)], dtype=np.float64)
 # The corners of a round section lie on its circumference.
 _ROUND = np.array([np.sqrt(0.5)] * 4 + [1.0] * 4)[:, None]
+_SECTIONS = ("RECT", "CIRC", "PIPE", "BOX")
 _ADVICE = "is not read; give the .frd file of a run with *NODE FILE as geometry, which has the expanded nodes"
 
 
@@ -68,13 +69,14 @@ def expanded_places(
     Raises
     ------
     ReadError
-        If an element has no section, or one that is not read.
+        If an element has no section, or one that is not read, or is a membrane or a truss.
 
     Notes
     -----
     The axes at a node are the means of those of its elements: the normals of shells, the tangents and second axes of
     beams. Where these differ too much, CalculiX makes nodes for each normal and ties them to the node by a knot.
     """
+    expansion.refuse_unread()
     sections = _sections(deck, sets)
     axes: dict[int, list[Array]] = {}
     of: dict[int, tuple[int, ExpandedElement, tuple[int, ...]]] = {}
@@ -170,11 +172,13 @@ def _shell(block: Block, rows: list[list[float]]) -> _Section:
 
 def _beam(block: Block, rows: list[list[float]]) -> _Section:
     kind = block.option("SECTION")
-    if kind not in ("RECT", "CIRC"):
+    if kind not in _SECTIONS:
         raise ReadError(f"{block.where}: the section {kind or '(unnamed)'} {_ADVICE}")
     # By default the first axis is -z.
     axis = tuple(rows[1][:3]) if len(rows) > 1 and len(rows[1]) > 2 else (0.0, 0.0, -1.0)
-    return _Section((rows[0][0], rows[0][1]), _offsets(block, "OFFSET1", "OFFSET2"), axis, kind == "CIRC")
+    # CalculiX makes a rectangle around a pipe, whose radius it has, and around a box, and integrates over the walls.
+    sides = (2 * rows[0][0],) * 2 if kind == "PIPE" else (rows[0][0], rows[0][1])
+    return _Section(sides, _offsets(block, "OFFSET1", "OFFSET2"), axis, kind == "CIRC")
 
 
 def _offsets(block: Block, *names: str) -> tuple[float, ...]:

@@ -5,6 +5,6 @@ Formats with readers of their own belong in `read.nastran` and `read.calculix_ab
 """
 
 from cmsreduce.read.mesh.meshes import MESH
-from cmsreduce.read.mesh.universal import UNIVERSAL
+from cmsreduce.read.mesh.universal import UNIVERSAL, universal_arrays
 
-__all__ = ["MESH", "UNIVERSAL"]
+__all__ = ["MESH", "UNIVERSAL", "universal_arrays"]

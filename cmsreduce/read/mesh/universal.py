@@ -16,7 +16,7 @@ from cmsreduce.read.formats import Geometry, GeometryFormat
 from cmsreduce.read.libraries import Arrays, arrays_of, cells_of
 from cmsreduce.read.printed_numbers import coordinate_rounding
 
-__all__ = ["UNIVERSAL"]
+__all__ = ["UNIVERSAL", "universal_arrays"]
 
 # The mark of a dataset, then its number.
 _START = re.compile(r"\s*-1\s*\n\s*\d{2,5}[bB]?\s")
@@ -24,7 +24,14 @@ _START = re.compile(r"\s*-1\s*\n\s*\d{2,5}[bB]?\s")
 _ALONG_BASIC = 1e-12
 
 
-def _arrays(path: Path) -> Arrays:
+def universal_arrays(path: Path) -> Arrays:
+    """Nodes, axes, elements and modes of a universal file, as the library reads them.
+
+    Raises
+    ------
+    ReadError
+        If the library is missing or cannot read the file.
+    """
     return arrays_of(path, "universal", lambda reason: _refused(path, reason))
 
 
@@ -45,7 +52,7 @@ def _read_nodes(path: Path) -> Geometry:
     ReadError
         If there are no nodes, or displacements of a node are along axes of its own.
     """
-    arrays = _arrays(path)
+    arrays = universal_arrays(path)
     number = arrays["node_nums"].astype(np.int64)
     if not number.size:
         raise ReadError(f"{path}: there are no nodes in it (dataset 15 or 2411); write the geometry into the file")
@@ -65,5 +72,5 @@ UNIVERSAL = GeometryFormat(
     "universal files (.unv, .uff)",
     lambda head: _START.match(head.replace("\r", "")) is not None,
     _read_nodes,
-    lambda path: cells_of(path, _arrays(path)),
+    lambda path: cells_of(path, universal_arrays(path)),
 )

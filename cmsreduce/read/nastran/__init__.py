@@ -7,7 +7,7 @@ The proof that rows and geometry fit together belongs in `read.row_order`.
 from cmsreduce.read.nastran.bars import bars_in_units, read_bars, read_members
 from cmsreduce.read.nastran.bulk import BULK_DATA, EXTERNAL_SUPERELEMENT, SET_NAMES, BulkDeck, read_bulk
 from cmsreduce.read.nastran.deck_energy import STRAINS, StatedEnergy, deck_energy, deck_statement
-from cmsreduce.read.nastran.deck_mass import StatedMass, deck_mass
+from cmsreduce.read.nastran.deck_mass import StatedMass, deck_mass, grid_masses
 from cmsreduce.read.nastran.dmig import DMIG
 from cmsreduce.read.nastran.op2 import OP2
 from cmsreduce.read.nastran.op2_geometry import OP2_GEOMETRY
@@ -30,6 +30,7 @@ __all__ = [
     "deck_energy",
     "deck_mass",
     "deck_statement",
+    "grid_masses",
     "read_bars",
     "read_bulk",
     "read_followers",

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -12,15 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, ReadError
-from cmsreduce.model import KEY_STEP, SCALAR, DofTable, Nodes
+from cmsreduce.model import KEY_STEP, DofTable, Nodes
 from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat, rows_of_nodes
-from cmsreduce.read.nastran.cards import Card, CardFile, Cards, read_cards
-from cmsreduce.read.nastran.dof_sets import SET_CARDS, Keys, Points, constrained_dofs, id_ranges, named_sets
+from cmsreduce.read.nastran.cards import Card, CardFile, Cards, CardTable, read_cards
+from cmsreduce.read.nastran.dof_sets import SET_CARDS, Points, constrained_dofs, named_sets
 from cmsreduce.read.nastran.grids import GRID_CARDS, read_points
 from cmsreduce.read.nastran.listing import is_listing
+from cmsreduce.read.nastran.node_sets import NODE_SET_CARDS, node_sets
 from cmsreduce.read.nastran.rigid_elements import DEPENDENCE_CARDS, dependent_dofs
+from cmsreduce.read.nastran.superelements import (
+    SUPERELEMENT_CARDS,
+    modal_points,
+    read_extseout,
+    superelement_sets,
+)
 
-__all__ = ["BULK_DATA", "EXTERNAL_SUPERELEMENT", "SET_NAMES", "BulkDeck", "read_bulk", "read_extseout"]
+__all__ = ["BULK_DATA", "EXTERNAL_SUPERELEMENT", "SET_NAMES", "BulkDeck", "read_bulk"]
 
 _BULK_DATA = re.compile(
     r"^\s{0,7}(GRID|GRDSET|SPOINT|CORD[12][RCS]|SECONCT|EXTRN|INCLUDE|CEND|SOL|BEGIN\s+(BULK|SUPER))(?=[\s,*=']|$)",
@@ -28,8 +35,6 @@ _BULK_DATA = re.compile(
 )
 _PAGE = re.compile(r"1[ \t]*\r?\n")
 _ORDER = re.compile(r"^\s{0,7}(SECONCT|EXTRN)(?=[\s,*])", re.IGNORECASE | re.MULTILINE)
-_ORDER_CARDS = GRID_CARDS | {"SECONCT", "EXTRN"}
-_SECONCT_START = 8  # pairs of ids start on the second line
 _CASE_CONTROL = re.compile(r"^\s{0,7}CEND\b", re.IGNORECASE | re.MULTILINE)
 # Field of the first node and kind of cell of elements.
 _CELLS = {
@@ -44,6 +49,27 @@ _CELLS = {
 }
 # Nodes of these are in every other field: node, component, node, component.
 _SPRINGS = ("CELAS1", "CELAS2", "CDAMP1", "CDAMP2")
+
+
+def _averaged(card: Card) -> list[int]:
+    """Grids of an RBE3: the reference, then after each weight components and ids."""
+    found, at = [card.integer(2)], 4
+    while at < len(card.fields) and card.text(at) not in ("UM", "ALPHA"):
+        text = card.text(at)
+        if text and not text.isdigit():
+            at += 1  # components follow a weight
+        elif text:
+            found.append(int(text))
+        at += 1
+    return found
+
+
+# Grids of rigid elements.
+_RIGID: dict[str, Callable[[Card], list[int]]] = {
+    "RBE2": lambda card: [card.integer(1), *(int(text) for text in card.fields[3:] if text.isdigit())],
+    "RBE3": _averaged,
+    **dict.fromkeys(("RBAR", "RJOINT", "RROD"), lambda card: [card.integer(1), card.integer(2)]),
+}
 
 SET_NAMES = {
     "a": "analysis set",
@@ -81,6 +107,10 @@ class BulkDeck:
         Parts that could not be read or are ambiguous.
     files : tuple of Path
         Files read, the deck first.
+    superelements : mapping of int to mapping of str to (k,) int64
+        Dof keys of the sets of each superelement that the deck makes by cards with its number.
+    node_sets : mapping of str to (k,) int64
+        Grids of each set that the deck names.
     """
 
     path: Path
@@ -91,6 +121,8 @@ class BulkDeck:
     dependent: NDArray[np.int64]
     remarks: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
+    superelements: Mapping[int, Mapping[str, NDArray[np.int64]]] = field(default_factory=dict)
+    node_sets: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
 
     @cached_property
     def _keys(self) -> dict[str, NDArray[np.int64]]:
@@ -158,7 +190,7 @@ def read_bulk(path: Path, superelement: int | None = None) -> BulkDeck:
         If a file is missing, a card cannot be read, a coordinate system is missing or defined by itself, a grid is
         defined twice with different data, or there are no points.
     """
-    found = read_cards(path, GRID_CARDS | SET_CARDS | DEPENDENCE_CARDS)
+    found = read_cards(path, GRID_CARDS | SET_CARDS | DEPENDENCE_CARDS | SUPERELEMENT_CARDS | NODE_SET_CARDS)
     cards = _section(found, superelement)
     nodes, points, held = read_points(cards)
     constrained, remarks = constrained_dofs(cards, found.case_control, points)
@@ -172,7 +204,18 @@ def read_bulk(path: Path, superelement: int | None = None) -> BulkDeck:
         dependent,
         (*remarks, *more),
         found.files,
+        superelement_sets(cards, points, _elements(path)) if cards.keys() & SUPERELEMENT_CARDS else {},
+        node_sets(cards, found.case_control, points),
     )
+
+
+def _elements(path: Path) -> Iterator[tuple[int, list[int]]]:
+    """Elements of the main bulk data with their grids, rigid ones too."""
+    for name, cards in read_cards(path, {*_CELLS, *_SPRINGS, *_RIGID}).sections.get(0, {}).items():
+        if name in _RIGID:
+            yield from ((card.integer(0), _RIGID[name](card)) for card in cards)
+        else:
+            yield from ((number, grids) for number, *grids in _numbered(name, cards)[1].tolist())
 
 
 def _section(found: CardFile, superelement: int | None) -> Cards:
@@ -191,16 +234,41 @@ def _section(found: CardFile, superelement: int | None) -> Cards:
 
 
 def _deck_geometry(path: Path) -> Geometry:
-    """Geometry of a deck; of the sets that a matrix may have, the analysis set is first, as programs write it."""
+    """Geometry of a deck; of the sets that a matrix may have, the analysis set is first, as programs write it.
+
+    The sets of superelement 101 are ``101.a`` and so on. Components of grids in a q-set are generalised coordinates:
+    9990001.2 becomes the scalar point 99900012, and grids of a q-set have no place.
+    """
     deck = read_bulk(path)
+    of_q = [sets["q"] for sets in (deck.named, *deck.superelements.values()) if "q" in sets]
+    modal = np.setdiff1d(np.concatenate([np.zeros(0, np.int64), *of_q]) // KEY_STEP, deck.spoints)
     sizes = deck.sizes()
     rows: dict[str, DofTable] = {name: deck.dof_table(name) for name in ("a", "f", "n", "g") if name in sizes}
-    if len(deck.nodes):
-        translations = rows_of_nodes(deck.nodes, 3)
+    sets = {name: deck.dof_table(name) for name in SET_NAMES if name in sizes}
+    if "q" in sets and "b" in sets and len(sets["b"]) + len(sets["q"]) < len(rows["a"]):
+        # Components of the grids of a q-set that stand for no mode may be in the c-set.
+        rows["bq"] = DofTable.from_keys(np.union1d(deck.named["b"], deck.named["q"]))
+    for number, found in deck.superelements.items():
+        tables = {f"{number}.{name}": DofTable.from_keys(keys) for name, keys in found.items()}
+        rows[f"{number}.a"] = tables.pop(f"{number}.a")
+        sets |= tables
+    if modal.size:
+        rows, sets = ({name: modal_points(table, modal) for name, table in each.items()} for each in (rows, sets))
+    nodes = _without(deck.nodes, modal)
+    if len(nodes):
+        translations = rows_of_nodes(nodes, 3)
         keys = translations.node * KEY_STEP + translations.component
         rows["translations"] = DofTable.from_keys(np.setdiff1d(keys, deck.constrained))
-    sets = {name: deck.dof_table(name) for name in SET_NAMES if name in sizes}
-    return Geometry(path, deck.nodes, rows, sets, DofTable.from_keys(deck.constrained), deck.files, deck.remarks)
+    held, named = DofTable.from_keys(deck.constrained), deck.node_sets
+    return Geometry(path, nodes, rows, sets, held, deck.files, deck.remarks, named)
+
+
+def _without(nodes: Nodes, others: NDArray[np.int64]) -> Nodes:
+    """Nodes without some ids."""
+    kept = ~np.isin(nodes.id, others)
+    if kept.all():
+        return nodes
+    return Nodes(nodes.id[kept], nodes.xyz[kept], nodes.frame[kept], nodes.xyz_rounding, nodes.frame_rounding)
 
 
 def _deck_cells(path: Path) -> Cells:
@@ -211,116 +279,22 @@ def _deck_cells(path: Path) -> Cells:
             if name == "RBE2":
                 lines = [(card.integer(1), int(node)) for card in cards for node in card.fields[3:] if node.isdigit()]
                 kind, corners = "line", np.array(lines, dtype=np.int64).reshape(-1, 2)
-            elif name in _SPRINGS:
-                ends = cards.ids([2, 4])
-                kind, corners = "line", ends[ends.all(axis=1)]
             else:
-                # A bush may have one end without a node.
-                first, kind = _CELLS[name]
-                corners = cards.ids(range(first, first + CELL_CORNERS[kind]))
+                kind, numbered = _numbered(name, cards)
+                corners = numbered[:, 1:]
             if len(corners):
                 found.setdefault(kind, []).append(corners)
     return {kind: np.concatenate(corners) for kind, corners in found.items()}
 
 
-def read_extseout(path: Path) -> Geometry:
-    """Read the grids and the dof order of an external superelement.
-
-    The punch file has both (EXTRN, and the grids after BEGIN SUPER). The assembly file gives the order on SECONCT,
-    six dofs for each grid; it is used alone only if its folder has no punch file of the same stem.
-
-    Parameters
-    ----------
-    path : Path
-        ``.asm`` or ``.pch``.
-
-    Returns
-    -------
-    Geometry
-        Rows ``a`` in the order of the matrices. Sets ``b``: dofs of the interface grids, and ``q``: generalised
-        coordinates, which are scalar points.
-
-    Raises
-    ------
-    ReadError
-        If a file is missing or damaged, or holds several superelements or none.
-    """
-    found = read_cards(path, _ORDER_CARDS)
-    files = found.files
-    chosen = _with_order(found, "EXTRN")
-    if chosen is None:
-        for beside in (path.with_suffix(".pch"), path.with_suffix(".PCH")):
-            if beside != path and beside.is_file():
-                punch = read_cards(beside, _ORDER_CARDS)
-                chosen = _with_order(punch, "EXTRN")
-                files = (*files, *punch.files)
-                break
-    if chosen is not None:
-        return _superelement(*_from_extrn(chosen), files)
-    chosen = _with_order(found, "SECONCT")
-    if chosen is None:
-        raise ReadError(f"{path}: neither EXTRN nor SECONCT in it: no external superelement")
-    return _superelement(*_from_seconct(chosen), files)
-
-
-def _with_order(found: CardFile, name: str) -> Cards | None:
-    """The one section that has cards of a name, None if there is none."""
-    sections = [cards for cards in found.sections.values() if name in cards]
-    if not sections:
-        return None
-    numbers = {card.integer(0) for card in sections[0][name]} if name == "SECONCT" else {0}
-    if len(sections) > 1 or len(numbers) > 1:
-        raise ReadError(f"{found.path}: holds several superelements; name the .asm or .pch file of one")
-    return sections[0]
-
-
-def _from_extrn(cards: Cards) -> tuple[Nodes, Keys]:
-    """Order from (id, components) pairs; a range of ids shares its components."""
-    nodes, points, _ = read_points(cards)
-    keys = [np.zeros(0, dtype=np.int64)]
-    for card in cards["EXTRN"]:
-        fields = [k for k, text in enumerate(card.fields) if text]
-        while fields:
-            length = 3 if len(fields) > 1 and card.text(fields[1]) == "THRU" else 1
-            if len(fields) <= length:
-                raise ReadError(f"{card.where}: no components follow {card.text(fields[0])}")
-            ids = id_ranges(card.with_fields([card.text(k) for k in fields[:length]]), 0)
-            keys.append(np.sort(points.keys(ids, card.text(fields[length]), card)))
-            fields = fields[length + 1 :]
-    return nodes, np.concatenate(keys)
-
-
-def _from_seconct(cards: Cards) -> tuple[Nodes, Keys]:
-    """Order from pairs of ids: the id in the superelement, and the id of the GRID to which it is connected."""
-    nodes, points, _ = read_points(cards)
-    keys = [np.zeros(0, dtype=np.int64)]
-    own: dict[int, int] = {}
-    for card in cards["SECONCT"]:
-        for inner, outer in _pairs(card):
-            if outer in points.grids or outer in points.scalars:
-                own[outer] = inner
-            elif inner not in points.grids and inner not in points.scalars:
-                raise ReadError(f"{card.where} names {inner}, but there is no such GRID or SPOINT in the file")
-            scalar = inner in points.scalars or outer in points.scalars
-            keys.append(inner * KEY_STEP + (np.array([SCALAR]) if scalar else np.arange(1, 7)))
-    renamed = np.array([own.get(int(id), int(id)) for id in nodes.id], dtype=np.int64)
-    placed = Nodes(renamed, nodes.xyz, nodes.frame, nodes.xyz_rounding, nodes.frame_rounding)
-    return placed, np.concatenate(keys)
-
-
-def _pairs(card: Card) -> list[tuple[int, int]]:
-    """Pairs of ids, with all ids of ranges: ``a b``, or ``a1 THRU a2 b1 THRU b2``."""
-    fields = [text for text in card.fields[_SECONCT_START:] if text]
-    spans = [span.ids(card) for span in id_ranges(card.with_fields(fields), 0)]
-    if len(spans) % 2 or any(a.size != b.size for a, b in zip(spans[::2], spans[1::2], strict=True)):
-        raise ReadError(f"{card.where}: ids do not come in pairs; the card is damaged")
-    return [(int(a), int(b)) for A, B in zip(spans[::2], spans[1::2], strict=True) for a, b in zip(A, B, strict=True)]
-
-
-def _superelement(nodes: Nodes, keys: Keys, files: tuple[Path, ...]) -> Geometry:
-    scalar = keys % KEY_STEP == SCALAR
-    sets = {name: DofTable.from_keys(part) for name, part in (("b", keys[~scalar]), ("q", keys[scalar])) if part.size}
-    return Geometry(files[0], nodes, {"a": DofTable.from_keys(keys)}, sets, files=files)
+def _numbered(name: str, cards: CardTable) -> tuple[str, NDArray[np.int64]]:
+    """Kind of cell of some elements, and of each its number and its corners; one that lacks a corner is left out."""
+    if name in _SPRINGS:
+        found = cards.ids([0, 2, 4])
+        return "line", found[found[:, 1:].all(axis=1)]
+    # A bush may have one end without a node.
+    first, kind = _CELLS[name]
+    return kind, cards.ids([0, *range(first, first + CELL_CORNERS[kind])])
 
 
 def _is_bulk_data(head: str) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import Nodes
+from cmsreduce.model import Nodes, cross_matrix
 from cmsreduce.read.nastran.cards import Cards
 from cmsreduce.read.nastran.deck_elements import (
     UNCOUNTED,
@@ -26,7 +26,7 @@ from cmsreduce.read.nastran.deck_elements import (
     stated_cards,
 )
 
-__all__ = ["StatedMass", "deck_mass", "mass_of", "solid_volumes"]
+__all__ = ["StatedMass", "deck_mass", "grid_masses", "mass_of", "solid_volumes"]
 
 Array = NDArray[np.float64]
 Part = tuple[NDArray[np.int64], Array, Array, Array, Array]
@@ -42,6 +42,8 @@ _ONE_MASS = 1e-6
 _AT_POINT = -1  # frame of a CONM2 whose offset is a place in basic
 
 _HEXAHEDRON = ((-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1))
+# Triangles of three corners of a quadrilateral.
+_AROUND = ((0, 1, 2), (1, 2, 3), (2, 3, 0), (3, 0, 1))
 # A tetrahedron and a wedge are hexahedra with corners that coincide.
 _CORNERS = {4: (0, 1, 2, 2, 3, 3, 3, 3), 6: (0, 1, 2, 2, 3, 4, 5, 5), 8: (0, 1, 2, 3, 4, 5, 6, 7)}
 
@@ -114,10 +116,53 @@ def mass_of(cards: Cards | None, nodes: Nodes) -> StatedMass | None:
         np.add.at(nodal, of, mass)
         second, lumping = second + spread.sum(axis=0), lumping + more.sum(axis=0)
     second = second - total * np.outer(centre, centre)
-    # PARAM, WTMASS: factor of weights.
-    scale = next((card.real(1) for card in cards.get("PARAM", ()) if card.text(0).upper() == "WTMASS"), 1.0)
+    scale = _weight_factor(cards)
     inertia = np.trace(second) * np.eye(3) - second
     return StatedMass(total * scale, centre, inertia * scale, lumping * scale, nodal * scale)
+
+
+def grid_masses(path: Path, nodes: Nodes) -> Array | None:
+    """Mass matrix (N, 6, 6) of each grid of a deck whose masses are lumped, along basic axes.
+
+    Parameters
+    ----------
+    path : Path
+        Deck.
+    nodes : Nodes
+        Its N grids.
+
+    Returns
+    -------
+    (N, 6, 6) float64 or None
+        Masses of elements, and masses, offsets and inertias of CONM2; None where `deck_mass` gives none, or an inertia
+        is along the axes of a coordinate system.
+    """
+    cards = stated_cards(path)
+    stated = mass_of(cards, nodes)
+    if cards is None or stated is None:
+        return None
+    scale = _weight_factor(cards)
+    found = np.zeros((len(nodes), 6, 6))
+    found[:, range(3), range(3)] = stated.nodal[:, None]
+    for card in cards.get("CONM2", ()):
+        frame, offset = card.integer(2, 0), np.array([card.real(k) for k in (4, 5, 6)])
+        own = np.zeros((3, 3))
+        own[np.tril_indices(3)] = [card.real(k) for k in range(8, 14)]
+        if frame > 0 and own.any():
+            return None
+        at, mass = node_index(nodes, card.integer(1)), card.real(3)
+        arm = cross_matrix(offset - nodes.xyz[at] if frame == _AT_POINT else offset)
+        # The card has the products of inertia without their sign.
+        J = 3 * np.diag(own.diagonal()) - own - own.T - mass * arm @ arm
+        found[at, :3, 3:] -= scale * mass * arm
+        found[at, 3:, :3] += scale * mass * arm
+        found[at, 3:, 3:] += scale * J
+    return found
+
+
+def _weight_factor(cards: Cards) -> float:
+    """PARAM, WTMASS: factor of weights."""
+    return next((card.real(1) for card in cards.get("PARAM", ()) if card.text(0).upper() == "WTMASS"), 1.0)
 
 
 def _density(number: int, materials: dict[int, Material]) -> float:
@@ -181,7 +226,7 @@ def _plates(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Itera
         per_area = np.array([_density(p.integer(1, 0), materials) * p.real(2) + p.real(7) for p in faces.property])
         corners = nodes.xyz[faces.nodes]
         area, centre, second = _plate_areas(corners)
-        yield _spread(faces, corners, per_area, area, centre, second)
+        yield _spread(faces, corners, per_area, area, centre, second, _plate_shares(corners, area))
 
 
 def _solids(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterator[Part]:
@@ -194,17 +239,38 @@ def _solids(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Itera
         yield _spread(faces, corners, density, volume, centre, second)
 
 
-def _spread(faces: Faces, corners: Array, density: Array, size: Array, centre: Array, second: Array) -> Part:
-    """Elements whose corners have equal shares; skew ones are refused, because their shares differ."""
+def _spread(
+    faces: Faces,
+    corners: Array,
+    density: Array,
+    size: Array,
+    centre: Array,
+    second: Array,
+    shares: Array | None = None,
+) -> Part:
+    """Elements whose corners have nearly equal shares (e, k) of the mass; skew ones are refused."""
     mean = corners.mean(axis=1)
     reach = np.linalg.norm(corners - mean[:, None], axis=2).max(axis=1)
     if (np.linalg.norm(centre - mean, axis=1) > _EVEN * reach).any():
         raise NotCountedError
     mass = density * size
-    share = np.repeat(mass[:, None] / faces.corners, faces.corners, axis=1)
+    share = mass[:, None] * (np.full(corners.shape[:2], 1 / faces.corners) if shares is None else shares)
     spread = density[:, None, None] * second
     lumped = np.einsum("ek,eki,ekj->eij", share, corners, corners)
     return faces.nodes, share, centre, spread, _as_inertia(lumped - spread)
+
+
+def _plate_shares(corners: Array, area: Array) -> Array:
+    """Shares (e, k) of the corners of flat plates in their mass: the mean of the shape functions over the area."""
+    if corners.shape[1] != len(_AROUND):
+        return np.full(corners.shape[:2], 1 / corners.shape[1])
+    # A corner gets a third of each triangle of three corners; both pairs of triangles make up the quadrilateral.
+    shares = np.zeros(corners.shape[:2])
+    for triangle in _AROUND:
+        a, b, c = (corners[:, k] for k in triangle)
+        part = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+        shares[:, list(triangle)] += (part / 6)[:, None]
+    return np.asarray(shares / np.maximum(area, np.finfo(float).tiny)[:, None])
 
 
 def _as_inertia(second: Array) -> Array:

@@ -147,6 +147,7 @@ def _labels(dmig: _Dmig) -> tuple[Keys, Keys, Keys, Keys]:
         card = dmig.columns[int(np.searchsorted(np.cumsum(counts), at, side="right"))]
         raise ReadError(f"{card.where}: component {parts[at]} of node {node[at]} is not 0..6")
     row, keys = np.array(node, dtype=np.int64) * KEY_STEP + parts, np.array(columns, dtype=np.int64)
+    row, keys = _of_points(row, keys)
     rows, cols = np.unique(row), np.unique(keys)
     if dmig.form in (1, 6):
         # A square matrix has the same dofs as rows and as columns.
@@ -220,6 +221,7 @@ def assembled_dmig(
     ReadError
         If one place has two values.
     """
+    row_keys, col_keys = _of_points(row_keys, col_keys)
     rows, cols = np.unique(row_keys), np.unique(col_keys)
     if form in (1, 6):
         # A square matrix has the same dofs as rows and as columns.
@@ -249,6 +251,17 @@ def assembled_dmig(
         # Columns of form 9 are mere numbers.
         DofTable.from_keys(cols) if form == 2 else None,
     )
+
+
+def _of_points(row_keys: Keys, col_keys: Keys) -> tuple[Keys, Keys]:
+    """Keys with component 0 for scalar points: a point that has component 0 in one place has no other component.
+
+    NX gives scalar points component 0 as columns and 1 as rows.
+    """
+    every = np.concatenate([row_keys, col_keys])
+    points = np.unique(every[every % KEY_STEP == 0])
+    found = (np.where(np.isin(keys - 1, points), keys - 1, keys) for keys in (row_keys, col_keys))
+    return next(found), next(found)
 
 
 DMIG = MatrixFormat(

@@ -25,9 +25,10 @@ from cmsreduce.read.nastran.op4_header import TYPES
 if TYPE_CHECKING:
     import pyyeti.nastran.op2
 
-__all__ = ["OP2", "check_records"]
+__all__ = ["OP2", "check_records", "directory"]
 
 _TABLE, _MATRIX = 0, 1  # types of a data block
+_DIRECTORY = "XSOP2DIR"
 _DMIG_HEAD = (114, 1, 120)  # first words of a table of DMIG entries
 _FIRST_COLUMN = 12  # words of such a table before its first column
 _SMALLEST = 12  # bytes of the first record
@@ -58,13 +59,14 @@ def _op2_matrices(path: Path) -> list[StoredMatrix]:
     check_records(path)
     with reading(path, "the table of contents of the OP2 file"), op2.OP2(str(path)) as file:
         blocks, tables = [], []
-        for found in file.dblist:
+        true_names = directory(file)
+        for place, found in enumerate(file.dblist):
             if found.dbtype == _MATRIX:
                 file.set_position(found.start)
                 name, (_, cols, rows, form, kind, *_), _ = file.rdop2nt()
-                blocks.append(_Block(name, rows, cols, form, kind, file.file_handle().tell()))
+                blocks.append(_Block(true_names.get(place, name), rows, cols, form, kind, file.file_handle().tell()))
             elif found.dbtype == _TABLE and _is_dmig(path, found.start, file):
-                tables.append(_dmig(path, found.start))
+                tables.append(_dmig(path, found.start, true_names.get(place)))
     size = path.stat().st_size
     for block in blocks:
         check_size(path, block.name, block.rows, block.cols, size)
@@ -82,6 +84,24 @@ def _op2_matrices(path: Path) -> list[StoredMatrix]:
     ] + tables
 
 
+def directory(file: pyyeti.nastran.op2.OP2) -> dict[int, str]:
+    """True names of the data blocks of an OP2 file of a superelement, by place; empty for other files.
+
+    ``EXTSEOUT(DMIGOP2=unit)`` of NX writes a table of names before all blocks, which are all called EXTDB.
+    """
+    if not file.dblist or str(file.dblist[0].name).strip() != _DIRECTORY:
+        return {}
+    file.set_position(file.dblist[0].start)
+    file.rdop2nt()
+    names = [_DIRECTORY]
+    while (record := file.rdop2record()) is not None:
+        words = np.asarray(record)
+        # Names of 64-bit files are spread over words of eight bytes.
+        text = words.tobytes().decode("latin-1")
+        names.append("".join(text[k : k + 4] for k in range(0, len(text), words.itemsize)).strip())
+    return dict(enumerate(names)) if len(names) == len(file.dblist) else {}
+
+
 def _is_dmig(path: Path, start: int, file: pyyeti.nastran.op2.OP2) -> bool:
     """Return whether a table holds DMIG entries, from its first words; other tables may be large."""
     file.set_position(start)
@@ -97,8 +117,8 @@ def _is_dmig(path: Path, start: int, file: pyyeti.nastran.op2.OP2) -> bool:
     return len(head) == 3 * word and struct.unpack(f"{order}3{'i' if word == 4 else 'q'}", head) == _DMIG_HEAD
 
 
-def _dmig(path: Path, start: int) -> StoredMatrix:
-    """The matrix of a table of DMIG entries, which has the labels of its dofs."""
+def _dmig(path: Path, start: int, true_name: str | None) -> StoredMatrix:
+    """The matrix of a table of DMIG entries, which has the labels of its dofs, and may have its name elsewhere."""
     from pyyeti.nastran import op2
 
     with op2.OP2(str(path)) as file:
@@ -108,7 +128,7 @@ def _dmig(path: Path, start: int) -> StoredMatrix:
     name = record[3:5].tobytes().decode("latin-1").replace("\0", "").strip()
     if record.itemsize == 8:
         name = "".join(part[:4] for part in (name[:8], name[8:])).strip()
-    form, kind = int(record[6]), int(record[7])
+    name, form, kind = true_name or name, int(record[6]), int(record[7])
     if form not in DMIG_FORMS or kind not in TYPES:
         raise ReadError(f"{path}: the OP2 table of DMIG '{name}' has form {form} and type {kind}; the file is damaged")
 

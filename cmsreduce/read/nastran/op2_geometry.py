@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
-from cmsreduce.model import SCALAR, DofTable, Nodes
+from cmsreduce.model import DofTable, Nodes
 from cmsreduce.read.files import reading
 from cmsreduce.read.formats import Geometry, GeometryFormat
 from cmsreduce.read.labelled_matrix import DOUBLE, SINGLE
 from cmsreduce.read.nastran.op2 import check_records
 from cmsreduce.read.nastran.op4 import first_record
+from cmsreduce.read.nastran.superelements import modal_points
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,9 +27,10 @@ __all__ = ["OP2_GEOMETRY"]
 
 # Names of 64-bit files are spread over words of eight bytes.
 _TABLES = re.compile(r"BGPD( {4})?T")
+# Words of pyYeti.
+_OF_TWO = "incompatible with EQEXIN"
 # Sets that the rows of a matrix may be, the likeliest first, and sets that interfaces may name.
 _ROWS, _SETS = ("a", "f", "n", "g"), ("b", "c", "q", "o", "r", "s", "m")
-_TEN = 10  # a number above every component
 # Relative: places of a node that superelements share are rounded alike, or differ by a conversion of coordinates.
 _SAME_PLACE = 1e-5
 
@@ -45,8 +47,16 @@ def _op2_geometry(path: Path) -> Geometry:
         If the file is damaged, has no tables of grids, or has two nodes of one number at different places.
     """
     check_records(path)
-    with reading(path, "the tables of grids of the OP2 file"):
-        tables = _tables(path)
+    try:
+        with reading(path, "the tables of grids of the OP2 file"):
+            tables = _tables(path)
+    except ReadError as error:
+        if _OF_TWO not in str(error):
+            raise
+        raise ReadError(
+            f"{path}: its tables of grids (BGPDT) and of their numbers (EQEXIN) do not belong together, as if a run of "
+            "the assembly had replaced one of them; give the deck as geometry"
+        ) from error
     if not tables:
         raise ReadError(f"{path}: there are no tables BGPDT and EQEXIN in it; give the deck as `geometry:`")
     generalised = _generalised(tables.values())
@@ -81,15 +91,12 @@ def _members(table: pd.DataFrame, generalised: NDArray[np.int64]) -> dict[str, D
     from pyyeti.nastran import n2p
 
     node = table.index.get_level_values("id").to_numpy(np.int64)
-    component = table.index.get_level_values("dof").to_numpy(np.int8)
-    scalar = np.isin(node, generalised) & (component > 0)
-    node = np.where(scalar, _TEN * node + component, node)
-    component = np.where(scalar, np.int8(SCALAR), component)
+    every = modal_points(DofTable(node, table.index.get_level_values("dof").to_numpy(np.int8)), generalised)
     found = {"g": np.arange(node.size)}
     # Without the table USET, pyYeti puts every dof in the b-set.
     if table["nasset"].nunique() > 1:
         found |= {name: np.flatnonzero(n2p.mksetpv(table, "g", name)) for name in (*_ROWS, *_SETS)}
-    return {name: DofTable(node[at], component[at]) for name, at in found.items() if at.size}
+    return {name: every[at] for name, at in found.items() if at.size}
 
 
 def _generalised(tables: Iterable[pd.DataFrame]) -> NDArray[np.int64]:

@@ -19,6 +19,7 @@ from cmsreduce.model import (
     FEModel,
     Nodes,
     Recovery,
+    SecondOrder,
     Source,
     Units,
 )
@@ -67,6 +68,10 @@ class ModalBody:
         Files that it was read from.
     unproven : str
         Reason why rigid motions prove nothing about the places of the shapes, if they were made from these places.
+    second_order : SecondOrder, optional
+        Integrals of second order of the coordinates, about the basic origin, where the file states them.
+    remarks : tuple of str
+        What was changed in reading it, with figures.
     """
 
     name: str
@@ -82,6 +87,8 @@ class ModalBody:
     rounding: float = 2.0**-53
     sources: tuple[Source, ...] = ()
     unproven: str = ""
+    second_order: SecondOrder | None = None
+    remarks: tuple[str, ...] = ()
 
 
 def in_dofs(modal: ModalBody, interfaces: Mapping[str, InterfaceSpec]) -> FEModel:
@@ -149,7 +156,10 @@ def in_dofs(modal: ModalBody, interfaces: Mapping[str, InterfaceSpec]) -> FEMode
         D=sp.csc_array(D) if D.any() and modal.damping.law == "none" else None,
         units=modal.units,
         rounding=modal.rounding,
+        # Rounded shapes leave forces that cancel in exact ones, and those of another size beside them.
+        noise=modal.rounding,
         tied=Recovery(modal.dofs[others], table, sp.csr_array(modal.shapes[others] @ T)) if others.size else None,
+        second_order=modal.second_order and modal.second_order.of(T),
         grounded=not _free(modal).size,
         sources=modal.sources,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, MatrixError
-from cmsreduce.model import DofTable, Nodes, RigidBody, Source, Units, cross_matrix, rigid_body_shapes
+from cmsreduce.model import DofTable, RigidBody, Source, Units, cross_matrix, rigid_body_shapes
 from cmsreduce.read.calculix_abaqus import read_dof_list
 from cmsreduce.read.files import sha256_of
 from cmsreduce.read.formats import Geometry
@@ -19,7 +20,7 @@ from cmsreduce.read.labelled_matrix import LabelledMatrix
 from cmsreduce.read.matrix import read_matrix
 from cmsreduce.read.reduced.modal_body import ModalBody
 
-__all__ = ["read_modes"]
+__all__ = ["read_modes", "with_rigid_motions"]
 
 Array = NDArray[np.float64]
 
@@ -95,19 +96,10 @@ def read_modes(
     for matrix, what in ((K, "modal stiffness"), (M, "modal mass")):
         if matrix.shape != (table.shape[1],) * 2:
             raise MatrixError(f"body '{name}': its {what} is {matrix.shape[0]} x {matrix.shape[1]}, but {columns}")
-    K = _without_rounding(K, M)
-    if rigid is not None:
-        K, M, table = _with_rigid(name, rigid, K, M, dofs, shape.nodes, table)
-    elif K.any(axis=0).all() and not grounded:
-        raise MatrixError(
-            f"body '{name}': none of its {K.shape[0]} modes is a rigid motion. Give the mass properties of a free body "
-            "as `modes.rigid`, or its rigid motions as shapes of frequency 0; write `grounded: true` for a body that "
-            "stands on the ground"
-        )
     files = {Path(one.path): one.name for one in (Phi, *read)} | {shape.path: "geometry"}
-    return ModalBody(
+    modal = ModalBody(
         name=name,
-        K=K,
+        K=_without_rounding(K, M),
         M=M,
         D=np.zeros_like(K),
         dofs=dofs,
@@ -116,8 +108,59 @@ def read_modes(
         units=units,
         rounding=max(Phi.rounding, *(one.rounding for one in read), 2.0**-53),
         sources=tuple(Source(str(path), sha256_of(path), what) for path, what in files.items()),
+    )
+    return with_rigid_motions(modal, rigid, grounded)
+
+
+def with_rigid_motions(modal: ModalBody, rigid: RigidBody | None, grounded: bool) -> ModalBody:
+    """Modes with the rigid motions of a free body before them, made of its mass properties where these are given.
+
+    Parameters
+    ----------
+    modal : ModalBody
+        Modes as they were given.
+    rigid : RigidBody, optional
+        Mass properties of a free body whose modes are elastic ones alone.
+    grounded : bool
+        True if the body was held to the ground, and so has no rigid motion.
+
+    Raises
+    ------
+    MatrixError
+        If there are no rigid motions and the body is not held, or there are some already.
+    """
+    K, free = modal.K, not modal.K.any(axis=0).all()
+    if rigid is None:
+        if not free and not grounded:
+            raise MatrixError(
+                f"body '{modal.name}': none of its {K.shape[0]} modes is a rigid motion. Give the mass properties of a "
+                "free body as `modes.rigid`, or its rigid motions as shapes of frequency 0; write `grounded: true` for "
+                "a body that stands on the ground"
+            )
         # Rigid motions among the given shapes prove the rows; those made from the places of the nodes do not.
-        unproven="" if rigid is None and not K.any(axis=0).all() else _UNPROVEN,
+        return replace(modal, unproven="" if free else _UNPROVEN)
+    if free:
+        raise MatrixError(
+            f"body '{modal.name}': its modes hold rigid motions already (frequency 0), and `modes.rigid` adds others; "
+            "take one of them out"
+        )
+    R = np.zeros((6, 6))
+    R[:3, :3] = rigid.mass * np.eye(3)
+    first = cross_matrix(rigid.mass * rigid.cg)
+    R[:3, 3:], R[3:, :3] = -first, first
+    R[3:, 3:] = rigid.inertia - rigid.mass * cross_matrix(rigid.cg) @ cross_matrix(rigid.cg)
+    motions = rigid_body_shapes(modal.dofs, modal.nodes)
+    # A motion that no row shows, such as one out of the plane of the shapes, is none of this body.
+    shown = np.flatnonzero(motions.any(axis=0))
+    zero = np.zeros((shown.size, shown.size))
+    # Elastic modes of a free body have no momentum.
+    return replace(
+        modal,
+        K=la.block_diag(zero, K),
+        M=la.block_diag(R[np.ix_(shown, shown)], modal.M),
+        D=la.block_diag(zero, modal.D),
+        shapes=np.hstack([motions[:, shown], modal.shapes]),
+        unproven=_UNPROVEN,
     )
 
 
@@ -148,24 +191,3 @@ def _without_rounding(K: Array, M: Array) -> Array:
     scaled = abs(K) / np.outer(weight, weight)
     free = scaled.max(axis=0) <= _NO_STIFFNESS * scaled.max(initial=0.0)
     return np.asarray(np.where(free[:, None] | free, 0.0, K))
-
-
-def _with_rigid(
-    name: str, rigid: RigidBody, K: Array, M: Array, dofs: DofTable, nodes: Nodes, shapes: Array
-) -> tuple[Array, Array, Array]:
-    """Matrices and shapes with the rigid motions before the elastic modes, which have no momentum."""
-    if not K.any(axis=0).all():
-        raise MatrixError(
-            f"body '{name}': its modes hold rigid motions already (frequency 0), and `modes.rigid` adds others; take "
-            "one of them out"
-        )
-    R = np.zeros((6, 6))
-    R[:3, :3] = rigid.mass * np.eye(3)
-    first = cross_matrix(rigid.mass * rigid.cg)
-    R[:3, 3:], R[3:, :3] = -first, first
-    R[3:, 3:] = rigid.inertia - rigid.mass * cross_matrix(rigid.cg) @ cross_matrix(rigid.cg)
-    motions = rigid_body_shapes(dofs, nodes)
-    # A motion that no row shows, such as one out of the plane of the shapes, is none of this body.
-    shown = np.flatnonzero(motions.any(axis=0))
-    zero = np.zeros((shown.size, shown.size))
-    return la.block_diag(zero, K), la.block_diag(R[np.ix_(shown, shown)], M), np.hstack([motions[:, shown], shapes])

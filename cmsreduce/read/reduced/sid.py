@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.errors import ReadError
-from cmsreduce.model import DofTable, Nodes, Source, Units, cross_matrix
-from cmsreduce.read.files import reading, sha256_of
+from cmsreduce.mechanics import CROSS
+from cmsreduce.model import SecondOrder, Units
+from cmsreduce.read.files import reading
+from cmsreduce.read.reduced.floating_body import FloatingBody
 from cmsreduce.read.reduced.modal_body import ModalBody
 
 __all__ = ["read_sid"]
 
 _ENTRY = re.compile(r"(m[01])\(([\d\s,]+)\)")
-_SYMMETRIC, _DIAGONAL = 2, 1
+_SYMMETRIC = 2
 # Numbers are printed with twelve digits; those of other writers with fewer lose them in the proof of the row order.
 _ROUNDING = 5e-12
-# A smallest eigenvalue of the scaled mass below this is none, but for the twelve digits.
-_DEFINITE = 1e-10
-_PLANES = ((0, 1, 5), (1, 2, 3), (0, 2, 4))
+# Numbers that must be equal in a file differ by its digits; an order of columns that is not its own, by their size.
+_EQUAL = 1e-5
 _SECOND_MOMENTS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+_SQUARES = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
+"""Columns of Oe, in another order than the rows of J."""
 
 Array = NDArray[np.float64]
 
@@ -67,8 +69,8 @@ def read_sid(name: str, path: Path, units: Units) -> ModalBody:
     Returns
     -------
     ModalBody
-        Coordinates: translation and rotation of the frame of reference, then the deforming modes. The order of the
-        columns of Gr and Ge, which differs between programs, does not matter for them.
+        Coordinates: translation and rotation of the frame of reference, then the deforming modes. It has integrals of
+        second order if Gr, Ge and Oe determine them, in whatever order their columns are.
 
     Raises
     ------
@@ -83,73 +85,35 @@ def read_sid(name: str, path: Path, units: Units) -> ModalBody:
         mass, k = head.number("mass"), int(head.number("nelastq"))
         terms = {part: _term(modal.inner(part)) for part in ("mdCM", "J", "Ct", "Cr", "Me", "Ke", "De")}
         _check_shapes(terms, k)
-        ids, xyz, shapes = [], [], []
+        ids, xyz, translation, rotation = [], [], [], []
         for node in frame.blocks:
-            at = int(node.number("node"))
             place, phi, psi = (_term(node.inner(part)) for part in ("origin", "phi", "psi"))
-            ids.append(at)
+            ids.append(int(node.number("node")))
             xyz.append(place[:, 0])
-            turn = -cross_matrix(place[:, 0])
-            shapes.append(np.block([[np.eye(3), turn, phi], [np.zeros((3, 3)), np.eye(3), psi]]))
+            translation.append(phi)
+            rotation.append(psi)
         if not ids:
             raise ValueError("it has no nodes")
-    dofs = DofTable(np.repeat(np.array(ids), 6), np.tile(np.arange(1, 7, dtype=np.int8), len(ids)))
-    every = np.vstack(shapes)
-    M = np.zeros((6 + k, 6 + k))
-    first = cross_matrix(terms["mdCM"][:, 0])
-    M[:3, :3], M[:3, 3:6], M[3:6, :3] = mass * np.eye(3), -first, first
+        second_order = _second_order(modal, terms, k)
+    inertia = np.zeros((3, 3))
     for value, (a, b) in zip(terms["J"][:, 0], _SECOND_MOMENTS, strict=True):
-        M[3 + a, 3 + b] = M[3 + b, 3 + a] = value
-    M[6:, :3], M[6:, 3:6], M[6:, 6:] = terms["Ct"], terms["Cr"], terms["Me"]
-    M[:6, 6:] = M[6:, :6].T
-    K, D = np.zeros_like(M), np.zeros_like(M)
-    K[6:, 6:], D[6:, 6:] = terms["Ke"], terms["De"]
-    motions = _motions(path, M, every)
-    own = np.concatenate([motions, np.arange(6, 6 + k)])
-    rows = np.flatnonzero(np.isin(dofs.component - 1, motions))
-    square = np.ix_(own, own)
-    return ModalBody(
-        name=name,
-        K=K[square],
-        M=M[square],
-        D=D[square],
-        dofs=dofs[rows],
-        shapes=every[np.ix_(rows, own)],
-        nodes=Nodes.in_basic(np.array(ids), np.array(xyz)),
-        units=units,
-        rounding=_ROUNDING,
-        sources=(Source(str(path), sha256_of(path), "SID"),),
-        unproven="its file names the node of each shape, and nothing in it proves that the shape belongs there",
+        inertia[a, b] = inertia[b, a] = value
+    body = FloatingBody(
+        mass=mass,
+        first_moment=terms["mdCM"][:, 0],
+        inertia=inertia,
+        phi=terms["Ct"].T,
+        r_cross_phi=terms["Cr"].T,
+        M=terms["Me"],
+        K=terms["Ke"],
+        D=terms["De"],
+        node=np.array(ids),
+        xyz=np.array(xyz),
+        translation=np.array(translation),
+        rotation=np.array(rotation),
+        second_order=second_order,
     )
-
-
-def _motions(path: Path, M: Array, shapes: Array) -> NDArray[np.int64]:
-    """Rigid motions that the mass allows: all six, or the three of a plane body, which has no inertia beside them.
-
-    Raises
-    ------
-    ReadError
-        If no mass has such a first moment and inertia.
-    """
-
-    def allows(kept: NDArray[np.int64]) -> bool:
-        scale = np.sqrt(np.maximum(M.diagonal()[kept], np.finfo(float).tiny))
-        part = M[np.ix_(kept, kept)] / np.outer(scale, scale)
-        return bool(np.linalg.eigvalsh(part)[0] > _DEFINITE)
-
-    every = np.arange(6)
-    if allows(every):
-        return every
-    modes = shapes.reshape(-1, 6, shapes.shape[1])[:, :, 6:]
-    for kept in (np.array(plane) for plane in _PLANES):
-        if allows(kept) and not modes[:, np.setdiff1d(every, kept)].any():
-            return kept
-    mass, centre = M[0, 0], np.array([M[2, 4], M[0, 5], M[1, 3]]) * -1 / M[0, 0]
-    raise ReadError(
-        f"{path}: no body has its mass {mass:g}, centre of mass ({centre[0]:g}, {centre[1]:g}, {centre[2]:g}) and "
-        f"inertia J at once: the inertia about the centre of mass is not positive. Compare `mdCM` and `J` with the "
-        "finite-element program; the order of J is xx yy zz xy xz yz, as entries of the tensor"
-    )
+    return body.modal(name, path, units, rounding=_ROUNDING, kind="SID")
 
 
 def _parsed(lines: Iterator[str], name: str = "file") -> _Block:
@@ -176,19 +140,82 @@ def _parsed(lines: Iterator[str], name: str = "file") -> _Block:
     return block
 
 
-def _term(block: _Block) -> Array:
-    """Constant part m0 of a Taylor term (rows, columns)."""
-    found = np.zeros((int(block.number("nrow")), int(block.number("ncol"))))
+def _term(block: _Block, of_modes: int | None = None) -> Array:
+    """Constant part m0 of a Taylor term (rows, columns), or its derivatives m1 (rows, columns, modes)."""
+    rows, columns = int(block.number("nrow")), int(block.number("ncol"))
+    found = np.zeros((rows, columns) if of_modes is None else (rows, columns, of_modes))
     structure = int(block.number("structure"))
     for label, value in block.values:
         entry = _ENTRY.fullmatch(label)
-        if entry is None or entry[1] != "m0":
+        if entry is None or (entry[1] == "m0") != (of_modes is None):
             continue
-        row, column = (int(part) - 1 for part in entry[2].split(","))
+        at = [int(part) - 1 for part in entry[2].split(",")]
+        if of_modes is not None:
+            # Row, mode, column.
+            found[at[0], at[2], at[1]] = _number(value)
+            continue
+        row, column = at
         found[row, column] = _number(value)
         if structure == _SYMMETRIC:
             found[column, row] = found[row, column]
     return found
+
+
+def _second_order(modal: _Block, terms: Mapping[str, Array], k: int) -> SecondOrder | None:
+    """Integrals of second order; None where the file has none, or its terms contradict each other.
+
+    Notes
+    -----
+    With r the trace of int r_i phi_j dm, column (a, l) of Gr holds 2 (r 1 - int phi r^T dm), whose skew part must be
+    Cr. Column (a, l) of Ge is 2 int (phi_l x phi_k)_a dm, which changes its sign with k and l. Programs order these
+    columns by axis or by mode, Gr and Ge each in its own way, and the identities say which. The derivatives of Oe with
+    the modal coordinates hold the symmetric part of int phi_i phi_j dm, whose trace is the modal mass. Terms of
+    geometric stiffness, which some programs add to them, break it.
+    """
+    named = {block.name: block for block in modal.blocks}
+    if not {"Gr", "Ge", "Oe"} <= named.keys() or not k:
+        return None
+    Gr, Ge, growth = _term(named["Gr"]), _term(named["Ge"]), _term(named["Oe"], of_modes=k)
+    if Gr.shape != (3, 3 * k) or Ge.shape != (k, 3 * k) or growth.shape != (k, 6, k):
+        return None
+    r_phi = [each for block in _blocks(Gr, k) if (each := _with_momentum(block, terms["Cr"].T)) is not None]
+    turning = [block / 2 for block in _blocks(Ge, k) if _equal(block, -block.transpose(2, 1, 0))]
+    if not _unique(r_phi) or not _unique(turning):
+        return None
+    symmetric = np.zeros((3, 3, k, k))
+    for column, (a, b) in enumerate(_SQUARES):
+        symmetric[a, b] = symmetric[b, a] = growth[:, column] * (1.0 if a == b else 0.5)
+    trace = np.einsum("iiab->ab", symmetric) / -2
+    symmetric += np.einsum("ab,ij->ijab", trace, np.eye(3))
+    if not _equal(trace, terms["Me"]):
+        return None
+    # Entry (i, j) less entry (j, i) is component m of int phi_k x phi_l dm, and Ge has phi_l x phi_k.
+    skew = -np.einsum("mij,amb->ijab", CROSS, turning[0]) / 2
+    return SecondOrder(r_phi[0], symmetric + skew)
+
+
+def _blocks(columns: Array, k: int) -> tuple[Array, Array]:
+    """Columns as [row, axis, mode], in the order by axis and in the order by mode."""
+    rows = columns.shape[0]
+    return columns.reshape(rows, 3, k), np.swapaxes(columns.reshape(rows, k, 3), 1, 2)
+
+
+def _with_momentum(block: Array, r_cross_phi: Array) -> Array | None:
+    """Integrals r_i phi_j (3, 3, k) of a Gr [row, axis, mode], if their skew part is that of Cr."""
+    trace = np.einsum("aal->l", block) / 4
+    r_phi = np.einsum("l,ab->abl", trace, np.eye(3)) - np.swapaxes(block, 0, 1) / 2
+    skew = np.einsum("mij,ijl->ml", CROSS, r_phi)
+    scale = max(abs(r_phi).max(initial=0.0), abs(r_cross_phi).max(initial=0.0))
+    return r_phi if abs(skew - r_cross_phi).max(initial=0.0) <= _EQUAL * scale else None
+
+
+def _unique(found: Sequence[Array]) -> bool:
+    """True if there is one, or all are the same."""
+    return bool(found) and all(_equal(each, found[0]) for each in found)
+
+
+def _equal(A: Array, B: Array) -> bool:
+    return bool(abs(A - B).max(initial=0.0) <= _EQUAL * max(abs(A).max(initial=0.0), abs(B).max(initial=0.0)))
 
 
 def _check_shapes(terms: Mapping[str, Array], k: int) -> None:

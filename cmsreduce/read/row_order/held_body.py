@@ -56,7 +56,7 @@ def held_rows(body: FEModel, nodes: Nodes, condensed: bool) -> HeldRows:
     condensed : bool
         True if K comes from condensation.
     """
-    found = rigid_residual(body.K, body.dofs, nodes, None, body.rounding, condensed)
+    found = rigid_residual(body.K, body.dofs, nodes, None, body.rounding, condensed, body.noise)
     moving = body.dofs.component > 0
     ids, of = np.unique(body.dofs.node[moving], return_inverse=True)
     rows, turning = np.flatnonzero(moving), body.dofs.component[moving] > 3

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
@@ -21,6 +21,8 @@ _NAMED = 5
 _FEW_NODES, _FEW_SHARE = 3, 0.1
 # Coordinates that are wrong by more than this part of the body's size are other coordinates, not rounded ones.
 _ROUNDED = 1e-3
+# Decimals that tell axes apart, and how many of them are tried.
+_AXES, _TRIED = 9, 5
 _LENGTHS = {"metres": 1.0, "millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048}
 # Relative to the largest force on a row: a smaller one is round-off.
 _NO_FORCE = 1e-6
@@ -75,6 +77,7 @@ def likely_cause(case: Failure) -> str:
     causes: tuple[Callable[[Failure], str | None], ...] = (
         _exchanged,
         _displacements_in_basic,
+        _axes_of_others,
         _order_of_appearance,
         _component_by_component,
         _other_length_unit,
@@ -112,6 +115,26 @@ def _displacements_in_basic(case: Failure) -> str | None:
         f"(node {turned[0]} and others). Without these frames the forces vanish: blank the CD fields of the GRID "
         "cards (and of GRDSET)"
     )
+
+
+def _axes_of_others(case: Failure) -> str | None:
+    """Nodes along the basic axes in the geometry have the axes of other nodes in the matrix: their CD was lost."""
+    nodes = case.nodes
+    plain = np.abs(nodes.frame - np.eye(3)).max(axis=(1, 2)) == 0
+    if plain.all() or not plain.any():
+        return None
+    _, first, count = np.unique(nodes.frame[~plain].round(_AXES), axis=0, return_index=True, return_counts=True)
+    for k in np.argsort(-count, kind="stable")[:_TRIED]:
+        of = np.flatnonzero(~plain)[first[k]]
+        frame = np.where(plain[:, None, None], nodes.frame[of], nodes.frame)
+        if case.explains(nodes=replace(nodes, frame=frame)):
+            lost = nodes.id[plain]
+            return (
+                f"the geometry has {lost.size} of {len(nodes)} nodes along the basic axes (node {_some(lost)}), and "
+                f"the matrices have them along the axes of node {nodes.id[of]}: with these the forces vanish. Write "
+                f"the CD of node {nodes.id[of]} on their GRID cards"
+            )
+    return None
 
 
 def _rank(case: Failure) -> NDArray[np.int64]:

@@ -110,7 +110,7 @@ def _proven_rows(body: FEModel) -> RowOrderProof:
     if body.nodes is None:
         return RowOrderProof("no geometry", remark="without coordinates the row order cannot be proven")
     condensed = is_condensed(body)
-    found = rigid_residual(body.K, body.dofs, body.nodes, body.constrained, body.rounding, condensed)
+    found = rigid_residual(body.K, body.dofs, body.nodes, body.constrained, body.rounding, condensed, body.noise)
     motions = found.motions.shape[1]
     if motions == 0 or (body.grounded and not found.vanishes):
         return _held_proof(body, body.nodes, condensed)

@@ -80,7 +80,13 @@ class RigidResidual:
 
 
 def rigid_residual(
-    K: sp.csc_array, dofs: DofTable, nodes: Nodes, constrained: DofTable | None, rounding: float, condensed: bool
+    K: sp.csc_array,
+    dofs: DofTable,
+    nodes: Nodes,
+    constrained: DofTable | None,
+    rounding: float,
+    condensed: bool,
+    noise: float = 0.0,
 ) -> RigidResidual:
     """Apply a stiffness matrix to the rigid motions that leave the constrained dofs at rest.
 
@@ -96,6 +102,8 @@ def rigid_residual(
         Relative rounding of the entries.
     condensed : bool
         True if K comes from condensation, so that it carries the round-off of a larger matrix.
+    noise : float
+        Error of K relative to sqrt(K_ii K_jj) that is known of its source.
     """
     moving = dofs.component > 0
     centre = nodes.xyz[np.unique(nodes.index(dofs.node[moving]))].mean(axis=0)
@@ -123,9 +131,10 @@ def rigid_residual(
     limits = []
     if not (at <= explained).all():
         limits = [*_noise(force, shapes, sizes, dofs, shown), (_left_out(K, dofs, shapes), _CANCELLED)]
-    if condensed:
-        limits.append((CONDENSATION * scale, _CANCELLED))
-    allowed, rounding, noise = _explained(at, explained, sizes, limits, rounding)
+    known = max(noise, CONDENSATION if condensed else 0.0)
+    if known:
+        limits.append((known * scale, _CANCELLED))
+    allowed, rounding, found = _explained(at, explained, sizes, limits, rounding)
     excess = np.divide(at, allowed, out=np.where(at > 0, np.inf, 0.0), where=allowed > 0)
     rows, worst = np.arange(len(dofs)), excess.argmax(axis=1)
     # A row with an empty diagonal has no scale; the forces that should cancel in it give one.
@@ -133,7 +142,7 @@ def rigid_residual(
     relative = np.divide(at, scale, out=np.zeros_like(at), where=scale > 0)
     tolerance = np.divide(allowed, scale, out=np.zeros_like(at), where=scale > 0)
     worst_of_row = (excess[rows, worst], relative[rows, worst], tolerance[rows, worst])
-    return RigidResidual(motions, length, centre, shapes, force, *worst_of_row, rounding, noise)
+    return RigidResidual(motions, length, centre, shapes, force, *worst_of_row, rounding, max(noise, found))
 
 
 def _noise(

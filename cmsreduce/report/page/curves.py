@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cmsreduce.model import DOF_NAMES, ConfigurationResult, DampedPairs, ModelErrors, RunResult
+from cmsreduce.model import DOF_NAMES, ConfigurationResult, DampedPairs, ModelErrors, RunResult, SimulationCost
 from cmsreduce.report.page.packing import ArrayStore, thinned_points
 from cmsreduce.report.palette import FULL, INK, LIMIT, model_style
 from cmsreduce.report.wording import Figure, compared, measured
@@ -92,7 +92,7 @@ def _figure(run: RunResult, figure: Figure, models: Iterable[str]) -> dict[str, 
 
 
 def _axes(run: RunResult) -> list[dict[str, Any]]:
-    """Articulated motions with more than one value, and their value in each configuration."""
+    """Articulated motions and parameters with more than one value, and their value in each configuration."""
     settings = [result.configuration.angles for result in run.configurations]
     found = []
     for joint, dof in dict.fromkeys(axis for angles in settings for axis in angles):
@@ -104,15 +104,21 @@ def _axes(run: RunResult) -> list[dict[str, Any]]:
             found.append(
                 {"label": label, "unit": "deg" if turn else "", "values": all_rounded(np.array(values) * scale)}
             )
+    varied = [result.configuration.parameters for result in run.configurations]
+    for name in dict.fromkeys(name for parameters in varied for name in parameters):
+        values = [parameters.get(name, 0.0) for parameters in varied]
+        if len(set(values)) > 1:
+            found.append({"label": name, "unit": "", "values": all_rounded(np.array(values))})
     return found
 
 
 def _speed(run: RunResult, models: Iterable[str]) -> dict[str, Any] | None:
-    """Coordinates of each model, and seconds of its responses in all configurations; the reference model first."""
+    """Costs of each model in all configurations, the reference model first; those of a simulation at their worst."""
     if not run.configurations:
         return None
-    first = run.configurations[0]
-    rows = [{"coordinates": first.n_full, "seconds": None if run.speed is None else rounded(run.speed.full_frf_s)}]
+    first, costs = run.configurations[0], None if run.speed is None else run.speed.simulation
+    full = {"coordinates": first.n_full, "seconds": None if run.speed is None else rounded(run.speed.full_frf_s)}
+    rows = [full | _simulation(None if costs is None else costs.full)]
     for model in models:
         found = [result.errors[model] for result in run.configurations if model in result.errors]
         spent = [each.seconds for each in found if each.seconds is not None]
@@ -121,8 +127,17 @@ def _speed(run: RunResult, models: Iterable[str]) -> dict[str, Any] | None:
         whole = rounded(sum(spent)) if spent and len(spent) == len(found) else None
         if whole is None and model == run.model and run.speed is not None:
             whole = rounded(run.speed.reduced_frf_s)
-        rows.append({"coordinates": own if size is None else size, "seconds": whole})
+        cost = costs.reduced if costs is not None and model == run.model else None
+        rows.append({"coordinates": own if size is None else size, "seconds": whole} | _simulation(cost))
     return {"full": rows[0], "models": rows[1:]}
+
+
+def _simulation(cost: SimulationCost | None) -> dict[str, float | None]:
+    """Steps, operations and seconds of a simulated second; None where they are not known."""
+    if cost is None:
+        return {"steps": None, "operations": None, "simulation": None}
+    seconds = rounded(cost.seconds) if math.isfinite(cost.seconds) else None
+    return {"steps": rounded(cost.steps_per_second), "operations": rounded(cost.operations), "simulation": seconds}
 
 
 def _setting(

@@ -25,7 +25,17 @@ from cmsreduce.report.page.tables import (
     timings,
 )
 from cmsreduce.report.verdict import meaning, proof_rows, verdict_lines
-from cmsreduce.report.wording import channels_left_out, checked, compared, headline, measured, number, seconds, worst
+from cmsreduce.report.wording import (
+    channels_left_out,
+    checked,
+    compared,
+    headline,
+    measured,
+    number,
+    seconds,
+    simulation_words,
+    worst,
+)
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -107,6 +117,7 @@ def render_report(run: RunResult) -> str:
         sensitivity_rows=sensitivity_rows(run),
         checked=checked(run),
         timings=timings(run),
+        simulation=[] if run.speed is None or run.speed.simulation is None else simulation_words(run.speed.simulation),
         checks=[(name, check) for name, part in run.components.items() for check in part.checks],
         settings=json.dumps(dict(run.settings), indent=2, ensure_ascii=False, default=str),
         sections=_sections(run, data),

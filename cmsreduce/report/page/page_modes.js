@@ -168,6 +168,7 @@ const Modes = (() => {
   }
 
   function extraneous() {
+    if (!document.getElementById("extraneous")) return;
     const groups = [["not of the system", true, "#D55E00", "x"], ["a mode of the system that was not chosen", false, "#0072B2", "circle-open"]];
     const traces = groups.flatMap(([name, spurious, colour, symbol]) => {
       const found = data.projection.extraneous.filter((mode) => mode.spurious === spurious);

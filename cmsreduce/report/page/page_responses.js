@@ -109,6 +109,9 @@ const Responses = (() => {
     });
   }
 
+  const COSTS = { seconds: "wall time of the responses, s", coordinates: "coordinates of the system", steps: "steps for a simulated second",
+    operations: "operations for a simulated second", simulation: "seconds of computing for a simulated second" };
+
   function speed() {
     const figure = data.figures[chosen("speed-figure")];
     const by = document.getElementById("speed-cost").value;
@@ -133,7 +136,7 @@ const Responses = (() => {
     }
     draw("speed", traces, {
       shapes, annotations, showlegend: true,
-      xaxis: titled(by === "seconds" ? "wall time of the responses, s" : "coordinates of the system", decades(across, 1.5)),
+      xaxis: titled(COSTS[by], decades(across, 1.5)),
       yaxis: titled(figure.label + ", " + figure.unit, { ...DECADES, ...spanned(known) }),
     });
   }

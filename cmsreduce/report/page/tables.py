@@ -50,6 +50,11 @@ def cards(run: RunResult) -> list[Row]:
         times = run.speed.full_frf_s / run.speed.reduced_frf_s
         taken = f"{seconds(run.speed.full_frf_s)} → {seconds(run.speed.reduced_frf_s)}"
         add("speed of the responses", f"× {number(times, 2)}", taken)
+    costs = None if run.speed is None else run.speed.simulation
+    if costs is not None and costs.full is not None and costs.reduced.operations > 0:
+        times = costs.full.operations / costs.reduced.operations
+        taken = f"{number(costs.full.operations, 2)} → {number(costs.reduced.operations, 2)} operations a second"
+        add("cost of a simulation", f"÷ {number(times, 2)}", taken)
     passed = [check.passed for part in run.components.values() for check in part.checks]
     if passed:
         state, more = ("pass", "✔ passed") if all(passed) else ("fail", "✘ failed some")

@@ -1,8 +1,9 @@
-"""The picture of a sweep: error against cost, as SVG and as an interactive page."""
+"""The picture of a sweep: error against cost, as SVG, and as a page with a choice of both."""
 
 from __future__ import annotations
 
-import json
+import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +11,16 @@ from cmsreduce.errors import WriteError
 from cmsreduce.model import SweepResult, SweepRow
 from cmsreduce.report.page import embedded, packed_plotly, part
 from cmsreduce.report.palette import INK, LineStyle, model_style
-from cmsreduce.report.pareto import Trade, trades
+from cmsreduce.report.pareto import COSTS, Trade, trades
 from cmsreduce.report.pictures.figure import drawn, literal
-from cmsreduce.report.wording import number, plural
+from cmsreduce.report.wording import FIGURES, number, plural
 
 __all__ = ["sweep_page", "sweep_picture"]
 
 _INCHES = (11.0, 4.2)
 _ERROR = "relative response error"
+# Costs of the still picture; the page has all.
+_STILL = ("n_reduced", "operations", "reduce_s", "reduced_frf_s")
 # Opacity of points off the front.
 _FAINT = 0.35
 # Styles for groups of points.
@@ -26,7 +29,7 @@ _MARKERS = {"circle": "o", "square": "s", "diamond": "D", "triangle-up": "^", "t
 
 
 def sweep_picture(sweep: SweepResult, path: Path) -> None:
-    """Draw error against every cost, with a line along the Pareto front; other points are faint.
+    """Draw the response error against the main costs, with a line along the Pareto front; other points are faint.
 
     Parameters
     ----------
@@ -42,7 +45,7 @@ def sweep_picture(sweep: SweepResult, path: Path) -> None:
     """
     from matplotlib.ticker import FuncFormatter
 
-    found, groups = _trades(sweep, path), _groups(sweep)
+    found, groups = [trade for trade in _trades(sweep, path) if trade.cost in _STILL], _groups(sweep)
     with drawn(path, _INCHES) as figure:
         panels = figure.subplots(1, len(found), sharey=True, squeeze=False)[0]
         for axes, trade in zip(panels, found, strict=True):
@@ -70,7 +73,7 @@ def sweep_picture(sweep: SweepResult, path: Path) -> None:
 
 
 def sweep_page(sweep: SweepResult) -> str:
-    """The same picture as one HTML page that opens offline; each point has a tooltip.
+    """Any error against any cost as one HTML page that opens offline; each point has a tooltip.
 
     Raises
     ------
@@ -79,53 +82,38 @@ def sweep_page(sweep: SweepResult) -> str:
     """
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
-    from plotly.graph_objects import Scatter
-    from plotly.subplots import make_subplots
 
-    found = _trades(sweep, Path("sweep.html"))
-    figure = make_subplots(rows=1, cols=len(found), shared_yaxes=True, horizontal_spacing=0.03)
-    shown: set[str] = set()
-    for column, trade in enumerate(found, 1):
-        place: Any = {"row": 1, "col": column}
-        front = {"x": trade.x[trade.steps].tolist(), "y": trade.y[trade.steps].tolist()}
-        line: Any = {"line": {"color": INK, "width": 1, "shape": "hv"}, "hoverinfo": "skip"}
-        figure.add_trace(Scatter(**front, mode="lines", name="Pareto front", showlegend=column == 1, **line), **place)
-        for group, look in _groups(sweep).items():
-            at = [k for k, row in enumerate(trade.rows) if _group(sweep, row) == group]
-            best = [bool(trade.front[k]) for k in at]
-            marker: Any = {
-                "symbol": look.symbol,
-                "color": look.colour,
-                "size": [11 if b else 7 for b in best],
-                "opacity": [1.0 if b else _FAINT for b in best],
-                "line": {"color": INK, "width": [1 if b else 0 for b in best]},
-            }
-            figure.add_trace(
-                Scatter(
-                    x=trade.x[at].tolist(),
-                    y=trade.y[at].tolist(),
-                    mode="markers",
-                    name=_escaped(group),
-                    legendgroup=group,
-                    showlegend=group not in shown,
-                    text=[_tooltip(trade.rows[k]) for k in at],
-                    hovertemplate="%{text}<extra></extra>",
-                    marker=marker,
-                ),
-                **place,
-            )
-            shown.add(group)
-        figure.update_xaxes(title_text=trade.label, type="log", gridcolor="#e4e8ec", **place)
-    figure.update_yaxes(type="log", gridcolor="#e4e8ec", exponentformat="power")
-    figure.update_yaxes(title_text=_ERROR, row=1, col=1)
-    title = _escaped(_title(sweep))
-    figure.update_layout(
-        title_text=title, template="plotly_white", font_color=INK, legend={"orientation": "h", "y": -0.2}
-    )
+    _trades(sweep, Path("sweep.html"))
+    planes = [
+        {
+            "error": figure.name,
+            "cost": trade.cost,
+            "points": [row.point for row in trade.rows],
+            "x": trade.x.tolist(),
+            "y": (figure.scale * trade.y).tolist(),
+            "front": trade.front.tolist(),
+            "steps": trade.steps.tolist(),
+            "noise": trade.noise,
+        }
+        for figure in FIGURES
+        for trade in trades(sweep, figure.name)
+    ]
+    data = {
+        "ink": INK,
+        "faint": _FAINT,
+        "planes": planes,
+        "groups": [{"name": _escaped(name), **asdict(look)} for name, look in _groups(sweep).items()],
+        "group": {row.point: list(_groups(sweep)).index(_group(sweep, row)) for row in sweep.rows},
+        "said": {row.point: _tooltip(row) for row in sweep.rows},
+        "labels": {figure.name: f"{figure.label}, {figure.unit}" for figure in FIGURES} | COSTS,
+    }
     page = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True).from_string(part("sweep.html.j2"))
+    there = {name for plane in planes for name in (plane["error"], plane["cost"])}
     return page.render(
         title=_title(sweep),
-        data=Markup(embedded(json.loads(figure.to_json()))),
+        errors=[(figure.name, figure.label) for figure in FIGURES if figure.name in there],
+        costs=[(name, label) for name, label in COSTS.items() if name in there],
+        data=Markup(embedded(data)),
         plotly=Markup(packed_plotly()),
         script=Markup("\n".join([part("page_arrays.js"), part("sweep_page.js")])),
     )
@@ -166,6 +154,8 @@ def _tooltip(row: SweepRow) -> str:
     lines.append(
         f"{row.n_reduced} coordinates, reduction {number(row.reduce_s)} s, responses {number(row.reduced_frf_s)} s"
     )
+    if math.isfinite(row.operations):
+        lines.append(f"{number(row.steps_per_second)} steps and {number(row.operations)} operations a simulated second")
     return "<br>".join(_escaped(line) for line in lines)
 
 

@@ -24,6 +24,7 @@ from cmsreduce.report.wording import (
     per_cent,
     plural,
     seconds,
+    simulation_words,
     worst,
 )
 
@@ -96,6 +97,8 @@ def _print_everything(run: RunResult, console: Console, made: Sequence[Path]) ->
             f"responses: full {seconds(run.speed.full_frf_s)}, reduced {seconds(run.speed.reduced_frf_s)}; "
             f"reductions {seconds(run.speed.reduce_s)}",
         )
+        for line in () if run.speed.simulation is None else simulation_words(run.speed.simulation):
+            print_line(console, line)
     _print_steps(run, console)
     for line in system_lines(run):
         print_line(console, line)
@@ -203,6 +206,14 @@ def _completeness(axis: str, found: Sequence[AxisCompleteness]) -> str:
 
 
 def _projection(record: ProjectionRecord) -> Iterator[str]:
+    if record.certificate is not None:
+        name, estimate, bound = record.certificate.worst
+        counts = ", ".join(f"{rank} of {body}" for body, rank in record.rank.items())
+        yield (
+            f"scene shapes: {counts}, optimised in {plural(len(record.configurations), 'configuration')}; frf_error by "
+            f"residuals: {per_cent(estimate)}, proven below {per_cent(bound)} of all candidates ('{name}')"
+        )
+        return
     for body, values in record.singular.items():
         rank = record.rank[body]
         kept, dependent = values[:rank], values[rank:]

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cmsreduce.model import SweepResult, SweepRow, short_keys
-from cmsreduce.report.pareto import trades
+from cmsreduce.report.pareto import WALL_NOISE, trades
 from cmsreduce.report.terminal.output import print_line, standard_console
 from cmsreduce.report.terminal.tables import figures, table, words
-from cmsreduce.report.wording import FIGURES, plural, seconds
+from cmsreduce.report.wording import FIGURES, number, plural, seconds
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -43,7 +43,15 @@ def print_sweep(sweep: SweepResult, files: Sequence[Path], console: Console | No
     console = console or standard_console(SWEEP_WIDTH)
     best = _best(sweep)
     keys = [_key_column(*each) for each in zip(short_keys(list(sweep.axes)), sweep.axes.values(), strict=True)]
-    heads = ("kept", "size", *(figure.label.removesuffix(" error") for figure in _SHOWN), "reduce", "responses", "")
+    heads = (
+        "kept",
+        "size",
+        *(figure.label.removesuffix(" error") for figure in _SHOWN),
+        "reduce",
+        "responses",
+        "operations",
+        "",
+    )
     rows = [
         (
             f"{'*' if row.point in best else ' '} {row.point}",
@@ -66,7 +74,9 @@ def print_sweep(sweep: SweepResult, files: Sequence[Path], console: Console | No
     print_line(console, f"{sweep.name}: {count} in {seconds(sweep.seconds)}: {', '.join(parts)}")
     if best:
         print_line(
-            console, "* no other point has a smaller error at less cost in reduction time, size or response time"
+            console,
+            "* no other point has a smaller error at less cost: size, operations of a simulation, or time; times "
+            f"within {WALL_NOISE:.0%} count as equal",
         )
     for file in files:
         print_line(console, str(file))
@@ -113,8 +123,9 @@ def _ending(sweep: SweepResult, files: Sequence[Path]) -> str:
 
 def _cells(row: SweepRow) -> list[str]:
     if row.status == "failed":
-        return [""] * (len(_SHOWN) + 4)
+        return [""] * (len(_SHOWN) + 5)
     measured = [(figure, getattr(row, figure.name)) for figure in _SHOWN]
     errors = ["" if math.isnan(value) else figure.text(value) for figure, value in measured]
     times = ["" if math.isnan(value) else seconds(value) for value in (row.reduce_s, row.reduced_frf_s)]
-    return [str(row.kept_modes), str(row.n_reduced) if row.n_reduced else "", *errors, *times]
+    work = "" if math.isnan(row.operations) else number(row.operations, 3)
+    return [str(row.kept_modes), str(row.n_reduced) if row.n_reduced else "", *errors, *times, work]

@@ -118,6 +118,8 @@ def write_component(
             put_augmented(file.create_group("augmented"), augmented)
         if stiffening is not None:
             put_stiffening(file.create_group("geometric_stiffness"), stiffening, component.Phi)
+        if component.terms:
+            _parameters(file.create_group("parameters"), component, T)
         faces = file.create_group("interfaces")
         for name, face in body.interfaces.items():
             _interface(faces.create_group(name), component, face, name)
@@ -186,6 +188,16 @@ def _modes(group: Any, component: ModalComponent, T: Row) -> None:
         table = group.create_group("rankings")
         for name, values in component.rankings.items():
             put(table, name, values, "", "coefficient of each mode in this ranking, NaN for rigid and static modes")
+
+
+def _parameters(group: Any, component: ModalComponent, T: Row) -> None:
+    """Write what parameters add to the modal matrices: M + sum of p^power M_p, K and D alike."""
+    words = {"M": "mass", "K": "stiffness", "D": "damping"}
+    for term in component.terms:
+        own = group.require_group(term.parameter)
+        name = words[term.letter]
+        put(own, name, term.over(T).dense, about=f"added to modes/{name}, times the parameter to the power stated")
+        own.attrs[f"{name}_power"] = term.power
 
 
 def _chosen(body: FEModel, nodes: Sequence[int], all_nodes: bool) -> NDArray[np.int64]:

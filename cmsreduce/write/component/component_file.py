@@ -6,13 +6,13 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.errors import ReadError
-from cmsreduce.model import Finding, hdf5_items
+from cmsreduce.errors import ReadError, WriteError
+from cmsreduce.model import Finding, ParameterTerm, Values, hdf5_items, parameter_label
 from cmsreduce.write.seal import SEAL, SEALED_ITEMS, broken_seal, content_digests
 
 __all__ = [
@@ -129,6 +129,9 @@ _NAN = {
 }
 """Datasets with numbers that may be NaN, which means unknown; only checks may be infinite."""
 
+_LETTERS: Mapping[str, Literal["M", "D", "K"]] = {"mass": "M", "damping": "D", "stiffness": "K"}
+"""Datasets of a parameter, each (m, m)."""
+
 _GROUPS = ("modes", "dofs", "inputs", "outputs", "checks", "provenance", "units", "interfaces", "integration")
 
 
@@ -180,6 +183,33 @@ class ComponentFile:
     def rankings(self) -> dict[str, NDArray[np.float64]]:
         """Coefficient of each mode (m,) by ranking; empty in files of early versions."""
         return {Path(name).name: values for name, values in self.arrays.items() if name.startswith("modes/rankings/")}
+
+    @property
+    def parameter_terms(self) -> tuple[ParameterTerm, ...]:
+        """What parameters of the scene add to the modal matrices; empty for a body without parameters."""
+        found = []
+        for path in sorted(self.arrays):
+            if path.startswith("parameters/"):
+                _, parameter, name = path.split("/")
+                power = int(self.attributes[f"parameters/{parameter}"].get(f"{name}_power", 1))
+                found.append(ParameterTerm(parameter, _LETTERS[name], self.arrays[path], power))
+        return tuple(found)
+
+    def refuse_parameters(self, values: Values, what: str) -> None:
+        """Refuse values of parameters that change the body, for a format that holds one body.
+
+        Raises
+        ------
+        WriteError
+            Names the parameters.
+        """
+        acting = sorted({term.parameter for term in self.parameter_terms if term.factor(values)})
+        if acting:
+            raise WriteError(
+                f"component '{self.name}': {what} holds one body, and this one is changed by "
+                f"{', '.join(acting)} in the configuration asked for ({parameter_label(values)}); take a configuration "
+                "in which these are zero, or write the body for it (`write: {configuration: NAME, formats: ...}`)"
+            )
 
     @property
     def interfaces(self) -> dict[str, tuple[int, ...]]:
@@ -286,6 +316,11 @@ def fault(groups: Iterable[str], shapes: Mapping[str, tuple[int, ...]]) -> str |
     wanted |= {path: ("m",) for path in shapes if path.startswith("modes/rankings/")}
     if "geometric_stiffness" in groups:
         wanted |= _STIFFENING
+    for path in shapes:
+        if path.startswith("parameters/"):
+            if path.rpartition("/")[2] not in _LETTERS:
+                return f"dataset '{path}' is unknown: a parameter has {', '.join(_LETTERS)}"
+            wanted[path] = ("m", "m")
     for group in groups:
         for above, parts in (("interfaces", _INTERFACE), ("augmented", _AUGMENTED)):
             if group.startswith(f"{above}/"):

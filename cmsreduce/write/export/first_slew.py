@@ -44,6 +44,10 @@ class FirstSlew:
     seconds_why: str
     step_why: str
 
+    def law(self, t: float) -> float:
+        """Effort at a time."""
+        return self.effort * float(np.sin(2 * np.pi * t / self.seconds)) if t < self.seconds else 0.0
+
 
 def first_slew(scene: MultibodyScene) -> FirstSlew:
     """Choose a slew that turns a joint by about 30 degrees, or one unit of effort where no actuator turns a joint.

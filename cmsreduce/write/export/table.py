@@ -9,8 +9,10 @@ from tempfile import TemporaryDirectory
 
 from cmsreduce.errors import WriteError, not_among
 from cmsreduce.model import MultibodyScene
+from cmsreduce.write.component import read_component
 from cmsreduce.write.export.exudyn import write_exudyn_scene
 from cmsreduce.write.export.mbdyn import write_mbdyn_scene
+from cmsreduce.write.export.scene42 import write_42_scene
 
 __all__ = ["EXPORTS", "SceneExport", "export_scene"]
 
@@ -34,6 +36,7 @@ class SceneExport:
 EXPORTS: dict[str, SceneExport] = {
     "exudyn": SceneExport(write_exudyn_scene, "python scene.py"),
     "mbdyn": SceneExport(write_mbdyn_scene, "mbdyn -f scene.mbd"),
+    "42": SceneExport(write_42_scene, "42 . MODEL, where MODEL is the folder Model of 42, relative to this one"),
 }
 """Programs by their name in ``export --to``; one line registers a program."""
 
@@ -66,6 +69,9 @@ def export_scene(scene: MultibodyScene, program: str, folder: Path) -> tuple[Pat
         raise WriteError(not_among("program", program, EXPORTS))
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise WriteError(f"{folder}: it holds files already, which may have been changed; remove it, or choose --out")
+    for body in scene.bodies:
+        if body.file is not None:
+            read_component(body.file).refuse_parameters(scene.configuration.parameters, f"a scene for {program}")
     folder.parent.mkdir(parents=True, exist_ok=True)
     # Renamed at the end: a body that is refused leaves no half scene.
     with TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:

@@ -23,6 +23,8 @@ from cmsreduce.model import (
     ProjectionRecord,
     RunResult,
     SensitivityRecord,
+    SimulationCost,
+    Speed,
     health_data,
 )
 from cmsreduce.write.files import atomic_path
@@ -64,7 +66,7 @@ def summary(run: RunResult) -> dict[str, Any]:
             "components": {name: _component(part, run) for name, part in run.components.items()},
             "configurations": _configurations(run, run.model, sizes=True),
             "worst": _worst(run, run.model),
-            "speed": _record(run.speed),
+            "speed": _speed(run.speed),
             "passed": verdict.passed,
             "verdict": {
                 "word": verdict.word,
@@ -86,6 +88,7 @@ def summary(run: RunResult) -> dict[str, Any]:
                 {
                     "name": modes.configuration.name,
                     "angles": angles(modes.configuration, [other.configuration for other in run.systems]),
+                    "parameters": dict(modes.configuration.parameters),
                     "rigid_modes": modes.rigid_count,
                     "frequencies_hz": modes.frequencies_hz.tolist(),
                     "integration": _integration(modes.highest_hz, static_highest_hz=modes.treated_hz),
@@ -93,7 +96,7 @@ def summary(run: RunResult) -> dict[str, Any]:
                 for modes in run.systems
             ],
             "projection": None if run.projection is None else _projection(run.projection),
-            "search": _record(run.search),
+            "search": _record(run.search, "asked"),
             "sensitivity": None if run.sensitivity is None else _sensitivity(run.sensitivity),
             "completeness": [_record(axis, "missing") for axis in run.completeness],
             "figures": figures(run),
@@ -118,6 +121,17 @@ def write_summary(path: Path, run: RunResult) -> None:
 def _record(record: Any, *computed: str) -> dict[str, Any] | None:
     """Fields of a dataclass and some of its properties; None without the dataclass."""
     return None if record is None else asdict(record) | {name: getattr(record, name) for name in computed}
+
+
+def _speed(speed: Speed | None) -> dict[str, Any] | None:
+    """Wall times, and the cost of a simulated second of both systems."""
+    facts = _record(speed)
+    if speed is not None and facts is not None and speed.simulation is not None:
+        for which in ("full", "reduced"):
+            found: SimulationCost | None = getattr(speed.simulation, which)
+            if found is not None:
+                facts["simulation"][which]["operations"] = found.operations
+    return facts
 
 
 def _worst(run: RunResult, label: str) -> dict[str, float | None]:
@@ -224,6 +238,8 @@ def _projection(record: ProjectionRecord) -> dict[str, Any]:
         ],
         "static_shapes_added": dict(record.suppressed),
         "between": dict(record.between),
+        "configurations": list(record.configurations),
+        "certificate": None if record.certificate is None else asdict(record.certificate),
     }
 
 
@@ -259,7 +275,11 @@ def _configurations(run: RunResult, label: str, *, sizes: bool) -> list[dict[str
     rows = []
     every = [result.configuration for result in run.configurations]
     for result in run.configurations:
-        row: dict[str, Any] = {"name": result.configuration.name, "angles": angles(result.configuration, every)}
+        row: dict[str, Any] = {
+            "name": result.configuration.name,
+            "angles": angles(result.configuration, every),
+            "parameters": dict(result.configuration.parameters),
+        }
         errors = result.errors.get(label)
         row |= {name: None if errors is None else getattr(errors, name) for name in ERRORS}
         row |= unpaired(run, errors)

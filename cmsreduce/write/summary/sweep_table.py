@@ -21,7 +21,8 @@ SWEEP_FORMAT, SWEEP_FORMAT_VERSION = "cmsreduce sweep", 1
 
 _COUNTS = ("kept_modes", "basis_size", "n_reduced", "n_full")
 _FIGURES = ("frf_error", "db_error", "frequency_error", "damping_error", "channel_error")
-_TIMES = ("reduce_s", "full_frf_s", "reduced_frf_s", "point_s")
+_COSTS = ("steps_per_second", "operations", "simulation_s", "simulation_noise")
+_TIMES = ("reduce_s", "full_frf_s", "reduced_frf_s", *_COSTS, "point_s")
 _ABOUT = "one row for each point of the sweep; errors are the worst over all configurations, times in seconds"
 
 

@@ -6,6 +6,7 @@ The component file itself belongs in `write.component`.
 
 from cmsreduce.write.targets.conversion import conversion, convert
 from cmsreduce.write.targets.exudyn import exudyn_arrays
+from cmsreduce.write.targets.flex42 import write_42
 from cmsreduce.write.targets.fmi import LinearModel, Port, unit_binary, write_unit
 from cmsreduce.write.targets.mbdyn import write_mbdyn
 from cmsreduce.write.targets.profiles import PROFILES, Profile, TargetFiles, profile_files
@@ -30,6 +31,7 @@ __all__ = [
     "unit_binary",
     "write_matlab",
     "write_unit",
+    "write_42",
     "write_mbdyn",
     "write_vtu",
 ]

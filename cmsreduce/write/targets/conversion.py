@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +83,8 @@ def conversion(
             raise WriteError(not_among("profile", profile, PROFILES))
         path = named / PROFILES[profile].file_name(component.name) if is_folder else named
         _check_path(path, source)
-        return profile_files(component, profile, path.parent, at=at, joints=joints, file=path)
+        made = profile_files(component, profile, path.parent, at=at, joints=joints, file=path)
+        return _at_zero(made, component)
     if at is not None or joints is not None:
         raise WriteError("a frame and numbers of joints belong to a program: give it by --for, with --at and --joint")
     name = _by_name(named, is_folder=is_folder) if target is None else target
@@ -96,8 +98,20 @@ def conversion(
     _check_path(path, source)
     arguments = [dialect or chosen.dialects[0]] if chosen.dialects else []
     if not chosen.integrals:
-        return TargetFiles(chosen.write(path, component, *arguments) or (path,), (), component)
-    return _with_integrals(path, component, name, *arguments)
+        paths = chosen.write(path, component, *arguments) or (path,)
+        return _at_zero(TargetFiles(paths, price_of(component, None, name, None), component), component)
+    return _at_zero(_with_integrals(path, component, name, *arguments), component)
+
+
+def _at_zero(made: TargetFiles, component: ComponentFile) -> TargetFiles:
+    """Files with a note on parameters, which they do not hold."""
+    names = sorted({term.parameter for term in component.parameter_terms})
+    if not names:
+        return made
+    note = (
+        f"{component.name}: {', '.join(names)} is zero in this file; `write.configuration` of a run writes other values"
+    )
+    return replace(made, notes=(*made.notes, note))
 
 
 def _with_integrals(path: Path, component: ComponentFile, target: str, dialect: str | None = None) -> TargetFiles:

@@ -37,8 +37,8 @@ def write_42(
         The body.
     integrals : ModalIntegrals
         Integrals over its modes, about the body's reference point in 42.
-    joints : mapping of interface to int, optional
-        Number of the spacecraft's joint at each interface; an interface that is not named has no joint.
+    joints : mapping of interface or node to int, optional
+        Number of the spacecraft's joint at each interface, or at each node in digits; others have no joint.
 
     Returns
     -------
@@ -114,6 +114,9 @@ def _joints(body: FlexibleBody, numbers: Mapping[str, int] | None) -> list[tuple
         numbers = {name: joint for joint, name in enumerate(body.interfaces)}
     found = []
     for name, joint in numbers.items():
+        if name not in body.interfaces and name.isdigit() and int(name) in body.node:
+            found.append((f"node {name}", int(np.flatnonzero(body.node == int(name))[0]), joint))
+            continue
         if name not in body.interfaces:
             known = ", ".join(body.interfaces) or "none"
             raise WriteError(f"component '{body.name}' has no interface '{name}' for joint {joint} (it has: {known})")

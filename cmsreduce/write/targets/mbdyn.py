@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import WriteError
-from cmsreduce.mechanics import rigid_mass_matrix
+from cmsreduce.mechanics import mass_points, rigid_mass_matrix
 from cmsreduce.model import ModalIntegrals
 from cmsreduce.write.component import ComponentFile, FlexibleBody, flexible_body
 from cmsreduce.write.files import number, put_lines
-from cmsreduce.write.targets.mass_points import mass_points
 from cmsreduce.write.targets.nodal import NodalMass, nodal_mass
 
 __all__ = ["MbdynDialect", "write_mbdyn"]

@@ -14,7 +14,7 @@ from cmsreduce.write.component import ComponentFile
 from cmsreduce.write.files import atomic_path, put_lines
 from cmsreduce.write.targets.superelement import Superelement, superelement
 
-__all__ = ["write_nastran"]
+__all__ = ["entries", "write_nastran"]
 
 _SYMMETRIC = 6  # form of a matrix in OP4 and DMIG
 _LARGEST_ID = 99_999_999  # eight digits, a field of a card
@@ -59,7 +59,7 @@ def write_nastran(path: Path, component: ComponentFile) -> tuple[Path, ...]:
     exact, punch, deck = (path.with_suffix(suffix) for suffix in (".op4", ".pch", ".bdf"))
     with atomic_path(exact) as temporary:
         op4.write(str(temporary), matrices, forms=dict.fromkeys(matrices, _SYMMETRIC))
-    put_lines(punch, _entries(matrices, labels))
+    put_lines(punch, entries(matrices, labels))
     put_lines(deck, _cards(component, body, points, list(matrices), punch.name))
     return exact, punch, deck
 
@@ -74,8 +74,8 @@ def _scalar_points(component: ComponentFile, body: Superelement) -> list[int]:
     return list(range(first, first + body.omega.size))
 
 
-def _entries(matrices: Mapping[str, NDArray[np.float64]], labels: list[tuple[int, int]]) -> Iterator[str]:
-    """DMIG cards of wide fields, lower triangles column by column."""
+def entries(matrices: Mapping[str, NDArray[np.float64]], labels: list[tuple[int, int]]) -> Iterator[str]:
+    """DMIG cards of wide fields, lower triangles column by column; a label is a node and a component."""
     for name, matrix in matrices.items():
         yield f"DMIG    {name:<8}{0:8d}{6:8d}{2:8d}{0:8d}"
         for column, (node, component) in enumerate(labels):

@@ -10,6 +10,7 @@ from cmsreduce.mechanics import rigid_mass_matrix
 from cmsreduce.model import ModalIntegrals
 from cmsreduce.write.component import ComponentFile, FlexibleBody, flexible_body
 from cmsreduce.write.targets.nodal import nodal_mass
+from cmsreduce.write.targets.radioss import left_out
 
 __all__ = ["lumped_price", "price_of", "spin_price"]
 
@@ -19,8 +20,14 @@ _ONE_PERCENT = 0.01
 Array = NDArray[np.float64]
 
 
-def price_of(component: ComponentFile, integrals: ModalIntegrals, target: str, dialect: str | None) -> tuple[str, ...]:
+def price_of(
+    component: ComponentFile, integrals: ModalIntegrals | None, target: str, dialect: str | None
+) -> tuple[str, ...]:
     """Prices of a target in a dialect, in words; none where the file holds the body as it is."""
+    if target == "radioss":
+        return (left_out(component),)
+    if integrals is None:
+        return ()
     if (target, dialect) == ("mbdyn", "lumped"):
         return (lumped_price(component, integrals),)
     if (target, dialect) == ("mbdyn", "first-order"):

@@ -42,6 +42,8 @@ class Profile:
         True if the file has numbers of the joints of the whole scene.
     why : str
         Reason for these settings, found by running the program.
+    limit : str
+        What the program itself leaves out of a body that the file holds.
     """
 
     target: str
@@ -51,6 +53,7 @@ class Profile:
     unit_mass: bool = False
     numbered_joints: bool = False
     why: str = ""
+    limit: str = ""
 
     def file_name(self, component: str) -> str:
         """Name of the file of a component."""
@@ -64,7 +67,8 @@ PROFILES: dict[str, Profile] = {
         mean_axes=True,
         unit_mass=True,
         numbered_joints=True,
-        why="42 is exact about mean axes with REFPT_CM; with modes that have momentum it adds that momentum twice",
+        why="42 is right to first order about mean axes with REFPT_CM; it adds the momentum of other modes twice",
+        limit="42 keeps its inertia as it is at rest: large motions are right to first order in the deformation",
     ),
     "mbdyn-1.7.3": Profile(
         "mbdyn",
@@ -176,6 +180,7 @@ def profile_files(
             )
     paths = TARGETS[chosen.target].write(path, body, integrals, **arguments) or (path,)
     notes += price_of(body, integrals, chosen.target, chosen.dialect)
+    notes += [f"{body.name}: {chosen.limit}"] if chosen.limit else []
     return TargetFiles(paths, tuple(notes), body)
 
 

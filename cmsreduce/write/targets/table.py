@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from cmsreduce.write.targets.extptfm import write_extptfm
+from cmsreduce.write.targets.extptfm import EXTPTFM_DIALECTS, write_extptfm
 from cmsreduce.write.targets.exudyn import write_exudyn
 from cmsreduce.write.targets.flex42 import write_42
 from cmsreduce.write.targets.fmi import FMI_DIALECTS, write_body_unit
@@ -14,6 +14,7 @@ from cmsreduce.write.targets.mbdyn import write_mbdyn
 from cmsreduce.write.targets.mbsim import write_mbsim
 from cmsreduce.write.targets.nastran import write_nastran
 from cmsreduce.write.targets.nodal import write_nodal
+from cmsreduce.write.targets.radioss import write_radioss
 from cmsreduce.write.targets.sid import write_sid
 from cmsreduce.write.targets.simscape import write_simscape
 from cmsreduce.write.targets.state_space import write_abcd, write_states
@@ -58,7 +59,8 @@ TARGETS: dict[str, Target] = {
     "matlab": Target(".mat", write_states, integrals=False),
     "abcd": Target(".abcd.txt", write_abcd, integrals=False),
     "fmi": Target(".fmu", write_body_unit, FMI_DIALECTS, integrals=False),
-    "extptfm": Target("_SE.dat", write_extptfm, integrals=False),
+    "extptfm": Target("_SE.dat", write_extptfm, EXTPTFM_DIALECTS, integrals=False),
+    "radioss": Target("_fxb.pch", write_radioss, integrals=False),
     "simscape": Target("_rom.m", write_simscape, integrals=False),
 }
 """Targets by their name in ``write.formats`` and ``convert --format``; one line registers a format."""

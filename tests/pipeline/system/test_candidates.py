@@ -24,7 +24,11 @@ class Trials:
         self.run, self.components = run, components
         pool = run.joined(components)
         self.targets = run.comparison.targets(run.scene.configurations, pool)
-        self.fast = Candidates(pool.assembled, self.targets)
+        self.fast = self.limited({"frf_error": 1.0})
+
+    def limited(self, limits: dict[str, float]) -> Candidates:
+        pool = self.run.joined(self.components)
+        return Candidates(self.run.measure, limits, self.components, list(self.components), pool, self.targets)
 
     def slow(self, selection: dict[str, np.ndarray]) -> float:
         kept = truncate(self.components, selection, dict.fromkeys(self.components, "trial"))

@@ -68,6 +68,61 @@ def test_a_part_runs_as_it_was_exported(tmp_path: Path, monkeypatch: pytest.Monk
     np.testing.assert_allclose(found["components"]["part"]["frequencies_hz"][:3], exact, rtol=1e-9)
 
 
+def harwell_boeing(path: Path, A: sp.csc_array) -> None:
+    """Write a matrix with the header and fields of HBMAT of ANSYS 2023 R2, the lower triangle by columns."""
+    n, lower = A.shape[0], sp.csc_array(sp.tril(A))
+    lines = [
+        f"{'Stiffness matrix from ANSYS FULL file dumped into Harwell-Boeing format':80}",
+        "".join(f"{k:14d}" for k in (n + 1 + 2 * lower.nnz, n + 1, lower.nnz, lower.nnz, 0)),
+        "RSA" + " " * 11 + "".join(f"{k:14d}" for k in (n, n, lower.nnz, 0)),
+        f"{'(I14)':16}{'(I14)':16}{'(d25.15)':20}{'(d25.15)':20}",
+        *(f"{k + 1:14d}" for k in (*lower.indptr, *lower.indices)),
+        *(f"{x:25.15e}".replace("e", "D") for x in lower.data),
+    ]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_a_part_runs_as_hbmat_wrote_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Matrices with a mapping file beside each, in an order of their own, and nodes that *VWRITE lists."""
+    body = block("part", (0.9, 0.3, 0.2), (3, 2, 1))
+    assert body.nodes is not None
+    monkeypatch.chdir(tmp_path)
+    order = np.random.default_rng(2).permutation(body.n)
+    of = body.dofs[order]
+    for name, A in (("stiff", body.K), ("mass", body.M)):
+        harwell_boeing(Path(f"{name}.txt"), sp.csc_array(A)[order][:, order])
+        lines = [
+            f"{k + 1:14d}{node:14d}    U{'XYZ'[c - 1]:3}"
+            for k, (node, c) in enumerate(zip(of.node, of.component, strict=False))
+        ]
+        Path(f"{name}.mapping").write_text("\n".join(["    Matrix Eqn          Node    DOF     ", *lines]) + "\n")
+    nodes = [f"{k:20d}{x:20.8E}{y:20.8E}{z:20.8E}" for k, (x, y, z) in zip(body.nodes.id, body.nodes.xyz, strict=True)]
+    Path("Node.txt").write_text("\n".join(nodes) + "\n")
+    run("new", "part", "stiff.txt", "mass.txt", "stiff.mapping", "mass.mapping", "Node.txt")
+    run("run", "part.yaml", "--quiet", "--set", "verify={}")
+    found = json.loads(Path("build/part/summary.json").read_text())
+    exact = np.sqrt(la.eigh(body.K.toarray(), body.M.toarray(), eigvals_only=True)[6:9]) / 2 / np.pi
+    np.testing.assert_allclose(found["components"]["part"]["frequencies_hz"][:3], exact, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (["1 7 UX", "2 7 UY"], r"has no line for 1 of 3 rows, the first is row 3; .* `rows:` as node\.component"),
+        (["1 7 UX", "2 7 UY", "3 7 TEMP"], "line 4: row 3 is TEMP of node 7; only displacements"),
+        (["1 7 UX", "2 7 UY", "4 7 UZ"], "line 4: names row 4, and the matrix has 3"),
+        (["1 7 UX", "2 7 UY", "3 7"], "line 4: '3 7' is no row of a matrix"),
+        (["1 7 UX", "2 7 UY", "3 7 UY"], r"map\.mapping: .*7\.2"),
+    ],
+)
+def test_mapping_files_that_do_not_fit(tmp_path: Path, lines: list[str], message: str) -> None:
+    path, matrix = tmp_path / "map.mapping", tmp_path / "K.txt"
+    path.write_text("\n".join(["Matrix Eqn Node DOF", *lines]))
+    harwell_boeing(matrix, sp.csc_array(np.eye(3)))
+    with pytest.raises(ReadError, match=message):
+        read_matrix(matrix, dofs=path)
+
+
 @pytest.mark.skipif(not CLONE, reason="EXUDYN_CLONE names no clone of jgerstmayr/EXUDYN")
 def test_the_rotor_of_exudyn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """ANSYS 345 dofs with lumped mass; 104.637 Hz is what Exudyn's own tests expect."""

@@ -130,7 +130,6 @@ def test_every_format_in_one_deck(tmp_path: Path, control: str) -> None:
         ("GRID    12              7.0", "line 301: GRID: grid 12 differs from"),
         ("GRID    901     44      7.0", "line 301: GRID 901 refers to coordinate system 44"),
         ("GRID,901,0,1.,2.,3.,0,12,,7.", "line 301: more than 8 data fields on one line of GRID"),
-        ("=(3)", "line 301: '=(3)' repeats fields of the GRID above it"),
     ],
 )
 def test_one_bad_card_among_many_is_named(tmp_path: Path, line: str, said: str) -> None:
@@ -148,3 +147,40 @@ def test_a_grid_that_is_repeated_alike_counts_once(tmp_path: Path) -> None:
     path.write_text("GRID    3               1.0\nGRID    1               2.0\nGRID    3               1.0\n")
     nodes = read_bulk(path).nodes
     assert nodes.id.tolist() == [3, 1] and nodes.xyz[:, 0].tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("lines", "found"),
+    [
+        (["GRID,9001,,9.", "=,*1,=,*0.5,=="], {9001: 9.0, 9002: 9.5}),
+        (["GRID    9001            9.", "=       *1      =       *0.5", "=2"], {9001: 9.0, 9004: 10.5}),
+        (["GRID\t9001\t\t9.", "GRID\t*1\t=\t="], {9001: 9.0, 9002: 9.0}),
+    ],
+)
+def test_cards_that_repeat_others_among_many(tmp_path: Path, lines: list[str], found: dict[int, float]) -> None:
+    cards = [f"GRID    {k + 1:8d}        {k * 0.25:8.3f}" for k in range(300)]
+    path = tmp_path / "deck.bdf"
+    path.write_text("\n".join([*cards[:150], *lines, *cards[150:]]))
+    nodes = read_bulk(path).nodes
+    at = nodes.index(list(found))
+    assert len(nodes) == 301 + max(found) - 9001 and nodes.xyz[at, 0].tolist() == list(found.values())
+
+
+HEXAHEDRON = "CHEXA   9       1       1       2       3       4       5       6       +A1"
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        [HEXAHEDRON, "GRID,9001,,9.", "+A1     7       8"],
+        ["CHEXA,9,1,1,2,3,4,5,6,+A1", "GRID,9001,,9.", "+A1,7,8"],
+        [HEXAHEDRON, "$", "", "+A1     7       8"],
+    ],
+)
+def test_a_card_that_goes_on_elsewhere_among_many(tmp_path: Path, lines: list[str]) -> None:
+    cards = [f"GRID    {k + 1:8d}        {k * 0.25:8.3f}" for k in range(300)]
+    path = tmp_path / "deck.bdf"
+    path.write_text("\n".join([*cards[:150], *lines[:1], *cards[150:], *lines[1:]]))
+    ((hexahedron,), grids) = (read_cards(path, {"GRID", "CHEXA"}).sections[0][name] for name in ("CHEXA", "GRID"))
+    assert hexahedron.fields == ("9", "1", "1", "2", "3", "4", "5", "6", "7", "8")
+    assert len(grids) == 300 + any("9001" in line for line in lines)

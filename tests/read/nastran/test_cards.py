@@ -122,7 +122,10 @@ def test_missing_include_is_refused_in_bulk_data_only(tmp_path: Path) -> None:
         ("INCLUDE 'a", "line 1: INCLUDE has no closing quote"),
         ("+,1,2", "line 1: a continuation line with no card before it"),
         (f"{'GRID    1':72}+A1\n+B2     0.", r"names '\+A1'"),
-        ("GRID,1\n=,*1,=,=,*0.5", "repeats fields of the GRID above"),
+        ("GRID,1,,x\n=,*1,=,*0.5", r"'\*0.5' steps from the field above it, which is 'X'"),
+        ("GRID,1\n=9999999", "=9999999 makes more than 1000000 cards"),
+        ("GRID,1,2,3.,4.,5.,6,,,+\n+,7\n=,*1,==", "GRID above it has several lines"),
+        ("GRID,=,2", "no card stands above it"),
         ("GRID,1,2,3,4,5,6,7,8,9,10", "more than 8 data fields"),
         ("GRID*,1,2,3.,4.,5.", "more than 4 data fields"),
     ],
@@ -147,3 +150,34 @@ def test_field_errors_name_file_line_and_field(tmp_path: Path) -> None:
         card.real(3)
     with pytest.raises(ReadError, match=r"field 6 is '9\+70', more than any length"):
         card.real(4)
+
+
+def test_cards_that_repeat_the_card_above_are_written_out(tmp_path: Path) -> None:
+    """The same five grids as typed, in fields of both kinds; steps of blank fields start at zero."""
+    grids = [("7", "2", f"{x}", "0.5", "", cd) for x, cd in ((0.0, "4"), (0.1, "4"), (0.2, "4"), (0.3, "4"), (0.4, ""))]
+    typed = [("7", *grids[0][1:]), *((str(7 + k), *each[1:]) for k, each in enumerate(grids[1:], start=1))]
+    text = "GRID,7,2,0.0,.5,,4\n=,*1,=,*.1,==\n=2\n$ a comment\n=,11,=,.4,=,=,"
+    found = cards_of(tmp_path, text, {"GRID"})
+    assert [[real_number(f) for f in each] for each in found] == [
+        [real_number(f) for f in each if f or k < 4] for k, each in enumerate(typed)
+    ]
+    small = "SPOINT  1\nGRID    7       2       0.0     .5              4\n=       *(1)    =       *(.1)   ==\n=(2)"
+    assert cards_of(tmp_path, small, {"GRID"}) == found[:4]
+    assert cards_of(tmp_path, "GRID,7\n=,*1,,,,,*(3)\n=,*1,==", {"GRID"})[2] == ("9", "", "", "", "", "3")
+
+
+def test_a_continuation_may_stand_away_from_its_card(tmp_path: Path) -> None:
+    """Programs sort bulk data by name; a line with the name of a continuation belongs to the card that names it."""
+    rows = [f"{'RBE1    5       1       123':72}+R5", "GRID    9               1.", "+R5     UM      2       456"]
+    found = read_cards(write(tmp_path, "\n".join(rows)), {"RBE1", "GRID"}).sections[0]
+    assert found["RBE1"][0].fields == ("5", "1", "123", *[""] * 5, "UM", "2", "456")
+    assert found["GRID"][0].fields == ("9", "", "1.")
+    # The first character of both names is a mark of any kind.
+    rows = [f"{'CORD2C  3       0       0.':72}CORD1", "+ORD1   4."]
+    assert read_cards(write(tmp_path, "\n".join(rows)), {"CORD2C"}).sections[0]["CORD2C"][0].fields[8] == "4."
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "deck.bdf"
+    path.write_text(text + "\n")
+    return path

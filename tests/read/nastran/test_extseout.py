@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import ReadError
-from cmsreduce.read.nastran.bulk import read_extseout
+from cmsreduce.read.nastran.superelements import read_extseout
 
 GRIDS = ["GRID,3,,1.,2.,3.", "GRID,11,,4.,5.,6.,10", "SPOINT,901,902"]
 FRAME = ["CORD2R,10,0,0.,0.,0.,1.,0.,0.", "+,0.,1.,0."]

@@ -155,6 +155,16 @@ def test_matrices_in_basic_though_the_deck_has_frames(space_frame: Frame) -> Non
     assert "gives 2 nodes a displacement frame (node 25 and others)" in text
 
 
+def test_nodes_that_lost_their_displacement_frame(space_frame: Frame) -> None:
+    """A part that was moved by CP alone: grids without a CD keep the basic axes, unlike those in the matrices."""
+    body = space_frame(dict.fromkeys((10, 3, 25, 7, 40, 1), TURNED))
+    assert body.nodes is not None
+    lost = with_frame(with_frame(body.nodes, 3, np.eye(3)), 40, np.eye(3))
+    text = refusal(replace(body, nodes=lost))
+    assert "2 of 6 nodes along the basic axes (node 3, 40)" in text
+    assert "Write the CD of node 10 on their GRID cards" in text
+
+
 @pytest.mark.parametrize(
     ("keys", "cause"),
     [

@@ -26,8 +26,8 @@ def test_the_svg_has_a_mark_for_every_point_in_every_panel(tmp_path: Path) -> No
     collections = [group for group in root.iter(f"{SVG}g") if group.get("id", "").startswith("PathCollection")]
     # A lone mark is drawn where it stands, others are copies of one.
     marks = sum(len(list(group.iter(f"{SVG}use"))) or len(group.findall(f"{SVG}path")) for group in collections)
-    # Four points with figures in three panels, and a mark for each of two methods in the legend.
-    assert marks == 3 * 4 + 2
+    # Four points with figures in four panels, and a mark for each of two methods in the legend.
+    assert marks == 4 * 4 + 2
     # Equal input gives an equal file, which a repository can hold.
     again = tmp_path / "again.svg"
     sweep_picture(made_sweep(), again)
@@ -39,17 +39,21 @@ def test_the_page_is_self_contained_and_names_its_points() -> None:
     assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=[\"']?(?:https?:)?//", page)
     data = re.search(r'id="sweep-data">(.*?)</script>', page, re.S)
     assert data is not None
-    traces = json.loads(data[1])["data"]
+    facts = json.loads(data[1])
     # The library of 4.7 MB is packed as in the report.
     assert len(page) < 2.2e6
-    marks = [trace for trace in traces if trace["mode"] == "markers"]
-    assert sorted(sum(len(trace["x"]) for trace in marks[k : k + 2]) for k in (0, 2, 4)) == [4, 4, 4]
-    front = [trace for trace in traces if trace["mode"] == "lines"]
-    assert [trace["x"] for trace in front] == [[0.5, 1.0, 3.0], [10, 20], [0.01, 0.02, 0.04]]
-    # Faint where another point is better in both.
-    assert marks[0]["marker"]["opacity"] == [1.0, 0.35, 1.0]
-    words = [text for trace in marks for text in trace["text"]]
-    assert any("reduce.cutoff = 1.5" in text and "point 1:" in text for text in words)
+    planes = {(plane["error"], plane["cost"]): plane for plane in facts["planes"]}
+    assert len(planes) == 4 * 6
+    by_size = planes["frf_error", "n_reduced"]
+    assert by_size["points"] == [1, 2, 3, 4]
+    assert [by_size["x"][k] for k in by_size["steps"]] == [10, 20]
+    # In per cent, as the axis says.
+    assert by_size["y"] == pytest.approx([10, 10, 0.1, 20])
+    by_time = planes["frf_error", "reduce_s"]
+    assert [by_time["x"][k] for k in by_time["steps"]] == [0.5, 1.0, 3.0]
+    assert set(re.findall(r'<option value="(\w+)"', page)) == {name for pair in planes for name in pair}
+    said = facts["said"]
+    assert "reduce.cutoff = 1.5" in said["1"] and "point 1:" in said["1"]
     assert HOSTILE not in page
 
 

@@ -21,6 +21,7 @@ from cmsreduce.model import (
     GeometricStiffness,
     Interface,
     Nodes,
+    ParameterTerm,
     UnitLoad,
 )
 from cmsreduce.orthogonalise import orthogonalise
@@ -218,6 +219,8 @@ def test_every_path_on_the_page_is_in_the_file(tmp_path, component):
     page, _, _ = PAGE.read_text().partition("## system.h5")
     table = [line for line in page.splitlines() if line.startswith("| `")]
     pulled, costly = stressed(component.body), CostlyModes((CostlyMode(4, 9.0, "fixed", 1e-5),), 3.0, 2.0, 1e-3)
+    terms = (ParameterTerm("end", "M", np.eye(component.omega.size)),)
+    component = replace(component, terms=terms)
     with h5py.File(written(tmp_path / "chain.h5", component, stiffening=pulled, costly=costly)) as file:
         for line in table:
             folder = ""
@@ -320,3 +323,24 @@ def test_spoiled_files_are_refused_by_name(tmp_path, component, spoil, says):
     spoil(path)
     with pytest.raises(ReadError, match=rf"chain\.h5.*{says}"):
         read_component(path)
+
+
+def test_what_parameters_add_reads_back_and_must_fit_the_modes(tmp_path, component):
+    m = component.omega.size
+    chance = np.random.default_rng(4)
+    K, D = (A + A.T for A in chance.standard_normal((2, m, m)))
+    terms = (ParameterTerm("spin", "K", K, 2), ParameterTerm("spin", "D", D))
+    path = written(tmp_path / "spun.h5", replace(component, terms=terms))
+    found = {term.letter: term for term in read_component(path).parameter_terms}
+    assert {letter: (term.parameter, term.power) for letter, term in found.items()} == {
+        "K": ("spin", 2),
+        "D": ("spin", 1),
+    }
+    np.testing.assert_array_equal(found["K"].matrix, K)
+    assert found["K"].factor({"spin": 3.0}) == 9.0
+    with h5py.File(path, "r+") as file:
+        del file["parameters/spin/damping"]
+        file["parameters/spin/damping"] = np.zeros((m, m - 1))
+    with pytest.raises(ReadError, match="parameters/spin/damping"):
+        read_component(path)
+    assert read_component(written(tmp_path / "bare.h5", component)).parameter_terms == ()

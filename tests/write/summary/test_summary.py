@@ -101,7 +101,7 @@ def test_keys_are_those_of_the_contract():
     for row in facts["configurations"]:
         assert set(row) >= OF_A_CONFIGURATION
     assert set(facts["worst"]) == set(ERRORS)
-    assert set(facts["speed"]) == {"reduce_s", "full_frf_s", "reduced_frf_s"}
+    assert set(facts["speed"]) == {"reduce_s", "full_frf_s", "reduced_frf_s", "simulation"}
 
 
 def test_figures_are_those_of_the_run():
@@ -140,7 +140,7 @@ def test_systems_have_their_frequencies_and_the_same_angles():
     )
     found = summary(run(systems=systems))["system"]
     assert [row["angles"] for row in found] == [{"ball.rx": 10.0}, {"ball.ry": 10.0}]
-    facts = {"name": "a", "angles": {"ball.rx": 10.0}, "rigid_modes": 2, "frequencies_hz": [1.5, 2.5]}
+    facts = {"name": "a", "angles": {"ball.rx": 10.0}, "parameters": {}, "rigid_modes": 2, "frequencies_hz": [1.5, 2.5]}
     # A system too large for all its modes has no advice.
     assert found[0] == facts | {"integration": None}
     assert found[1]["integration"]["highest_hz"] == 9.0

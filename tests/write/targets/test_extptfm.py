@@ -25,17 +25,37 @@ def tripod(axes: np.ndarray | None = None, held: tuple[int, ...] = FEET, **faces
     return frame("tripod", XYZ, BARS, faces or {"top": TOP}, held=held, axes=axes, damping=Damping(modal=(0.01,)))
 
 
-def written(folder: Path, model: FEModel, cutoff: float = 1e9) -> Path:
+def written(folder: Path, model: FEModel, cutoff: float = 1e9, dialect: str | None = None) -> Path:
     rows = np.unique(np.concatenate([model.interface_rows(face) for face in model.interfaces]))
     path = folder / "tripod.h5"
     component = orthogonalise(CraigBampton(cutoff).reduce(model, rows))
     write_component(path, component, nodes=(), inputs={}, outputs={}, checks=(), provenance={})
-    (found,) = convert(path, folder / "tripod_SE.dat")
+    (found,) = convert(path, folder / "tripod_SE.dat", dialect and "extptfm", dialect)
     return found
 
 
 def read(path: Path) -> dict[str, np.ndarray]:
-    """The rules of ReadFlexASCII: words at the start of a line in any case, at fixed columns; others are skipped."""
+    """The rules of ReadReducedFile, OpenFAST 5.0: words at the start of a line in any case; others are skipped."""
+    lines = iter(path.read_text(encoding="ascii").splitlines())
+    found: dict[str, np.ndarray] = {}
+    for line in lines:
+        upper = line[:4096].upper()
+        if upper.startswith("!DIMENSION"):
+            n = int(upper[11:].split()[0])
+        for word, letter, rows in (
+            ("!MASS", "M", None),
+            ("!STIFFNESS", "S", None),
+            ("!DAMPING", "D", None),
+            ("!WEIGHT CONSTANT", "constant", 1),
+            ("!WEIGHT STIFFNESS", "weights", None),
+        ):
+            if upper.startswith(word):
+                found[letter] = np.array([[float(x) for x in next(lines).split()[:n]] for _ in range(rows or n)])
+    return found
+
+
+def read_old(path: Path) -> dict[str, np.ndarray]:
+    """The rules of ReadFlexASCII, before 5.0: the same words, at fixed columns; a line of size follows each."""
     lines = iter(path.read_text(encoding="ascii").splitlines())
     found: dict[str, np.ndarray] = {}
     n, dt, total = -1, -1.0, -1.0
@@ -77,8 +97,8 @@ def test_the_interface_answers_as_the_finite_elements(tmp_path: Path) -> None:
 
 
 def test_what_the_module_requires(tmp_path: Path) -> None:
-    path = written(tmp_path, tripod(), cutoff=400.0)
-    found = read(path)
+    path = written(tmp_path, tripod(), cutoff=400.0, dialect="openfast-4")
+    found = read_old(path)
     M, K, D = (found[letter] for letter in "MSD")
     n = len(M)
     assert 6 < n < 12 and M.shape == K.shape == D.shape == (n, n)
@@ -101,6 +121,15 @@ def test_what_the_module_requires(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.diag(vectors.T @ D @ vectors), 0.02 * np.sqrt(seen), rtol=1e-6)
     # Loads of zero at two times, which the reader holds after the last one.
     np.testing.assert_array_equal(found["loads"], [[0.0] * (n + 1), [1.0] + [0.0] * n])
+
+
+def test_releases_read_the_same_matrices(tmp_path: Path) -> None:
+    new, old = (read(written(tmp_path, tripod())), read_old(written(tmp_path, tripod(), dialect="openfast-4")))
+    for letter in "MSD":
+        np.testing.assert_array_equal(new[letter], old[letter])
+    # The module adds weights without a look at whether the file has them.
+    assert new["constant"].shape == (1, len(new["M"])) and not new["constant"].any()
+    assert new["weights"].shape == new["M"].shape and not new["weights"].any()
 
 
 def test_a_floating_platform_has_no_stiffness_at_its_interface(tmp_path: Path) -> None:

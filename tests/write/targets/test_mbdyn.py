@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from cmsreduce.errors import WriteError
-from cmsreduce.mechanics import integrals_about, mean_axis_motion, without_rigid_motion
+from cmsreduce.mechanics import integrals_about, mass_points, mean_axis_motion, without_rigid_motion
 from cmsreduce.model import SecondOrder, cross_matrix
-from cmsreduce.write.targets.mass_points import mass_points
 from cmsreduce.write.targets.mbdyn import write_mbdyn
 from tests.write.particles import FORMATS, particles
 

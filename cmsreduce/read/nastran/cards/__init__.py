@@ -4,8 +4,9 @@ Lines, field formats, continuations, INCLUDE and sections belong here, and numbe
 The meaning of a card belongs in the file of its kind, one room further out.
 """
 
-from cmsreduce.read.nastran.cards.card import FIELDS_PER_LINE, INTEGER, Card
+from cmsreduce.read.nastran.cards.card import INTEGER, Card
 from cmsreduce.read.nastran.cards.deck import CardFile, read_cards
+from cmsreduce.read.nastran.cards.open_card import FIELDS_PER_LINE
 from cmsreduce.read.nastran.cards.table import NO_CARDS, Cards, CardTable
 
 __all__ = ["FIELDS_PER_LINE", "INTEGER", "NO_CARDS", "Card", "CardFile", "CardTable", "Cards", "read_cards"]

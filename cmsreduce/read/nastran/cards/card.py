@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
+from cmsreduce.read.nastran.cards.open_card import FIELDS_PER_LINE
 from cmsreduce.read.printed_numbers import real_number
 
-__all__ = ["FIELDS_PER_LINE", "INTEGER", "LARGEST", "Card"]
-
-FIELDS_PER_LINE = 8
-"""Data fields on one line of a card with fields of eight characters."""
+__all__ = ["INTEGER", "LARGEST", "Card"]
 
 INTEGER = re.compile(r"[+-]?0*\d{1,15}\Z")
 """An integer of a card; node ids become keys of dofs in 64-bit integers."""

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
 from cmsreduce.read.files import read_text
-from cmsreduce.read.nastran.cards.card import FIELDS_PER_LINE, Card
-from cmsreduce.read.nastran.cards.lines import WIDE_FIELDS_PER_LINE, BulkLines, plain_line
+from cmsreduce.read.nastran.cards.card import Card
+from cmsreduce.read.nastran.cards.lines import BulkLines, plain_line
+from cmsreduce.read.nastran.cards.open_card import IMAGES, OpenCard, image_of
 from cmsreduce.read.nastran.cards.table import CardBlock, Cards, CardTable
 from cmsreduce.read.nastran.listing import echoed_deck, is_listing
-from cmsreduce.read.printed_numbers import real_number
 
 __all__ = ["CardFile", "read_cards"]
 
@@ -27,6 +27,8 @@ _BEGIN = re.compile(
 )
 _ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
 _CEND = re.compile(r"\s*CEND\b", re.IGNORECASE)
+# A deck of millions of cards is written by a program, not by repetition.
+_MOST_IMAGES = 1_000_000
 _ELSEWHERE = -1  # section of auxiliary models, which are no part of the body
 
 
@@ -56,7 +58,8 @@ def read_cards(path: Path, names: Collection[str]) -> CardFile:
     """Read the named cards of a NASTRAN input file and of the files it includes.
 
     Fields may be 8 or 16 characters wide or separated by commas; a tab fills up to the next multiple of eight; a
-    dollar sign starts a comment. An included file is searched beside the including file, then beside ``path``.
+    dollar sign starts a comment. Cards that repeat the one above them (``=``, ``==``, ``*1``, ``=n``) are written out.
+    An included file is searched beside the including file, then beside ``path``.
 
     Parameters
     ----------
@@ -99,61 +102,18 @@ def _has_control(content: str, text: list[str]) -> bool:
     return any(_CEND.match(line) or ((begin := _BEGIN.match(line)) and begin[2] is None) for line in text)
 
 
-@dataclass
-class _OpenCard:
-    """A card with continuation lines to follow; ``kept`` is false for cards that are skipped."""
-
-    name: str
-    path: Path
-    line: int
-    kept: bool
-    fields: list[str] = field(default_factory=list)
-    follow: str = ""
-
-    def append(self, text: str, where: str) -> None:
-        """Add the fields of a line, from the column where its kind of line starts."""
-        if "," in text:
-            first, *parts = (part.strip().upper() for part in text.split(","))
-            wide = "*" in first
-            count = WIDE_FIELDS_PER_LINE if wide else FIELDS_PER_LINE
-            fields, rest = parts[:count], parts[count:]
-            follow = rest[0] if rest else ""
-            if any(rest[1:]) or real_number(follow) is not None:
-                raise ReadError(
-                    f"{where}: more than {count} data fields on one line of {self.name}; "
-                    "break the line there and start the next one with a plus sign and a comma"
-                )
-        else:
-            first = text[:8].strip().upper()
-            wide = "*" in first
-            count, columns = (WIDE_FIELDS_PER_LINE, 16) if wide else (FIELDS_PER_LINE, 8)
-            fields = [text[8 + i * columns : 8 + (i + 1) * columns].strip().upper() for i in range(count)]
-            follow = text[72:80].strip().upper()
-        named, here = self.follow.lstrip("+*"), first.lstrip("+*")
-        if named and here and named != here:
-            raise ReadError(
-                f"{where}: continuation '{first}' follows {self.name} of line {self.line}, which "
-                f"names '{self.follow}'; put every continuation directly after its card"
-            )
-        if not wide and len(self.fields) % FIELDS_PER_LINE:
-            self.fields.extend([""] * (FIELDS_PER_LINE - len(self.fields) % FIELDS_PER_LINE))
-        self.fields.extend(fields + [""] * (count - len(fields)))
-        self.follow = follow
-
-    def complete(self) -> Card:
-        """The card, all lines of which have been added."""
-        while self.fields and not self.fields[-1]:
-            self.fields.pop()
-        return Card(self.name, tuple(self.fields), self.path, self.line)
-
-
 class _Reader:
     """Reads lines of executive control, case control or bulk data, and collects the named cards."""
 
     def __init__(self, part: str, root: Path, names: frozenset[str]) -> None:
         self._part, self._root, self._names = part, root, names
         self._section, self._done = 0, False
-        self._card: _OpenCard | None = None
+        self._card: OpenCard | None = None
+        # Cards by the name of a continuation that has not come yet, with their place among those of their name.
+        self._waiting: dict[str, tuple[OpenCard, int, int]] = {}
+        self._reopened: tuple[int, int] | None = None
+        self._steps: list[str] = []
+        self._images = 0
         self.case: list[str] = []
         self.has_case = False
         self.sections: dict[int, dict[str, list[Card | CardBlock]]] = {}
@@ -176,22 +136,33 @@ class _Reader:
     def close_card(self) -> None:
         """Store the card, which is complete now."""
         card, self._card = self._card, None
-        if card is not None and card.kept:
-            self._store(card.name, card.complete())
-
-    def _store(self, name: str, card: Card | CardBlock) -> None:
-        self.sections.setdefault(self._section, {}).setdefault(name, []).append(card)
+        if card is None or not card.kept:
+            return
+        section, place = self._reopened or (self._section, -1)
+        self._reopened = None
+        cards = self.sections.setdefault(section, {}).setdefault(card.name, [])
+        if place < 0:
+            place = len(cards)
+            cards.append(_complete(card))
+        else:
+            cards[place] = _complete(card)
+        if card.follow[1:]:
+            self._waiting[card.follow[1:]] = card, section, place
 
     def _read_cards(self, path: Path, text: list[str], bulk: BulkLines, at: int) -> int:
         """Read bulk data up to the next line of control, which is returned."""
         first, last, stop = bulk.stretch(at)
+        if self._waiting or bulk.refer_to_others(at, stop):
+            first = last = stop
         for k in range(at, first):
             self._read_line(text[k], path, k + 1)
         if first < last:
             self.close_card()
-            if self._section != _ELSEWHERE:
+            if self._section != _ELSEWHERE and not self._waiting:
                 for block in bulk.cards(first, last, path, lambda begin, end: self._one_card(path, text, begin, end)):
-                    self._store(block.name, block)
+                    self.sections.setdefault(self._section, {}).setdefault(block.name, []).append(block)
+            else:
+                last = first
         for k in range(last, stop):
             self._read_line(text[k], path, k + 1)
         return stop
@@ -202,7 +173,7 @@ class _Reader:
             self._read_line(text[k], path, k + 1)
         card, self._card = self._card, None
         assert card is not None
-        return card.complete()
+        return _complete(card)
 
     def _read_control(self, path: Path, text: list[str], at: int, chain: tuple[Path, ...]) -> int:
         """Read a line of control or before the bulk data, and return the next one; an INCLUDE may have several."""
@@ -255,22 +226,62 @@ class _Reader:
         first = (line.split(",", 1)[0] if "," in line else line[:8]).strip().upper()
         card = self._card
         if first[:1] in ("", "+", "*"):
+            card = self._continued(card, first)
             if card is None:
                 raise ReadError(f"{path}, line {number}: a continuation line with no card before it")
         elif first[0] == "=":
+            # A card that is skipped is skipped with its images.
             if card is not None and card.kept:
-                raise ReadError(
-                    f"{path}, line {number}: '{first}' repeats fields of the {card.name} above it; this shorthand is "
-                    "not read, write the cards out (NASTRAN does with ECHO = PUNCH)"
-                )
+                self._read_images(card, first, line, path, number)
             return
         else:
             self.close_card()
+            before = card
             name = first.rstrip("*").strip()
-            card = _OpenCard(name, path, number, kept=name in self._names and self._section != _ELSEWHERE)
+            card = OpenCard(name, path, number, kept=name in self._names and self._section != _ELSEWHERE)
             self._card = card
+            if card.kept:
+                card.append(line, f"{path}, line {number}")
+                if any(text[:1] in ("=", "*") for text in card.fields):
+                    card.fields = image_of(before, card.fields, f"{path}, line {number}")
+            return
         if card.kept:
             card.append(line, f"{path}, line {number}")
+
+    def _continued(self, card: OpenCard | None, first: str) -> OpenCard | None:
+        """The card that a line continues: the one above, or an earlier one that waits for the name of the line."""
+        name = first[1:]
+        if not name or (card is not None and card.follow[1:] == name) or name not in self._waiting:
+            return card
+        self.close_card()
+        self._card, section, place = self._waiting.pop(name)
+        # It is stored again, in its place among the cards of its name, when it is complete.
+        self._reopened = (section, place)
+        return self._card
+
+    def _read_images(self, card: OpenCard, first: str, line: str, path: Path, number: int) -> None:
+        """Read a line that repeats the card above it: once, or ``=n`` times with the steps of the last image."""
+        where = f"{path}, line {number}"
+        count = IMAGES.fullmatch(first)
+        if count is None:
+            given = OpenCard(card.name, path, number, kept=True)
+            given.append(line, where)
+            self._steps = given.fields
+        self._images += int(count[1]) if count else 1
+        if self._images > _MOST_IMAGES:
+            raise ReadError(f"{where}: {first} makes more than {_MOST_IMAGES} cards; the deck is damaged")
+        for _ in range(int(count[1]) if count else 1):
+            self.close_card()
+            self._card = OpenCard(card.name, path, number, True, image_of(card, self._steps, where))
+            card = self._card
+
+
+def _complete(card: OpenCard) -> Card:
+    """The card, without the empty fields at its end."""
+    count = len(card.fields)
+    while count and not card.fields[count - 1]:
+        count -= 1
+    return Card(card.name, tuple(card.fields[:count]), card.path, card.line)
 
 
 def _is_control(raw: str) -> bool:

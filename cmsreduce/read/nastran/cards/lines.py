@@ -9,13 +9,11 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from cmsreduce.read.nastran.cards.card import FIELDS_PER_LINE, Card
+from cmsreduce.read.nastran.cards.card import Card
+from cmsreduce.read.nastran.cards.open_card import FIELDS_PER_LINE, WIDE_FIELDS_PER_LINE
 from cmsreduce.read.nastran.cards.table import WIDEST, CardBlock
 
-__all__ = ["WIDE_FIELDS_PER_LINE", "BulkLines", "plain_line"]
-
-WIDE_FIELDS_PER_LINE = 4
-"""Data fields on one line of a card with fields of sixteen characters."""
+__all__ = ["BulkLines", "plain_line"]
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -24,7 +22,7 @@ _HEAD, _BODY_END = 8, 72  # columns of the name, and where the name of the conti
 _LONGEST = 80
 # Cards of more lines are read one by one, because all cards of a block have room for the fields of the longest.
 _MOST_LINES = 8
-_BLANK, _NEWLINE, _TAB, _COMMA, _DOLLAR, _STAR, _UNKNOWN = b" \n\t,$*?"
+_BLANK, _NEWLINE, _TAB, _COMMA, _DOLLAR, _STAR, _EQUAL, _UNKNOWN = b" \n\t,$*=?"
 # Tabs and what is no character of NASTRAN: such lines are read one by one.
 _ODD = np.zeros(256, dtype=bool)
 _ODD[:32] = _ODD[127:] = _ODD[_UNKNOWN] = True
@@ -74,6 +72,7 @@ class BulkLines:
         self._names = sorted(names)
         self._kind = self._kinds(text)
         self._new = (self._kind == _OTHER_CARD) | (self._kind >= _WANTED)
+        self._refers, self._announced = self._references(text)
         self._control = self._control_lines(text, joined, is_control)
 
     def _line_of(self, place: Ints) -> Ints:
@@ -142,8 +141,45 @@ class BulkLines:
         new = np.flatnonzero(self._new[at:stop]) + at
         return (int(new[0]), int(new[-1]), stop) if new.size else (stop, stop, stop)
 
+    def refer_to_others(self, at: int, stop: int) -> bool:
+        """True if lines have a wanted card whose fields, continuations or repetitions are those of other lines.
+
+        A field may be that of the card above (``=``, ``*1``), a line may repeat a card, and a card that ends with the
+        name of a continuation goes on anywhere in the deck.
+        """
+        owner = self._kind[at:stop][np.maximum.accumulate(np.where(self._new[at:stop], np.arange(stop - at), 0))]
+        wanted = owner >= _WANTED
+        repeated = self._kind[at:stop] == _REPEAT
+        open_end = self._announced[at:stop].copy()
+        # The card goes on in the next line.
+        open_end[:-1] &= (self._kind[at + 1 : stop] != _MORE) | self._blank_head[at + 1 : stop]
+        return bool((wanted & (repeated | open_end | self._refers[at:stop])).any())
+
+    def _references(self, text: Sequence[str]) -> tuple[Flags, Flags]:
+        """Lines with a field that may be an instruction to repeat, and lines that name a continuation."""
+        free = self._comma_count > 0
+        places = np.flatnonzero((self._data == _STAR) | (self._data == _EQUAL))
+        line = self._line_of(places)
+        begin, end = self._starts + _HEAD, np.minimum(self._stops, self._starts + _BODY_END)
+        begin[free], end[free] = self._commas[self._first_comma[free]], self._stops[free]
+        refers = np.zeros(len(free), dtype=bool)
+        refers[line[(places >= begin[line]) & (places < end[line])]] = True
+        # The first character of a name is a mark; of free lines the name stands behind the fields.
+        named = self._window(self._starts + _BODY_END + 1, _HEAD - 1, self._stops)
+        announced = (named != _BLANK).any(axis=1) & ~free
+        count = np.where(self._wide, WIDE_FIELDS_PER_LINE, FIELDS_PER_LINE)
+        long = np.flatnonzero(self._comma_count > count)
+        behind = self._window(self._commas[self._first_comma[long] + count[long]] + 1, WIDEST, self._stops[long])
+        announced[long] = (behind != _BLANK).sum(axis=1) > 1
+        # Tabs move what follows them.
+        for at in np.flatnonzero(self._odd & ~free).tolist():
+            whole = plain_line(text[at])
+            refers[at] = any(mark in whole[_HEAD:_BODY_END] for mark in "=*")
+            announced[at] = bool(whole[_BODY_END + 1 : _LONGEST].strip())
+        return refers, announced
+
     def cards(self, first: int, last: int, path: Path, read_one: Callable[[int, int], Card]) -> list[CardBlock]:
-        """Wanted cards of some lines, a block for each name, in the order of their first cards.
+        """Wanted cards of some lines that refer to no others, a block for each name, in the order of first cards.
 
         Parameters
         ----------
@@ -166,7 +202,7 @@ class BulkLines:
             return []
         begins, ends, kind = begins[wanted], ends[wanted], kind[wanted]
         lines, card = self._lines_of_cards(begins, ends)
-        apart_lines = self._odd[lines] | (self._kind[lines] == _REPEAT) | self._names_another(lines, card)
+        apart_lines = self._odd[lines] | self._names_another(lines, card)
         count = np.where(self._wide[lines], WIDE_FIELDS_PER_LINE, FIELDS_PER_LINE)
         apart_lines |= (self._comma_count[lines] > count) | self._has_long_fields(lines)
         apart = np.bincount(card, minlength=len(begins)) > _MOST_LINES

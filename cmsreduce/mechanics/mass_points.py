@@ -1,4 +1,4 @@
-"""Mass points that have every integral of a flexible body: for programs that sum masses over nodes."""
+"""Mass points that have every integral of a flexible body, and the integrals of second order that they have."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cmsreduce.model import ModalIntegrals
+from cmsreduce.model import ModalIntegrals, SecondOrder, cross_matrix
 
-__all__ = ["MassPoints", "mass_points"]
+__all__ = ["MassPoints", "mass_points", "points_of_lumps"]
 
 Array = NDArray[np.float64]
 
@@ -31,6 +31,20 @@ class MassPoints:
     mass: Array
     position: Array
     translation: Array
+
+    def second_order(self, rigid: Array) -> SecondOrder:
+        """Integrals of second order of coordinates of rigid motion, then of the modes.
+
+        Parameters
+        ----------
+        rigid : (6, r) float64
+            Translation and rotation of the frame in each coordinate of rigid motion, about its origin.
+        """
+        turned = np.cross(rigid[3:].T[None], self.position[:, None]).transpose(0, 2, 1)
+        motion = np.concatenate([rigid[:3] + turned, self.translation], axis=2)
+        momentum = self.mass[:, None, None] * motion
+        r_phi = np.tensordot(self.position, momentum, (0, 0))
+        return SecondOrder(r_phi, np.tensordot(motion, momentum, (0, 0)).transpose(0, 2, 1, 3))
 
 
 def mass_points(integrals: ModalIntegrals) -> MassPoints:
@@ -85,3 +99,39 @@ def _uniform(V: Array) -> Array:
     mirror = row - np.linalg.norm(row) / np.sqrt(row.size)
     length = mirror @ mirror
     return V if length == 0 else V - np.outer(V @ mirror, mirror) * (2 / length)
+
+
+def points_of_lumps(mass: Array, inertia: Array, position: Array, translation: Array, rotation: Array) -> MassPoints:
+    """Points that have the mass and the inertia of rigid lumps at nodes.
+
+    Parameters
+    ----------
+    mass : (n,) float64
+        Mass of each lump.
+    inertia : (n, 3) float64
+        Its moments of inertia about the axes of the frame.
+    position : (n, 3) float64
+        Places of the nodes.
+    translation, rotation : (n, 3, k) float64
+        Motion of the nodes in each mode.
+
+    Returns
+    -------
+    MassPoints
+        A lump with inertia has two points on either side of its node on each axis; they are taken from the mass at the
+        node.
+    """
+    squares = inertia.sum(axis=1, keepdims=True) / 2 - inertia
+    turning = np.flatnonzero(squares.any(axis=1))
+    # Any arm gives the same integrals; one of the size of the body rounds least.
+    arm = float(np.ptp(position, axis=0).max(initial=0.0)) or 1.0
+    at_node = mass.copy()
+    at_node[turning] -= squares[turning].sum(axis=1) / arm**2
+    masses, places, motions = [at_node], [position], [translation]
+    for axis in range(3):
+        for side in (arm, -arm):
+            offset = side * np.eye(3)[axis]
+            masses.append(squares[turning, axis] / (2 * arm**2))
+            places.append(position[turning] + offset)
+            motions.append(translation[turning] - cross_matrix(offset) @ rotation[turning])
+    return MassPoints(np.concatenate(masses), np.concatenate(places), np.concatenate(motions))

@@ -1,0 +1,160 @@
+"""Smallest models: modes chosen, system modes projected, and scene shapes; error against size on three systems.
+
+    python benchmarks/smallest_model.py                    table and picture of docs/smallest-model.md
+    python benchmarks/smallest_model.py --range            Galileo at 100 random angles of its whole range
+    python benchmarks/smallest_model.py --certificates     certificates of 1000 random systems
+
+``--write`` puts the table and the picture into the page.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from cmsreduce.config import load_pipeline  # noqa: E402
+from cmsreduce.errors import CmsReduceError  # noqa: E402
+from cmsreduce.pipeline import Run, Silent  # noqa: E402
+from cmsreduce.pipeline.project.articulation_range import ArticulationRange  # noqa: E402
+from cmsreduce.project import ESTIMATE_FACTOR, response_certificates, richer_shapes  # noqa: E402
+from cmsreduce.report.pictures.figure import drawn, legend_above, plain_axes  # noqa: E402
+from tests.project.scene_systems import random_scene, random_shapes, whole_responses  # noqa: E402
+from tests.two_beams import write_two_beams  # noqa: E402
+
+PAGE, PICTURE = ROOT / "docs" / "smallest-model.md", ROOT / "docs" / "smallest-model.png"
+START, END = "<!-- table -->", "<!-- end of table -->"
+HEADER = "| system | road | shapes | worst frf_error | worst db_error | seconds |\n|---|---|---|---|---|---|"
+ON_PAGE = HEADER.replace(" seconds |", "").replace("---|---|---|---|---|---|", "---|---|---|---|---|")
+SCENE_SHAPES = "scene shapes"
+# Errors asked of the modes and of the projection, and shapes asked of the third road, for the curves.
+ASKED = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005)
+SIZES = {"two beams": (4, 5, 6, 7, 8, 9), "galileo": (10, 13, 16, 19, 22), "station": (10, 14, 18, 22, 26)}
+LIMITS = {"two beams": (0.01, 1.0), "galileo": (0.02, 1.0), "station": (0.05, 1.0)}
+COLOURS = {"modes": "#0072B2", "system modes, projected": "#009E73", SCENE_SHAPES: "#D55E00"}
+RANDOM_ANGLES, SYSTEMS = 100, 1000
+
+
+def opened(system: str, folder: Path, *settings: str) -> Run:
+    """A run of one of the systems with some settings."""
+    path = write_two_beams(folder) if system == "two beams" else ROOT / "pipelines" / f"{system}.yaml"
+    frf, decibel = LIMITS[system]
+    limits = f"verify.limits={{frf_error: {frf}, db_error: {decibel}}}"
+    return Run(load_pipeline(path, ["balance={keep: all}", "verify.compare={}", limits, *settings]), folder, Silent())
+
+
+def roads(system: str) -> Iterator[tuple[str, str, list[str]]]:
+    """Label, remark and settings of every model."""
+    yield "modes", "limits", ["balance={keep: limits}"]
+    yield SCENE_SHAPES, "limits", ["project={responses: auto, between: false}"]
+    for error in ASKED:
+        yield "modes", "", [f"balance={{keep: {{frf_error: {error}}}}}"]
+        yield "system modes, projected", "", [f"project={{modes: auto, frf_error: {error}, between: false}}"]
+    for size in SIZES[system]:
+        yield SCENE_SHAPES, "", [f"project={{responses: {size}, between: false}}"]
+
+
+def measured(system: str) -> Iterator[tuple[str, str, int, float, float, float]]:
+    """Label, remark, size, errors and seconds of every model."""
+    for label, remark, settings in roads(system):
+        with tempfile.TemporaryDirectory() as folder:
+            run = opened(system, Path(folder), *settings)
+            _ = run.ranked, run.comparison
+            started = time.perf_counter()
+            try:
+                size = sum(component.elastic_count for component in run.final.values())
+            except CmsReduceError:
+                continue
+            seconds = time.perf_counter() - started
+            found = run.comparison.at(run.scene.configurations, {"reduced": run.model})
+            errors = [each.errors["reduced"] for each in found]
+            frf, decibel = max(e.frf_error for e in errors), max(e.db_error for e in errors)
+            yield label, remark, size, frf, decibel, seconds
+
+
+def picture(found: dict[str, list[tuple[str, int, float]]]) -> None:
+    """Error against size, a panel for each system."""
+    with drawn(PICTURE, (9.0, 3.6)) as figure:
+        panels = figure.subplots(1, len(found), sharey=True)
+        for axes, (system, points) in zip(np.atleast_1d(panels), found.items(), strict=True):
+            for label, colour in COLOURS.items():
+                own = sorted({(size, error) for name, size, error in points if name == label})
+                mark = {"modes": "o", SCENE_SHAPES: "s"}.get(label, "^")
+                axes.plot(*zip(*own, strict=True), marker=mark, color=colour, label=label, linewidth=1.3, markersize=4)
+            axes.set_yscale("log")
+            axes.set_xlabel("elastic shapes of all bodies")
+            axes.set_title(system, fontsize=9)
+            plain_axes(axes, y="log")
+        np.atleast_1d(panels)[0].set_ylabel("worst frf_error")
+        legend_above(figure, np.atleast_1d(panels)[0])
+
+
+def table(systems: list[str], write: bool) -> None:
+    """Print the table, and put it and the picture into the page."""
+    print(HEADER)
+    lines, points = [ON_PAGE], dict[str, list[tuple[str, int, float]]]()
+    for system in systems:
+        for label, remark, size, frf, decibel, seconds in measured(system):
+            points.setdefault(system, []).append((label, size, frf))
+            limits = f"{LIMITS[system][0]:.0%}, {LIMITS[system][1]:g} dB" if remark else "size or frf_error stated"
+            line = f"| {system} | {label}, {limits} | {size} | {frf:.2%} | {decibel:.2f} dB | {seconds:.0f} |"
+            print(line, flush=True)
+            if remark:
+                # Seconds mean something on an idle machine only.
+                lines.append(line.rpartition(" | ")[0] + " |")
+    if write:
+        picture(points)
+        head, _, rest = PAGE.read_text().partition(START)
+        tail = rest.partition(END)[2]
+        PAGE.write_text(f"{head}{START}\n" + "\n".join(lines) + f"\n{END}{tail}")
+
+
+def whole_range(settings: list[str]) -> None:
+    """Galileo's scene shapes at random angles of the whole range: size, worst errors and how many break a limit."""
+    with tempfile.TemporaryDirectory() as folder:
+        run = opened("galileo", Path(folder), "project={responses: auto}", *settings)
+        size = sum(component.elastic_count for component in run.final.values())
+        found = run.comparison.at(ArticulationRange(run.scene).random(RANDOM_ANGLES, 1), {"reduced": run.model})
+        errors = np.array([(e.errors["reduced"].frf_error, e.errors["reduced"].db_error) for e in found])
+        broken = int(np.count_nonzero((errors > LIMITS["galileo"]).any(axis=1)))
+        print("\n".join(run.projected.notes if run.projected else ()))
+        print(
+            f"{size} shapes at {RANDOM_ANGLES} random angles: worst frf_error {errors[:, 0].max():.2%}, worst db_error "
+            f"{errors[:, 1].max():.2f} dB, {broken} angles break a limit"
+        )
+
+
+def certificates() -> None:
+    """Errors over their estimates and bounds in random systems."""
+    rng = np.random.default_rng(2026)
+    ratios, broken = [], 0
+    for k in range(SYSTEMS):
+        scene = random_scene(rng, ("modal", "matrix", "structural")[k % 3])
+        shapes = random_shapes(rng, scene)
+        more = max(V.shape[1] for V in shapes.values())
+        (found,) = response_certificates(scene, shapes, richer_shapes(scene, shapes, more))
+        (whole,) = whole_responses(scene)
+        error = abs(scene.joined(shapes)[0].H - whole)
+        broken += int((error > found.bound * (1 + 1e-9) + 1e-9 * abs(whole)).any())
+        ratios.append(np.linalg.norm(error) / np.linalg.norm(found.estimate))
+    print(
+        f"{SYSTEMS} random systems: bound broken in {broken}; error over estimate: median {np.median(ratios):.3g}, "
+        f"99th percentile {np.percentile(ratios, 99):.3g}, largest {max(ratios):.3g} (stated: {ESTIMATE_FACTOR:g})"
+    )
+
+
+if __name__ == "__main__":
+    arguments = sys.argv[1:]
+    if "--range" in arguments:
+        whole_range([each for each in arguments if "=" in each])
+    elif "--certificates" in arguments:
+        certificates()
+    else:
+        table([each for each in arguments if each in LIMITS] or list(LIMITS), "--write" in arguments)

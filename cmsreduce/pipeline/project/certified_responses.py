@@ -1,0 +1,85 @@
+"""Certificate of scene shapes: errors by residuals, checked by solves of the unreduced bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.model import CertificateRecord, Configuration, SolvedPoint
+from cmsreduce.project import (
+    ESTIMATE_FACTOR,
+    ResponseCertificate,
+    SceneResponses,
+    Shapes,
+    response_certificates,
+    richer_shapes,
+)
+
+__all__ = ["DirectSolve", "certified"]
+
+DirectSolve = Callable[[Configuration, NDArray[np.float64]], NDArray[np.complex128]]
+"""Response of the unreduced bodies at a few frequencies, rigid-body part included."""
+
+# Frequencies solved in each configuration, and apart from each other by this factor at least.
+_SOLVED, _APART = 2, 1.02
+
+
+def certified(
+    scene: SceneResponses,
+    configurations: Sequence[Configuration],
+    shapes: Shapes,
+    direct: DirectSolve,
+    reference: Mapping[str, str],
+) -> CertificateRecord:
+    """Estimate, bound and check the errors of scene shapes.
+
+    Parameters
+    ----------
+    scene : SceneResponses
+        One sample for each configuration.
+    configurations : sequence of Configuration
+    shapes : mapping of body to (n, k) float64
+    direct : callable
+        Solves the unreduced bodies.
+    reference : mapping of body to str
+        How they enter these solves.
+    """
+    most = max((V.shape[1] for V in shapes.values()), default=0)
+    certificates = response_certificates(scene, shapes, richer_shapes(scene, shapes, most))
+    estimated, bounds, solved = dict[str, float](), dict[str, float](), list[SolvedPoint]()
+    for sample, joined, each, found in zip(
+        scene.samples, scene.joined(shapes), configurations, certificates, strict=True
+    ):
+        channel = sample.row[:, None] * sample.column
+        rigid = sample.H - sample.elastic
+        # Without the unreduced response: the reduced one is its measure.
+        size = _squares((joined.H - rigid) * channel)
+        whole = np.trapezoid(size, sample.omega)
+        squares = [_squares(part * channel) for part in (found.estimate, found.bound)]
+        for record, square in zip((estimated, bounds), squares, strict=True):
+            record[each.name] = float(np.sqrt(np.trapezoid(square, sample.omega) / whole)) if whole else 0.0
+        at = _largest(found, squares[0])
+        error = _squares((joined.H[at] - direct(each, sample.omega[at])) * channel)
+        for k, square in zip(at, error, strict=True):
+            shares = (
+                float(np.sqrt(part / max(size[k], np.finfo(float).tiny)))
+                for part in (square, squares[0][k], squares[1][k])
+            )
+            solved.append(SolvedPoint(each.name, float(sample.omega[k] / (2 * np.pi)), *shares))
+    return CertificateRecord(estimated, bounds, tuple(solved), ESTIMATE_FACTOR, reference)
+
+
+def _squares(H: NDArray[np.complex128] | NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.sum(abs(H) ** 2, axis=(1, 2)))
+
+
+def _largest(found: ResponseCertificate, square: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Numbers of the frequencies with the largest estimates, not next to each other, ascending."""
+    chosen: list[int] = []
+    for k in np.argsort(-square, kind="stable"):
+        ratios = found.omega[k] / found.omega[chosen]
+        if len(chosen) < _SOLVED and (np.maximum(ratios, 1 / ratios) >= _APART).all():
+            chosen.append(int(k))
+    return np.array(sorted(chosen), dtype=np.int64)

@@ -1,0 +1,80 @@
+"""Component files and the system file of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cmsreduce.mechanics import moves_generalised
+from cmsreduce.model import UNDETERMINED, Configuration
+from cmsreduce.pipeline.results.mass_and_frame import frame_of, integral_frame_of, outboard_of
+from cmsreduce.pipeline.results.result import component_checks
+from cmsreduce.pipeline.results.step_advice import body_costly_modes
+from cmsreduce.pipeline.results.units import channel_quantities
+from cmsreduce.pipeline.run import Run
+from cmsreduce.pipeline.store import diagnostic
+from cmsreduce.write import write_component, write_system
+
+__all__ = ["write_body", "write_system_file"]
+
+
+@diagnostic("the component file of '{}'", about=lambda run, name, _: name, required=True)
+def write_body(run: Run, name: str, path: Path) -> Path | None:
+    """Write the component file of a body."""
+    model, component = run.model.assembled, run.written(name)
+    wiring = model.wiring(Configuration("as built"))
+    columns, L = model.stack.body_columns(name), run.written_motions(name)
+
+    def on_body(rows: np.ndarray[Any, np.dtype[np.float64]]) -> Any:
+        return rows[:, columns] @ L
+
+    forces, displacements, rates = on_body(wiring.B), on_body(wiring.C1), on_body(wiring.C2)
+    inputs = {c.name: row for c, row in zip(run.scene.actuators, forces, strict=True) if row.any()}
+    measured = zip(run.scene.sensors, displacements, rates, strict=True)
+    outputs = {c.name: (d, v) for c, d, v in measured if d.any() or v.any()}
+    frame = frame_of(run, name)
+    write_component(
+        path,
+        component,
+        nodes=[int(label) for label in model.substructures[name].motion],
+        inputs=inputs,
+        outputs=outputs,
+        checks=component_checks(run, name),
+        provenance=_provenance(run),
+        all_nodes=run.pipeline.write is not None and run.pipeline.write.all_nodes,
+        frame=frame,
+        about=integral_frame_of(run, name, frame),
+        augmented=outboard_of(run, name),
+        costly=body_costly_modes(run, name),
+        stiffening=run.bodies[name].stiffening,
+    )
+    body = component.body
+    if body.nodes is not None and body.second_order is None and moves_generalised(body):
+        run.stages.note(
+            f"{name}: {UNDETERMINED}. Its file leaves them out; exudyn and sid files are for slow rotations, without "
+            "forces by squares of angular velocities; 42, mbdyn, mbsim, discos, dads and treetops need them"
+        )
+    return path
+
+
+@diagnostic("the file system.h5", tuple, required=True)
+def write_system_file(run: Run, path: Path | None = None) -> tuple[Path, ...]:
+    """Write the assembled system in every configuration, by default to system.h5 of the run."""
+    path = path or run.folder / "system.h5"
+    model = run.model.assembled
+    systems = [model.system(configuration) for configuration in run.scene.configurations]
+    write_system(
+        path, systems, provenance=_provenance(run), units=run.scene.units, quantities=channel_quantities(run.scene)
+    )
+    return (path,)
+
+
+def _provenance(run: Run) -> Mapping[str, Any]:
+    return {
+        "pipeline": run.pipeline.name,
+        "settings": run.pipeline.model_dump(mode="json", exclude_none=True),
+        "notes": list(run.stages.notes),
+    }

@@ -1,0 +1,216 @@
+"""Scene shapes: shapes of the bodies from the scene's own responses, optimised for the errors of these responses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from cmsreduce.project.scene_responses import ResponseSample, SceneResponses, Shapes
+
+__all__ = ["ResponseLimits", "SceneFit", "energy_shapes", "fit_shapes", "misfit", "objective"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Error of a channel, relative to its response, that counts as a limit of 1 dB: 0.52 dB, because the limit is a
+# percentile of all frequencies and the objective is a mean.
+_SHARE_OF_DECIBEL = 0.06
+# Far beyond its limit a point counts in proportion to the square of its error, so that a few zeros of the response do
+# not rule all other points.
+_LINEAR = 0.02
+# Steps that L-BFGS remembers.
+_MEMORY = 20
+
+
+@dataclass(frozen=True)
+class ResponseLimits:
+    """Limits of the errors that the shapes are optimised for.
+
+    Parameters
+    ----------
+    frf_error : float
+        Relative error of the elastic response over the band.
+    db_error : float
+        Error in decibels.
+    """
+
+    frf_error: float
+    db_error: float
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFit:
+    """Shapes after an optimisation.
+
+    Parameters
+    ----------
+    shapes : mapping of body to (n, k) float64
+        Orthonormal combinations of the free modes.
+    misfit : float
+        Objective; at or below zero where the limits are met as a rule.
+    steps : int
+        Steps of the optimisation.
+    """
+
+    shapes: dict[str, Array]
+    misfit: float
+    steps: int
+
+    @property
+    def count(self) -> int:
+        """Number of shapes of all bodies."""
+        return sum(V.shape[1] for V in self.shapes.values())
+
+
+def misfit(sample: ResponseSample, H: Complex, limits: ResponseLimits) -> tuple[float, Complex]:
+    """Misfit of the response in one configuration.
+
+    Parameters
+    ----------
+    sample : ResponseSample
+        Response to be met.
+    H : (f, outputs, inputs) complex128
+        Response of the reduced bodies.
+    limits : ResponseLimits
+
+    Returns
+    -------
+    value : float
+        (e / limit)^4 + mean rho^2 / (1 + 0.02 rho): e is the response error on the sample's grid, and rho, at each
+        frequency and in each channel, |dH|^2 over the square of the share of |H| that the decibel limit allows.
+    slope : (f, outputs, inputs) complex128
+        Its derivative by the real part of H, plus i times that by the imaginary part.
+    """
+    channel = sample.row[:, None] * sample.column[None, :]
+    weight = _widths(sample.omega)[:, None, None] * channel**2
+    size = float(np.sum(weight * abs(sample.elastic) ** 2))
+    if not size:
+        return 0.0, np.zeros_like(H)
+    weight /= size
+    heard = sample.heard & (abs(sample.H) > 0)
+    allowed = np.where(heard, _SHARE_OF_DECIBEL * limits.db_error * abs(sample.H), np.inf)
+    miss = H - sample.H
+    power = abs(miss) ** 2
+    square, rho = float(np.sum(weight * power)), power / allowed**2
+    # A Bode plot has a logarithmic axis.
+    decades = np.where(heard, _widths(np.log(sample.omega))[:, None, None], 0.0)
+    decades /= decades.sum() or 1.0
+    below, limit = 1 + _LINEAR * rho, limits.frf_error**4
+    slope = 4 * square / limit * weight + decades * (4 * rho + 2 * _LINEAR * rho**2) / below**2 / allowed**2
+    return square**2 / limit + float(np.sum(decades * rho**2 / below)), slope * miss
+
+
+def objective(
+    scene: SceneResponses, shapes: Shapes, limits: Sequence[ResponseLimits]
+) -> tuple[float, dict[str, Array]]:
+    """Logarithm of the misfit of all configurations, and its derivative by the shapes of each body (n, k)."""
+    joined = scene.joined(shapes)
+    found = [misfit(*each) for each in zip(scene.samples, (one.H for one in joined), limits, strict=True)]
+    total = sum(value for value, _ in found)
+    if not total > 0:
+        return -np.inf, {name: np.zeros_like(V) for name, V in shapes.items()}
+    gradient = scene.gradient(shapes, joined, [slope for _, slope in found])
+    return float(np.log(total)), {name: part / total for name, part in gradient.items()}
+
+
+def energy_shapes(scene: SceneResponses, mix: float) -> dict[str, tuple[Array, Array]]:
+    """Directions of each body that hold most strain energy of the scene's responses, the strongest first.
+
+    Parameters
+    ----------
+    scene : SceneResponses
+    mix : float
+        Each response counts by |H|^-mix: a larger value favours frequencies at which little is heard.
+
+    Returns
+    -------
+    mapping of body to (shapes, share)
+        Shapes (n, k) and singular values (k,), comparable between the bodies.
+    """
+    columns: dict[str, list[Array]] = {name: [] for name in scene.bodies}
+    for sample, responses in zip(scene.samples, scene.full_responses(), strict=True):
+        scaled = abs(sample.row[:, None] * sample.H * sample.column)
+        largest = scaled.max(initial=0.0)
+        if not largest:
+            continue
+        for side, (fields, scale) in enumerate(zip(responses, (sample.column, sample.row), strict=True)):
+            heard = np.sqrt(np.sum(scaled**2, axis=1 + side)) / largest
+            weight = scale * np.where(heard > 0, heard, 1.0) ** -mix
+            own = {
+                name: (
+                    scene.bodies[name].omega[:, None]
+                    * (X * weight[:, None, :]).transpose(1, 0, 2).reshape(X.shape[1], -1)
+                )
+                for name, X in fields.items()
+            }
+            energy = np.sqrt(sum(float(np.sum(abs(part) ** 2)) for part in own.values()))
+            for name, part in own.items():
+                columns[name] += [part.real / energy, part.imag / energy] if energy else []
+    found = {}
+    for name, body in scene.bodies.items():
+        every = np.hstack(columns[name]) if columns[name] else np.zeros((body.count, 0))
+        U, share, _ = la.svd(every, full_matrices=False)
+        found[name] = (U / body.omega[:, None], share)
+    return found
+
+
+def fit_shapes(
+    scene: SceneResponses, start: Shapes, limits: Sequence[ResponseLimits], steps: int, enough: float = -np.inf
+) -> SceneFit:
+    """Optimise the subspace of each body for the responses of all configurations together.
+
+    Parameters
+    ----------
+    scene : SceneResponses
+    start : mapping of body to (n, k) float64
+        Shapes to start from, of full rank.
+    limits : ResponseLimits
+    steps : int
+        Most steps of L-BFGS.
+    enough : float
+        Misfit at which to stop.
+    """
+    from scipy.optimize import OptimizeResult, minimize
+
+    sizes = {name: V.shape for name, V in start.items()}
+    ends = np.cumsum([rows * columns for rows, columns in sizes.values()])[:-1]
+
+    def unpacked(x: Array) -> dict[str, Array]:
+        parts = zip(sizes, np.split(x, ends), strict=True)
+        # Strain energy as the norm: soft and stiff modes count alike.
+        return {name: part.reshape(sizes[name]) / scene.bodies[name].omega[:, None] for name, part in parts}
+
+    def value(x: Array) -> tuple[float, Array]:
+        shapes = unpacked(x)
+        try:
+            J, gradient = objective(scene, shapes, limits)
+        except np.linalg.LinAlgError:
+            return np.inf, np.zeros_like(x)
+        return J, np.concatenate([(gradient[name] / scene.bodies[name].omega[:, None]).ravel() for name in sizes])
+
+    def stop(intermediate_result: OptimizeResult) -> None:
+        if intermediate_result.fun <= enough:
+            raise StopIteration
+
+    x = np.concatenate([(np.linalg.qr(scene.bodies[name].omega[:, None] * V)[0]).ravel() for name, V in start.items()])
+    found = minimize(
+        value,
+        x,
+        jac=True,
+        method="L-BFGS-B",
+        callback=stop,
+        options={"maxiter": steps, "maxfun": 2 * steps, "maxcor": _MEMORY, "ftol": 0.0, "gtol": 0.0},
+    )
+    return SceneFit(
+        {name: np.linalg.qr(V)[0] for name, V in unpacked(found.x).items()}, float(found.fun), int(found.nit)
+    )
+
+
+def _widths(x: Array) -> Array:
+    """Weights of the trapezoidal rule."""
+    step = np.diff(x)
+    return np.asarray((np.concatenate([[0.0], step]) + np.concatenate([step, [0.0]])) / 2)

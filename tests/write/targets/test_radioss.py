@@ -1,0 +1,95 @@
+"""Radioss: the matrices of /FXBODY, read by the rules of its reader, are the finite elements' condensed ones."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cmsreduce.errors import WriteError
+from cmsreduce.model import Damping, FEModel, Units, in_units
+from cmsreduce.orthogonalise import orthogonalise
+from cmsreduce.reduce import CraigBampton
+from cmsreduce.write import convert, write_component
+from cmsreduce.write.targets import conversion
+from tests.frames import frame, rotation
+
+XYZ = [[0.0, 0.0, 0.0], [0.4, 0.0, 0.1], [0.8, 0.1, 0.1], [1.2, 0.1, 0.0]]
+BARS = [(1, 2), (2, 3), (3, 4)]
+ENDS = {"left": 1, "right": 4}
+
+
+def body(axes: np.ndarray | None = None, **faces: object) -> FEModel:
+    return frame("bent", XYZ, BARS, faces or ENDS, axes=axes, damping=Damping(modal=(0.01,)))
+
+
+def component(folder: Path, model: FEModel) -> Path:
+    rows = np.unique(np.concatenate([model.interface_rows(face) for face in model.interfaces]))
+    modes = orthogonalise(CraigBampton(1e9).reduce(model, rows))
+    path = folder / "bent.h5"
+    write_component(path, modes, nodes=(), inputs={}, outputs={}, checks=(), provenance={})
+    return path
+
+
+def read(path: Path) -> dict[str, dict[tuple[int, int, int, int], float]]:
+    """READ_PCH_FILE: fields by columns; comments and empty lines are skipped; only KAAX and MAAX are known."""
+    lines = [line for line in path.read_text(encoding="ascii").splitlines() if line.strip() and line[0] not in "#$"]
+    assert path.name.endswith("pch") and all(len(line) <= 100 for line in lines)
+    assert int(lines[0][24:32]) == 6 and int(lines[0][32:40]) < 3
+    found: dict[str, dict[tuple[int, int, int, int], float]] = {}
+    for line in lines:
+        if line.startswith("DMIG "):
+            continue
+        if line.startswith("DMIG*"):
+            name, node, part = line[8:24].strip(), int(line[24:40]), int(line[40:56])
+        else:
+            assert line[0] == "*" and name in ("KAAX", "MAAX")
+            key = node, part, int(line[8:24]), int(line[24:40])
+            found.setdefault(name, {})[key] = float(line[40:56].replace("D", "E"))
+    return found
+
+
+def test_the_condensed_finite_elements_come_back(tmp_path: Path) -> None:
+    """Along the basic axes and in SI, whatever those of the file; nine digits of a card."""
+    axes = np.array([rotation([1, k, 2], 0.3 * k + 0.2) for k in range(len(XYZ))])
+    turned = in_units(body(axes), Units.parse("mm-t-s"))
+    (path,) = convert(component(tmp_path, turned), tmp_path / "bent_fxb.pch")
+    found = read(path)
+    plain = body()
+    K, M = plain.K.toarray(), plain.M.toarray()
+    ends = np.flatnonzero(np.isin(plain.dofs.node, list(ENDS.values())))
+    inner = np.setdiff1d(np.arange(len(K)), ends)
+    G = np.zeros((len(K), ends.size))
+    G[ends], G[inner] = np.eye(ends.size), -np.linalg.solve(K[np.ix_(inner, inner)], K[np.ix_(inner, ends)])
+    labels = [(plain.dofs.node[row], plain.dofs.component[row]) for row in ends]
+    for name, whole in (("KAAX", K), ("MAAX", M)):
+        read_back = np.zeros((ends.size, ends.size))
+        for (node, part, other, also), value in found[name].items():
+            a, b = labels.index((node, part)), labels.index((other, also))
+            read_back[a, b] = read_back[b, a] = value
+        expected = G.T @ whole @ G
+        np.testing.assert_allclose(read_back, expected, rtol=0, atol=2e-9 * abs(expected).max(), err_msg=name)
+    # Every dof has stiffness: Radioss counts its modes by these entries.
+    assert {key[:2] for key in found["KAAX"]} == set(labels)
+    for node, place in zip((1, 4), (XYZ[0], XYZ[3]), strict=True):
+        (line,) = (line for line in path.read_text().splitlines() if line.split()[:2] == ["$", str(node)])
+        np.testing.assert_allclose([float(word) for word in line.split()[2:]], place, atol=1e-12)
+
+
+def test_the_modes_that_are_left_out_are_said(tmp_path: Path) -> None:
+    made = conversion(component(tmp_path, body()), tmp_path / "bent_fxb.pch")
+    plain = body()
+    inner = np.flatnonzero(~np.isin(plain.dofs.node, list(ENDS.values())))
+    held = [A.toarray()[np.ix_(inner, inner)] for A in (plain.K, plain.M)]
+    lowest = np.sqrt(np.linalg.eigvals(np.linalg.solve(held[1], held[0])).real.min()) / 2 / np.pi
+    (note,) = made.notes
+    found = re.search(rf"of {inner.size} modes with the interfaces held, the lowest at (\S+) Hz", note)
+    assert found and float(found[1]) == pytest.approx(lowest, rel=1e-5)
+
+
+def test_one_node_has_no_shape(tmp_path: Path) -> None:
+    with pytest.raises(WriteError, match="give the body a second interface"):
+        convert(component(tmp_path, body(left=1)), tmp_path / "bent_fxb.pch")
+    assert not (tmp_path / "bent_fxb.pch").exists()
