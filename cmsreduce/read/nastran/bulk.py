@@ -15,7 +15,14 @@ from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import KEY_STEP, DofTable, Nodes
 from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat, rows_of_nodes
 from cmsreduce.read.nastran.cards import Card, CardFile, Cards, CardTable, read_cards
-from cmsreduce.read.nastran.dof_sets import SET_CARDS, Points, constrained_dofs, named_sets
+from cmsreduce.read.nastran.dof_sets import (
+    SET_CARDS,
+    Points,
+    constrained_dofs,
+    joined_keys,
+    keys_without,
+    named_sets,
+)
 from cmsreduce.read.nastran.grids import GRID_CARDS, read_points
 from cmsreduce.read.nastran.listing import is_listing
 from cmsreduce.read.nastran.node_sets import NODE_SET_CARDS, node_sets
@@ -129,18 +136,18 @@ class BulkDeck:
         """Keys of every set that is defined, sorted as NASTRAN sorts dofs."""
         sets = dict(self.named)
         g = Points(np.sort(self.nodes.id), self.spoints).all_keys()
-        n = np.setdiff1d(g, self.dependent)
-        f = np.setdiff1d(n, self.constrained)
+        n = keys_without(g, self.dependent)
+        f = keys_without(n, self.constrained)
         sets |= {"g": g, "n": n, "f": f, "s": self.constrained, "m": self.dependent}
         if sets.keys() & {"a", "b", "c", "q"}:
             # Once a card names dofs to keep, every other free dof is omitted; supports are kept as well.
             kept = [sets[letter] for letter in ("a", "b", "c", "q", "r") if letter in sets]
-            sets["a"] = np.unique(np.concatenate(kept))
-            sets["o"] = np.setdiff1d(f, sets["a"])
+            sets["a"] = joined_keys(kept)
+            sets["o"] = keys_without(f, sets["a"])
         else:
-            sets["a"] = np.setdiff1d(f, sets.get("o", np.zeros(0, dtype=np.int64)))
+            sets["a"] = keys_without(f, sets.get("o", np.zeros(0, dtype=np.int64)))
         if "q" in sets and not sets.keys() & {"b", "c"}:
-            sets["b"] = np.setdiff1d(sets["a"], sets["q"])
+            sets["b"] = keys_without(sets["a"], sets["q"])
         return sets
 
     def dof_table(self, name: str) -> DofTable:
@@ -200,7 +207,7 @@ def read_bulk(path: Path, superelement: int | None = None) -> BulkDeck:
         nodes,
         points.scalars,
         named_sets(cards, points),
-        np.union1d(constrained, held),
+        joined_keys([constrained, held]),
         dependent,
         (*remarks, *more),
         found.files,
@@ -258,7 +265,7 @@ def _deck_geometry(path: Path) -> Geometry:
     if len(nodes):
         translations = rows_of_nodes(nodes, 3)
         keys = translations.node * KEY_STEP + translations.component
-        rows["translations"] = DofTable.from_keys(np.setdiff1d(keys, deck.constrained))
+        rows["translations"] = DofTable.from_keys(keys_without(keys, deck.constrained))
     held, named = DofTable.from_keys(deck.constrained), deck.node_sets
     return Geometry(path, nodes, rows, sets, held, deck.files, deck.remarks, named)
 
