@@ -197,9 +197,10 @@ class Nodes:
         frame = np.ascontiguousarray(self.frame, dtype=np.float64)
         if xyz.shape != (ids.size, 3) or frame.shape != (ids.size, 3, 3):
             raise DofMapError(f"{ids.size} nodes need (N, 3) coordinates and (N, 3, 3) frames")
-        if np.unique(ids).size != ids.size:
-            values, counts = np.unique(ids, return_counts=True)
-            raise DofMapError(f"node {values[counts > 1][0]} is defined twice")
+        ordered = np.sort(ids)
+        twice = ordered[1:][ordered[1:] == ordered[:-1]]
+        if twice.size:
+            raise DofMapError(f"node {twice[0]} is defined twice")
         if not np.isfinite(xyz).all():
             raise DofMapError(f"node {ids[~np.isfinite(xyz).all(axis=1)][0]} has a coordinate that is not a number")
         gram = np.einsum("nij,nkj->nik", frame, frame)

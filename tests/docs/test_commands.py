@@ -196,10 +196,12 @@ def own_tables() -> Iterator[None]:
 
 @pytest.mark.usefixtures("own_tables")
 @pytest.mark.parametrize("page", PAGES)
-def test_python_runs(page: str, reader: Path) -> None:
+def test_python_runs(page: str, request: pytest.FixtureRequest) -> None:
     names: dict[str, object] = {}
     for snippet in snippets(page):
         if snippet.language == "python":
+            # Most pages have none, and a reader's folder takes a while.
+            request.getfixturevalue("reader")
             if page == "docs/tutorial.md":
                 for kind in ("op4", "bdf"):
                     shutil.copy(f"rotor.{kind}", f"antenna.{kind}")

@@ -2,7 +2,9 @@
 
 import re
 import subprocess
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -217,11 +219,20 @@ def body(name, held):
 def solve(folder: Path, name: str, text: str, matrices: bool, modes: int = 12) -> list[float]:
     """Run CalculiX; its frequencies in Hz, or none if it stores the matrices."""
     step = "*FREQUENCY, SOLVER=MATRIXSTORAGE\n10\n" if matrices else f"*FREQUENCY\n{modes}\n*NODE FILE\nU\n"
-    (folder / f"{name}.inp").write_text(text + f"*STEP\n{step}*END STEP\n")
-    # CalculiX ends the storing of matrices with an error code of its own; what counts is what it wrote.
-    subprocess.run(["ccx", name], cwd=folder, capture_output=True, timeout=120, check=False)
+    for file, content in _written(name, text + f"*STEP\n{step}*END STEP\n").items():
+        (folder / file).write_bytes(content)
     if matrices:
         assert (folder / f"{name}.sti").is_file()
         return []
     table = (folder / f"{name}.dat").read_text().partition("P A R T I C I P A T I O N")[0]
     return [float(hertz) for _, hertz in re.findall(r"^\s+\d+\s+(\S+E\S+)\s+\S+\s+(\S+)\s+\S+\s*$", table, re.M)]
+
+
+@cache
+def _written(name: str, deck: str) -> dict[str, bytes]:
+    """Files of a job of CalculiX in a folder of its own; several tests ask for the same."""
+    with TemporaryDirectory() as folder:
+        (Path(folder) / f"{name}.inp").write_text(deck)
+        # CalculiX ends the storing of matrices with an error code of its own; what counts is what it wrote.
+        subprocess.run(["ccx", name], cwd=folder, capture_output=True, timeout=120, check=False)
+        return {path.name: path.read_bytes() for path in Path(folder).iterdir()}

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import DofMapError, ReadError
 from cmsreduce.model import KEY_STEP, DofTable, Nodes
-from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat, cells_by_kind, rows_of_nodes
-from cmsreduce.read.nastran.cards import Card, CardFile, Cards, read_cards
+from cmsreduce.read.formats import CELL_CORNERS, Cells, Geometry, GeometryFormat, rows_of_nodes
+from cmsreduce.read.nastran.cards import Card, CardFile, Cards, CardTable, read_cards
 from cmsreduce.read.nastran.dof_sets import SET_CARDS, Points, constrained_dofs, named_sets
 from cmsreduce.read.nastran.grids import GRID_CARDS, read_points
 from cmsreduce.read.nastran.listing import is_listing
@@ -212,12 +212,10 @@ def read_bulk(path: Path, superelement: int | None = None) -> BulkDeck:
 def _elements(path: Path) -> Iterator[tuple[int, list[int]]]:
     """Elements of the main bulk data with their grids, rigid ones too."""
     for name, cards in read_cards(path, {*_CELLS, *_SPRINGS, *_RIGID}).sections.get(0, {}).items():
-        for card in cards:
-            if name in _RIGID:
-                yield card.integer(0), _RIGID[name](card)
-            else:
-                for _, nodes in _cells_of(card):
-                    yield card.integer(0), nodes
+        if name in _RIGID:
+            yield from ((card.integer(0), _RIGID[name](card)) for card in cards)
+        else:
+            yield from ((number, grids) for number, *grids in _numbered(name, cards)[1].tolist())
 
 
 def _section(found: CardFile, superelement: int | None) -> Cards:
@@ -275,27 +273,28 @@ def _without(nodes: Nodes, others: NDArray[np.int64]) -> Nodes:
 
 def _deck_cells(path: Path) -> Cells:
     """Elements of a deck as cells between its grids."""
-    sections = read_cards(path, {*_CELLS, *_SPRINGS, "RBE2"}).sections.values()
-    return cells_by_kind(
-        cell for part in sections for cards in part.values() for card in cards for cell in _cells_of(card)
-    )
+    found: dict[str, list[NDArray[np.int64]]] = {}
+    for part in read_cards(path, {*_CELLS, *_SPRINGS, "RBE2"}).sections.values():
+        for name, cards in part.items():
+            if name == "RBE2":
+                lines = [(card.integer(1), int(node)) for card in cards for node in card.fields[3:] if node.isdigit()]
+                kind, corners = "line", np.array(lines, dtype=np.int64).reshape(-1, 2)
+            else:
+                kind, numbered = _numbered(name, cards)
+                corners = numbered[:, 1:]
+            if len(corners):
+                found.setdefault(kind, []).append(corners)
+    return {kind: np.concatenate(corners) for kind, corners in found.items()}
 
 
-def _cells_of(card: Card) -> Iterator[tuple[str, list[int]]]:
-    if card.name in _SPRINGS:
-        ends = [card.text(2), card.text(4)]
-        if all(end.isdigit() and end != "0" for end in ends):
-            yield "line", [int(end) for end in ends]
-    elif card.name == "RBE2":
-        for node in card.fields[3:]:
-            if node.isdigit():
-                yield "line", [card.integer(1), int(node)]
-    else:
-        first, kind = _CELLS[card.name]
-        corners = [card.text(first + k) for k in range(CELL_CORNERS[kind])]
-        # A bush may have one end without a node.
-        if all(corner.isdigit() for corner in corners):
-            yield kind, [int(corner) for corner in corners]
+def _numbered(name: str, cards: CardTable) -> tuple[str, NDArray[np.int64]]:
+    """Kind of cell of some elements, and of each its number and its corners; one that lacks a corner is left out."""
+    if name in _SPRINGS:
+        found = cards.ids([0, 2, 4])
+        return "line", found[found[:, 1:].all(axis=1)]
+    # A bush may have one end without a node.
+    first, kind = _CELLS[name]
+    return kind, cards.ids([0, *range(first, first + CELL_CORNERS[kind])])
 
 
 def _is_bulk_data(head: str) -> bool:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
 from cmsreduce.read.nastran.bars import offsets_of
-from cmsreduce.read.nastran.cards import Card, Cards, read_cards
+from cmsreduce.read.nastran.cards import NO_CARDS, Card, Cards, CardTable, read_cards
 
 __all__ = [
     "UNCOUNTED",
@@ -227,15 +227,13 @@ def plates_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
     """
     made = {card.integer(0): card for card in cards.get("PSHELL", ())}
     for name, count in _PLATES.items():
-        found: list[tuple[list[int], list[int], Card]] = []
-        for card in cards.get(name, ()):
-            property = made.get(card.integer(1, card.integer(0)))
-            # After the corners: an angle of the material, then the element's own offset and thicknesses.
-            if property is None or any(card.real(k) for k in range(3 + count, len(card.fields))):
-                raise NotCountedError
-            found.append(([card.integer(2 + k) for k in range(count)], [], property))
-        if found:
-            yield _faces(found, nodes, count)
+        found = cards.get(name, NO_CARDS)
+        # After the corners: an angle of the material, then the element's own offset and thicknesses.
+        if any(found.reals(k).any() for k in range(3 + count, found.width)):
+            raise NotCountedError
+        if len(found):
+            ids = np.stack([found.integers(2 + k) for k in range(count)], axis=1)
+            yield _faces(ids, np.zeros((len(ids), 0), dtype=np.int64), _properties(found, made), nodes)
 
 
 def solids_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
@@ -249,24 +247,40 @@ def solids_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
     made = {card.integer(0): card for card in cards.get("PSOLID", ())}
     all_edges = {4: 6, 6: 9, 8: 12}
     for name, count in _SOLIDS.items():
-        found = []
-        for card in cards.get(name, ()):
-            property = made.get(card.integer(1, card.integer(0)))
-            more = [card.integer(k) for k in range(2 + count, len(card.fields)) if card.text(k)]
-            if property is None or len(more) not in (0, all_edges[count]):
-                raise NotCountedError
-            found.append(([card.integer(2 + k) for k in range(count)], more, property))
+        found = cards.get(name, NO_CARDS)
+        if not len(found):
+            continue
+        properties = _properties(found, made)
+        ids = np.stack([found.integers(2 + k) for k in range(count)], axis=1)
+        rest = range(2 + count, max(found.width, 3 + count))
+        more = np.stack([found.integers(k, 0) for k in rest], axis=1)
+        written = ~np.stack([found.blank(k) for k in rest], axis=1)
+        counts = written.sum(axis=1)
+        if not np.isin(counts, (0, all_edges[count])).all():
+            raise NotCountedError
         for between in (0, all_edges[count]):
-            if some := [one for one in found if len(one[1]) == between]:
-                yield _faces(some, nodes, count)
+            at = np.flatnonzero(counts == between)
+            if at.size:
+                yield _faces(
+                    ids[at], more[at][written[at]].reshape(at.size, between), tuple(properties[k] for k in at), nodes
+                )
 
 
-def _faces(found: list[tuple[list[int], list[int], Card]], nodes: Nodes, corners: int) -> Faces:
-    ids, more, cards = zip(*found, strict=True)
-    at, between = nodes.index(np.ravel(ids)), nodes.index(np.ravel(np.array(more, dtype=np.int64)))
-    if (at < 0).any() or (len(more[0]) and (between < 0).any()):
+def _properties(found: CardTable, made: Mapping[int, Card]) -> tuple[Card, ...]:
+    """Property of each element; a blank one has the number of the element."""
+    numbers = found.integers(1, 0)
+    own = found.blank(1)
+    numbers[own] = found.integers(0)[own]
+    if not set(numbers.tolist()) <= made.keys():
         raise NotCountedError
-    return Faces(at.reshape(len(ids), -1), between[: len(ids) * len(more[0])].reshape(len(ids), -1), cards, corners)
+    return tuple(made[number] for number in numbers.tolist())
+
+
+def _faces(ids: Indices, more: Indices, properties: tuple[Card, ...], nodes: Nodes) -> Faces:
+    at, between = nodes.index(ids.ravel()), nodes.index(more.ravel())
+    if (at < 0).any() or (between < 0).any():
+        raise NotCountedError
+    return Faces(at.reshape(ids.shape), between.reshape(more.shape), properties, ids.shape[1])
 
 
 def _sections(cards: Cards) -> Iterator[tuple[str, int, Section]]:

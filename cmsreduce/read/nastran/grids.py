@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import KEY_STEP, Nodes
-from cmsreduce.read.nastran.cards import Cards
+from cmsreduce.read.nastran.cards import NO_CARDS, Card, Cards, CardTable
 from cmsreduce.read.nastran.dof_sets import Points, id_ranges
 from cmsreduce.read.nastran.frames import FRAME_CARDS, FrameChain, Grid, frame_definitions
 from cmsreduce.read.printed_numbers import printed_rounding
 
-__all__ = ["GRID_CARDS", "read_grids", "read_points", "scalar_points"]
+__all__ = ["GRID_CARDS", "Grids", "read_grids", "read_points", "scalar_points"]
 
 # First field of (id, component) pairs, or of bare scalar ids, on elements that may make scalar points.
 _SCALAR_PAIRS = {f"C{what}{kind}": 2 for what in ("ELAS", "MASS", "DAMP") for kind in (1, 2)}
@@ -26,8 +28,51 @@ GRID_CARDS = FRAME_CARDS | {"GRID", "GRDSET", "SPOINT", *_SCALAR_PAIRS, *_SCALAR
 """Cards that these functions use."""
 
 
-def read_grids(cards: Cards) -> dict[int, Grid]:
-    """Grids by id, in order of appearance.
+@dataclass(frozen=True, eq=False)
+class Grids(Mapping[int, Grid]):
+    """Grids of a deck in order of appearance: columns, and each grid by its id.
+
+    Parameters
+    ----------
+    id, cp, cd : (n,) int64
+        Id, system of the position, system of the displacements.
+    x : (n, 3) float64
+        Position in the system ``cp``.
+    held : tuple of n str
+        Components that are held at zero, as digits.
+    cards : sequence of n Card
+        Their cards.
+    """
+
+    id: NDArray[np.int64]
+    cp: NDArray[np.int64]
+    cd: NDArray[np.int64]
+    x: NDArray[np.float64]
+    held: tuple[str, ...]
+    cards: Sequence[Card]
+
+    @cached_property
+    def _row(self) -> dict[int, int]:
+        return dict(zip(self.id.tolist(), range(self.id.size), strict=True))
+
+    def __getitem__(self, id: int) -> Grid:
+        return self.at(self._row[id])
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._row)
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+    def at(self, row: int) -> Grid:
+        """Grid by its position."""
+        x, y, z = self.x[row].tolist()
+        where = f"{self.cards[row].where} {self.id[row]}"
+        return Grid(int(self.cp[row]), (x, y, z), where, int(self.cd[row]), self.held[row])
+
+
+def read_grids(cards: Cards) -> Grids:
+    """Grids of a section of bulk data.
 
     GRDSET fills the fields CP, CD and PS that are blank on a GRID; a zero there is a value and stays.
 
@@ -36,13 +81,47 @@ def read_grids(cards: Cards) -> dict[int, Grid]:
     ReadError
         If a grid is defined twice with different data, or two GRDSET cards differ.
     """
-    grdset = cards.get("GRDSET", ())
+    grdset = cards.get("GRDSET", NO_CARDS)
     filled = {(card.integer(1, 0), card.integer(5, 0), card.text(6)) for card in grdset} or {(0, 0, "")}
     if len(filled) > 1:
         raise ReadError(f"{grdset[1].where}: differs from the GRDSET before it; a deck may have only one")
-    default_cp, default_cd, default_ps = filled.pop()
+    defaults = filled.pop()
+    found = cards.get("GRID", NO_CARDS)
+    try:
+        grids = _grids_at_once(found, *defaults)
+    except ReadError:
+        # The first card that cannot be read is to blame, in whatever field.
+        _each_grid(found, *defaults)
+        raise
+    usable = (grids.id > 0) & (grids.cd >= 0)
+    ordered = np.sort(grids.id)
+    once = (ordered[1:] > ordered[:-1]).all()
+    if not usable.all() or not once or set("".join(set(grids.held))) - set("123456"):
+        _each_grid(found, *defaults)
+        first = np.sort(np.unique(grids.id, return_index=True)[1])
+        held, kept = tuple(grids.held[k] for k in first), [found[k] for k in first]
+        grids = Grids(grids.id[first], grids.cp[first], grids.cd[first], grids.x[first], held, kept)
+    return grids
+
+
+def _grids_at_once(found: CardTable, cp: int, cd: int, ps: str) -> Grids:
+    texts, which = found.texts(6)
+    held = ["".join(sorted(set((text or ps).strip("0")))) for text in texts]
+    x = np.stack([found.reals(k) for k in (2, 3, 4)], axis=-1)
+    return Grids(
+        found.integers(0),
+        found.integers(1, cp),
+        found.integers(5, cd),
+        x,
+        tuple(held[k] for k in which.tolist()),
+        found,
+    )
+
+
+def _each_grid(found: CardTable, default_cp: int, default_cd: int, default_ps: str) -> None:
+    """Refuse the first grid that is wrong, or differs from one before it."""
     out: dict[int, Grid] = {}
-    for card in cards.get("GRID", ()):
+    for card in found:
         id = card.integer(0)
         if id <= 0:
             raise ReadError(f"{card.where}: {id} is no grid id; ids are positive")
@@ -57,7 +136,6 @@ def read_grids(cards: Cards) -> dict[int, Grid]:
         before = out.setdefault(id, grid)
         if grid != before:
             raise ReadError(f"{card.where}: grid {id} differs from {before.where}; remove one of them")
-    return out
 
 
 def scalar_points(cards: Cards, grids: Mapping[int, Grid]) -> NDArray[np.int64]:
@@ -104,30 +182,27 @@ def read_points(cards: Cards) -> tuple[Nodes, Points, NDArray[np.int64]]:
     ReadError
         If a card cannot be read, or a coordinate system is missing or defined by itself.
     """
-    by_id = read_grids(cards)
-    ids = np.fromiter(by_id, dtype=np.int64, count=len(by_id))
-    grids = list(by_id.values())
-    chain = FrameChain(frame_definitions(cards), by_id)
-    x = np.array([grid.x for grid in grids]).reshape(-1, 3)
-    spread = np.unique(np.linspace(0, max(len(grids) - 1, 0), min(len(grids), _SAMPLE)).astype(int))
+    grids = read_grids(cards)
+    chain = FrameChain(frame_definitions(cards), grids)
+    x, count = grids.x, len(grids)
+    spread = np.unique(np.linspace(0, max(count - 1, 0), min(count, _SAMPLE)).astype(int))
     printed = np.zeros_like(x)
     printed[spread] = printed_rounding(x[spread])
-    xyz, rounding = np.zeros_like(x), np.zeros(len(grids))
-    for cp, at in _places([grid.cp for grid in grids]):
-        system = chain.system(cp, grids[at[0]].where)
+    xyz, rounding = np.zeros_like(x), np.zeros(count)
+    for cp, at in _places(grids.cp):
+        system = chain.system(cp, grids.at(at[0]).where)
         xyz[at] = system.to_basic(x[at])
         rounding[at] = system.position_rounding(x[at], printed[at])
-    frame, turn = np.zeros((len(grids), 3, 3)), np.zeros(len(grids))
-    for cd, at in _places([grid.cd for grid in grids]):
-        system = chain.system(cd, grids[at[0]].where)
+    frame, turn = np.zeros((count, 3, 3)), np.zeros(count)
+    for cd, at in _places(grids.cd):
+        system = chain.system(cd, grids.at(at[0]).where)
         frame[at] = system.displacement_axes(xyz[at])
         turn[at] = system.axes_rounding(xyz[at], rounding[at])
-    nodes = Nodes(ids, xyz, frame, float(rounding.max(initial=0.0)), float(turn.max(initial=0.0)))
-    held = [id * KEY_STEP + int(c) for id, grid in by_id.items() for c in grid.ps]
-    return nodes, Points(np.sort(ids), scalar_points(cards, by_id)), np.array(held, dtype=np.int64)
+    nodes = Nodes(grids.id, xyz, frame, float(rounding.max(initial=0.0)), float(turn.max(initial=0.0)))
+    held = [id * KEY_STEP + int(c) for id, ps in zip(grids.id.tolist(), grids.held, strict=True) if ps for c in ps]
+    return nodes, Points(np.sort(grids.id), scalar_points(cards, grids)), np.array(held, dtype=np.int64)
 
 
-def _places(numbers: Sequence[int]) -> list[tuple[int, NDArray[np.int64]]]:
+def _places(numbers: NDArray[np.int64]) -> list[tuple[int, NDArray[np.int64]]]:
     """Places of each number in a list."""
-    values = np.asarray(numbers, dtype=np.int64)
-    return [(int(n), np.flatnonzero(values == n)) for n in np.unique(values)]
+    return [(int(n), np.flatnonzero(numbers == n)) for n in np.unique(numbers)]

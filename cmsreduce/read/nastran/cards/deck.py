@@ -7,24 +7,20 @@ SPC card and reads past ENDDATA, so decks are split here.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from cmsreduce.errors import ReadError
 from cmsreduce.read.files import read_text
+from cmsreduce.read.nastran.cards.card import Card
+from cmsreduce.read.nastran.cards.lines import BulkLines, plain_line
+from cmsreduce.read.nastran.cards.open_card import IMAGES, OpenCard, image_of
+from cmsreduce.read.nastran.cards.table import CardBlock, Cards, CardTable
 from cmsreduce.read.nastran.listing import echoed_deck, is_listing
-from cmsreduce.read.nastran.open_card import FIELDS_PER_LINE, IMAGES, OpenCard, image_of
-from cmsreduce.read.printed_numbers import real_number
 
-__all__ = ["FIELDS_PER_LINE", "INTEGER", "Card", "CardFile", "Cards", "read_cards"]
+__all__ = ["CardFile", "read_cards"]
 
-INTEGER = re.compile(r"[+-]?0*\d{1,15}\Z")
-"""An integer of a card; node ids become keys of dofs in 64-bit integers."""
-
-_SHOWN = 40  # characters of a bad field in a message
-# Products of a few numbers below it stay finite; NASTRAN itself ends at 1e38 or 1e308.
-_LARGEST = 1e60
 _INCLUDE = re.compile(r"\s*INCLUDE(?=[\s'\"=])\s*=?\s*(.*)", re.IGNORECASE)
 _BEGIN = re.compile(
     r"\s*BEGIN\b\s*(BULK)?\s*(?:SUPER\s*=?\s*(\d{1,15})(?!\d)|(AUX|ARBMODEL|MASSID|UDS))?", re.IGNORECASE
@@ -34,88 +30,6 @@ _CEND = re.compile(r"\s*CEND\b", re.IGNORECASE)
 # A deck of millions of cards is written by a program, not by repetition.
 _MOST_IMAGES = 1_000_000
 _ELSEWHERE = -1  # section of auxiliary models, which are no part of the body
-
-
-@dataclass(frozen=True, slots=True)
-class Card:
-    """One bulk data entry.
-
-    Parameters
-    ----------
-    name : str
-        Upper case, without the asterisk of wide fields.
-    fields : tuple of str
-        Data fields of all lines in upper case, eight to a line: ``fields[0]`` is field 2 of the manual, ``fields[8]``
-        the first data field of the second line.
-    path : Path
-        File of the card.
-    line : int
-        First line of the card, from 1.
-    """
-
-    name: str
-    fields: tuple[str, ...]
-    path: Path
-    line: int
-
-    @property
-    def where(self) -> str:
-        """File, line and name, for messages."""
-        return f"{self.path}, line {self.line}: {self.name}"
-
-    def with_fields(self, fields: Sequence[str]) -> Card:
-        """Card with other fields and the same place in the file."""
-        return Card(self.name, tuple(fields), self.path, self.line)
-
-    def text(self, index: int) -> str:
-        """Field as text, empty where the card is shorter."""
-        return self.fields[index] if index < len(self.fields) else ""
-
-    def integer(self, index: int, default: int | None = None) -> int:
-        """Field as an integer.
-
-        Raises
-        ------
-        ReadError
-            If it is no integer, or blank with no default.
-        """
-        text = self.text(index)
-        if not text and default is not None:
-            return default
-        if not INTEGER.match(text):
-            raise ReadError(f"{self.where}: {_field(index)} should be an integer, it is '{text[:_SHOWN]}'")
-        return int(text)
-
-    def real(self, index: int, default: float = 0.0) -> float:
-        """Field as a real number.
-
-        Raises
-        ------
-        ReadError
-            If it is no number, or of an impossible size.
-        """
-        text = self.text(index)
-        if not text:
-            return default
-        value = real_number(text)
-        if value is None:
-            raise ReadError(f"{self.where}: {_field(index)} should be a number, it is '{text[:_SHOWN]}'")
-        if not abs(value) < _LARGEST:
-            raise ReadError(
-                f"{self.where}: {_field(index)} is '{text[:_SHOWN]}', more than any length, mass or stiffness; "
-                "the deck is damaged: write it again"
-            )
-        return value
-
-
-def _field(index: int) -> str:
-    """Name of a field as the manual counts, with its line unless that is the first."""
-    line, column = divmod(index, FIELDS_PER_LINE)
-    return f"field {column + 2}" + ("" if line == 0 else f" of line {line + 1} of the card")
-
-
-Cards = Mapping[str, Sequence[Card]]
-"""Cards by name."""
 
 
 @dataclass(frozen=True)
@@ -167,18 +81,25 @@ def read_cards(path: Path, names: Collection[str]) -> CardFile:
     text = content.splitlines()
     if is_listing(content):
         text = echoed_deck(text)
-    begins = [_BEGIN.match(line) for line in text]
-    # A punched superelement has BEGIN SUPER but no case control before it.
-    controlled = any(_CEND.match(line) for line in text) or any(b is not None and b[2] is None for b in begins)
-    reader = _Reader("executive" if controlled else "bulk", path.parent, frozenset(names))
+        content = "\n".join(text)
+    reader = _Reader("executive" if _has_control(content, text) else "bulk", path.parent, frozenset(names))
     reader.read_file(path, text)
     reader.close_card()
     return CardFile(
         path,
         tuple(reader.case) if reader.has_case else None,
-        {number: {name: tuple(cards) for name, cards in part.items()} for number, part in reader.sections.items()},
+        {number: {name: CardTable(cards) for name, cards in part.items()} for number, part in reader.sections.items()},
         tuple(reader.files),
     )
+
+
+def _has_control(content: str, text: list[str]) -> bool:
+    """True for a file with executive or case control; a punched superelement has BEGIN SUPER but no control before."""
+    upper = content.upper()
+    if "CEND" not in upper and "BEGIN" not in upper:
+        # Most of a large deck is in included files, which have neither.
+        return False
+    return any(_CEND.match(line) or ((begin := _BEGIN.match(line)) and begin[2] is None) for line in text)
 
 
 class _Reader:
@@ -195,7 +116,7 @@ class _Reader:
         self._images = 0
         self.case: list[str] = []
         self.has_case = False
-        self.sections: dict[int, dict[str, list[Card]]] = {}
+        self.sections: dict[int, dict[str, list[Card | CardBlock]]] = {}
         self.files: list[Path] = []
 
     def read_file(self, path: Path, text: list[str], chain: tuple[Path, ...] = ()) -> None:
@@ -203,38 +124,67 @@ class _Reader:
         if path.resolve() in [p.resolve() for p in chain]:
             raise ReadError(f"{path} includes itself: {' -> '.join(str(p) for p in (*chain, path))}")
         self.files.append(path)
-        lines = iter(enumerate(text, start=1))
-        for number, raw in lines:
-            include = _INCLUDE.match(raw)
-            if include:
-                where = f"{path}, line {number}"
-                self._include(_include_name(include[1], lines, where), where, (*chain, path))
-            else:
-                line = raw.split("$", 1)[0].expandtabs(8).rstrip()
-                if line:
-                    self._read_line(line, path, number)
-            if self._done:
-                return
+        bulk: BulkLines | None = None
+        at = 0
+        while at < len(text) and not self._done:
+            if self._part == "bulk":
+                bulk = bulk or BulkLines(text, self._names, _is_control)
+                at = self._read_cards(path, text, bulk, at)
+            if at < len(text):
+                at = self._read_control(path, text, at, chain)
 
     def close_card(self) -> None:
         """Store the card, which is complete now."""
         card, self._card = self._card, None
         if card is None or not card.kept:
             return
-        count = len(card.fields)
-        while count and not card.fields[count - 1]:
-            count -= 1
-        done = Card(card.name, tuple(card.fields[:count]), card.path, card.line)
         section, place = self._reopened or (self._section, -1)
         self._reopened = None
         cards = self.sections.setdefault(section, {}).setdefault(card.name, [])
         if place < 0:
             place = len(cards)
-            cards.append(done)
+            cards.append(_complete(card))
         else:
-            cards[place] = done
+            cards[place] = _complete(card)
         if card.follow[1:]:
             self._waiting[card.follow[1:]] = card, section, place
+
+    def _read_cards(self, path: Path, text: list[str], bulk: BulkLines, at: int) -> int:
+        """Read bulk data up to the next line of control, which is returned."""
+        first, last, stop = bulk.stretch(at)
+        if self._waiting or bulk.refer_to_others(at, stop):
+            first = last = stop
+        for k in range(at, first):
+            self._read_line(text[k], path, k + 1)
+        if first < last:
+            self.close_card()
+            if self._section != _ELSEWHERE and not self._waiting:
+                for block in bulk.cards(first, last, path, lambda begin, end: self._one_card(path, text, begin, end)):
+                    self.sections.setdefault(self._section, {}).setdefault(block.name, []).append(block)
+            else:
+                last = first
+        for k in range(last, stop):
+            self._read_line(text[k], path, k + 1)
+        return stop
+
+    def _one_card(self, path: Path, text: list[str], begin: int, end: int) -> Card:
+        """Read the lines of one card that is wanted."""
+        for k in range(begin, end):
+            self._read_line(text[k], path, k + 1)
+        card, self._card = self._card, None
+        assert card is not None
+        return _complete(card)
+
+    def _read_control(self, path: Path, text: list[str], at: int, chain: tuple[Path, ...]) -> int:
+        """Read a line of control or before the bulk data, and return the next one; an INCLUDE may have several."""
+        include = _INCLUDE.match(text[at])
+        if include is None:
+            self._read_line(text[at], path, at + 1)
+            return at + 1
+        where = f"{path}, line {at + 1}"
+        name, after = _include_name(include[1], text, at + 1, where)
+        self._include(name, where, (*chain, path))
+        return after
 
     def _include(self, name: str, where: str, chain: tuple[Path, ...]) -> None:
         """Read an included file in place of the INCLUDE."""
@@ -249,8 +199,11 @@ class _Reader:
             looked = " or ".join(str(p) for p in tried)
             raise ReadError(f"{where}: INCLUDE file '{name}' is missing: there is no {looked}")
 
-    def _read_line(self, line: str, path: Path, number: int) -> None:
-        """Read one line that is neither comment nor INCLUDE."""
+    def _read_line(self, raw: str, path: Path, number: int) -> None:
+        """Read one line that is no INCLUDE."""
+        line = plain_line(raw)
+        if not line:
+            return
         begin = _BEGIN.match(line)
         if begin:
             self.close_card()
@@ -323,15 +276,29 @@ class _Reader:
             card = self._card
 
 
-def _include_name(rest: str, lines: Iterator[tuple[int, str]], where: str) -> str:
-    """File name of an INCLUDE, which may be in quotes, and in quotes may fill several lines."""
+def _complete(card: OpenCard) -> Card:
+    """The card, without the empty fields at its end."""
+    count = len(card.fields)
+    while count and not card.fields[count - 1]:
+        count -= 1
+    return Card(card.name, tuple(card.fields[:count]), card.path, card.line)
+
+
+def _is_control(raw: str) -> bool:
+    """True for an INCLUDE, a BEGIN and an ENDDATA."""
+    line = plain_line(raw)
+    return any(pattern.match(text) for pattern, text in ((_INCLUDE, raw), (_BEGIN, line), (_ENDDATA, line)))
+
+
+def _include_name(rest: str, text: list[str], after: int, where: str) -> tuple[str, int]:
+    """File name of an INCLUDE, which may be in quotes, and in quotes may fill several lines; and the line after it."""
     quote = rest[:1]
     if quote not in ("'", '"'):
-        return rest.split("$", 1)[0].strip()
+        return rest.split("$", 1)[0].strip(), after
     name = rest[1:]
     while quote not in name:
-        following = next(lines, None)
-        if following is None:
+        if after == len(text):
             raise ReadError(f"{where}: INCLUDE has no closing quote")
-        name = name.rstrip() + following[1].strip()
-    return name.split(quote, 1)[0].strip()
+        name = name.rstrip() + text[after].strip()
+        after += 1
+    return name.split(quote, 1)[0].strip(), after

@@ -10,7 +10,7 @@ from pathlib import Path
 from cmsreduce.errors import ReadError
 from cmsreduce.read.printed_numbers import real_number
 
-__all__ = ["FIELDS_PER_LINE", "IMAGES", "OpenCard", "image_of"]
+__all__ = ["FIELDS_PER_LINE", "IMAGES", "WIDE_FIELDS_PER_LINE", "OpenCard", "image_of"]
 
 FIELDS_PER_LINE = 8
 """Data fields on one line of a card with fields of eight characters."""
@@ -18,7 +18,9 @@ FIELDS_PER_LINE = 8
 IMAGES = re.compile(r"=\(?(\d{1,9})\)?")
 """First field of a line that repeats the card above several times: ``=7``, ``=(7)``."""
 
-_WIDE_FIELDS_PER_LINE = 4
+WIDE_FIELDS_PER_LINE = 4
+"""Data fields on one line of a card with fields of sixteen characters."""
+
 _STEP = re.compile(r"\*\(?([^()]+)\)?")
 _DIGITS = 15  # of a stepped real number, so that 0.1 + 0.2 is 0.3
 
@@ -39,7 +41,7 @@ class OpenCard:
         if "," in text:
             first, *parts = (part.strip().upper() for part in text.split(","))
             wide = "*" in first
-            count = _WIDE_FIELDS_PER_LINE if wide else FIELDS_PER_LINE
+            count = WIDE_FIELDS_PER_LINE if wide else FIELDS_PER_LINE
             fields, rest = parts[:count], parts[count:]
             follow = rest[0] if rest else ""
             if any(rest[1:]) or real_number(follow) is not None:
@@ -50,7 +52,7 @@ class OpenCard:
         else:
             first = text[:8].strip().upper()
             wide = "*" in first
-            count, columns = (_WIDE_FIELDS_PER_LINE, 16) if wide else (FIELDS_PER_LINE, 8)
+            count, columns = (WIDE_FIELDS_PER_LINE, 16) if wide else (FIELDS_PER_LINE, 8)
             fields = [text[8 + i * columns : 8 + (i + 1) * columns].strip().upper() for i in range(count)]
             follow = text[72:80].strip().upper()
         named, here = self.follow.lstrip("+*"), first.lstrip("+*")
