@@ -166,7 +166,7 @@ def run(
         raise StageError(not_among("stage", until, STAGES))
     overrides = [f"{key}={json.dumps(value, default=_plain)}" for key, value in (set or {}).items()]
     with (
-        Output(quiet=not progress).watch() as listener,
+        Output(quiet=not progress, verbose=progress).watch() as listener,
         opened_run(Path(pipeline), overrides, None if out is None else Path(out), listener, jobs=jobs) as work,
     ):
         return FinishedRun(work, execute(work, Path(pipeline), overrides, until))

@@ -28,6 +28,21 @@ main(sys.argv[1:], prog_name="cmsreduce")
 """
 
 
+# Starts once, and forks for each call; a call ends as the program does, with what it still has to write.
+SEVERAL = """\
+import json, os, sys
+from cmsreduce.cli import main
+import cmsreduce.pipeline, cmsreduce.report
+calls, codes = json.loads(sys.argv[1]), []
+for sys.argv[1:] in calls:
+    child = os.fork()
+    if not child:
+        main()
+    codes.append(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+os.write(int(os.environ["CODES"]), json.dumps(codes).encode())
+"""
+
+
 def program(*args: object, code: str = "from cmsreduce.cli import main; main()", **more) -> subprocess.CompletedProcess:
     environment = {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     environment |= {key: os.environ[key] for key in ("PATH", "HOME") if key in os.environ} | more.pop("env", {})
@@ -35,6 +50,19 @@ def program(*args: object, code: str = "from cmsreduce.cli import main; main()",
     return subprocess.run(
         [sys.executable, "-c", code, *map(str, args)], env=environment, timeout=120, check=False, **streams, **more
     )
+
+
+def programs(*calls: tuple[object, ...], **more) -> tuple[list[int], subprocess.CompletedProcess]:
+    """Exit codes of several calls of one program, whose streams they share."""
+    reader, writer = os.pipe()
+    try:
+        environment = {**more.pop("env", {}), "CODES": str(writer)}
+        given = json.dumps([[str(arg) for arg in call] for call in calls])
+        done = program(given, code=SEVERAL, env=environment, pass_fds=(writer,), **more)
+    finally:
+        os.close(writer)
+    with os.fdopen(reader) as codes:
+        return json.loads(codes.read() or "[]"), done
 
 
 def called(*args: object) -> Result:

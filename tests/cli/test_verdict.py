@@ -31,7 +31,7 @@ def outcome(cantilever: Path, tmp_path: Path):
     def run(*keys: str, study: Path = cantilever) -> tuple[int, str, dict[str, Any]]:
         options = [part for key in ("balance=null", *keys) for part in ("--set", key)]
         out = tmp_path / "out"
-        result = call("run", study, "--out", out, *options)
+        result = call("run", study, "--out", out, "--verbose", *options)
         assert result.exit_code in (0, 1), result.output
         facts = json.loads((out / "summary.json").read_text())
         word = facts["verdict"]["word"]

@@ -84,7 +84,7 @@ MISTAKES = {
         "key 'write.formats[1]': found the text 'contops'; expected hdf5 or matlab or abcd or nastran or"),
     "dialect of a format that has none": (
         "{formats: [hdf5]}", "{formats: [hdf5, mbsim], dialects: {mbsim: lumped}}", 0,
-        "key 'write': 'mbsim' has no dialects (those that have: sid, mbdyn, fmi)"),
+        "key 'write': 'mbsim' has no dialects (those that have: sid, mbdyn, fmi, extptfm)"),
     "dialect of another format": (
         "{formats: [hdf5]}", "{formats: [hdf5, sid], dialects: {sid: lumped}}", 0,
         "key 'write': 'lumped' is no dialect of sid (its dialects: by-axis, by-mode, gr-by-mode, embs)"),

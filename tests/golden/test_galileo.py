@@ -92,13 +92,13 @@ def test_a_search_needs_no_more_modes_than_any_ranking(result, tmp_path):
     assert kept <= 34 and run.choice.search.frf_error <= error
     pool = run.joined(run.ranked)
     targets = run.comparison.targets(run.scene.configurations, pool)
-    judge = Candidates(pool.assembled, targets)
+    judge = Candidates(run.measure, {"frf_error": error}, run.ranked, list(run.ranked), pool, targets)
     for ranking in ("gregory", "hankel", "component-cost"):
         value = [(c.rankings[ranking][k], name, k) for name, c in run.ranked.items() for k in range(6, c.omega.size)]
         order = sorted(value, key=lambda entry: -entry[0])
         for count in range(kept):
             first = {name: np.array([k for _, n, k in order[:count] if n == name], dtype=int) for name in run.ranked}
-            assert judge.error(first, error) > error
+            assert judge.error(first, 1.0) > 1.0
 
 
 def test_summary_keeps_its_contract(result, folder):

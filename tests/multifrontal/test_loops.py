@@ -12,9 +12,9 @@ from cmsreduce.multifrontal.loops import loop
 
 @pytest.fixture
 def folder(monkeypatch):
-    loops._folder.cache_clear()
-    yield loops._folder
-    loops._folder.cache_clear()
+    loops.compiled_folder.cache_clear()
+    yield loops.compiled_folder
+    loops.compiled_folder.cache_clear()
 
 
 def doubled(values: np.ndarray) -> float:

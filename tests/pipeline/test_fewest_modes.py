@@ -41,12 +41,13 @@ def test_no_truncated_ranking_is_smaller(
     run = Run(load_pipeline(PIPELINES / f"{sample}.yaml", keys), tmp_path, Silent())
     search = run.choice.search
     assert search is not None and search.frf_error <= asked and search.modes <= most
-    judge, _ = system_errors(run.ranked, run.joined, lambda: run.comparison)
+    limits, every = {"frf_error": asked}, list(run.ranked)
+    judge, _ = system_errors(run.measure, limits, run.ranked, every, run.joined, between=False)
     for ranking in ("gregory", "hankel", "component-cost"):
         lists = [prefixes(component, ranking) for component in run.ranked.values()]
         fewer = (cut for cut in product(*lists) if sum(columns.size for columns in cut) < search.modes)
         for cut in fewer:
-            assert judge.error(dict(zip(run.ranked, cut, strict=True)), asked) > asked
+            assert judge.error(dict(zip(run.ranked, cut, strict=True)), 1.0) > 1.0
     # Its time is told where the notes of a run are: on the terminal, in the report, in the summary.
     (note,) = (note for note in run.stages.notes if note.startswith("search"))
     assert note.endswith(f"{search.candidates} candidates") and search.seconds > 0

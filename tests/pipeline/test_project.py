@@ -40,7 +40,7 @@ def opened(study: Path, *overrides: str) -> Run:
 def summary(study: Path, tmp_path: Path) -> Any:
     def of(*overrides: str) -> tuple[int, str, dict[str, Any]]:
         given = [part for override in overrides for part in ("--set", override)]
-        result = CliRunner().invoke(main, ["run", str(study), "--out", str(tmp_path / "out"), *given])
+        result = CliRunner().invoke(main, ["run", str(study), "--out", str(tmp_path / "out"), "--verbose", *given])
         path = tmp_path / "out" / "summary.json"
         return result.exit_code, result.output, json.loads(path.read_text()) if path.is_file() else {}
 

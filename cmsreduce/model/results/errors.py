@@ -67,8 +67,8 @@ class Finding:
 
         Examples
         --------
-        >>> Finding("frf_error", 0.01, 0.05).ratio, Finding("modes_lost", 0.0, 0.0).ratio
-        (0.2, 0.0)
+        >>> Finding("frf_error", 0.025, 0.05).ratio, Finding("modes_lost", 0.0, 0.0).ratio
+        (0.5, 0.0)
         """
         if math.isnan(self.value):
             return math.inf

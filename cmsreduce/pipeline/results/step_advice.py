@@ -113,7 +113,8 @@ def _advice(components: Mapping[str, ComponentResult], systems: Sequence[SystemM
             more = f" and {len(found.modes) - _NAMED} more" if len(found.modes) > _NAMED else ""
             yield (
                 f"{name}: modes {named}{more} limit the time step of this body, and each changes its flexibility in "
-                f"the band by less than {100 * found.share:g} %"
+                f"the band by less than {100 * found.share:g} %: `balance: {{keep: limits}}` leaves out modes that no "
+                "limit needs"
             )
             keys.append(f"components.{name}.reduce.static_above: {static_above(found, band_hz):g}")
     highest, treated = (

@@ -26,7 +26,7 @@ def oscillating(s: np.ndarray) -> np.ndarray:
 
 
 def test_energies_prove_a_system_without_its_roots(opened: Callable[..., Run], monkeypatch: pytest.MonkeyPatch) -> None:
-    from cmsreduce.pipeline.run import verification as module
+    from cmsreduce.pipeline.system import measure as module
 
     monkeypatch.setattr(module, "system_roots", lambda *_: pytest.fail("no roots are needed"))
     proof = opened().verification.stability

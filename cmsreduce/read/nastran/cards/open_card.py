@@ -90,7 +90,7 @@ def image_of(above: OpenCard | None, fields: Sequence[str], where: str) -> list[
     --------
     >>> above = OpenCard("GRID", Path("deck.bdf"), 1, True, ["1", "", "0.", "1.5", "2."])
     >>> image_of(above, ["*1", "", "*300.", "=="], "deck.bdf, line 2")
-    ['2', '', '300.0', '1.5', '2.']
+    ['2', '', '300.0', '1.5', '2.', '', '', '']
     """
     if above is None or (len(above.fields) > FIELDS_PER_LINE and any(above.fields[FIELDS_PER_LINE:])):
         what = "no card stands above it" if above is None else f"the {above.name} above it has several lines"
