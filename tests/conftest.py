@@ -1,6 +1,5 @@
 """Fixtures that every room's tests share."""
 
-import gc
 import shutil
 from collections.abc import Iterator
 from concurrent.futures import Executor
@@ -13,16 +12,6 @@ from cmsreduce.linalg.machine import BACKENDS
 from cmsreduce.linalg.sparse.factorisation import installed_backends
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "data"
-
-
-def pytest_collection() -> None:
-    # Collecting makes half a million objects that stay; to search them for garbage again and again is vain.
-    gc.disable()
-
-
-def pytest_collection_finish() -> None:
-    gc.freeze()
-    gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
