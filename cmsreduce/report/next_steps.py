@@ -60,7 +60,8 @@ def _to_measure(run: RunResult) -> Iterator[str]:
 def _to_improve(run: RunResult, found: Finding) -> str:
     parts = run.components.values()
     kept, whole = sum(part.kept_modes for part in parts), sum(part.modes.elastic_count for part in parts)
-    if kept < whole and run.projection is None:
+    searched = "limits" in ((run.settings.get("balance") or {}).get("keep") or {})
+    if kept < whole and run.projection is None and not searched:
         return (
             f"{plural(whole - kept, 'mode')} of the mode sets {'was' if whole - kept == 1 else 'were'} left out: "
             "`balance: {keep: limits}` finds the fewest modes that meet every limit"
@@ -69,11 +70,13 @@ def _to_improve(run: RunResult, found: Finding) -> str:
         keys = run.settings.get("verify", {}).get("compare", {}).get(label, {}).get("reduce")
         if keys:
             return f"the compared model '{label}' meets this limit: `reduce: {_flow(keys)}`"
+    every = "all modes of the mode sets"
+    found_by = f"the search could choose among {every}" if searched else f"{every} were kept"
     if (cutoff := _cutoff(run)) is None:
-        return "all modes of the mode sets were kept: raise `reduce.cutoff`"
+        return f"{found_by}: raise `reduce.cutoff`"
     short = f", which is short for a band up to {number(run.band[1])} Hz" if cutoff < _LOW_CUTOFF else ""
     return (
-        f"all modes of the mode sets were kept: raise `reduce.cutoff` from {number(cutoff)}{short} to "
+        f"{found_by}: raise `reduce.cutoff` from {number(cutoff)}{short} to "
         f"{number(max(_HIGHER * cutoff, _HIGHER))}{_other_method(run)}"
     )
 

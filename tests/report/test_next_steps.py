@@ -54,3 +54,9 @@ def test_a_compared_mode_set_that_meets_the_limit_is_named(make_run: MakeRun) ->
 def test_a_limit_without_channels_asks_for_them(make_run: MakeRun) -> None:
     run = replace(make_run(configurations=(), speed=None, limits={"frf_error": 0.1}), inputs=(), outputs=())
     assert next_steps(run) == ("name the scene's actuators and sensors under `scene:`",)
+
+
+def test_a_search_that_was_made_is_not_proposed_again(make_run: MakeRun) -> None:
+    settings = {"balance": {"keep": {"limits": "all"}}, "reduce": {"cutoff": 2.0}}
+    (step,) = next_steps(make_run(limits={"frf_error": 0.001}, settings=settings))
+    assert "keep: limits" not in step and "raise `reduce.cutoff` from 2 to 4" in step
