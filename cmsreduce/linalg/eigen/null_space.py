@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.blocks import one_norm
 from cmsreduce.linalg.eigen.held_stiffness import HeldStiffness
 from cmsreduce.linalg.eigen.pencil import energy_parts
 from cmsreduce.linalg.sparse import Factor, NotPositiveDefiniteError, factorise
@@ -230,9 +230,8 @@ def only_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Array | N
         return shapes
     # Motions of K itself near those of the coordinates: if their energy is rounding, K resists none of them.
     own = held.independent(motions)
-    scaled, d = _unit_diagonal(K)
-    left = _left_of(_energy_share(scaled, shapes * d[:, None]), rounding)
-    return own if _is_rounding(_energy_share(scaled, own * d[:, None]), left).all() else None
+    left = _left_of(_energy_share(K, shapes), rounding)
+    return own if _is_rounding(_energy_share(K, own), left).all() else None
 
 
 def stiffness_null_space(K: sp.csc_array, rounding: float, known: Array | None = None) -> Array:
@@ -265,7 +264,7 @@ def _null_motions(K: sp.csc_array, rounding: float, known: Array | None) -> Arra
     else:
         solve = factorise(sp.csc_array(scaled + _SHIFT * sp.eye_array(n)), definite=False, what="the stiffness")
         V = _weakest(scaled, solve, _WANTED)
-    known_energy = np.empty(0) if known is None else _energy_share(scaled, known * d[:, None])
+    known_energy = np.empty(0) if known is None else _energy_share(K, known)
     left = _left_of(known_energy, rounding)
     # If all vectors are null vectors, there may be more.
     while (null := _is_rounding(_energy_share(scaled, V), left)).all() and V.shape[1] < n:
@@ -284,11 +283,10 @@ def _geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> tup
     Q, s, _ = la.svd(R[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
     Q = Q[:, s > DEPENDENT * s.max()]
     _, s, vt = la.svd(K @ Q, full_matrices=False)
-    shapes, unforced = Q @ vt.T, s <= _RIGID_FACTOR * max(rounding, DOUBLE) * spla.norm(K, 1)
-    scaled, d = _unit_diagonal(K)
+    shapes, unforced = Q @ vt.T, s <= _RIGID_FACTOR * max(rounding, DOUBLE) * one_norm(K)
     # In a coarse file the force of a weak spring is below the rounding of stiff parts, but its energy is not.
     limit = max(_LEFT_BY_FILE * rounding, CONDENSATION)
-    rigid = unforced & _is_rounding(_energy_share(scaled, shapes * d[:, None]), limit)
+    rigid = unforced & _is_rounding(_energy_share(K, shapes), limit)
     return shapes[:, rigid], shapes[:, ~rigid]
 
 
@@ -332,6 +330,6 @@ def _is_rounding(share: Array, left: float) -> NDArray[np.bool_]:
 
 
 def _energy_share(K: sp.csc_array, X: Array) -> Array:
-    """Strain energy of each column, relative to the sum of its absolute terms."""
+    """Strain energy of each column, relative to the sum of its absolute terms; no scale of the dofs changes it."""
     energy, parts = np.einsum("ij,ij->j", X, K @ X), energy_parts(K, X)
     return np.asarray(np.divide(energy, parts, out=np.zeros_like(energy), where=parts > 0), dtype=np.float64)
