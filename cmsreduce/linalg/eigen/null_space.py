@@ -16,8 +16,6 @@ from cmsreduce.model import CONDENSATION, DOUBLE
 
 __all__ = [
     "DEPENDENT",
-    "HELD",
-    "motions_held",
     "null_space",
     "only_motions",
     "rigid_body_modes",
@@ -30,9 +28,6 @@ Array = NDArray[np.float64]
 DEPENDENT = 1e-9
 """A constraint is dependent when its part outside the others is below this share of the largest: coordinates of 8
 digits give the directions of joints no more accurately."""
-HELD = 1e-8
-"""Rigid motions are independent at an interface when their smallest singular value there exceeds this share of the
-largest. An interface closer to singular amplifies the rounding of a deck."""
 # Forces K R of a rigid motion are at most this many roundings of the file, relative to |K|.
 _RIGID_FACTOR = 1e4
 # Below this size the complete spectrum of the scaled stiffness is cheaper than its weakest motions alone.
@@ -101,22 +96,6 @@ def row_basis(A: Array) -> Array:
     if s.size == A.shape[0] and s[-1] > DEPENDENT * s[0]:
         return np.diag(scale)
     return (u[:, s > DEPENDENT * s.max()] * scale[:, None]).T
-
-
-def motions_held(rigid: Array, rows: NDArray[np.int64]) -> int:
-    """Number of rigid motions that some held dofs prevent.
-
-    Parameters
-    ----------
-    rigid : (n, r) float64
-        Rigid-body modes.
-    rows : (i,) int64
-        Dofs held.
-    """
-    if not rigid.shape[1] or not rows.size:
-        return 0
-    s = la.svdvals(rigid[rows] / np.linalg.norm(rigid, axis=0))
-    return int(np.count_nonzero(s > HELD * s.max(initial=0.0)))
 
 
 def rigid_body_modes(
@@ -196,7 +175,9 @@ def _apart(X: Array, rigid: Array, M: sp.csc_array) -> Array:
     return np.asarray(X @ (V / np.sqrt(weight)))
 
 
-def only_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Array | None:
+def only_motions(
+    K: sp.csc_array, R: Array | None, rounding: float, interface: NDArray[np.int64] | None = None
+) -> Array | None:
     """Rigid motions from geometry, if one factorisation proves that K resists every other motion.
 
     Parameters
@@ -207,6 +188,9 @@ def only_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Array | N
         Rigid-body shapes from the geometry; None for a body of scalar dofs.
     rounding : float
         Relative error of K.
+    interface : (i,) int64, optional
+        Rows of the interface, which are eliminated last where the body is large: the factor of the interior serves the
+        reduction, too.
 
     Returns
     -------
@@ -220,11 +204,8 @@ def only_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Array | N
     pivots = np.einsum("ij,ij->j", resisted, K @ resisted) / np.mean(resisted**2 * K.diagonal()[:, None], axis=0)
     weak = pivots <= sound
     motions = np.hstack([shapes, resisted[:, weak]])
-    try:
-        held = HeldStiffness.of(K, motions, "the stiffness held against its rigid motions")
-    except NotPositiveDefiniteError:
-        return None
-    if held.factor.weakest[1] <= sound:
+    held = _soundly_held(K, motions, sound, interface)
+    if held is None:
         return None
     if not weak.any():
         return shapes
@@ -232,6 +213,21 @@ def only_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Array | N
     own = held.independent(motions)
     left = _left_of(_energy_share(K, shapes), rounding)
     return own if _is_rounding(_energy_share(K, own), left).all() else None
+
+
+def _soundly_held(
+    K: sp.csc_array, motions: Array, sound: float, interface: NDArray[np.int64] | None
+) -> HeldStiffness | None:
+    """Stiffness held against some motions, if no pivot is below ``sound`` of its diagonal entry."""
+    # Dofs of the interface may be too near to each other to hold the body well.
+    for rows in (None,) if interface is None else (interface, None):
+        try:
+            held = HeldStiffness.of(K, motions, "the stiffness held against its rigid motions", rows)
+        except NotPositiveDefiniteError:
+            continue
+        if held.factor.weakest[1] > sound:
+            return held
+    return None
 
 
 def stiffness_null_space(K: sp.csc_array, rounding: float, known: Array | None = None) -> Array:
