@@ -21,6 +21,7 @@ $(STAMP): pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@$(BIN)/python -m compileall -q cmsreduce
+	@$(BIN)/cmsreduce doctor --compile > /dev/null
 	@touch $@
 
 demo: $(STAMP) ## reduce the Galileo sample; the report is build/galileo/report.html
