@@ -21,6 +21,7 @@ $(STAMP): pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@$(BIN)/python -m compileall -q cmsreduce
+	@$(BIN)/cmsreduce doctor --compile > /dev/null
 	@touch $@
 
 demo: $(STAMP) ## reduce the Galileo sample; the report is build/galileo/report.html
@@ -38,8 +39,11 @@ example-spinup: $(STAMP) ## spin-up of a flexible beam, with and without geometr
 
 # One BLAS thread for each: two of them with two threads would wait for each other. Tests that stand together go to one
 # process, which then sets up once what they share; the programs that tests start find their modules compiled.
+# Tests write many small files, and wait for the disk at each of them: in memory where 8 GB are free.
+TEST_FILES = $(shell [ "$$(df --output=avail /dev/shm 2>/dev/null | tail -n 1)" -gt 8000000 ] 2>/dev/null && echo /dev/shm || echo $${TMPDIR:-/tmp})
+
 test: $(STAMP) ## all tests, two at a time
-	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
+	TMPDIR=$(TEST_FILES) PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: $(STAMP) ## ruff, mypy, import contract
 	$(BIN)/ruff check .

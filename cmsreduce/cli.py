@@ -351,11 +351,21 @@ def cache_clear(run_dir: Path) -> None:
 
 
 @main.command()
+@click.option("--compile", "compiling", is_flag=True, help="Compile the loops of the multifrontal solver first.")
 @output_options
-def doctor(output: Output) -> None:
-    """Show what a run finds here: versions, sparse solvers, threads, memory, disk, compiled loops."""
+def doctor(compiling: bool, output: Output) -> None:
+    """Show what a run finds here: versions, sparse solvers, threads, memory, disk, compiled loops.
+
+    The loops are compiled once on a machine, in about twenty seconds: by `--compile`, or by the first body of 50 000
+    dofs.
+    """
     from cmsreduce.pipeline import environment
 
+    if compiling:
+        from cmsreduce.multifrontal import compile_loops, lacks
+
+        if not lacks():
+            compile_loops()
     lines = environment(Path())
     for line in lines:
         output.line(f"{line.name:<16} {line.words}{f'  ({line.advice})' if line.advice else ''}")

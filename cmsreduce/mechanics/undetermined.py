@@ -28,14 +28,23 @@ _NAMED, _NAMED_PARTS = 12, 5
 
 def parts(body: FEModel) -> NDArray[np.int64]:
     """Number of the part of each row (n,); rows of one node are one part."""
-    K, M = abs(body.K), abs(body.M)
-    coupling = sp.coo_array(K + M)
-    _, node = np.unique(body.dofs.node, return_inverse=True)
-    graph = sp.csr_array(
-        (np.ones(coupling.nnz), (node[coupling.row], node[coupling.col])), shape=(node.max() + 1, node.max() + 1)
-    )
-    _, label = csgraph.connected_components(graph, directed=False)
-    return np.asarray(label[node], dtype=np.int64)
+    # Three partitions of the rows, whose classes are joined where they share a row: by K, by M, and by node.
+    classes = [_connected(body.K), _connected(body.M), np.unique(body.dofs.node, return_inverse=True)[1]]
+    starts = np.cumsum([0, *(label.max(initial=-1) + 1 for label in classes)])
+    first = np.tile(classes[0], 2)
+    second = np.concatenate([classes[1] + starts[1], classes[2] + starts[2]])
+    shared = sp.coo_array((np.ones(first.size), (first, second)), shape=(starts[-1], starts[-1]))
+    _, label = csgraph.connected_components(shared, directed=False)
+    return np.asarray(label[classes[0]], dtype=np.int64)
+
+
+def _connected(A: sp.csc_array) -> NDArray[np.int64]:
+    """Number of the connected part of each row of a symmetric matrix (n,)."""
+    if not A.data.all():
+        A = A.copy()
+        A.eliminate_zeros()
+    # The transpose is the same matrix stored by rows. Its strong components need no second copy by columns.
+    return np.asarray(csgraph.connected_components(A.T, directed=True, connection="strong")[1], dtype=np.int64)
 
 
 def check_connected(body: FEModel) -> None:
@@ -46,7 +55,7 @@ def check_connected(body: FEModel) -> None:
     MatrixError
         Names a node of every piece.
     """
-    empty = np.flatnonzero((abs(body.K).sum(axis=0) == 0) & (abs(body.M).sum(axis=0) == 0))
+    empty = np.flatnonzero(_without_entries(body.K) & _without_entries(body.M))
     if empty.size:
         raise MatrixError(
             f"body '{body.name}': {empty.size} dofs have neither stiffness nor mass, the first is "
@@ -71,6 +80,12 @@ def check_connected(body: FEModel) -> None:
             f"({'; '.join(named)}{' ...' if count > _NAMED_PARTS else ''}). Look for missing elements or unmerged "
             "nodes, or make each part a component of its own"
         )
+
+
+def _without_entries(A: sp.csc_array) -> NDArray[np.bool_]:
+    """True for each column of zeros (n,)."""
+    filled = np.concatenate([[0], np.cumsum(A.data != 0)])[A.indptr]
+    return np.asarray(np.diff(filled) == 0)
 
 
 @dataclass(frozen=True, eq=False)

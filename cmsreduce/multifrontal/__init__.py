@@ -14,7 +14,7 @@ from cmsreduce.multifrontal.ordering import compressed_graph, dissection_install
 from cmsreduce.multifrontal.threads import blas_threads
 
 if TYPE_CHECKING:
-    from cmsreduce.multifrontal.factor import CholeskyFactor, FactorSize, NotPositiveDefiniteError
+    from cmsreduce.multifrontal.factor import CholeskyFactor, FactorSize, NotPositiveDefiniteError, compile_loops
     from cmsreduce.multifrontal.loops import compiled_folder
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "FactorSize",
     "NotPositiveDefiniteError",
     "blas_threads",
+    "compile_loops",
     "compiled_folder",
     "compressed_graph",
     "dissection_installed",
@@ -33,7 +34,7 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     # The factor needs numba, which takes half a second to load.
-    if name in ("CholeskyFactor", "FactorSize", "NotPositiveDefiniteError"):
+    if name in ("CholeskyFactor", "FactorSize", "NotPositiveDefiniteError", "compile_loops"):
         return getattr(import_module("cmsreduce.multifrontal.factor"), name)
     if name == "compiled_folder":
         return import_module("cmsreduce.multifrontal.loops").compiled_folder

@@ -19,7 +19,7 @@ from cmsreduce.multifrontal.substitution import backward, diagonal, forward, gat
 from cmsreduce.multifrontal.supernodes import Supernodes, shares, supernodes
 from cmsreduce.multifrontal.threads import blas_threads
 
-__all__ = ["CholeskyFactor", "FactorSize", "NotPositiveDefiniteError"]
+__all__ = ["CholeskyFactor", "FactorSize", "NotPositiveDefiniteError", "compile_loops"]
 
 Ints = NDArray[np.int64]
 
@@ -225,3 +225,13 @@ class _UpdateMemory:
         self.last = stack(tree.above)
         roots = int((np.diff(tree.begin)[tree.subtrees[1:] - 1] ** 2).sum())
         self.entries = roots + max(sum(self.stacks), self.last)
+
+
+def compile_loops() -> None:
+    """Compile every loop now, once on a machine, so that the first large matrix does not wait for it."""
+    A = sp.csc_array(sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(9, 9)))
+    for scale in (None, np.ones(9)):
+        factor = CholeskyFactor(A, np.arange(9), scale=scale)
+        for layout in ("C", "F"):
+            factor.solve(np.ones((9, 2), order=layout))
+        _ = factor.pivots

@@ -106,8 +106,8 @@ def _solvers() -> Iterator[EnvironmentLine]:
         yield EnvironmentLine("compiled loops", None, "none: the multifrontal solver cannot be used here", lacks())
         return
     folder = compiled_folder()
-    compiled = sum(1 for _ in folder.glob("*.nbi"))
-    advice = "" if compiled else "the first large body compiles them, which takes some seconds"
+    compiled = sum(1 for _ in folder.rglob("*.nbi"))
+    advice = "" if compiled else "`cmsreduce doctor --compile` makes them, or the first large body, in twenty seconds"
     yield EnvironmentLine("compiled loops", str(folder), f"{compiled} in {folder}", advice)
 
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
 from cmsreduce.linalg.blocks import column_blocks, congruence, new_basis, side_by_side
-from cmsreduce.linalg.eigen import HELD, energy_parts, modes_below, orthonormal, strain_pairs
+from cmsreduce.linalg.eigen import energy_parts, modes_below, orthonormal, strain_pairs
+from cmsreduce.linalg.sparse import HELD
 from cmsreduce.model import FEModel, InterfaceLoading, ModeBlock, ModeSet, chosen_columns
 from cmsreduce.reduce.basis import Basis
 from cmsreduce.reduce.reduction import Reduction

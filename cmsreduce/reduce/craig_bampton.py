@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import SingularInterfaceError
 from cmsreduce.linalg.blocks import by_columns, column_blocks, combined, congruence, new_basis, observed, side_by_side
-from cmsreduce.linalg.eigen import HELD, beside_modes, certified_modes, count_below, motions_held
-from cmsreduce.linalg.sparse import BLOCK, NotPositiveDefiniteError, Solve, factorise, part
+from cmsreduce.linalg.eigen import beside_modes, certified_modes, count_below
+from cmsreduce.linalg.sparse import BLOCK, HELD, NotPositiveDefiniteError, Solve, factorise, motions_held, part
 from cmsreduce.model import FEModel, ModeBlock, ModeCertificate, ModeSet
 from cmsreduce.reduce.basis import Basis
 from cmsreduce.reduce.characteristic import InterfaceMotions, InterfaceReduction
@@ -82,7 +82,7 @@ class CraigBampton(Reduction):
         # The count comes first: so only one factor at a time is in memory.
         count = count_below(Kjj, Mjj, omega)
         try:
-            solve: Solve = factorise(Kjj, what=f"body '{body.name}': K with the interface held")
+            solve: Solve = factorise(Kjj, what=f"body '{body.name}': K with the interface held", kept=True)
         except NotPositiveDefiniteError as error:
             raise SingularInterfaceError(
                 f"body '{body.name}': with its {interface.size} interface dofs held, dof "

@@ -37,11 +37,17 @@ class MacNealRubin(Reduction):
         """Shapes of the mode set, rigid modes first; see `Reduction.basis`."""
         labels = [body.dofs.labels[row] for row in interface] + [f"load {k + 1}" for k in range(loads.shape[1])]
         forces = unit_loads(body.n, interface, loads)
-        return free_modes_and_residuals(self.method, body, rigid, self.cutoff_hz, forces, labels)
+        return free_modes_and_residuals(self.method, body, rigid, self.cutoff_hz, forces, labels, interface)
 
 
 def free_modes_and_residuals(
-    method: str, body: FEModel, rigid: Array, cutoff_hz: float, loads: Array | sp.csc_array, labels: list[str]
+    method: str,
+    body: FEModel,
+    rigid: Array,
+    cutoff_hz: float,
+    loads: Array | sp.csc_array,
+    labels: list[str],
+    interface: NDArray[np.int64] | None = None,
 ) -> Basis:
     """Free modes up to a frequency and the residual flexibility under some loads.
 
@@ -59,12 +65,14 @@ def free_modes_and_residuals(
         Loads whose static response the basis holds.
     labels : list of str
         Name of each load.
+    interface : (i,) int64, optional
+        Rows of the interface, which a factor may eliminate last.
     """
     omega = 2 * np.pi * cutoff_hz
     share_order(body.K)
     # The count comes first: so only one factor at a time is in memory.
     count = count_below(body.K, body.M, omega, rigid.shape[1])
-    solve = elastic_solve(body, rigid)
+    solve = elastic_solve(body, rigid, interface)
     w, phi, certificate = np.empty(0), np.empty((body.n, 0)), None
     if omega > 0:
         w, phi, bound = certified_modes(

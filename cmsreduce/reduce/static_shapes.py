@@ -148,10 +148,10 @@ def independent_columns(G: Array, share: float) -> Rows:
     return _pivoted_cholesky(G, share)[1]
 
 
-def elastic_solve(body: FEModel, rigid: Array) -> Solve:
+def elastic_solve(body: FEModel, rigid: Array, interface: Rows | None = None) -> Solve:
     """Flexibility of a body as it is: elastic where it is free to move, K^-1 where it is held."""
     if rigid.shape[1]:
-        return ElasticFlexibility(body.K, body.M, rigid)
+        return ElasticFlexibility(body.K, body.M, rigid, interface)
     return factorise(body.K, what=f"body '{body.name}': the stiffness")
 
 

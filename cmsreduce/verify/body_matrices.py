@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
 from cmsreduce.linalg.sparse import factorise
@@ -19,6 +20,8 @@ Indices = NDArray[np.int64]
 # Mass this far below the median of its kind moves by itself at ten thousand times the frequency of its neighbours: such
 # a number was added to make a matrix regular, and costs time steps.
 _NEARLY = 1e-8
+# Unconnected parts of a matrix that are factorised one by one.
+_PARTS = 12
 
 
 def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
@@ -40,9 +43,44 @@ def negative_directions(A: sp.csc_array, rounding: float) -> int | None:
     own = abs(A.diagonal())
     scale = 1 / np.sqrt(np.where(own > 0, own, own.max(initial=0.0) or 1.0))
     unit = sp.diags_array(scale) @ A @ sp.diags_array(scale)
-    raised = unit + max(CONDENSATION, PRINTED * rounding) * sp.eye_array(A.shape[0])
-    factor = factorise(sp.csc_array(raised), definite=False, what="the scaled matrix")
-    return int(factor.negative_pivots) if factor.inertia_known else None
+    raised = sp.csc_array(unit + max(CONDENSATION, PRINTED * rounding) * sp.eye_array(A.shape[0]))
+    count = 0
+    for part, copies in _different_parts(raised):
+        factor = factorise(part, definite=False, what="the scaled matrix")
+        if not factor.inertia_known:
+            return None
+        count += copies * int(factor.negative_pivots)
+    return count
+
+
+def _different_parts(A: sp.csc_array) -> list[tuple[sp.csc_array, int]]:
+    """Unconnected parts of a symmetric matrix, equal ones once with their number; a few parts at most, else the whole.
+
+    The consistent mass of a solid has three equal parts: x, y and z.
+    """
+    count, label = csgraph.connected_components(A.T, directed=True, connection="strong")
+    if not 1 < count <= _PARTS:
+        return [(A, 1)]
+    found: list[tuple[sp.csc_array, int]] = []
+    for number in range(count):
+        rows = np.flatnonzero(label == number)
+        part = sp.csc_array(A[rows][:, rows])
+        same = next((k for k, (known, _) in enumerate(found) if _equal(known, part)), None)
+        if same is None:
+            found.append((part, 1))
+        else:
+            found[same] = found[same][0], found[same][1] + 1
+    return found
+
+
+def _equal(A: sp.csc_array, B: sp.csc_array) -> bool:
+    """True if two matrices have the same entries to the last bit."""
+    return (
+        A.shape == B.shape
+        and np.array_equal(A.indptr, B.indptr)
+        and np.array_equal(A.indices, B.indices)
+        and np.array_equal(A.data, B.data)
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.eigen import motions_held
-from cmsreduce.linalg.sparse import ElasticFlexibility, factorise
+from cmsreduce.linalg.sparse import ElasticFlexibility, factorise, motions_held
 from cmsreduce.model import FEModel, GainSum, ModalComponent
 
 __all__ = ["StaticLoads", "gain_sum", "static_completeness", "static_loads", "step_errors", "step_response"]
@@ -74,7 +73,11 @@ def static_loads(body: FEModel, rigid: Array, loads: Array, interface: NDArray[n
         hold the body, its own inertia balances the load.
     """
     balanced = _balanced(body, rigid, loads, interface)
-    solve = ElasticFlexibility(body.K, body.M, rigid) if rigid.shape[1] else factorise(body.K, what="the stiffness")
+    solve = (
+        ElasticFlexibility(body.K, body.M, rigid, interface)
+        if rigid.shape[1]
+        else factorise(body.K, what="the stiffness")
+    )
     U = np.asarray(solve(balanced))
     # A load that only moves the body leaves nothing but rounding when it is balanced.
     some = np.linalg.norm(balanced, axis=0) > _NOTHING * np.linalg.norm(loads, axis=0)

@@ -64,3 +64,8 @@ def test_doctor_knows_versions_solvers_and_disk() -> None:
     assert "superlu" in found["sparse solvers"] and found["memory"] > 1e8 and found["disk"] > 0
     assert "extra dev" not in found and found["threads"] >= 1
     assert re.search(r"^sparse solvers +.*superlu", CliRunner().invoke(main, ["doctor"]).stdout, re.M)
+
+
+def test_doctor_compiles_what_the_first_large_body_would() -> None:
+    said = CliRunner().invoke(main, ["doctor", "--compile"])
+    assert int(re.search(r"^compiled loops +(\d+) in ", said.stdout, re.M)[1]) >= 10

@@ -158,6 +158,15 @@ def test_motions_of_negative_energy_are_counted(weakened: float, count: int) -> 
     assert negative_directions(body.M, 2.0**-53) == 0
 
 
+@pytest.mark.parametrize(("changed", "count"), [((), 0), ((0, 1, 2), 3), ((1,), 1)])
+def test_equal_parts_of_a_mass_are_counted_each(changed: tuple[int, ...], count: int) -> None:
+    """The mass of a solid in x, y and z is one matrix three times, unless one of them is wrong."""
+    one = sp.csc_array(sp.diags_array([1.0, 4.0, 1.0], offsets=[-1, 0, 1], shape=(30, 30)))
+    wrong = one + sp.csc_array(([-5.0], ([7], [7])), shape=one.shape)
+    parts = [wrong if k in changed else one for k in range(3)]
+    assert negative_directions(sp.csc_array(sp.block_diag(parts)), 2.0**-53) == count
+
+
 # Against another program.
 
 

@@ -15,7 +15,7 @@ from cmsreduce.linalg.blocks.basis import (
     row_blocks,
     side_by_side,
 )
-from cmsreduce.linalg.blocks.products import Product, column_blocks, congruence, symmetric_product
+from cmsreduce.linalg.blocks.products import Product, column_blocks, congruence, one_norm, symmetric_product
 from cmsreduce.linalg.blocks.tall_blocks import (
     by_columns,
     by_rows,
@@ -47,6 +47,7 @@ __all__ = [
     "less_all",
     "new_basis",
     "observed",
+    "one_norm",
     "outgrows",
     "put",
     "row_blocks",

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.linalg.machine import SparseMatrix, current_settings, mkl_library, watch_if_large
 
-__all__ = ["Product", "column_blocks", "congruence", "mkl_product", "symmetric_product"]
+__all__ = ["Product", "column_blocks", "congruence", "mkl_product", "one_norm", "symmetric_product"]
 
 Array = NDArray[np.float64]
 
@@ -27,6 +27,8 @@ Product = Callable[[Array], Array]
 _FEW_FOR_MKL, _FEW_FOR_THREADS = 20_000, 200_000
 # Share of stored zeros from which on a copy without them pays. The mass of an element has zeros between directions.
 _ZEROS = 0.5
+# Columns of a matrix that are summed up at a time.
+_SUMMED = 4096
 # Columns in a block: enough to read a matrix only a few times, few beside the right-hand sides of a solve.
 _COLUMNS = 32
 
@@ -137,3 +139,15 @@ def congruence(A: sp.csc_array | Array, Phi: Array) -> Array:
         energies[part, known] = energies[known, part].T
         energies[part, part] = (energies[part, part] + energies[part, part].T) / 2
     return energies
+
+
+def one_norm(A: sp.csc_array) -> float:
+    """1-norm, some columns at a time: the absolute values of all entries would double the memory."""
+    sums = [0.0]
+    for first in range(0, A.shape[1], _SUMMED):
+        starts = A.indptr[first : first + _SUMMED + 1]
+        filled = starts[:-1][np.diff(starts) > 0]
+        if filled.size:
+            sizes = abs(A.data[starts[0] : starts[-1]])
+            sums.append(float(np.add.reduceat(sizes, filled - starts[0]).max()))
+    return max(sums)

@@ -9,8 +9,6 @@ from cmsreduce.linalg.eigen.eigenpairs import beside_modes, certified_modes, cou
 from cmsreduce.linalg.eigen.highest import HighestFrequency, highest_frequency
 from cmsreduce.linalg.eigen.null_space import (
     DEPENDENT,
-    HELD,
-    motions_held,
     null_space,
     only_motions,
     rigid_body_modes,
@@ -33,7 +31,6 @@ __all__ = [
     "ComplexModes",
     "DEPENDENT",
     "DampedPencil",
-    "HELD",
     "HighestFrequency",
     "UndeterminedError",
     "beside_modes",
@@ -45,7 +42,6 @@ __all__ = [
     "energy_parts",
     "highest_frequency",
     "modes_below",
-    "motions_held",
     "null_space",
     "only_motions",
     "orthonormal",

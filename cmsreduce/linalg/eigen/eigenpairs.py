@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.blocks import column_products, symmetric_product
+from cmsreduce.linalg.blocks import column_products, one_norm, symmetric_product
 from cmsreduce.linalg.eigen.inverse_iteration import eigen_residuals
 from cmsreduce.linalg.eigen.mixed_precision import corrected_modes
 from cmsreduce.linalg.eigen.pencil import REPEATED, UndeterminedError, elastic_pairs, repeated_groups
@@ -28,8 +28,8 @@ _AT_CUTOFF = 1e-9
 # A mode is accepted when |K x - lam M x| is below this share of |K||x|, or below the rounding of the file if that is
 # larger. The share is well above round-off and far below any use.
 _RESIDUAL = 1e-9
-# Modes whose residuals are computed at a time, and columns of a matrix that are summed up at a time.
-_CHECKED, _COLUMNS = 16, 4096
+# Modes whose residuals are computed at a time.
+_CHECKED = 16
 
 
 class CertifiedModes(NamedTuple):
@@ -208,21 +208,9 @@ def _all_modes(K: sp.csc_array, M: sp.csc_array, rigid: Array, rounding: float) 
     return CertifiedModes(w, X, residual / np.where(lam > 0, 2 * lam, 1.0))
 
 
-def _one_norm(K: sp.csc_array) -> float:
-    """1-norm, some columns at a time: the absolute values of all entries would double the memory."""
-    sums = [0.0]
-    for first in range(0, K.shape[0], _COLUMNS):
-        starts = K.indptr[first : first + _COLUMNS + 1]
-        filled = starts[:-1][np.diff(starts) > 0]
-        if filled.size:
-            sizes = abs(K.data[starts[0] : starts[-1]])
-            sums.append(float(np.add.reduceat(sizes, filled - starts[0]).max()))
-    return max(sums)
-
-
 def _check_residuals(K: sp.csc_array, M: sp.csc_array, w: Array, X: Array, limit: float) -> None:
     residual, size = np.empty(w.size), np.empty(w.size)
-    norm, stiffness, mass = _one_norm(K), symmetric_product(K), symmetric_product(M)
+    norm, stiffness, mass = one_norm(K), symmetric_product(K), symmetric_product(M)
     for first in range(0, w.size, _CHECKED):
         part = slice(first, first + _CHECKED)
         rest = eigen_residuals(stiffness, mass, X[:, part], w[part] ** 2)

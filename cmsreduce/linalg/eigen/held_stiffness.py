@@ -8,12 +8,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.sparse import Factor, determinate_dofs, factorise, part
+from cmsreduce.linalg.sparse import Factor, InterfaceLast, held_factor
 
 Array = NDArray[np.float64]
 
-# Corrections of a free motion by residuals in long double; each gains the digits that one factor gives.
-_CORRECTIONS = 3
+# Corrections of a free motion by residuals in long double; each gains the digits that one factor gives. After one that
+# changes no entry by more than this share of the largest, none is needed.
+_CORRECTIONS, _CORRECTED = 3, 1e-13
 
 
 @dataclass(frozen=True)
@@ -29,28 +30,27 @@ class HeldStiffness:
         The whole stiffness.
     given, free : (k,), (n - k,) int64
         Dofs that are held, as many as there are motions, and the others in order.
-    factor : Factor
+    factor : Factor or InterfaceLast
         Of the stiffness between the free dofs.
     """
 
     K: sp.csc_array
     given: NDArray[np.int64]
     free: NDArray[np.int64]
-    factor: Factor
+    factor: Factor | InterfaceLast
 
     @classmethod
-    def of(cls, K: sp.csc_array, motions: Array, what: str) -> HeldStiffness:
-        """Hold a stiffness against (n, k) independent motions; k may be zero.
+    def of(
+        cls, K: sp.csc_array, motions: Array, what: str, interface: NDArray[np.int64] | None = None
+    ) -> HeldStiffness:
+        """Hold a stiffness against (n, k) independent motions, as `held_factor` does; k may be zero.
 
         Raises
         ------
         NotPositiveDefiniteError
             If the body has another free motion.
         """
-        given = determinate_dofs(motions)
-        free = np.setdiff1d(np.arange(K.shape[0]), given)
-        factor = factorise(part(K, free), what=what, kept=True)
-        return cls(K, given, free, factor)
+        return cls(K, *held_factor(K, motions, what, interface))
 
     def independent(self, motions: Array) -> Array:
         """Free motions of K near the given ones, each of which moves one of the held dofs by one."""
@@ -63,5 +63,8 @@ class HeldStiffness:
         X, exact = X.copy(), sp.csc_array(self.K, dtype=np.longdouble)
         for _ in range(_CORRECTIONS):
             force = np.asarray((exact @ X.astype(np.longdouble))[self.free], dtype=np.float64)
-            X[self.free] -= self.factor(force)
+            change = self.factor(force)
+            X[self.free] -= change
+            if (abs(change).max(axis=0) <= _CORRECTED * abs(X).max(axis=0)).all():
+                break
         return np.asarray(X)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
+from cmsreduce.linalg.blocks import one_norm
 from cmsreduce.linalg.eigen.held_stiffness import HeldStiffness
 from cmsreduce.linalg.eigen.pencil import energy_parts
 from cmsreduce.linalg.sparse import Factor, NotPositiveDefiniteError, factorise
@@ -16,8 +16,6 @@ from cmsreduce.model import CONDENSATION, DOUBLE
 
 __all__ = [
     "DEPENDENT",
-    "HELD",
-    "motions_held",
     "null_space",
     "only_motions",
     "rigid_body_modes",
@@ -30,9 +28,6 @@ Array = NDArray[np.float64]
 DEPENDENT = 1e-9
 """A constraint is dependent when its part outside the others is below this share of the largest: coordinates of 8
 digits give the directions of joints no more accurately."""
-HELD = 1e-8
-"""Rigid motions are independent at an interface when their smallest singular value there exceeds this share of the
-largest. An interface closer to singular amplifies the rounding of a deck."""
 # Forces K R of a rigid motion are at most this many roundings of the file, relative to |K|.
 _RIGID_FACTOR = 1e4
 # Below this size the complete spectrum of the scaled stiffness is cheaper than its weakest motions alone.
@@ -101,22 +96,6 @@ def row_basis(A: Array) -> Array:
     if s.size == A.shape[0] and s[-1] > DEPENDENT * s[0]:
         return np.diag(scale)
     return (u[:, s > DEPENDENT * s.max()] * scale[:, None]).T
-
-
-def motions_held(rigid: Array, rows: NDArray[np.int64]) -> int:
-    """Number of rigid motions that some held dofs prevent.
-
-    Parameters
-    ----------
-    rigid : (n, r) float64
-        Rigid-body modes.
-    rows : (i,) int64
-        Dofs held.
-    """
-    if not rigid.shape[1] or not rows.size:
-        return 0
-    s = la.svdvals(rigid[rows] / np.linalg.norm(rigid, axis=0))
-    return int(np.count_nonzero(s > HELD * s.max(initial=0.0)))
 
 
 def rigid_body_modes(
@@ -196,7 +175,9 @@ def _apart(X: Array, rigid: Array, M: sp.csc_array) -> Array:
     return np.asarray(X @ (V / np.sqrt(weight)))
 
 
-def only_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Array | None:
+def only_motions(
+    K: sp.csc_array, R: Array | None, rounding: float, interface: NDArray[np.int64] | None = None
+) -> Array | None:
     """Rigid motions from geometry, if one factorisation proves that K resists every other motion.
 
     Parameters
@@ -207,6 +188,9 @@ def only_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Array | N
         Rigid-body shapes from the geometry; None for a body of scalar dofs.
     rounding : float
         Relative error of K.
+    interface : (i,) int64, optional
+        Rows of the interface, which are eliminated last where the body is large: the factor of the interior serves the
+        reduction, too.
 
     Returns
     -------
@@ -220,19 +204,30 @@ def only_motions(K: sp.csc_array, R: Array | None, rounding: float) -> Array | N
     pivots = np.einsum("ij,ij->j", resisted, K @ resisted) / np.mean(resisted**2 * K.diagonal()[:, None], axis=0)
     weak = pivots <= sound
     motions = np.hstack([shapes, resisted[:, weak]])
-    try:
-        held = HeldStiffness.of(K, motions, "the stiffness held against its rigid motions")
-    except NotPositiveDefiniteError:
-        return None
-    if held.factor.weakest[1] <= sound:
+    held = _soundly_held(K, motions, sound, interface)
+    if held is None:
         return None
     if not weak.any():
         return shapes
     # Motions of K itself near those of the coordinates: if their energy is rounding, K resists none of them.
     own = held.independent(motions)
-    scaled, d = _unit_diagonal(K)
-    left = _left_of(_energy_share(scaled, shapes * d[:, None]), rounding)
-    return own if _is_rounding(_energy_share(scaled, own * d[:, None]), left).all() else None
+    left = _left_of(_energy_share(K, shapes), rounding)
+    return own if _is_rounding(_energy_share(K, own), left).all() else None
+
+
+def _soundly_held(
+    K: sp.csc_array, motions: Array, sound: float, interface: NDArray[np.int64] | None
+) -> HeldStiffness | None:
+    """Stiffness held against some motions, if no pivot is below ``sound`` of its diagonal entry."""
+    # Dofs of the interface may be too near to each other to hold the body well.
+    for rows in (None,) if interface is None else (interface, None):
+        try:
+            held = HeldStiffness.of(K, motions, "the stiffness held against its rigid motions", rows)
+        except NotPositiveDefiniteError:
+            continue
+        if held.factor.weakest[1] > sound:
+            return held
+    return None
 
 
 def stiffness_null_space(K: sp.csc_array, rounding: float, known: Array | None = None) -> Array:
@@ -265,7 +260,7 @@ def _null_motions(K: sp.csc_array, rounding: float, known: Array | None) -> Arra
     else:
         solve = factorise(sp.csc_array(scaled + _SHIFT * sp.eye_array(n)), definite=False, what="the stiffness")
         V = _weakest(scaled, solve, _WANTED)
-    known_energy = np.empty(0) if known is None else _energy_share(scaled, known * d[:, None])
+    known_energy = np.empty(0) if known is None else _energy_share(K, known)
     left = _left_of(known_energy, rounding)
     # If all vectors are null vectors, there may be more.
     while (null := _is_rounding(_energy_share(scaled, V), left)).all() and V.shape[1] < n:
@@ -284,11 +279,10 @@ def _geometric_motions(K: sp.csc_array, R: Array | None, rounding: float) -> tup
     Q, s, _ = la.svd(R[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
     Q = Q[:, s > DEPENDENT * s.max()]
     _, s, vt = la.svd(K @ Q, full_matrices=False)
-    shapes, unforced = Q @ vt.T, s <= _RIGID_FACTOR * max(rounding, DOUBLE) * spla.norm(K, 1)
-    scaled, d = _unit_diagonal(K)
+    shapes, unforced = Q @ vt.T, s <= _RIGID_FACTOR * max(rounding, DOUBLE) * one_norm(K)
     # In a coarse file the force of a weak spring is below the rounding of stiff parts, but its energy is not.
     limit = max(_LEFT_BY_FILE * rounding, CONDENSATION)
-    rigid = unforced & _is_rounding(_energy_share(scaled, shapes * d[:, None]), limit)
+    rigid = unforced & _is_rounding(_energy_share(K, shapes), limit)
     return shapes[:, rigid], shapes[:, ~rigid]
 
 
@@ -332,6 +326,6 @@ def _is_rounding(share: Array, left: float) -> NDArray[np.bool_]:
 
 
 def _energy_share(K: sp.csc_array, X: Array) -> Array:
-    """Strain energy of each column, relative to the sum of its absolute terms."""
+    """Strain energy of each column, relative to the sum of its absolute terms; no scale of the dofs changes it."""
     energy, parts = np.einsum("ij,ij->j", X, K @ X), energy_parts(K, X)
     return np.asarray(np.divide(energy, parts, out=np.zeros_like(energy), where=parts > 0), dtype=np.float64)

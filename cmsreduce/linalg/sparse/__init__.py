@@ -12,21 +12,33 @@ from cmsreduce.linalg.sparse.factorisation import (
     factorise,
     installed_backends,
 )
-from cmsreduce.linalg.sparse.flexibility import ElasticFlexibility, Solve, determinate_dofs
+from cmsreduce.linalg.sparse.flexibility import (
+    HELD,
+    ElasticFlexibility,
+    InterfaceLast,
+    Solve,
+    determinate_dofs,
+    held_factor,
+    motions_held,
+)
 from cmsreduce.linalg.sparse.parts import part, share_order
 from cmsreduce.linalg.sparse.refined_factor import RefinedFactor
 
 __all__ = [
     "BLOCK",
+    "HELD",
     "ElasticFlexibility",
     "Factor",
     "InsufficientMemoryError",
+    "InterfaceLast",
     "NotPositiveDefiniteError",
     "RefinedFactor",
     "Solve",
     "determinate_dofs",
     "factorise",
+    "held_factor",
     "installed_backends",
+    "motions_held",
     "part",
     "share_order",
 ]

@@ -1,18 +1,32 @@
-"""Elastic flexibility of a body that is free to move."""
+"""Stiffness held at as few dofs as a body has free motions, and the elastic flexibility of a body that is free."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cmsreduce.linalg.sparse.factorisation import factorise
+from cmsreduce.linalg.blocks import by_columns
+from cmsreduce.linalg.sparse.factor import BLOCK, Factor
+from cmsreduce.linalg.sparse.factorisation import LARGE, NotPositiveDefiniteError, factorise
 from cmsreduce.linalg.sparse.parts import part
 
-__all__ = ["ElasticFlexibility", "Solve", "determinate_dofs"]
+__all__ = [
+    "HELD",
+    "ElasticFlexibility",
+    "InterfaceLast",
+    "Solve",
+    "determinate_dofs",
+    "held_factor",
+    "motions_held",
+]
 
+HELD = 1e-8
+"""Rigid motions are independent at an interface when their smallest singular value there exceeds this share of the
+largest. An interface closer to singular amplifies the rounding of a deck."""
 # Of dofs that a motion moves this nearly alike the first is taken: rounding of the motions must not choose.
 _ALIKE = 1e-6
 
@@ -42,6 +56,120 @@ def determinate_dofs(motions: NDArray[np.float64]) -> NDArray[np.int64]:
     return chosen
 
 
+def motions_held(rigid: NDArray[np.float64], rows: NDArray[np.int64]) -> int:
+    """Number of rigid motions that some held dofs prevent.
+
+    Parameters
+    ----------
+    rigid : (n, r) float64
+        Rigid-body modes.
+    rows : (i,) int64
+        Dofs held.
+    """
+    if not rigid.shape[1] or not rows.size:
+        return 0
+    s = la.svdvals(rigid[rows] / np.linalg.norm(rigid, axis=0))
+    return int(np.count_nonzero(s > HELD * s.max(initial=0.0)))
+
+
+class InterfaceLast:
+    """Factor of a stiffness whose interface dofs are eliminated last: K = [[K_jj, K_ji], [K_ij, K_ii]].
+
+    The factor of the interior K_jj is the one that Craig-Bampton takes, so that a large body is factorised once.
+
+    Parameters
+    ----------
+    K : (n, n) sparse array
+        Stiffness.
+    interface : (i,) int64
+        Rows of the interface; few, because each takes a solve.
+    given : (r,) int64
+        Rows of the interface that are held.
+    what : str
+        Name of the matrix in error messages.
+
+    Raises
+    ------
+    NotPositiveDefiniteError
+        If K has a free motion that the held rows do not prevent.
+    """
+
+    def __init__(self, K: sp.csc_array, interface: NDArray[np.int64], given: NDArray[np.int64], what: str) -> None:
+        rows = np.arange(K.shape[0])
+        inside, last, free = np.setdiff1d(rows, interface), np.setdiff1d(interface, given), np.setdiff1d(rows, given)
+        self._interior = factorise(part(K, inside), what=what, kept=True)
+        coupling = sp.csc_array(K[:, last])
+        inner = coupling[inside]
+        # Constraint modes Psi = -K_jj^-1 K_ji, and the stiffness that they condense to the interface.
+        self._Psi = -by_columns(self._interior(inner.toarray()))
+        S, own = coupling[last].toarray() + inner.T @ self._Psi, K.diagonal()[last]
+        try:
+            self._S = la.cholesky((S + S.T) / 2, lower=True)
+        except la.LinAlgError:
+            raise NotPositiveDefiniteError(f"{what} is not positive definite at its interface", int(last[0])) from None
+        self._inside, self._last = np.searchsorted(free, inside), np.searchsorted(free, last)
+        ratio = self._S.diagonal() ** 2 / own if last.size else np.ones(1)
+        row, inner_ratio = self._interior.weakest
+        at_interface = ratio.min() < inner_ratio
+        self.weakest = (
+            (int(self._last[ratio.argmin()]), float(ratio.min()))
+            if at_interface
+            else (int(self._inside[row]), inner_ratio)
+        )
+        """Row with the smallest ratio of its pivot to its diagonal entry, and this ratio, as of a `Factor`."""
+
+    def __call__(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Solve for one column (n - r,) or a block (n - r, k) of loads on the rows that are not held."""
+        inner, x = b[self._inside], np.empty(b.shape)
+        outer = la.cho_solve((self._S, True), b[self._last] + self._Psi.T @ inner)
+        x[self._last] = outer
+        x[self._inside] = self._interior(inner) + self._Psi @ outer
+        return x
+
+
+def held_factor(
+    K: sp.csc_array, motions: NDArray[np.float64], what: str, interface: NDArray[np.int64] | None = None
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Factor | InterfaceLast]:
+    """Hold a stiffness at as few dofs as a body has free motions, and factorise it.
+
+    Parameters
+    ----------
+    K : (n, n) sparse array
+        Stiffness.
+    motions : (n, r) float64
+        Independent free motions; r may be zero.
+    what : str
+        Name of the matrix in error messages.
+    interface : (i,) int64, optional
+        Rows that are eliminated last, and among which the body is held, if it is large and they are few and hold it.
+
+    Returns
+    -------
+    given, free : (r,), (n - r,) int64
+        Dofs that are held, and the others in order.
+    factor : Factor or InterfaceLast
+        Of the stiffness between the free dofs.
+
+    Raises
+    ------
+    NotPositiveDefiniteError
+        If the body has another free motion.
+    """
+    rows, r = np.arange(K.shape[0]), motions.shape[1]
+    if (
+        interface is not None
+        and 0 < interface.size <= BLOCK
+        and K.shape[0] >= LARGE
+        and motions_held(motions, interface) == r
+    ):
+        interface = np.unique(interface)
+        given = interface[determinate_dofs(motions[interface])]
+        return given, np.setdiff1d(rows, given), InterfaceLast(K, interface, given, what)
+    given = determinate_dofs(motions)
+    free = np.setdiff1d(rows, given)
+    return given, free, factorise(part(K, free), what=what, kept=True)
+
+
 class ElasticFlexibility:
     """Elastic flexibility P^T G P of a free body (theory section 2): a static solve without rigid motion.
 
@@ -51,13 +179,20 @@ class ElasticFlexibility:
         Stiffness, singular on ``rigid``, and mass.
     rigid : (n, r) float64
         Rigid-body modes, orthonormal in M.
+    interface : (i,) int64, optional
+        Rows of the interface, as of `held_factor`.
     """
 
-    def __init__(self, K: sp.csc_array, M: sp.csc_array, rigid: NDArray[np.float64]) -> None:
+    def __init__(
+        self,
+        K: sp.csc_array,
+        M: sp.csc_array,
+        rigid: NDArray[np.float64],
+        interface: NDArray[np.int64] | None = None,
+    ) -> None:
         self.rigid, self.momentum = rigid, M @ rigid
-        self.free = np.setdiff1d(np.arange(rigid.shape[0]), determinate_dofs(rigid))
-        self.factor = factorise(
-            part(K, self.free), what="the stiffness held at a statically determinate set", kept=True
+        _, self.free, self.factor = held_factor(
+            K, rigid, "the stiffness held at a statically determinate set", interface
         )
 
     def __call__(self, f: NDArray[np.float64]) -> NDArray[np.float64]:

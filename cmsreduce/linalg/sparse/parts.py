@@ -31,8 +31,8 @@ def share_order(A: sp.csc_array) -> NDArray[np.int64] | None:
 
     Notes
     -----
-    A body of 1e5 dofs is factorised six times in a run: held against its rigid motions, with the interface held, and at
-    shifts. The order takes longer than the numbers of a factor.
+    A body of 1e5 dofs is factorised three times in a run: with its interface held, and at two shifts, for counts of its
+    modes. The order takes longer than the numbers of a factor.
     """
     if A.shape[0] < LARGE or not dissection_installed():
         return None

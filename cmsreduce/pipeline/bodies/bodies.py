@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from cmsreduce.assemble import Ports, body_points, body_ports, modal_substructure, physical_substructure
 from cmsreduce.config import Pipeline
 from cmsreduce.errors import DofMapError
-from cmsreduce.linalg.eigen import motions_held, only_motions, rigid_body_modes
+from cmsreduce.linalg.eigen import only_motions, rigid_body_modes
+from cmsreduce.linalg.sparse import motions_held
 from cmsreduce.mechanics import Determined, check_connected, hold_undetermined
 from cmsreduce.model import (
     Damping,
@@ -164,7 +165,10 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
     converted = in_units(tied, scene.units)
     # One factorisation proves that a large body has stiffness and mass in every motion but its rigid ones.
     large = converted.n > _LARGE
-    proven = only_motions(converted.K, _rigid_shapes(converted), converted.stiffness_rounding) if large else None
+    proven = None
+    if large:
+        interface = _acting(pipeline, converted, scene).interface
+        proven = only_motions(converted.K, _rigid_shapes(converted), converted.stiffness_rounding, interface)
     named = [label for label, keys in part.interfaces.items() if keys.dofs is not None and keys.tie is None]
     determined = hold_undetermined(converted, named, proven)
     body = determined.body
@@ -304,13 +308,18 @@ def _mechanisms(body: FEModel, rigid: NDArray[np.float64]) -> list[str]:
 def _ports(pipeline: Pipeline, determined: Determined, rigid: NDArray[np.float64], scene: Scene) -> Ports:
     """Inputs and outputs of the scene on a body."""
     body = determined.body
-    keys = pipeline.reduce_of(body.name)
-    ports = body_ports(body, scene, () if keys is None else keys.residuals)
+    ports = _acting(pipeline, body, scene)
     _check_ports(determined, ports)
     if not body.interfaces and motions_held(rigid, ports.interface) < rigid.shape[1]:
         # No joint and no actuator holds the body: it has no constraint modes.
         return ports.as_loads()
     return ports
+
+
+def _acting(pipeline: Pipeline, body: FEModel, scene: Scene) -> Ports:
+    """Inputs and outputs of the scene on a body, as its reduction asks for them."""
+    keys = pipeline.reduce_of(body.name)
+    return body_ports(body, scene, () if keys is None else keys.residuals)
 
 
 def _check_ports(determined: Determined, ports: Ports) -> None:

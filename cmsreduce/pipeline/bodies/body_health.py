@@ -10,7 +10,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.errors import MatrixError
-from cmsreduce.linalg.eigen import certified_modes, motions_held
+from cmsreduce.linalg.eigen import certified_modes
+from cmsreduce.linalg.sparse import motions_held
 from cmsreduce.model import FEModel, Finding, rigid_body_shapes
 from cmsreduce.pipeline.bodies.body_proofs import definite
 from cmsreduce.pipeline.store import diagnostic

@@ -142,6 +142,8 @@ def moments_toward_neighbours(body: FEModel) -> float | None:
     R = rigid_body_shapes(body.dofs, body.nodes)
     component = body.dofs.component
     moving, turning = ((component > k) & (component <= k + 3) for k in (0, 3))
+    if not turning.any():
+        return None
     ids, node = np.unique(body.dofs.node, return_inverse=True)
     H = np.zeros((ids.size, 3, 3))
     np.add.at(H, node[turning], R[turning, 3:, None] * np.asarray(body.M @ R[:, :3])[turning, None, :])

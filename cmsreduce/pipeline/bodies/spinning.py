@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from cmsreduce.config import SpinKeys
 from cmsreduce.linalg.blocks import combined
-from cmsreduce.linalg.eigen import motions_held, null_space
+from cmsreduce.linalg.eigen import null_space
+from cmsreduce.linalg.sparse import motions_held
 from cmsreduce.mechanics import modal_integrals, modal_stiffening, spinning_modes
 from cmsreduce.model import UNDETERMINED, ModalComponent
 from cmsreduce.pipeline.bodies.bodies import FlexibleBody

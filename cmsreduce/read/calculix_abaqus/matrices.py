@@ -29,6 +29,7 @@ LONGEST_ID = 15
 """Digits of a node id: ids become keys of dofs in 64-bit integers."""
 
 _SKIPPED = "#%$*"  # first characters of comments, and of keywords of Abaqus
+_PLAIN_LIST = re.compile(r"(?:[0-9]{1,15}\.[0-6]\n)+[0-9]{1,15}\.[0-6]\n?")
 _DOF = re.compile(r"(\d+)(?:\s*[.,;]\s*|\s+)([0-6])")
 
 
@@ -141,6 +142,35 @@ def read_dof_list(path: Path) -> DofTable:
         If the file is missing or empty, a line names no dof, or a dof appears twice.
     """
     text = read_text(path, f"{path}: the dof list")
+    node, component = _plain_dofs(text) or _any_dofs(path, text)
+    if not len(node):
+        raise ReadError(f"{path}: the dof list is empty; it needs one node.component for each row of the matrix")
+    nodes, components = np.array(node, dtype=np.int64), np.array(component, dtype=np.int64)
+    repeated = np.unique(nodes * KEY_STEP + components).size < nodes.size
+    # Without shells and beams CalculiX leaves the expansion of an earlier job where it is.
+    expansion = expansion_beside(path) if repeated else None
+    if expansion is not None:
+        nodes, components = expansion.relabelled(nodes, components)
+    try:
+        return DofTable(nodes, components.astype(np.int8))
+    except (DofMapError, OverflowError) as error:
+        hint = (
+            f". CalculiX repeats the dofs of shells and beams, and writes the nodes that they became to "
+            f"{path.with_suffix('.12d').name}: put that file beside the list"
+        )
+        raise ReadError(f"{path}: {error}{hint if repeated and expansion is None else ''}") from error
+
+
+def _plain_dofs(text: str) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+    """Nodes and components of a list whose every line is ``node.component``; None of any other list."""
+    if _PLAIN_LIST.fullmatch(text) is None:
+        return None
+    node, component = np.fromstring(text.replace(".", " "), dtype=np.int64, sep=" ").reshape(-1, 2).T
+    return node, component
+
+
+def _any_dofs(path: Path, text: str) -> tuple[list[int], list[int]]:
+    """Nodes and components of a list, line by line."""
     node, component = [], []
     for number, line in enumerate(text.splitlines(), start=1):
         line = line.strip()
@@ -156,22 +186,7 @@ def read_dof_list(path: Path) -> DofTable:
             raise ReadError(f"{path}, line {number}: the node '{line[:40]}' is too large; ids have up to 15 digits")
         node.append(int(match[1]))
         component.append(int(match[2]))
-    if not node:
-        raise ReadError(f"{path}: the dof list is empty; it needs one node.component for each row of the matrix")
-    nodes, components = np.array(node, dtype=np.int64), np.array(component, dtype=np.int64)
-    repeated = len(np.unique(np.column_stack([nodes, components]), axis=0)) < len(nodes)
-    # Without shells and beams CalculiX leaves the expansion of an earlier job where it is.
-    expansion = expansion_beside(path) if repeated else None
-    if expansion is not None:
-        nodes, components = expansion.relabelled(nodes, components)
-    try:
-        return DofTable(nodes, components.astype(np.int8))
-    except (DofMapError, OverflowError) as error:
-        hint = (
-            f". CalculiX repeats the dofs of shells and beams, and writes the nodes that they became to "
-            f"{path.with_suffix('.12d').name}: put that file beside the list"
-        )
-        raise ReadError(f"{path}: {error}{hint if repeated and expansion is None else ''}") from error
+    return node, component
 
 
 def dof_list_beside(path: Path) -> Path | None:

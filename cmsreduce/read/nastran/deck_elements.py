@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -136,16 +136,24 @@ class Faces:
         Positions of their corners among the nodes.
     between : (e, m) int64
         Positions of the nodes between corners; m = 0 for elements of corners alone.
-    property : tuple of Card
-        PSHELL or PSOLID of each.
+    property : (e,) int64
+        Position of the property of each among ``cards``.
+    cards : sequence of Card
+        PSHELL or PSOLID.
     corners : int
         Number of corners.
     """
 
     nodes: Indices
     between: Indices
-    property: tuple[Card, ...]
+    property: Indices
+    cards: Sequence[Card]
     corners: int
+
+    def each(self, value: Callable[[Card], float]) -> Array:
+        """A value of the property of each element (e,); properties of no element are not read."""
+        used, at = np.unique(self.property, return_inverse=True)
+        return np.array([value(self.cards[k]) for k in used], dtype=np.float64)[at]
 
 
 def stated_cards(path: Path) -> Cards | None:
@@ -233,7 +241,7 @@ def plates_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
             raise NotCountedError
         if len(found):
             ids = np.stack([found.integers(2 + k) for k in range(count)], axis=1)
-            yield _faces(ids, np.zeros((len(ids), 0), dtype=np.int64), _properties(found, made), nodes)
+            yield _faces(ids, np.zeros((len(ids), 0), dtype=np.int64), _properties(found, made), made, nodes)
 
 
 def solids_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
@@ -261,26 +269,26 @@ def solids_of(cards: Cards, nodes: Nodes) -> Iterator[Faces]:
         for between in (0, all_edges[count]):
             at = np.flatnonzero(counts == between)
             if at.size:
-                yield _faces(
-                    ids[at], more[at][written[at]].reshape(at.size, between), tuple(properties[k] for k in at), nodes
-                )
+                yield _faces(ids[at], more[at][written[at]].reshape(at.size, between), properties[at], made, nodes)
 
 
-def _properties(found: CardTable, made: Mapping[int, Card]) -> tuple[Card, ...]:
-    """Property of each element; a blank one has the number of the element."""
+def _properties(found: CardTable, made: Mapping[int, Card]) -> Indices:
+    """Position of the property of each element (e,); a blank one has the number of the element."""
     numbers = found.integers(1, 0)
     own = found.blank(1)
     numbers[own] = found.integers(0)[own]
-    if not set(numbers.tolist()) <= made.keys():
+    used, at = np.unique(numbers, return_inverse=True)
+    if not set(used.tolist()) <= made.keys():
         raise NotCountedError
-    return tuple(made[number] for number in numbers.tolist())
+    place = {number: k for k, number in enumerate(made)}
+    return np.array([place[number] for number in used.tolist()], dtype=np.int64)[at]
 
 
-def _faces(ids: Indices, more: Indices, properties: tuple[Card, ...], nodes: Nodes) -> Faces:
+def _faces(ids: Indices, more: Indices, properties: Indices, made: Mapping[int, Card], nodes: Nodes) -> Faces:
     at, between = nodes.index(ids.ravel()), nodes.index(more.ravel())
     if (at < 0).any() or (between < 0).any():
         raise NotCountedError
-    return Faces(at.reshape(ids.shape), between.reshape(more.shape), properties, ids.shape[1])
+    return Faces(at.reshape(ids.shape), between.reshape(more.shape), properties, tuple(made.values()), ids.shape[1])
 
 
 def _sections(cards: Cards) -> Iterator[tuple[str, int, Section]]:

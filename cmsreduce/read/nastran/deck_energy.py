@@ -8,6 +8,7 @@ one) does not follow a uniform strain; its energy is left out, which leaves a lo
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from cmsreduce.errors import ReadError
 from cmsreduce.model import Nodes
-from cmsreduce.read.nastran.cards import Cards
+from cmsreduce.read.nastran.cards import Card, Cards
 from cmsreduce.read.nastran.deck_elements import (
     UNCOUNTED,
     Bar,
@@ -181,14 +182,13 @@ def _solids(
     for stated in solids_of(cards, nodes):
         faces = _on_rows(stated, moving)
         lost += len(stated.property) - len(faces.property)
-        made = [_isotropic(p.integer(1), materials) for p in faces.property]
-        if any(p.text(6) == "PFLUID" for p in faces.property):
+        if faces.each(lambda p: p.text(6) == "PFLUID").any():
             raise NotCountedError
         corners = nodes.xyz[faces.nodes]
         _refuse_curved(faces, corners, nodes)
         volume = solid_volumes(corners)[0]
-        G = np.array([each.G for each in made])
-        lame = np.array([each.E * each.nu / (1 + each.nu) / (1 - 2 * each.nu) for each in made])
+        G = faces.each(lambda p: _isotropic(p.integer(1), materials).G)
+        lame = faces.each(lambda p: _lame(_isotropic(p.integer(1), materials)))
         trace = np.array([1.0, 1, 1, 0, 0, 0])
         # eps : C : eps; an entry of G off the diagonal stands for two.
         energy = (volume @ lame) * np.outer(trace, trace) + 2 * (volume @ G) * np.diag([1.0, 1, 1, 2, 2, 2])
@@ -200,8 +200,7 @@ def _solids(
 def _on_rows(faces: Faces, moving: NDArray[np.bool_]) -> Faces:
     """The elements of which every node has rows."""
     keep = np.asarray(moving[np.hstack([faces.nodes, faces.between])].all(axis=1))
-    kept = tuple(card for card, one in zip(faces.property, keep, strict=True) if one)
-    return Faces(faces.nodes[keep], faces.between[keep], kept, faces.corners)
+    return replace(faces, nodes=faces.nodes[keep], between=faces.between[keep], property=faces.property[keep])
 
 
 def _refuse_curved(faces: Faces, corners: Array, nodes: Nodes) -> None:
@@ -235,27 +234,37 @@ def _plates(
         x = x - n * np.einsum("ei,ei->e", x, n)[:, None]
         x = x / np.maximum(np.linalg.norm(x, axis=1), np.finfo(float).tiny)[:, None]
         y = np.cross(n, x)
-        thick = np.array([p.real(2) for p in faces.property])
-        none = Material(0.0, 0.0, 0.0, 0.0)
-        if any(p.integer(1, 0) < 0 or p.integer(3, 0) < 0 for p in faces.property):
+        thick = faces.each(lambda p: p.real(2))
+        if faces.each(lambda p: p.integer(1, 0) < 0 or p.integer(3, 0) < 0).any():
             raise NotCountedError
-        membrane, bending, shear = (
-            [_isotropic(p.integer(k), materials) if p.text(k) else none for p in faces.property] for k in (1, 3, 5)
-        )
+        E = faces.each(lambda p: _layer(p, 1, materials).E)
+        nu = faces.each(lambda p: _layer(p, 1, materials).nu)
+        G = faces.each(lambda p: _layer(p, 1, materials).G)
         xx, yy, xy = _strain_of(x, x), _strain_of(y, y), 2 * _strain_of(x, y)
-        E, nu = (np.array([getattr(m, name) for m in membrane]) for name in ("E", "nu"))
-        G = np.array([m.G for m in membrane])
         plane = E * thick * area / (1 - nu**2)
         low = _quadratic(plane * (1 - nu), xx) + _quadratic(plane * (1 - nu), yy) + _quadratic(plane * nu, xx + yy)
         low = low + _quadratic(G * thick * area, xy)
-        share = np.array([p.real(6, _SHEAR_SHARE) for p in faces.property])
-        slope = np.array([m.G for m in shear]) * thick * share
-        D = np.array([m.E / (1 - m.nu**2) * p.real(4, 1.0) for m, p in zip(bending, faces.property, strict=True)])
+        slope = faces.each(lambda p: _layer(p, 5, materials).G * p.real(6, _SHEAR_SHARE)) * thick
+        D = faces.each(lambda p: _plane_strain(_layer(p, 3, materials)) * p.real(4, 1.0))
         stiff = np.where(slope > 0, slope, _BENT * D * thick**3 / shortest**2) * area * (D > 0)
         # The nodes do not turn with the plate: it is sheared across, and bends where it has no shear.
         high = low + _quadratic(stiff, _strain_of(n, x)) + _quadratic(stiff, _strain_of(n, y))
         parts.append((faces.nodes, low, low, high, True))
     return parts, lost
+
+
+def _layer(card: Card, k: int, materials: dict[int, Material]) -> Material:
+    """Material that a PSHELL names in a field; one without stiffness if the field is blank."""
+    return _isotropic(card.integer(k), materials) if card.text(k) else Material(0.0, 0.0, 0.0, 0.0)
+
+
+def _plane_strain(material: Material) -> float:
+    return material.E / (1 - material.nu**2)
+
+
+def _lame(material: Material) -> float:
+    """First constant of Lame."""
+    return material.E * material.nu / (1 + material.nu) / (1 - 2 * material.nu)
 
 
 def _bars(

@@ -223,7 +223,7 @@ def _at_point(at: int, mass: float, place: Array, own: float) -> Part:
 
 def _plates(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Iterator[Part]:
     for faces in plates_of(cards, nodes):
-        per_area = np.array([_density(p.integer(1, 0), materials) * p.real(2) + p.real(7) for p in faces.property])
+        per_area = faces.each(lambda p: _density(p.integer(1, 0), materials) * p.real(2) + p.real(7))
         corners = nodes.xyz[faces.nodes]
         area, centre, second = _plate_areas(corners)
         yield _spread(faces, corners, per_area, area, centre, second, _plate_shares(corners, area))
@@ -233,7 +233,7 @@ def _solids(cards: Cards, nodes: Nodes, materials: dict[int, Material]) -> Itera
     for faces in solids_of(cards, nodes):
         if faces.between.shape[1]:
             raise NotCountedError
-        density = np.array([_density(p.integer(1), materials) for p in faces.property])
+        density = faces.each(lambda p: _density(p.integer(1), materials))
         corners = nodes.xyz[faces.nodes]
         volume, centre, second = solid_volumes(corners)
         yield _spread(faces, corners, density, volume, centre, second)

@@ -1,0 +1,138 @@
+"""From files to verdict: two solid bars with tied ends and a hinge at three angles; seconds by stage.
+
+``python benchmarks/files_to_verdict.py [DOFS ...]`` prints a Markdown table for bodies of about so many dofs each
+(1e4 and 1e5 if not given). The reductions alone are Craig-Bampton of both bodies from matrices in memory, ties included,
+without any proof but the count of the modes. Seconds are those of the clock and of the processors: the latter hardly depend on
+what else the machine does.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+import cmsreduce as cms  # noqa: E402
+from benchmarks.meshes import free_bar  # noqa: E402
+from cmsreduce.linalg.machine import SolverSettings, solver_settings  # noqa: E402
+from cmsreduce.model import FEModel  # noqa: E402
+from cmsreduce.reduce import CraigBampton  # noqa: E402
+
+BAND_HZ, CUTOFF_BANDS = 700.0, 2.0
+SIDES = (3.0, 0.17, 0.18)
+COMPONENT = """\
+  {name}:
+    stiffness: {name}.K.npz
+    mass: {name}.M.npz
+    geometry: {name}.bdf
+    rows: {name}.txt
+    interfaces:
+      root: {{nodes: {root}, tie: rigid}}
+      tip: {{nodes: {tip}, tie: rigid}}
+    damping: {{modal: 0.01}}
+"""
+SCENE = """\
+scene:
+  band: {band} Hz
+  ground: inner.root
+  joints:
+    hinge: {{connect: [inner.tip, outer.root], free: [rz]}}
+  articulation: {{hinge: [0, 45, 90 deg]}}
+  actuators: {{motor: {{joint: hinge, dof: rz}}}}
+  sensors: {{tip: {{at: outer.tip, measure: [x, y, z]}}}}
+reduce: {{cutoff: {cutoff}}}
+verify: {{frf: {{points: 400}}, limits: {{frf_error: 10 %}}}}
+write: {{formats: [hdf5, exudyn]}}
+"""
+
+
+def cells_for(dofs: float) -> tuple[int, int, int]:
+    """Cells of a bar of about so many dofs, as long as `proof_cost`'s."""
+    across = max(2, round((dofs / 3 / 18.5) ** (1 / 3) - 1))
+    return round(17.8 * across), across, across
+
+
+def write_bar(folder: Path, name: str, cells: tuple[int, int, int], start: float) -> str:
+    """Files of a bar that begins at x = start; its component in the pipeline."""
+    body = free_bar(cells, SIDES)
+    assert body.nodes is not None
+    xyz = body.nodes.xyz + np.array([start, 0, 0])
+    sp.save_npz(folder / f"{name}.K.npz", body.K, compressed=False)
+    sp.save_npz(folder / f"{name}.M.npz", body.M, compressed=False)
+    (folder / f"{name}.txt").write_text("\n".join(body.dofs.labels))
+    with (folder / f"{name}.bdf").open("w") as file:
+        file.write("BEGIN BULK\n")
+        for node, (x, y, z) in zip(body.nodes.id, xyz, strict=True):
+            file.write(f"GRID*   {node:16d}{'':16}{x:16.9E}{y:16.9E}\n*       {z:16.9E}\n")
+        file.write("ENDDATA\n")
+    ends = [body.nodes.id[abs(xyz[:, 0] - x) < 1e-9].tolist() for x in (start, start + SIDES[0])]
+    return COMPONENT.format(name=name, root=ends[0], tip=ends[1])
+
+
+def write_scene(folder: Path, cells: tuple[int, int, int]) -> Path:
+    """Files and pipeline of two bars, of which the outer one is a little shorter in cells."""
+    parts = [
+        write_bar(folder, "inner", cells, 0.0),
+        write_bar(folder, "outer", (cells[0] - 1, *cells[1:]), SIDES[0]),
+    ]
+    scene = SCENE.format(band=BAND_HZ, cutoff=CUTOFF_BANDS)
+    path = folder / "bars.yaml"
+    path.write_text("name: bars\ncomponents:\n" + "".join(parts) + scene)
+    return path
+
+
+def reductions(bodies: list[FEModel]) -> tuple[float, float]:
+    """Seconds of clock and processors of Craig-Bampton of each body."""
+    started, busy = time.perf_counter(), time.process_time()
+    for body in bodies:
+        # A run orders and factorises each body anew.
+        with solver_settings(SolverSettings()):
+            CraigBampton(CUTOFF_BANDS * BAND_HZ).reduce(body)
+    return time.perf_counter() - started, time.process_time() - busy
+
+
+def measured(dofs: float) -> str:
+    """Run one size; its row of the table."""
+    cells = cells_for(dofs)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        path = write_scene(folder, cells)
+        started, busy = time.perf_counter(), time.process_time()
+        finished = cms.run(path, out=folder / "out")
+        whole, whole_busy = time.perf_counter() - started, time.process_time() - busy
+        assert finished.passed, finished.verdict
+        summary = finished.summary
+        bodies = [finished.work.bodies[each].body for each in ("inner", "outer")]
+        alone, alone_busy = reductions(bodies)
+        times = [each["seconds"] for each in summary["components"].values()]
+        stages = {key: sum(each[key] for each in times) for key in ("read", "reduce")}
+    rest = whole - sum(stages.values())
+    error = summary["worst"]["frf_error"]
+    return (
+        f"| {3 * np.prod(np.add(cells, 1)):,} | {whole:.1f} ({whole_busy:.1f}) | {stages['read']:.1f} | "
+        f"{stages['reduce']:.1f} | {rest:.1f} | {alone:.1f} ({alone_busy:.1f}) | {whole / alone:.1f} "
+        f"({whole_busy / alone_busy:.1f}) | {100 * error:.2g} % |"
+    )
+
+
+def main() -> None:
+    """Print the table."""
+    sizes = [float(each) for each in sys.argv[1:]] or [1e4, 1e5]
+    columns = ["dofs of a body", "run, s (of processors)", "read, prove, factorise", "reduce"]
+    columns += ["reference, responses, files", "reductions alone", "run / reductions", "frf_error"]
+    print(f"| {' | '.join(columns)} |\n|{'---|' * len(columns)}")
+    # The first run loads libraries and compiles.
+    measured(3e3)
+    for dofs in sizes:
+        print(measured(dofs), flush=True)
+
+
+if __name__ == "__main__":
+    main()
