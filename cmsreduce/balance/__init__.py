@@ -13,7 +13,7 @@ from cmsreduce.balance.modal_gain import Gregory, ModalGain
 from cmsreduce.balance.physical_states import PhysicalStates, choose_coordinates, physical_states
 from cmsreduce.balance.ranking import CLOSE, ByFrequency, GramianRanking, Ranking, mode_spacing, with_rankings
 from cmsreduce.balance.scaling import Sized, Turning, characteristic_length, scaled, sized, turning_rows
-from cmsreduce.balance.search import Found, Judge, keep_error
+from cmsreduce.balance.search import Found, Judge, keep_cheapest, keep_error
 from cmsreduce.balance.truncation import (
     Selection,
     keep_all,
@@ -58,6 +58,7 @@ __all__ = [
     "hankel_values",
     "keep_all",
     "keep_bound",
+    "keep_cheapest",
     "keep_error",
     "keep_fraction",
     "keep_modes",

@@ -10,7 +10,7 @@ sets whose true error meets the limit are kept. The search has no random part.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Protocol
 
@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.balance.effects import Effects
+from cmsreduce.balance.ranking import CLOSE
 from cmsreduce.balance.truncation import Columns, Selection, whole_groups
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import Finding, ModalComponent
 
-__all__ = ["Found", "Judge", "keep_error"]
+__all__ = ["Found", "Judge", "keep_cheapest", "keep_error"]
 
 Array = NDArray[np.float64]
 
@@ -110,6 +111,50 @@ def keep_error(
         If all modes together do not meet the limit.
     """
     return _Search(components, judge, limit, among).run(rankings)
+
+
+def keep_cheapest(
+    components: Mapping[str, ModalComponent],
+    rankings: Mapping[str, Mapping[str, Array]],
+    judge: Judge,
+    limit: float,
+    price: Callable[[Selection], float],
+    among: Selection | None = None,
+) -> Found:
+    """Search for the set of least price with which the measure of the assembled system meets a limit.
+
+    A fast mode shortens the step of a simulation. Search for the fewest modes; then search among modes slower than the
+    fastest one kept, again and again, until these do not meet the limit any more. The cheapest of these sets counts.
+
+    Parameters
+    ----------
+    components, rankings, judge, limit, among
+        As in `keep_error`.
+    price : callable
+        Price of a selection.
+
+    Raises
+    ------
+    ConfigError
+        If all modes together do not meet the limit.
+    """
+    found = cheapest = keep_error(components, rankings, judge, limit, among)
+    tried = found.tried
+    while any(columns.size for columns in found.selection.values()):
+        fastest = max(float(components[name].omega[own].max(initial=0.0)) for name, own in found.selection.items())
+        slower: Selection = {}
+        for name, component in components.items():
+            e = component.elastic
+            free = np.arange(e.start, e.stop) if among is None else among[name]
+            slower[name] = free[component.omega[free] < fastest * (1 - CLOSE)]
+        try:
+            found = keep_error(components, rankings, judge, limit, slower)
+        except ConfigError:
+            break
+        tried += found.tried
+        if price(found.selection) < price(cheapest.selection):
+            cheapest = found
+    return replace(cheapest, tried=tried)
 
 
 class _Search:

@@ -9,7 +9,7 @@ from itertools import chain, combinations
 import numpy as np
 import pytest
 
-from cmsreduce.balance import ChangedResponse, Effects, keep_error
+from cmsreduce.balance import ChangedResponse, Effects, keep_cheapest, keep_error
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import Finding
 from tests.balance.test_truncation import BODIES, GROUPED, as_lists, component
@@ -166,3 +166,21 @@ def test_effects_of_changes_together_are_summed_unless_they_are_known_together()
     # The largest of all configurations counts, and what is above a limit is not followed.
     assert Effects([own, known]).predicted(np.array([[0, 1]]))[0] == pytest.approx(np.hypot(5.0, 5.0))
     assert np.isinf(Effects([own, known]).predicted(np.array([[0, 1]]), 5.0)).all()
+
+
+def test_the_cheapest_set_may_have_more_modes():
+    """The fast mode 3 does what 0 and 1 do together; the price is the number of modes times the highest frequency."""
+    body = {"bar": component("bar", 0, [1.0, 1.0, 0.1, 3.0], [1.0, 2.0, 3.0, 50.0])}
+    judge = Vectors({("bar", 0): [1.0, 0.0], ("bar", 1): [0.0, 1.0], ("bar", 2): [0.01, 0.0], ("bar", 3): [1.0, 1.0]})
+    judge.missed = lambda selection: np.clip(  # type: ignore[method-assign]
+        [1.0, 1.0] - sum((judge.terms[("bar", int(k))] for k in selection["bar"]), np.zeros(2)), 0, None
+    )
+
+    def price(selection: Mapping[str, np.ndarray]) -> float:
+        omega = body["bar"].omega[selection["bar"]]
+        return omega.size * float(omega.max(initial=0.0))
+
+    assert as_lists(keep_error(body, ranked(body), judge, 0.5).selection) == {"bar": [3]}
+    assert as_lists(keep_cheapest(body, ranked(body), judge, 0.5, price).selection) == {"bar": [0, 1]}
+    # Where a step costs nothing, the fewest stay.
+    assert as_lists(keep_cheapest(body, ranked(body), judge, 0.5, lambda s: s["bar"].size).selection) == {"bar": [3]}

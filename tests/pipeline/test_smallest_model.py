@@ -14,6 +14,7 @@ from cmsreduce.config import load_pipeline
 from cmsreduce.errors import ConfigError
 from cmsreduce.pipeline import Run, Silent, execute
 from cmsreduce.pipeline.results import run_result
+from cmsreduce.pipeline.system import selection_cost
 from tests.pipeline.study import CANTILEVER
 
 PIPELINES = Path(__file__).parents[2] / "pipelines"
@@ -197,3 +198,19 @@ def test_a_limit_on_the_highest_frequency_leaves_out_fast_modes(opened: Callable
             f"verify.limits={{frf_error: 0.001, highest_frequency: {0.1 * top}}}",
             text=CANTILEVER,
         ).selection
+
+
+def test_the_cost_of_a_simulation_is_minimised_under_the_limits(opened: Callable[..., Run]) -> None:
+    """As many operations as the run itself finds, and never more than with the fewest modes."""
+    limits = "verify.limits={frf_error: 0.3}"
+    fewest = opened("balance.keep=limits", limits, text=CANTILEVER)
+    cheapest = opened("balance.keep={limits: all, minimise: cost}", limits, text=CANTILEVER)
+    result = run_result(cheapest)
+    search, speed = result.search, result.speed
+    assert result.passed and search is not None and speed.simulation is not None
+    assert search.operations == speed.simulation.reduced.operations
+    assert f"{search.operations:.3g} operations" in search.words
+    price = selection_cost(fewest.ranked, fewest.joined)
+    assert price(cheapest.selection) == search.operations <= price(fewest.selection)
+    with pytest.raises(ConfigError, match="minimise: cost searches among models that meet the limits"):
+        opened("balance.keep={frf_error: 0.1, minimise: cost}", text=CANTILEVER)
