@@ -33,7 +33,7 @@ _SLACK = 1.2
 # The groups predicted to be dispensable together are halved this often before groups are tried one by one.
 _HALVES = 4
 # Groups of either side that take part in exchanges, the best by their own effect, and exchanges tried at a time.
-_PARTNERS, _TRIALS = 40, 6
+_PARTNERS, _TRIALS = 24, 6
 # An exchange is made if it lowers the error by this share, and at most so many are made one after another.
 _GAIN, _EXCHANGES = 1e-3, 24
 # Groups left out to start from.
@@ -238,10 +238,9 @@ class _Search:
         """First groups of a list that meet the limit; None if these are not fewer modes than in another set."""
         sizes = np.concatenate([[0], np.cumsum(self.sizes[order])])
         most = int(np.count_nonzero(sizes < self.modes(below)))
-        count = _first(most, lambda k: self._passes(frozenset(order[:k])))
-        if count < most:
-            return frozenset(order[:count])
-        return below if len(below) == len(order) else None
+        if not most or not self._passes(frozenset(order[: most - 1])):
+            return below if len(below) == len(order) else None
+        return frozenset(order[: _first(most - 1, lambda k: self._passes(frozenset(order[:k])))])
 
     def _settled(self, kept: frozenset[int]) -> frozenset[int]:
         """Exchange and leave out modes until nothing is gained."""
@@ -329,12 +328,9 @@ def _unreachable(finding: Finding, modes: int, *, all_of_them: bool) -> str:
     )
 
 
-def _first(size: int, passes: Callable[[int], bool]) -> int:
-    """A number below ``size`` that passes after one that does not, by bisection; or ``size``."""
-    low, high = -1, 1
-    while high < size and not passes(high):
-        low, high = high, 2 * high
-    high = min(high, size)
+def _first(high: int, passes: Callable[[int], bool]) -> int:
+    """A number up to ``high``, which passes, after one that does not; by bisection."""
+    low = -1
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if passes(middle) else (middle, high)

@@ -34,8 +34,9 @@ Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Indices = NDArray[np.int64]
 
-# Memory of the flexibilities of the frequencies taken at a time.
-_BLOCK_BYTES = 2**27
+# Memory of the flexibilities of the frequencies taken at a time: a selection of Galileo takes 30 % less time than with
+# 2^27.
+_BLOCK_BYTES = 2**23
 # Changes of uncoupled modes, of modes of one cluster, and all others.
 _SINGLE, _COUPLED, _MIXED = range(3)
 

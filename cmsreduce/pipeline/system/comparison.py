@@ -52,6 +52,8 @@ Complex = NDArray[np.complex128]
 # Configurations whose responses are computed together: the work for the bodies is shared. More of them need more memory
 # for a block of frequencies, and delay the report of progress.
 _TOGETHER = 16
+# Reference responses on the decibel grid are kept up to this size.
+_KEPT_BYTES = 2**27
 # Points nearer than this share of a resonance's half-width add nothing to an integral over it.
 _THINNING = 0.02
 # One in so many points around a resonance is taken where an error needs two digits: it differs by a few per cent.
@@ -154,6 +156,7 @@ class Comparison:
         self.points = points
         self._decibel = decibel_grid(scene.band)
         self._few = self._decibel[np.linspace(0, self._decibel.size - 1, _LOOKED_AT).astype(np.int64)]
+        self._decibels: dict[str, Complex] = {}
         self.reference_seconds = 0.0
         self.reduced_seconds = 0.0
 
@@ -424,7 +427,14 @@ class Comparison:
         # Tables are of one set of parameters.
         many &= not any(each.parameters for each in self.scene.configurations)
         flexibility = self._decibel_tables if many else None
-        return model.responses(configurations, [self._decibel] * len(configurations), flexibility)
+        known = self._decibels if model is self.reference else {}
+        new = [each for each in configurations if each.name not in known]
+        found = model.responses(new, [self._decibel] * len(new), flexibility)
+        both = {**known, **{each.name: H for each, H in zip(new, found, strict=True)}}
+        if model is self.reference and sum(H.nbytes for H in both.values()) <= _KEPT_BYTES:
+            # A search, its last proof and the verification need them.
+            self._decibels = both
+        return [both[each.name] for each in configurations]
 
     def _pairs(self, configuration: Configuration, model: ReducedModel) -> tuple[FrequencyPairs, MacMatrix]:
         full, reduced = self.reference.resonances(configuration), model.assembled.resonances(configuration)
