@@ -144,8 +144,7 @@ class ModalReceptance:
         inputs = self._rows.right.shape[0] - self._rows.c
         H = np.empty((at.size, self._rows.outputs, inputs), dtype=np.complex128)
         dH = np.full((at.size, self._rows.outputs, inputs, len(changes)), np.nan + 0j)
-        # A change may make joints independent that are dependent in the modes kept.
-        known = np.full(len(changes), U.shape[0] == self._rows.c)
+        known = np.full(len(changes), self._updatable(U))
         present = {name: self._present(name, kept) for name in self._coupled}
         sort = np.array([self._sort(body, columns, present) for body, columns in changes], dtype=np.int64)
         known &= sort != _MIXED
@@ -210,7 +209,7 @@ class ModalReceptance:
 
     def alone(self, kept: Kept, changes: Sequence[Change]) -> NDArray[np.bool_]:
         """Mark changes of one mode that no damping matrix couples to others and no joint rests on (n,)."""
-        if self._joints(kept).shape[0] < self._rows.c:
+        if not self._updatable(self._joints(kept)):
             return np.zeros(len(changes), dtype=bool)
         return np.array([columns.size == 1 and self._sort(body, columns, {}) == _SINGLE for body, columns in changes])
 
@@ -219,6 +218,10 @@ class ModalReceptance:
         entries += sum(3 * cluster.size**2 for body in self._coupled.values() for cluster in body.clusters)
         for part in frequency_blocks(points.size, 16 * entries, _BLOCK_BYTES):
             yield part, points[part]
+
+    def _updatable(self, U: Real) -> bool:
+        """True if updates give the effects of changes: none makes joints independent that the modes kept do not."""
+        return U.shape[0] == self._rows.c
 
     def _joints(self, kept: Kept) -> Real:
         return np.eye(self._rows.c) if self._same_joints else self._row_basis(kept)
