@@ -221,7 +221,7 @@ class ModalReceptance:
 
     def _updatable(self, U: Real) -> bool:
         """True if updates give the effects of changes: none makes joints independent that the modes kept do not."""
-        return U.shape[0] == self._rows.c
+        return bool(U.shape[0] == self._rows.c)
 
     def _joints(self, kept: Kept) -> Real:
         return np.eye(self._rows.c) if self._same_joints else self._row_basis(kept)

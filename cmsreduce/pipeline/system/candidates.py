@@ -11,8 +11,9 @@ from cmsreduce.assemble import Change, ModalReceptance, held_bodies
 from cmsreduce.balance import Effects, Selection, whole_groups
 from cmsreduce.model import BETWEEN, Finding, Measured, ModalComponent
 from cmsreduce.pipeline.system.between import judged_midpoints
-from cmsreduce.pipeline.system.comparison import ReducedModel, Target
 from cmsreduce.pipeline.system.measure import ModelMeasure
+from cmsreduce.pipeline.system.model_errors import Target
+from cmsreduce.pipeline.system.reduced_model import ReducedModel
 from cmsreduce.pipeline.system.trial import Trial
 from cmsreduce.verify import decibel_grid
 
