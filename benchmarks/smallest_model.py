@@ -3,12 +3,15 @@
     python benchmarks/smallest_model.py                    table and picture of docs/smallest-model.md
     python benchmarks/smallest_model.py --range            Galileo at 100 random angles of its whole range
     python benchmarks/smallest_model.py --certificates     certificates of 1000 random systems
+    python benchmarks/smallest_model.py --visible station  modes of the system that no model within the limits can miss
+    python benchmarks/smallest_model.py --search galileo   the search for modes: modes, sets tried, CPU seconds
 
 ``--write`` puts the table and the picture into the page.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 import time
@@ -26,6 +29,7 @@ from cmsreduce.pipeline import Run, Silent  # noqa: E402
 from cmsreduce.pipeline.project.articulation_range import ArticulationRange  # noqa: E402
 from cmsreduce.project import ESTIMATE_FACTOR, response_certificates, richer_shapes  # noqa: E402
 from cmsreduce.report.pictures.figure import drawn, legend_above, plain_axes  # noqa: E402
+from cmsreduce.verify import db_errors, decibel_grid, frf_error  # noqa: E402
 from tests.project.scene_systems import random_scene, random_shapes, whole_responses  # noqa: E402
 from tests.two_beams import write_two_beams  # noqa: E402
 
@@ -131,6 +135,46 @@ def whole_range(settings: list[str]) -> None:
         )
 
 
+def searched(system: str, settings: list[str]) -> None:
+    """The search for the fewest modes within the limits, with its CPU seconds and the load of the machine."""
+    with tempfile.TemporaryDirectory() as folder:
+        run = opened(system, Path(folder), "balance={keep: limits}", *settings)
+        _ = run.ranked, run.comparison
+        started = time.process_time()
+        search = run.choice.search
+        seconds = time.process_time() - started
+    assert search is not None
+    print(
+        f"{system}: {search.words}; {search.candidates} sets tried in {seconds:.1f} CPU s, load of the machine "
+        f"{os.getloadavg()[0]:.0f}"
+    )
+
+
+def visible(system: str) -> None:
+    """Modes of the assembled system whose motion breaks a limit if it alone is left out of the response.
+
+    The assembled system has as many elastic modes as the bodies have elastic shapes. A model within the limits needs a
+    resonance for every one that shows: their number is what no basis falls far below, whatever its shapes.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        run = opened(system, Path(folder))
+        model, omega, (frf, decibel) = run.joined(run.ranked).assembled, decibel_grid(run.scene.band), LIMITS[system]
+        for configuration in run.scene.configurations:
+            target, at = run.comparison.target(configuration, omega), model.system(configuration)
+            w, Phi, _ = model.every_mode(configuration)
+            damping = np.zeros(w.size) if at.D is None else np.einsum("ij,ij->j", Phi, at.D @ Phi)
+            C = at.C1 @ Phi + 1j * omega[:, None, None] * (at.C2 @ Phi)
+            moving = 1 / (w**2 - omega[:, None] ** 2 + 1j * omega[:, None] * damping) - 1 / w**2
+            H, needed = target.elastic + target.rigid, 0
+            for k, load in enumerate(Phi.T @ at.B):
+                part = C[:, :, [k]] * moving[:, [k], None] * load
+                worst = np.nanmax(db_errors(H, H - part, target.row, target.column)) / decibel
+                error = frf_error(omega, target.elastic, target.elastic - part, target.row, target.column)
+                needed += max(float(worst), error / frf) > 1
+            inside = int(np.count_nonzero(w <= 2 * np.pi * run.scene.band[1]))
+            print(f"{system}, {configuration.name}: {needed} modes break a limit alone; {inside} lie in the band")
+
+
 def certificates() -> None:
     """Errors over their estimates and bounds in random systems."""
     rng = np.random.default_rng(2026)
@@ -156,5 +200,9 @@ if __name__ == "__main__":
         whole_range([each for each in arguments if "=" in each])
     elif "--certificates" in arguments:
         certificates()
+    elif "--visible" in arguments:
+        visible(arguments[-1])
+    elif "--search" in arguments:
+        searched(next(each for each in arguments if each in LIMITS), [each for each in arguments if "=" in each])
     else:
         table([each for each in arguments if each in LIMITS] or list(LIMITS), "--write" in arguments)

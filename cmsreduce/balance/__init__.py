@@ -7,12 +7,13 @@ Gramians as plain matrix algebra belong in `linalg.gramian`; the keys of a ranki
 from cmsreduce.balance.bounds import elastic_norm, keep_bound, mode_bounds
 from cmsreduce.balance.clusters import cluster_groups, correlated_groups, correlation
 from cmsreduce.balance.component_cost import ComponentCost, component_costs
+from cmsreduce.balance.effects import ChangedResponse, Effects
 from cmsreduce.balance.hankel import Hankel, balanced, hankel_values
 from cmsreduce.balance.modal_gain import Gregory, ModalGain
 from cmsreduce.balance.physical_states import PhysicalStates, choose_coordinates, physical_states
 from cmsreduce.balance.ranking import CLOSE, ByFrequency, GramianRanking, Ranking, mode_spacing, with_rankings
 from cmsreduce.balance.scaling import Sized, Turning, characteristic_length, scaled, sized, turning_rows
-from cmsreduce.balance.search import DecibelEffects, Effects, Found, Judge, keep_error
+from cmsreduce.balance.search import Found, Judge, keep_cheapest, keep_error
 from cmsreduce.balance.truncation import (
     Selection,
     keep_all,
@@ -28,8 +29,8 @@ __all__ = [
     "BandPass",
     "ByFrequency",
     "CLOSE",
+    "ChangedResponse",
     "ComponentCost",
-    "DecibelEffects",
     "Effects",
     "Found",
     "GramianRanking",
@@ -57,6 +58,7 @@ __all__ = [
     "hankel_values",
     "keep_all",
     "keep_bound",
+    "keep_cheapest",
     "keep_error",
     "keep_fraction",
     "keep_modes",

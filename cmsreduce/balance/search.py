@@ -1,183 +1,43 @@
-"""Search for the fewest modes that meet an error: ranked lists first, then modes to leave out or to exchange.
+"""Search for the fewest modes that meet an error: ranked lists first, then modes to leave out and to exchange.
 
 The error without several modes is not the sum of the errors without each: two modes may replace one another. A trial of
-every set takes far too long. The search therefore considers sets one step away from the best one so far, predicts their
-errors from the effect of each mode on the response, and tries those that are predicted to pass. It keeps only sets
-whose true error meets the limit. The search has no random part.
+every set takes far too long. Once no mode can be left out, the search leaves one out all the same, and exchanges modes,
+one against another, as long as the error falls: the set of fewer modes that it looks for may be several exchanges away.
+Errors after an exchange are predicted at a few frequencies, and measured where they are predicted to be small. Only
+sets whose true error meets the limit are kept. The search has no random part.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cmsreduce.balance.effects import Effects
+from cmsreduce.balance.ranking import CLOSE
 from cmsreduce.balance.truncation import Columns, Selection, whole_groups
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import Finding, ModalComponent
 
-__all__ = ["DecibelEffects", "Effects", "Found", "Judge", "keep_error"]
+__all__ = ["Found", "Judge", "keep_cheapest", "keep_error"]
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Indices = NDArray[np.int64]
 
 Order = list[int]
-# Up to this many groups every prefix of a ranked list is tried; beyond, the first one that passes is bracketed.
-_EXHAUSTIVE = 400
-# A set is tried if its predicted error exceeds the limit by less than this factor, the accuracy of effects on a coarser
-# grid.
+# A set is tried if its predicted error exceeds the limit by less than this factor, the accuracy of a few frequencies.
 _SLACK = 1.2
-# Exchanges tried at a time, and groups of either side that take part: the best by their own effect.
-_TRIALS = 24
-_PARTNERS = 48
 # The groups predicted to be dispensable together are halved this often before groups are tried one by one.
 _HALVES = 4
-# Sets of several changes whose decibel errors are computed: in the worst configuration those that a sum of squares
-# finds best, and in all configurations the best of these.
-_SCREENED, _REFINED = 1536, 96
-# A change that would break the limit beside those chosen is passed over; after so many, no other is looked for.
-_REFUSED = 12
-# Decibels of a relative error of 1, to first order, and the 99th percentile of an error over its root mean square.
-_NEPER, _OF_ROOT_MEAN_SQUARE = 20 / np.log(10), 3.0
-# An exchange of equally many modes is made if it lowers the error by this share, and at most this many times.
-_GAIN = 0.01
-_EXCHANGES = 12
-
-
-@dataclass(frozen=True, eq=False)
-class DecibelEffects:
-    """Effects of changes to a set of modes on the response at some frequencies of one configuration.
-
-    Parameters
-    ----------
-    present : (p, channels) complex128
-        Present response, relative to the reference: 1 without an error.
-    change : (p, channels, n) complex128
-        Response that each of n changes would add, relative to the reference.
-    percentile : float
-        Per cent of the points that must lie within the error.
-    limit : float
-        Decibels that count as 1.
-    """
-
-    present: Complex
-    change: Complex
-    percentile: float
-    limit: float
-
-    @cached_property
-    def gram(self) -> Array:
-        """Inner products of the present error and of the changes (1 + n, 1 + n), which stand for the error."""
-        error = np.concatenate([(self.present - 1)[..., None], self.change], axis=2)
-        rows = error.reshape(-1, error.shape[2]) * (
-            _OF_ROOT_MEAN_SQUARE * _NEPER / (self.limit * error.shape[0] ** 0.5)
-        )
-        real, imaginary = np.ascontiguousarray(rows.real), np.ascontiguousarray(rows.imag)
-        return np.asarray(real.T @ real + imaginary.T @ imaginary)
-
-    def error(self, response: Complex) -> Array:
-        """Decibel error of the worst channel over the limit; ``response`` (p, channels, ...) is relative."""
-        size = np.maximum(response.real**2 + response.imag**2, np.finfo(float).tiny)
-        apart = np.percentile(abs(10 * np.log10(size)), self.percentile, axis=0)
-        return np.asarray(apart.max(axis=0, initial=0.0) / self.limit)
-
-    def predicted(self, changes: Indices) -> Array:
-        """Error after each of some sets of changes (sets,)."""
-        found = np.repeat(self.present[..., None], changes.shape[0], axis=2)
-        for column in changes.T:
-            found += self.change[..., column]
-        return self.error(found)
-
-
-@dataclass(frozen=True, eq=False)
-class Effects:
-    """Effects of changes to a set of modes on the measure of a model, each by itself.
-
-    Parameters
-    ----------
-    gram : (blocks, 1 + n, 1 + n) float64
-        Inner products over the band of the present error and of the response that each of n changes would add, relative
-        to the response and to the limit: for each configuration, and for each channel with a limit of its own. The
-        prediction for several changes at once is the sum of their effects.
-    decibels : tuple of DecibelEffects
-        Effects on the decibel error, for each configuration; empty without a limit on it.
-    """
-
-    gram: Array
-    decibels: tuple[DecibelEffects, ...] = ()
-
-    def predicted(self, changes: Indices) -> Array:
-        """Measure after each of some sets of changes, over all configurations.
-
-        Parameters
-        ----------
-        changes : (sets, k) int64
-            Numbers of the changes made together.
-
-        Returns
-        -------
-        (sets,) float64
-            Infinite for sets that are not promising: the decibel errors of all of many sets take too long.
-        """
-        members, gram = np.hstack([np.zeros((changes.shape[0], 1), dtype=np.int64), changes + 1]), self._every_gram
-        square = np.zeros((gram.shape[0], changes.shape[0]))
-        for a in range(members.shape[1]):
-            for b in range(members.shape[1]):
-                square += gram[:, members[:, a], members[:, b]]
-        found = np.asarray(np.sqrt(np.maximum(square, 0.0)).max(axis=0, initial=0.0))
-        if not self.decibels:
-            return found
-        # First the configuration with the largest error now, then all of them for the best sets.
-        first = max(self.decibels, key=lambda each: float(each.error(each.present)))
-        some = np.argsort(found, kind="stable")[: max(_SCREENED, gram.shape[1])]
-        of_channels = np.sqrt(np.maximum(square[: self.gram.shape[0], some], 0.0)).max(axis=0, initial=0.0)
-        there = np.maximum(of_channels, first.predicted(changes[some]))
-        best = np.argsort(there, kind="stable")[: max(_REFINED, gram.shape[1])]
-        others = [each.predicted(changes[some[best]]) for each in self.decibels if each is not first]
-        result = np.full(changes.shape[0], np.inf)
-        result[some[best]] = np.max([there[best], *others], axis=0)
-        result[np.isnan(found)] = np.nan
-        return result
-
-    def together(self, order: Indices, limit: float) -> list[int]:
-        """Changes predicted to stay within the limit together, chosen one after another.
-
-        Parameters
-        ----------
-        order : (k,) int64
-            Changes to choose among.
-        limit : float
-            Largest measure.
-        """
-        gram, exact = self._every_gram, slice(0, self.gram.shape[0])
-        square, cross, own = gram[:, 0, 0], gram[:, 0, 1:], np.diagonal(gram, axis1=1, axis2=2)[:, 1:]
-        present = [each.present for each in self.decibels]
-        taken, refused = list[int](), 0
-        left = [int(k) for k in order if np.isfinite(own[:, k]).all()]
-        while left and refused < _REFUSED:
-            after = square[:, None] + 2 * cross[:, left] + own[:, left]
-            k = int(np.argmin(after.max(axis=0, initial=0.0)))
-            number = left.pop(k)
-            responses = [now + each.change[..., number] for now, each in zip(present, self.decibels, strict=True)]
-            within = all(each.error(there) <= limit for each, there in zip(self.decibels, responses, strict=True))
-            if not within or after[exact, k].max(initial=0.0) > limit**2:
-                refused += 1
-                continue
-            square, cross = after[:, k], cross + gram[:, 1 + number, 1:]
-            present = responses
-            taken.append(number)
-        return taken
-
-    @cached_property
-    def _every_gram(self) -> Array:
-        """The Gram matrices, and those that stand for the decibel errors where these themselves take too long."""
-        return np.concatenate([self.gram, *(each.gram[None] for each in self.decibels)])
+# Groups of either side that take part in exchanges, the best by their own effect, and exchanges tried at a time.
+_PARTNERS, _TRIALS = 24, 6
+# An exchange is made if it lowers the error by this share, and at most so many are made one after another.
+_GAIN, _EXCHANGES = 1e-3, 24
+# Groups left out to start from.
+_STARTS = 2
 
 
 class Judge(Protocol):
@@ -253,6 +113,50 @@ def keep_error(
     return _Search(components, judge, limit, among).run(rankings)
 
 
+def keep_cheapest(
+    components: Mapping[str, ModalComponent],
+    rankings: Mapping[str, Mapping[str, Array]],
+    judge: Judge,
+    limit: float,
+    price: Callable[[Selection], float],
+    among: Selection | None = None,
+) -> Found:
+    """Search for the set of least price with which the measure of the assembled system meets a limit.
+
+    A fast mode shortens the step of a simulation. Search for the fewest modes; then search among modes slower than the
+    fastest one kept, again and again, until these do not meet the limit any more. The cheapest of these sets counts.
+
+    Parameters
+    ----------
+    components, rankings, judge, limit, among
+        As in `keep_error`.
+    price : callable
+        Price of a selection.
+
+    Raises
+    ------
+    ConfigError
+        If all modes together do not meet the limit.
+    """
+    found = cheapest = keep_error(components, rankings, judge, limit, among)
+    tried = found.tried
+    while any(columns.size for columns in found.selection.values()):
+        fastest = max(float(components[name].omega[own].max(initial=0.0)) for name, own in found.selection.items())
+        slower: Selection = {}
+        for name, component in components.items():
+            e = component.elastic
+            free = np.arange(e.start, e.stop) if among is None else among[name]
+            slower[name] = free[component.omega[free] < fastest * (1 - CLOSE)]
+        try:
+            found = keep_error(components, rankings, judge, limit, slower)
+        except ConfigError:
+            break
+        tried += found.tried
+        if price(found.selection) < price(cheapest.selection):
+            cheapest = found
+    return replace(cheapest, tried=tried)
+
+
 class _Search:
     """Sets of groups of modes, by their numbers."""
 
@@ -284,7 +188,7 @@ class _Search:
                     truncated[name] = min(self.modes(first), truncated.get(name, self.modes(first)))
                     best = min(best, first, key=self.modes)
         # Starting from the best ranked set and from all modes often gives one result; otherwise the smaller one counts.
-        kept = min((self._settled(start) for start in dict.fromkeys((best, everything))), key=self.modes)
+        kept = self._settled(min((self._pruned(start) for start in dict.fromkeys((best, everything))), key=self.modes))
         nearest = self._nearest(kept)
         return Found(self.selection(kept), self.errors[kept], self.modes(kept), len(self.errors), nearest, truncated)
 
@@ -294,8 +198,7 @@ class _Search:
         if not members:
             return None
         effects = self.judge.effects(self.selection(kept), [self.groups[k] for k in members])
-        one = effects.predicted(np.arange(len(members))[:, None])
-        return self.selection(kept - {members[int(np.argmin(np.where(np.isnan(one), np.inf, one)))]})
+        return self.selection(kept - {members[int(np.argsort(effects.single)[0])]})
 
     def selection(self, kept: frozenset[int]) -> Selection:
         """Columns of each body."""
@@ -335,18 +238,13 @@ class _Search:
         """First groups of a list that meet the limit; None if these are not fewer modes than in another set."""
         sizes = np.concatenate([[0], np.cumsum(self.sizes[order])])
         most = int(np.count_nonzero(sizes < self.modes(below)))
-        count = _first(most, lambda k: self._passes(frozenset(order[:k])))
-        if count < most:
-            return frozenset(order[:count])
-        return below if len(below) == len(order) else None
+        if not most or not self._passes(frozenset(order[: most - 1])):
+            return below if len(below) == len(order) else None
+        return frozenset(order[: _first(most - 1, lambda k: self._passes(frozenset(order[:k])))])
 
     def _settled(self, kept: frozenset[int]) -> frozenset[int]:
-        """Leave out and exchange modes until nothing is gained."""
-        kept = self._pruned(kept)
-        for _ in range(_EXCHANGES):
-            fewer = self._exchanged(kept)
-            if fewer is None:
-                break
+        """Exchange and leave out modes until nothing is gained."""
+        while (fewer := self._descended(kept)) is not None:
             kept = self._pruned(fewer)
         return kept
 
@@ -355,42 +253,61 @@ class _Search:
         while kept:
             members = sorted(kept)
             effects = self.judge.effects(self.selection(kept), [self.groups[k] for k in members])
-            one = effects.predicted(np.arange(len(members))[:, None])
-            order = np.argsort(one, kind="stable")
-            together = effects.together(order, self.limit)
+            order = np.argsort(effects.single, kind="stable")
+            few = order[: np.count_nonzero(effects.single <= _SLACK * self.limit)]
             # Halves of the groups predicted to be dispensable together, then single groups.
-            trials = [kept - {members[k] for k in together[: len(together) >> half]} for half in range(_HALVES)]
-            trials = [fewer for fewer in trials if len(fewer) < len(kept) - 1]
-            trials += [kept - {members[k]} for k in order if not one[k] > _SLACK * self.limit]
+            together = effects.dispensable(few, self.limit)
+            sizes = dict.fromkeys(together >> half for half in range(_HALVES))
+            trials = [kept - {members[k] for k in few[:size]} for size in sizes if size > 1]
+            trials += [kept - {members[k]} for k in few]
             found = next((fewer for fewer in trials if self._passes(fewer)), None)
             if found is None:
                 break
             kept = found
         return kept
 
-    def _exchanged(self, kept: frozenset[int]) -> frozenset[int] | None:
-        """Find a set one exchange away with fewer modes, or with as many and a smaller error."""
+    def _descended(self, kept: frozenset[int]) -> frozenset[int] | None:
+        """Find a set of fewer modes that passes: without two groups, or by exchanges from sets without one."""
+        if not kept:
+            return None
         effects = self.judge.effects(self.selection(kept), self.groups)
-        one = effects.predicted(np.arange(len(self.groups))[:, None])
-        usable = np.flatnonzero(np.isfinite(one))
-        inside = np.isin(usable, list(kept))
-        out = usable[inside][np.argsort(one[usable[inside]], kind="stable")][:_PARTNERS]
-        into = usable[~inside][np.argsort(one[usable[~inside]], kind="stable")][:_PARTNERS]
-        size = self.modes(kept)
-        pairs = np.array(list(combinations(out, 2)), dtype=np.int64).reshape(-1, 2)
-        for sets, limit, most in (
-            (pairs, self.limit, size - 1),
-            (_each_with(into, pairs), self.limit, size - 1),
-            (_each_with(into, out[:, None]), (1 - _GAIN) * self.errors[kept], size),
-        ):
-            change = np.where(np.isin(sets, into), self.sizes[sets], -self.sizes[sets]).sum(axis=1)
-            sets = sets[size + change <= most]
-            error = effects.predicted(sets)
-            order = np.argsort(error, kind="stable")[:_TRIALS]
-            for k in order[error[order] <= _SLACK * limit]:
-                other = kept ^ set(sets[k].tolist())
-                if self._error(other, limit) <= limit:
-                    return other
+        order = np.argsort(effects.single, kind="stable")
+        inside = np.isin(order, list(kept))
+        out, into = order[inside][:_PARTNERS].tolist(), order[~inside][:_PARTNERS].tolist()
+        # Two modes may be dispensable together that are not so one by one.
+        for pair in self._promising(effects, list(combinations(out, 2)), self.limit):
+            if self._passes(kept - set(pair)):
+                return kept - set(pair)
+        for k in out[:_STARTS]:
+            now: frozenset[int] | None = kept - {k}
+            for _ in range(_EXCHANGES):
+                if now is None:
+                    break
+                if self._passes(now):
+                    return now
+                now = self._exchanged(now, [*out, *into], self.modes(kept) - 1)
+        return None
+
+    @staticmethod
+    def _promising(effects: Effects, sets: Sequence[tuple[int, ...]], limit: float) -> list[tuple[int, ...]]:
+        """Sets of changes whose predicted error is near a limit or below it, the smallest first."""
+        if not sets:
+            return []
+        predicted = effects.predicted(np.array(sets, dtype=np.int64), _SLACK * limit)
+        return [sets[k] for k in np.argsort(predicted, kind="stable")[:_TRIALS] if np.isfinite(predicted[k])]
+
+    def _exchanged(self, kept: frozenset[int], among: Order, most: int) -> frozenset[int] | None:
+        """Find a set of at most so many modes with one group exchanged and a smaller error."""
+        error = self._error(kept, np.inf)
+        out, into = ([k for k in among if (k in kept) is inside] for inside in (True, False))
+        left = most - self.modes(kept)
+        sets = [(a, b) for a in out for b in into if self.sizes[b] - self.sizes[a] <= left]
+        limit = (1 - _GAIN) * error
+        effects = self.judge.effects(self.selection(kept), self.groups)
+        for pair in self._promising(effects, sets, limit):
+            other = kept ^ set(pair)
+            if self._error(other, limit) <= limit:
+                return other
         return None
 
 
@@ -411,18 +328,9 @@ def _unreachable(finding: Finding, modes: int, *, all_of_them: bool) -> str:
     )
 
 
-def _each_with(one: Indices, others: Indices) -> Indices:
-    """Every number of a list beside every row of a table."""
-    return np.hstack([np.repeat(one, len(others))[:, None], np.tile(others, (one.size, 1))])
-
-
-def _first(size: int, passes: Callable[[int], bool]) -> int:
-    """The first number below ``size`` that passes, or ``size``."""
-    if size <= _EXHAUSTIVE:
-        return next((count for count in range(size) if passes(count)), size)
-    low, high = 0, 1
-    while high < size and not passes(high):
-        low, high = high, min(2 * high, size)
+def _first(high: int, passes: Callable[[int], bool]) -> int:
+    """A number up to ``high``, which passes, after one that does not; by bisection."""
+    low = -1
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if passes(middle) else (middle, high)

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import chain, combinations
 
 import numpy as np
 import pytest
 
-from cmsreduce.balance import Effects, keep_error
+from cmsreduce.balance import ChangedResponse, Effects, keep_cheapest, keep_error
 from cmsreduce.errors import ConfigError
 from cmsreduce.model import Finding
 from tests.balance.test_truncation import BODIES, GROUPED, as_lists, component
+
+
+def effects_of(columns: Sequence[np.ndarray]) -> Effects:
+    """Effects that add up, on a response whose error is a norm: the present error, and the effect of each change."""
+    error, *changes = (column.astype(complex) for column in columns)
+    added = np.array(changes).reshape(len(changes), -1).T
+    responses = (lambda: (error, added), lambda H: np.linalg.norm(H, axis=0), error.size)
+    return Effects([ChangedResponse(*responses)])
 
 
 class Vectors:
@@ -38,8 +47,7 @@ class Vectors:
         for name, group in changes:
             sign = 1.0 if np.isin(group, selection[name]).all() else -1.0
             columns.append(sign * sum(self.terms.get((name, int(k)), 0.0) for k in group) + 0 * columns[0])
-        X = np.array(columns)
-        return Effects((X @ X.T)[None])
+        return effects_of(columns)
 
 
 def apart(costs: Mapping[str, Mapping[int, float]]) -> Vectors:
@@ -146,8 +154,33 @@ def test_an_error_never_splits_a_repeated_mode():
         assert len({2, 3} & set(call["frame"])) in (0, 2) and len({5, 6, 7} & set(call["frame"])) in (0, 3)
 
 
-def test_effects_of_changes_together_are_summed():
-    X = np.array([[1.0, 0.0], [0.0, 2.0], [-1.0, 0.5]])
-    effects = Effects((X @ X.T)[None])
+def test_effects_of_changes_together_are_summed_unless_they_are_known_together():
+    effects = effects_of([np.array([1.0, 0.0]), np.array([0.0, 2.0]), np.array([-1.0, 0.5])])
     np.testing.assert_allclose(effects.predicted(np.array([[0], [1]])), [np.sqrt(5.0), 0.5])
     np.testing.assert_allclose(effects.predicted(np.array([[0, 1]])), [2.5])
+    (own,) = effects.configurations
+    known = replace(own, together=lambda sets: np.full((2, len(sets)), 3.0 + 4j), alone=np.array([True, True]))
+    np.testing.assert_allclose(Effects([known]).predicted(np.array([[0, 1]])), [np.hypot(5.0, 5.0)])
+    one = replace(known, alone=np.array([True, False]))
+    np.testing.assert_allclose(Effects([one]).predicted(np.array([[0, 1]])), [2.5])
+    # The largest of all configurations counts, and what is above a limit is not followed.
+    assert Effects([own, known]).predicted(np.array([[0, 1]]))[0] == pytest.approx(np.hypot(5.0, 5.0))
+    assert np.isinf(Effects([own, known]).predicted(np.array([[0, 1]]), 5.0)).all()
+
+
+def test_the_cheapest_set_may_have_more_modes():
+    """The fast mode 3 does what 0 and 1 do together; the price is the number of modes times the highest frequency."""
+    body = {"bar": component("bar", 0, [1.0, 1.0, 0.1, 3.0], [1.0, 2.0, 3.0, 50.0])}
+    judge = Vectors({("bar", 0): [1.0, 0.0], ("bar", 1): [0.0, 1.0], ("bar", 2): [0.01, 0.0], ("bar", 3): [1.0, 1.0]})
+    judge.missed = lambda selection: np.clip(  # type: ignore[method-assign]
+        [1.0, 1.0] - sum((judge.terms[("bar", int(k))] for k in selection["bar"]), np.zeros(2)), 0, None
+    )
+
+    def price(selection: Mapping[str, np.ndarray]) -> float:
+        omega = body["bar"].omega[selection["bar"]]
+        return omega.size * float(omega.max(initial=0.0))
+
+    assert as_lists(keep_error(body, ranked(body), judge, 0.5).selection) == {"bar": [3]}
+    assert as_lists(keep_cheapest(body, ranked(body), judge, 0.5, price).selection) == {"bar": [0, 1]}
+    # Where a step costs nothing, the fewest stay.
+    assert as_lists(keep_cheapest(body, ranked(body), judge, 0.5, lambda s: s["bar"].size).selection) == {"bar": [3]}

@@ -15,7 +15,17 @@ from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.response import ResonanceError
 from cmsreduce.model import Substructure
 
-__all__ = ["Change", "CoupledModes", "CoupledTerms", "Kept", "ModalTable", "ModalTerms", "SINGULAR", "add_terms"]
+__all__ = [
+    "SINGULAR",
+    "Change",
+    "CoupledModes",
+    "CoupledTerms",
+    "Kept",
+    "ModalTable",
+    "ModalTerms",
+    "add_terms",
+    "eliminated",
+]
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -72,7 +82,11 @@ class ModalTerms:
         """Put the changes with the numbers ``which`` side by side."""
         chosen = [changes[k] for k in which]
         sizes = [columns.size for _, columns in chosen]
-        signs = [-1.0 if body not in kept or np.isin(columns, kept[body]).all() else 1.0 for body, columns in chosen]
+        left_out = {
+            body: set(range(table.weights.shape[0])).difference(kept.get(body, range(table.weights.shape[0])))
+            for body, table in tables.items()
+        }
+        signs = [1.0 if left_out[body].intersection(columns.tolist()) else -1.0 for body, columns in chosen]
         found, columns = tuple(tables[body] for body, _ in chosen), tuple(columns for _, columns in chosen)
         ports = next(((t.left.shape[0], t.right.shape[0]) for t in tables.values()), (0, 0))
         left, right = (
@@ -126,6 +140,39 @@ def add_terms(G: Complex, table: ModalTable, columns: Columns, points: Columns |
         products = (table.left[np.ix_(own, columns)][:, None, :] * right).reshape(-1, columns.size)
         found = (products @ weights.view(np.float64)).view(np.complex128)
         G[np.ix_(own, ports)] += found.reshape(own.size, ports.size, -1)
+
+
+def eliminated(N: Complex, Q: Complex, sets: Columns) -> list[Complex]:
+    """Solve N X = Q^T for many small sets of rows and columns at once.
+
+    Parameters
+    ----------
+    N : (f, m, m) complex128
+        Symmetric.
+    Q : (f, inputs, m) complex128
+    sets : (s, k) int64
+        Rows and columns of each set.
+
+    Returns
+    -------
+    list of k (f, inputs, s) complex128
+        Unknown by unknown; not finite where a pivot vanishes.
+    """
+    k = sets.shape[1]
+    A = [[N[:, sets[:, a], sets[:, b]] for b in range(k)] for a in range(k)]
+    X = [Q[:, :, sets[:, a]] for a in range(k)]
+    # Gauss without exchanges of rows, on whole arrays: k is 2 or 3, and the sets are thousands.
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for a in range(k):
+            for b in range(a + 1, k):
+                factor = A[b][a] / A[a][a]
+                A[b] = [A[b][j] - factor * A[a][j] if j > a else A[b][j] for j in range(k)]
+                X[b] = X[b] - factor[:, None] * X[a]
+        for a in reversed(range(k)):
+            for b in range(a + 1, k):
+                X[a] = X[a] - A[a][b][:, None] * X[b]
+            X[a] = X[a] / A[a][a][:, None]
+    return X
 
 
 @dataclass(frozen=True, eq=False)

@@ -263,6 +263,7 @@ class KeepKeys(Keys):
         "frf_error",
         "bound",
         "limits",
+        "minimise",
         "numbers",
     )
     short_schema: ClassVar[tuple[dict[str, Any], ...]] = ({"const": "all"}, {"const": "limits"})
@@ -305,6 +306,12 @@ class KeepKeys(Keys):
         "configuration that verify judges. Short: `keep: limits`.",
         examples=["all"],
     )
+    minimise: Literal["modes", "cost"] = Field(
+        default="modes",
+        description="Beside limits. modes: the fewest modes; cost: the fewest operations for a simulated second, steps "
+        "times operations of a step (verify.cost). It may keep more modes if these allow a longer step.",
+        examples=["cost"],
+    )
     numbers: dict[Name, Numbers] | None = Field(
         default=None,
         description="Elastic modes of each body by number, the lowest frequency first; a body that is not named keeps "
@@ -332,6 +339,8 @@ class KeepKeys(Keys):
         given = self.given(_KEEP_RULES)
         if len(given) > 1:
             raise ValueError(f"{' and '.join(given)} are different rules: state one of them")
+        if self.minimise == "cost" and self.limits is None:
+            raise ValueError("minimise: cost searches among models that meet the limits: state `limits: all` beside it")
         return self
 
     @classmethod

@@ -53,6 +53,8 @@ class SearchRecord:
     truncated : mapping of ranking to int
         Elastic modes that a ranking alone needs to meet the limits. Rankings that need more modes than one listed
         before them are missing.
+    operations : float, optional
+        Floating-point operations for a simulated second, where the search minimised them.
     """
 
     limits: Mapping[str, float]
@@ -64,6 +66,7 @@ class SearchRecord:
     candidates: int
     seconds: float
     truncated: Mapping[str, int] = field(default_factory=dict)
+    operations: float | None = None
 
     @property
     def asked(self) -> float | None:
@@ -78,6 +81,8 @@ class SearchRecord:
         if len(self.limits) > 1:
             others = len(self.limits) - 1
             text += f", and {others} other limit{'s' if others > 1 else ''}"
+        if self.operations is not None:
+            text += f", at {self.operations:.3g} operations for a simulated second, the least found"
         far = self.obstacle
         if far is not None:
             text += f"; fewer would break {far.name} {far.limit:g} with {far.value:.4g} in {far.note}"

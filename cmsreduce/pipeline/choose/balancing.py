@@ -24,7 +24,7 @@ from cmsreduce.pipeline.choose.sensitivity import (
 )
 from cmsreduce.pipeline.choose.system_ranking import SYSTEM_COST, with_system_cost
 from cmsreduce.pipeline.store import once
-from cmsreduce.pipeline.system import ModelMeasure, ReducedModel, system_errors
+from cmsreduce.pipeline.system import ModelMeasure, ReducedModel, selection_cost, system_errors
 
 __all__ = ["Balancing"]
 
@@ -199,7 +199,9 @@ class Balancing:
         limits = measure.limits if error is None else {"frf_error": error}
         every = {**self.ranked, **settled, **found}
         system = partial(system_errors, measure, limits, every, list(found), self._model, between=error is None)
-        return select(found, keys, channels, system if self.scene.actuators and self.scene.sensors else None)
+        cost = measure.keys.cost
+        price = selection_cost(every, self._model, cost.integrator, cost.accuracy)
+        return select(found, keys, channels, system if self.scene.actuators and self.scene.sensors else None, price)
 
 
 def _reason(body: str, keys: RankingKeys | None) -> str:

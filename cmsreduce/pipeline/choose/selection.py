@@ -14,6 +14,7 @@ from cmsreduce.balance import (
     elastic_norm,
     keep_all,
     keep_bound,
+    keep_cheapest,
     keep_error,
     keep_fraction,
     keep_modes,
@@ -106,6 +107,7 @@ def select(
     keys: RankingKeys,
     channels: Mapping[str, ModalChannels],
     system: Callable[[], tuple[Candidates, Callable[[Selection], Measured]]] | None = None,
+    price: Callable[[Selection], float] | None = None,
 ) -> Choice:
     """Apply a keep rule to ranked bodies.
 
@@ -119,6 +121,8 @@ def select(
         Elastic modes of the bodies, for bounds.
     system : callable, optional
         Gives the two measures of selections that `system_errors` makes, for limits on the system.
+    price : callable, optional
+        Cost of a simulation with a selection, for a search that minimises it.
 
     Raises
     ------
@@ -150,13 +154,14 @@ def select(
             f"balance.keep.{keep.rule} needs a response to measure: name at least one actuator and one sensor in the "
             "scene"
         )
-    return _searched(components, keys.rank, system)
+    return _searched(components, keys.rank, system, price if keep.minimise == "cost" else None)
 
 
 def _searched(
     components: Mapping[str, ModalComponent],
     rank: str,
     system: Callable[[], tuple[Candidates, Callable[[Selection], Measured]]],
+    price: Callable[[Selection], float] | None,
 ) -> Choice:
     started = time.perf_counter()
     judge, exact = system()
@@ -168,7 +173,10 @@ def _searched(
             rankings[other] = {name: component.rankings[other] for name, component in components.items()}
     among, attempts = judge.below_highest(), 0
     while True:
-        found = keep_error(components, rankings, judge, 1.0, among)
+        if price is None:
+            found = keep_error(components, rankings, judge, 1.0, among)
+        else:
+            found = keep_cheapest(components, rankings, judge, 1.0, price, among)
         tried, attempts = tried + found.tried, attempts + 1
         measured = exact(found.selection)
         critical = measured.critical
@@ -185,6 +193,7 @@ def _searched(
                 candidates=tried,
                 seconds=time.perf_counter() - started,
                 truncated=found.truncated,
+                operations=None if price is None else price(found.selection),
             )
             return Choice(found.selection, record)
         if np.isinf(critical.ratio) or attempts == _ATTEMPTS:

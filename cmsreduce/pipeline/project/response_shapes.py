@@ -33,6 +33,8 @@ _ADDED, _ADDITIONS = 2, 16
 _BETWEEN_AIM = 0.92
 # Configurations with the largest errors that are followed uphill, and the steps, in shares of the range.
 _CLIMBED, _CLIMB = 6, (0.04, 0.02, 0.01)
+# A coarse grid of frequencies misses up to this share of an error: larger ones are measured again on a fine grid.
+_MISSED, _MOST_FINE = 0.2, 32
 # Rounds of the optimisation before another shape is added.
 _ROUNDS = 6
 # Added configurations that a note names; summary.json has them all.
@@ -232,8 +234,10 @@ class ResponseShapes:
         if not left:
             return []
         ratios = self._quick_ratios(shapes, left)
-        found = [self._climbed(shapes, left[k], ratios[k]) for k in np.argsort(-ratios)[:_CLIMBED]]
-        # A coarse grid of frequencies finds where the errors are large, a fine one how large they are.
+        order = np.argsort(-ratios)
+        found = [left[k] for k in order[:_MOST_FINE] if ratios[k] > (1 - _MISSED) * self._aim]
+        found += [self._climbed(shapes, left[k], ratios[k]) for k in order[:_CLIMBED]]
+        found = list({each.name: each for each in found}.values())
         exact = self._ratios(shapes, [self.sampled.judge(each) for each in found]).max(axis=1)
         return [found[k] for k in np.argsort(-exact)[:_ADDED] if exact[k] > self._aim]
 

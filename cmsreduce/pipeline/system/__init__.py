@@ -4,13 +4,15 @@ Responses and checks in every configuration belong here.
 The choice of modes belongs in `pipeline.choose`.
 """
 
-from cmsreduce.pipeline.system.assembled import AssembledModel, cross_orthogonality, highest_frequency, mass_products
+from cmsreduce.pipeline.system.assembled import AssembledModel, highest_frequency
 from cmsreduce.pipeline.system.between import errors_between, midpoint_configurations
 from cmsreduce.pipeline.system.candidates import Candidates, system_errors
-from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel, Target
+from cmsreduce.pipeline.system.comparison import Comparison
 from cmsreduce.pipeline.system.completeness import axis_completeness, completeness_note
 from cmsreduce.pipeline.system.controlled import controller_margins
 from cmsreduce.pipeline.system.measure import MODEL, ModelMeasure
+from cmsreduce.pipeline.system.model_errors import Target
+from cmsreduce.pipeline.system.reduced_model import ReducedModel, cross_orthogonality, mass_products
 from cmsreduce.pipeline.system.reduction_health import channel_gains, reduction_checks
 from cmsreduce.pipeline.system.simulation_cost import reduced_cost, selection_cost
 from cmsreduce.pipeline.system.stability import SystemRoots, stability_proof, system_roots, without_energy

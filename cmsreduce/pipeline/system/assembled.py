@@ -8,7 +8,6 @@ from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import (
@@ -28,9 +27,9 @@ from cmsreduce.assemble import (
     wire,
     with_joint_bodies,
 )
-from cmsreduce.linalg.blocks import column_blocks, dense, symmetric_product
+from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import UndeterminedError, elastic_and_massless
-from cmsreduce.model import Configuration, FEModel, Matrix, ModalComponent, Scene, Substructure, System, Values, varied
+from cmsreduce.model import Configuration, Matrix, Scene, Substructure, System
 from cmsreduce.pipeline.store import diagnostic, once
 from cmsreduce.verify import decibel_grid
 
@@ -38,10 +37,8 @@ __all__ = [
     "AssembledModel",
     "DampedModes",
     "Resonances",
-    "cross_orthogonality",
     "highest_frequency",
     "highest_omega",
-    "mass_products",
 ]
 
 Number = TypeVar("Number", np.float64, np.complex128)
@@ -373,67 +370,6 @@ def highest_frequency(model: AssembledModel, configuration: Configuration) -> fl
     """Highest frequency of a model in Hz; None if it is too large for all its modes."""
     found = highest_omega(model, configuration)
     return None if found is None else found / (2 * np.pi)
-
-
-def mass_products(
-    bodies: Mapping[str, FEModel],
-    reference: Mapping[str, ModalComponent | None],
-    reduced: Mapping[str, ModalComponent | None],
-    substructures: Mapping[str, Substructure],
-    values: Values | None = None,
-) -> dict[str, Matrix]:
-    """Mass of each body between its coordinates in two models, body: (m_i, r_i) array.
-
-    Parameters
-    ----------
-    bodies : mapping of name to FEModel
-        Mass matrices of the flexible bodies.
-    reference, reduced : mapping of name to ModalComponent or None
-        Modes whose amplitudes are the coordinates of either model; None where these are dofs.
-    substructures : mapping of name to Substructure
-        Bodies of the reference model; the rigid ones have their mass here.
-    values : mapping of parameter to float, optional
-        Values of the parameters, where they change the mass.
-    """
-    found: dict[str, Matrix] = {}
-    for name, sub in substructures.items():
-        if name not in bodies:
-            found[name] = sub.M
-            continue
-        body = bodies[name]
-        M, left, right = varied(body.M, body.terms, "M", values or {}), reference[name], reduced[name]
-        assert isinstance(M, sp.csc_array)
-        if right is None:
-            found[name] = M if left is None else _times(M, left.Phi).T
-        else:
-            found[name] = _times(M, right.Phi, None if left is None else left.Phi)
-    return found
-
-
-def cross_orthogonality(
-    reference: Mapping[str, NDArray[Number]], reduced: Mapping[str, NDArray[Number]], masses: Mapping[str, Matrix]
-) -> NDArray[Number]:
-    """Mass products of the shapes of two models (reference modes, reduced modes), those of the reference conjugated.
-
-    Parameters
-    ----------
-    reference, reduced : mapping of body to (m_i, k) array
-        Shapes of either model in each body's own coordinates, real or complex.
-    masses : mapping of body to (m_i, r_i) array
-        See `mass_products`.
-    """
-    cross = [np.asarray(reference[name].conj().T @ (M @ reduced[name])) for name, M in masses.items()]
-    return np.asarray(np.sum(cross, axis=0))
-
-
-def _times(M: sp.csc_array, Phi: NDArray[np.float64], Psi: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-    """M Phi of a symmetric matrix, or Psi^T M Phi."""
-    product = symmetric_product(M)
-    found = np.empty(((Phi if Psi is None else Psi.T).shape[0], Phi.shape[1]))
-    for part in column_blocks(Phi.shape[1]):
-        moved = product(Phi[:, part])
-        found[:, part] = moved if Psi is None else Psi.T @ moved
-    return found
 
 
 def _by_body(system: System, X: NDArray[Number]) -> dict[str, NDArray[Number]]:

@@ -8,7 +8,8 @@ import numpy as np
 
 from cmsreduce.errors import CmsReduceError
 from cmsreduce.model import DOF_NAMES, BetweenErrors, Configuration, Scene, parameter_label
-from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel
+from cmsreduce.pipeline.system.comparison import Comparison
+from cmsreduce.pipeline.system.reduced_model import ReducedModel
 
 __all__ = ["errors_between", "judged_midpoints", "midpoint_configurations"]
 

@@ -3,126 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmsreduce.assemble import Change, ModalReceptance, held_bodies
-from cmsreduce.balance import DecibelEffects, Effects, Selection, whole_groups
-from cmsreduce.linalg.response import frequency_blocks
+from cmsreduce.balance import Effects, Selection, whole_groups
 from cmsreduce.model import BETWEEN, Finding, Measured, ModalComponent
 from cmsreduce.pipeline.system.between import judged_midpoints
-from cmsreduce.pipeline.system.comparison import ReducedModel, Target
 from cmsreduce.pipeline.system.measure import ModelMeasure
-from cmsreduce.verify import PERCENTILE, channel_errors, db_errors, decibel_grid, loud_channels
+from cmsreduce.pipeline.system.model_errors import Target
+from cmsreduce.pipeline.system.reduced_model import ReducedModel
+from cmsreduce.pipeline.system.trial import Trial
+from cmsreduce.verify import decibel_grid
 
 __all__ = ["Candidates", "system_errors"]
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Points = NDArray[np.int64]
 
 RESPONSE_LIMITS = ("frf_error", "channel_error", "db_error")
 """Limits that the response on a fixed grid decides; others need the modes of the reduced system."""
-
-# Frequencies that are computed first: those with the largest errors of the last refused selection.
-_HARDEST = 96
-# Step through the grids for the effects of single modes, which are predictions.
-_EVERY = 3
-# Without a limit on it, the response error still orders the modes.
-_NO_LIMIT = 1e3
-# Memory for the effects on the decibel errors; beyond, every so many points are left out.
-_DECIBEL_BYTES = 2**28
-
-
-@dataclass(eq=False)
-class _Trial:
-    """One configuration: the target response, and the scales that make a squared error a sum of squares.
-
-    Parameters
-    ----------
-    target : Target
-        Response of the reference model.
-    table : ModalReceptance
-        At the frequencies of the target, and then at those of the decibel error.
-    full_db : (d, outputs, inputs) complex128
-        Reference response there; no frequency if the decibel error is not judged here.
-    limits : mapping of str to float
-        Limits that are judged here.
-    """
-
-    target: Target
-    table: ModalReceptance
-    full_db: Complex
-    limits: Mapping[str, float]
-    hardest: Points = field(init=False)
-    hardest_db: Points = field(init=False)
-
-    def __post_init__(self) -> None:
-        target = self.target
-        self.points = np.arange(target.omega.size)
-        self.points_db = target.omega.size + np.arange(self.full_db.shape[0])
-        self.channel = target.row[:, None] * target.column[None, :]
-        power = _trapezoid(target.omega) * np.sum(abs(target.elastic * self.channel) ** 2, axis=(1, 2))
-        # Without any response in the reference model, all scales and all errors are zero.
-        self.size = 1 / power.sum() if power.any() else 0.0
-        self.weight = _trapezoid(target.omega) * self.size
-        self.total = target.elastic + target.rigid
-        self.loud = loud_channels(target.elastic, target.row, target.column, target.omega)
-        self.loud_db = loud_channels(self.full_db, target.row, target.column) if self.points_db.size else self.loud
-        self.hardest = np.argsort(-power, kind="stable")[:_HARDEST]
-        self.hardest_db = np.empty(0, dtype=np.int64)
-
-    def squares(self, H: Complex, at: Points | None = None) -> Array:
-        """Contribution of each frequency to the squared frf_error (g,)."""
-        points = slice(None) if at is None else at
-        error = (H - self.total[points]) * self.channel
-        return np.asarray(self.weight[points] * np.sum(error.real**2 + error.imag**2, axis=(1, 2)))
-
-    def least(self, kept: Selection) -> float:
-        """Lower bound of the ratio of any error to its limit, from the frequencies where selections failed before."""
-        in_db = self.hardest_db if "db_error" in self.limits else self.hardest_db[:0]
-        in_band = self.hardest if "frf_error" in self.limits else self.hardest[:0]
-        H = self.table.response(kept, np.concatenate([in_band, self.points.size + in_db]))
-        worst = 0.0
-        if in_band.size:
-            worst = float(np.sqrt(np.sum(self.squares(H[: in_band.size], in_band)))) / self.limits["frf_error"]
-        # So many of the largest errors lie above the percentile.
-        beyond = int(self.points_db.size * (1 - PERCENTILE / 100))
-        if in_db.size > beyond and self.loud_db.any():
-            apart = _decibels(H[in_band.size :, self.loud_db], self.full_db[in_db][:, self.loud_db])
-            worst = max(worst, float(np.sort(apart, axis=0)[-1 - beyond].max()) / self.limits["db_error"])
-        return worst
-
-    def frf_error(self, kept: Selection) -> float:
-        """Error of the elastic response over the band."""
-        return float(np.sqrt(np.sum(self.squares(self.table.response(kept, self.points)))))
-
-    def ratio(self, H: Complex) -> float:
-        """Largest ratio of the errors of the response to their limits; ``H`` is at all frequencies of the table."""
-        target, limits, worst = self.target, self.limits, 0.0
-        in_band, in_db = H[: self.points.size], H[self.points.size :]
-        if "frf_error" in limits:
-            worst = float(np.sqrt(np.sum(self.squares(in_band)))) / limits["frf_error"]
-        if "channel_error" in limits:
-            elastic = np.where(target.responding, in_band - target.rigid, 0.0)
-            own = channel_errors(target.omega, target.elastic, elastic)[self.loud]
-            worst = max(worst, float(np.nanmax(own, initial=0.0)) / limits["channel_error"])
-        if "db_error" in limits:
-            worst = max(worst, float(np.nanmax(self.db_errors(in_db), initial=0.0)) / limits["db_error"])
-        return worst
-
-    def db_errors(self, in_db: Complex) -> Array:
-        """Decibel errors of the channels (outputs, inputs)."""
-        return db_errors(self.full_db, in_db, self.target.row, self.target.column)
-
-    def failed(self, H: Complex) -> None:
-        """Remember the frequencies with the largest errors: the next selection probably fails there."""
-        self.hardest = np.argsort(-self.squares(H[: self.points.size]), kind="stable")[:_HARDEST]
-        if self.points_db.size and self.loud_db.any():
-            apart = _decibels(H[self.points.size :][:, self.loud_db], self.full_db[:, self.loud_db]).max(axis=1)
-            self.hardest_db = np.argsort(-apart, kind="stable")[:_HARDEST]
 
 
 class Candidates:
@@ -170,6 +71,8 @@ class Candidates:
         self._midpoints = [self._trial(target, none, self._of_midpoints) for target in between]
         # Those that refused a selection last come first.
         self._order = [*self._trials, *self._midpoints]
+        # The last selection whose response was computed everywhere: ratio and response, the worst configuration first.
+        self._last: tuple[Selection, list[tuple[float, Trial, Complex]]] = {}, []
         self._static = measure.static_shares(components) if "static_lack" in self.limits else {}
         # The static loads of a body do not depend on the configuration.
         self._in_place = {name: limit for name, limit in self.limits.items() if name != "static_lack"}
@@ -179,7 +82,7 @@ class Candidates:
     def _needs_decibels(self) -> bool:
         return "db_error" in self.limits
 
-    def _trial(self, target: Target, full_db: Complex, limits: Mapping[str, float]) -> _Trial:
+    def _trial(self, target: Target, full_db: Complex, limits: Mapping[str, float]) -> Trial:
         model = self.model.assembled.at(target.configuration)
         held = held_bodies(model.stack, model.scene, in_modes=False)
         wiring = held.wiring(model.wiring(target.configuration))
@@ -187,7 +90,7 @@ class Candidates:
         if full_db.shape[0]:
             omega = np.concatenate([omega, decibel_grid(model.scene.band)])
         table = ModalReceptance(held.substructures, wiring, omega, model.receptances(omega))
-        return _Trial(target, table, full_db, limits)
+        return Trial(target, table, full_db, limits)
 
     def error(self, selection: Selection, limit: float = np.inf) -> float:
         """Largest ratio of an error to its limit, over all configurations.
@@ -204,17 +107,20 @@ class Candidates:
             worst = max(worst, self._order[0].least(selection))
         if worst > limit:
             return worst
-        responses: dict[int, Complex] = {}
+        measured: list[tuple[float, Trial, Complex]] = []
         for trial in self._order:
-            H = responses[id(trial)] = trial.table.response(selection)
-            worst = max(worst, trial.ratio(H))
+            H = trial.table.response(selection)
+            measured.append((trial.ratio(H), trial, H))
+            worst = max(worst, measured[-1][0])
             if worst > limit:
                 trial.failed(H)
                 return self._refused_by(trial, worst)
+        self._last = selection, sorted(measured, key=lambda each: -each[0])
         if not self._by_response:
             model = self._narrowed(selection)
-            for trial in [each for each in self._order if each in self._trials]:
-                worst = max(worst, self._findings(trial, model, responses[id(trial)], selection).ratio)
+            for _, trial, H in measured:
+                if trial in self._trials:
+                    worst = max(worst, self._findings(trial, model, H, selection).ratio)
                 if worst > limit:
                     return self._refused_by(trial, worst)
         return worst
@@ -267,7 +173,7 @@ class Candidates:
             low, high = (middle, high) if passes(middle) else (low, middle)
         return first(low)
 
-    def _refused_by(self, trial: _Trial, ratio: float) -> float:
+    def _refused_by(self, trial: Trial, ratio: float) -> float:
         self._order.remove(trial)
         self._order.insert(0, trial)
         return ratio
@@ -282,7 +188,7 @@ class Candidates:
         always = np.delete(np.arange(part.omega.size), part.elastic)
         return np.union1d(always, elastic).astype(np.int64)
 
-    def _findings(self, trial: _Trial, model: ReducedModel, H: Complex, selection: Selection) -> Finding:
+    def _findings(self, trial: Trial, model: ReducedModel, H: Complex, selection: Selection) -> Finding:
         """The critical finding in one configuration."""
         in_db = trial.db_errors(H[trial.points.size :]) if trial.points_db.size else np.full(trial.loud.shape, np.nan)
         fewer = any(own.size < self.components[name].elastic_count for name, own in selection.items())
@@ -302,11 +208,11 @@ class Candidates:
 
     def effects(self, selection: Selection, changes: Sequence[Change]) -> Effects:
         """Effects of adding columns that are left out, and of removing columns that are kept."""
-        size = 16 * max(trial.channel.size for trial in self._trials) * (1 + len(changes)) * len(self._trials)
-        few = max(1, _DECIBEL_BYTES // size)
-        found = [_effects(trial, selection, changes, few) for trial in self._order]
-        gram = np.concatenate([each for each, _ in found])
-        return Effects(gram, tuple(each for _, each in found if each is not None))
+        measured: list[tuple[Trial, Complex | None]] = [(trial, None) for trial in self._order]
+        last, found = self._last
+        if all(name in last and np.array_equal(last[name], own) for name, own in selection.items()):
+            measured = [(trial, H) for _, trial, H in found]
+        return Effects([trial.changed(selection, changes, H) for trial, H in measured])
 
 
 def system_errors(
@@ -357,57 +263,3 @@ def system_errors(
         return measure.measured(kept, model(kept), limits, between=between, truncated=fewer)
 
     return Candidates(measure, limits, components, chosen, candidates, targets, midpoints), exact
-
-
-def _effects(
-    trial: _Trial, selection: Selection, changes: Sequence[Change], few: int
-) -> tuple[Array, DecibelEffects | None]:
-    """Effects of changes in one configuration: Gram matrices (blocks, 1 + n, 1 + n), and effects in decibels."""
-    limits, count = trial.limits, 1 + len(changes)
-    coarse = trial.points[::_EVERY]
-    weight = np.sqrt(_trapezoid(trial.target.omega[coarse]))[:, None, None]
-    blocks = [np.sqrt(trial.size) * trial.channel / limits.get("frf_error", _NO_LIMIT)]
-    if "channel_error" in limits:
-        size = np.sqrt(np.trapezoid(abs(trial.target.elastic) ** 2, trial.target.omega, axis=0))
-        for y, u in np.argwhere(trial.loud & (size > 0)):
-            blocks.append(np.zeros_like(blocks[0]))
-            blocks[-1][y, u] = 1 / (size[y, u] * limits["channel_error"])
-    gram = np.zeros((len(blocks), count, count))
-    for part in frequency_blocks(coarse.size, 2 * 16 * trial.channel.size * count):
-        at = coarse[part]
-        H, dH = _changed(trial, selection, changes, at)
-        error = np.concatenate([(H - trial.total[at])[..., None], dH], axis=3) * weight[part, ..., None]
-        for own, scale in zip(gram, blocks, strict=True):
-            rows = (error * scale[..., None])[:, scale > 0].reshape(-1, count)
-            real, imaginary = np.ascontiguousarray(rows.real), np.ascontiguousarray(rows.imag)
-            own += real.T @ real + imaginary.T @ imaginary
-    if not (trial.points_db.size and trial.loud_db.any()):
-        return gram, None
-    some = np.arange(0, trial.points_db.size, max(_EVERY, -(-trial.points_db.size // few)))
-    H, dH = _changed(trial, selection, changes, trial.points_db[some])
-    reference = trial.full_db[some][:, trial.loud_db]
-    reference = np.where(reference == 0, np.finfo(float).tiny, reference)
-    in_db = DecibelEffects(
-        H[:, trial.loud_db] / reference, dH[:, trial.loud_db] / reference[..., None], PERCENTILE, limits["db_error"]
-    )
-    return gram, in_db
-
-
-def _changed(trial: _Trial, selection: Selection, changes: Sequence[Change], at: Points) -> tuple[Complex, Complex]:
-    """Response at some frequencies, and the change of it by each change alone."""
-    H, dH, known = trial.table.effects(selection, changes, at)
-    for k in map(int, np.flatnonzero(~known)):
-        body, columns = changes[k]
-        dH[..., k] = trial.table.response({**selection, body: np.setxor1d(selection[body], columns)}, at) - H
-    return H, dH
-
-
-def _decibels(H: Complex, reference: Complex) -> Array:
-    tiny = np.finfo(float).tiny
-    return np.asarray(abs(20 * np.log10(np.maximum(abs(H), tiny) / np.maximum(abs(reference), tiny))))
-
-
-def _trapezoid(omega: Array) -> Array:
-    """Weights of the trapezoidal rule."""
-    step = np.diff(omega)
-    return np.asarray((np.concatenate([[0.0], step]) + np.concatenate([step, [0.0]])) / 2)

@@ -32,9 +32,11 @@ from cmsreduce.pipeline.bodies import FlexibleBody
 from cmsreduce.pipeline.store import Failures, Silent, collecting, diagnostic
 from cmsreduce.pipeline.system.assembled import highest_frequency
 from cmsreduce.pipeline.system.between import errors_between
-from cmsreduce.pipeline.system.comparison import Comparison, ReducedModel, Target
+from cmsreduce.pipeline.system.comparison import Comparison
 from cmsreduce.pipeline.system.completeness import axis_completeness
 from cmsreduce.pipeline.system.controlled import controller_margins
+from cmsreduce.pipeline.system.model_errors import Target, model_errors
+from cmsreduce.pipeline.system.reduced_model import ReducedModel
 from cmsreduce.pipeline.system.reduction_health import StaticProbes, reduction_checks, static_probes
 from cmsreduce.pipeline.system.stability import SystemRoots, system_roots
 
@@ -161,7 +163,7 @@ class ModelMeasure:
         """
         with collecting(Failures()) as failures:
             damped = "damping_error" in limits
-            errors = self.comparison.model_errors(target, model, H_r, in_db, damped=damped)
+            errors = model_errors(self.comparison, target, model, H_r, in_db, damped=damped)
             response = Response(target.omega / (2 * np.pi), target.elastic + target.rigid, {MODEL: H_r})
             result = ConfigurationResult(target.configuration, 0, 0, 0, 0, {MODEL: errors}, response)
             found = self._judged([result], {}, model, limits, [target.configuration], truncated)

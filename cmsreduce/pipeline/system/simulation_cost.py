@@ -10,7 +10,7 @@ from cmsreduce.balance import Selection
 from cmsreduce.mechanics import cost
 from cmsreduce.model import Integrator, ModalComponent, SimulationCost
 from cmsreduce.pipeline.system.assembled import AssembledModel, highest_omega
-from cmsreduce.pipeline.system.comparison import ReducedModel
+from cmsreduce.pipeline.system.reduced_model import ReducedModel
 
 __all__ = ["reduced_cost", "selection_cost"]
 

@@ -193,6 +193,24 @@ def test_effects_are_differences_of_responses(rig: Rig) -> None:
         np.testing.assert_allclose(dH[..., k], expected, rtol=0, atol=1e-8 * abs(H).max())
 
 
+def test_changes_together_have_the_response_of_the_changed_set(rig: Rig) -> None:
+    kept = rig.choices()[2]
+    changes = [
+        (name, np.array([k])) for name, c in rig.flexible.items() for k in range(c.elastic.start, c.elastic.stop)
+    ]
+    some = np.flatnonzero(rig.fast.alone(kept, changes))
+    sets = np.array([(some[k], some[(k + 1) % some.size], some[(5 * k + 3) % some.size]) for k in range(some.size)])
+    sets = sets.reshape(-1, 3)
+    for columns in (sets[:, :2], sets[[len(set(row)) == 3 for row in sets.tolist()]]):
+        found = rig.fast.together(kept, changes, columns.astype(np.int64), EVERY[::7])
+        for each, H in zip(columns, np.moveaxis(found, -1, 0), strict=True):
+            changed = dict(kept)
+            for name, column in (changes[k] for k in each):
+                changed[name] = np.setxor1d(changed[name], column)
+            expected = rig.fast.response(changed, EVERY[::7])
+            np.testing.assert_allclose(H, expected, rtol=0, atol=1e-7 * abs(expected).max())
+
+
 def test_the_cases_are_what_they_are_called() -> None:
     parts = {name: make()[0] for name, make in CASES.items()}
     assert parts["static modes"]["bar"].static_count == 6

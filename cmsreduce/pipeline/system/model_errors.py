@@ -1,0 +1,203 @@
+"""Errors of a reduced model in one configuration: its response, its modes and their damping."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmsreduce.model import Configuration, DampedPairs, MacMatrix, ModelErrors, UnpairedMode
+from cmsreduce.pipeline.store import diagnostic
+from cmsreduce.pipeline.system.assembled import AssembledModel
+from cmsreduce.pipeline.system.reduced_model import ReducedModel, cross_orthogonality
+from cmsreduce.verify import (
+    FrequencyPairs,
+    channel_errors,
+    frac,
+    frf_error,
+    loud_channels,
+    pair_complex_modes,
+    pair_frequencies,
+    peak_errors,
+    peak_shifts,
+    responding_channels,
+)
+
+if TYPE_CHECKING:
+    from cmsreduce.pipeline.system.comparison import Comparison
+
+__all__ = ["Target", "model_errors"]
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# A reduced model has a response in a channel that the reference model does not have if it is above -120 dB of what the
+# channel could have; smaller ones come from rounding of its modes.
+_FALSE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """Response of the reference model in one configuration.
+
+    Parameters
+    ----------
+    configuration : Configuration
+    omega : (f,) float64
+        Circular frequencies in rad/s.
+    elastic, rigid : (f, outputs, inputs) complex128
+        Response without its rigid-body part, and the rigid-body part.
+    row, column : float64
+        Scales of the channels.
+    responding : (outputs, inputs) bool
+        Channels whose elastic response is more than rounding; it is zero in the others.
+    """
+
+    configuration: Configuration
+    omega: Real
+    elastic: Complex
+    rigid: Complex
+    row: Real
+    column: Real
+    responding: NDArray[np.bool_]
+
+
+def model_errors(
+    comparison: Comparison,
+    target: Target,
+    model: ReducedModel,
+    H_r: Complex,
+    in_db: Real,
+    seconds: float | None = None,
+    *,
+    damped: bool = True,
+) -> ModelErrors:
+    """Errors of a model in one configuration.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        With the reference model.
+    target : Target
+        Response of the reference model.
+    model : ReducedModel
+    H_r : (f, outputs, inputs) complex128
+        Response of the model on the grid of the target.
+    in_db : (outputs, inputs) float64
+        Its decibel errors.
+    seconds : float, optional
+        Wall time of its response.
+    damped : bool
+        Pair the complex modes, too, for the errors of damping ratios.
+    """
+    configuration, omega, H = target.configuration, target.omega, target.elastic
+    row, column = target.row, target.column
+    false = _false(comparison, configuration, model)
+    responding = target.responding | false
+    # In a channel that responds in neither model, both responses are rounding.
+    elastic = np.where(responding, H_r - model.assembled.rigid_response(configuration, omega), 0.0)
+    loud = loud_channels(H, row, column, omega) | false
+    pairs, mac = _pairs(comparison, configuration, model)
+    shape, peak = frac(H, elastic), peak_errors(H, elastic)
+    shift = peak_shifts(omega / (2 * np.pi), H, pairs.full_hz, pairs.reduced_hz)
+    sure = loud & ~false
+    highest, highest_r = (np.where(loud, abs(each).max(axis=0, initial=0.0), 0) for each in (H, elastic))
+    nothing = float("nan")
+    return ModelErrors(
+        # Without a channel there is nothing to measure.
+        frf_error=_frf_error(target, elastic, false) if loud.any() else nothing,
+        db_error=float(np.nanmax(in_db, initial=0.0)) if loud.any() else nothing,
+        channel_db=in_db,
+        frequency_error=pairs.worst,
+        frac=shape,
+        full_hz=pairs.full_hz,
+        reduced_hz=pairs.reduced_hz,
+        mac=pairs.mac,
+        damped=_damped_pairs(comparison, configuration, model) if damped else None,
+        peak_error=float(peak[sure].max(initial=0.0)) if sure.any() else nothing,
+        frac_error=float((1 - shape[sure]).max(initial=0.0)) if sure.any() else nothing,
+        channel_errors=channel_errors(omega, H, elastic),
+        channel_peak=peak,
+        channel_shift=shift,
+        nrfd=float(np.nanmax(shift[loud], initial=0.0)) if loud.any() else nothing,
+        mac_matrix=mac,
+        coordinates=model.assembled.system(configuration).N,
+        seconds=seconds,
+        responding=responding,
+        loud=loud,
+        lost=_alone(comparison.reference, configuration, pairs.lost, highest),
+        extra=_alone(model.assembled, configuration, pairs.extra, highest_r),
+    )
+
+
+def _false(comparison: Comparison, configuration: Configuration, model: ReducedModel) -> NDArray[np.bool_]:
+    """Channels (outputs, inputs) with an elastic response in the reduced model alone."""
+    responding, reach = comparison.responding(configuration)
+    if responding.all():
+        return np.zeros(responding.shape, dtype=bool)
+    H_r = model.assembled.response(configuration, comparison.few)
+    elastic = H_r - model.assembled.rigid_response(configuration, comparison.few)
+    return np.asarray(~responding & responding_channels(elastic, reach, _FALSE))
+
+
+def _pairs(
+    comparison: Comparison, configuration: Configuration, model: ReducedModel
+) -> tuple[FrequencyPairs, MacMatrix]:
+    full, reduced = comparison.reference.resonances(configuration), model.assembled.resonances(configuration)
+    cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(comparison, configuration))
+    # Both sets are orthonormal in mass.
+    mac = MacMatrix(full.omega / (2 * np.pi), reduced.omega / (2 * np.pi), cross**2)
+    low, high = comparison.scene.band
+    return pair_frequencies(full.omega, reduced.omega, cross, high, low), mac
+
+
+@diagnostic(
+    "the damping of the modes in '{}'",
+    about=lambda comparison, configuration, _: configuration.name,
+    limits=("damping_error",),
+)
+def _damped_pairs(comparison: Comparison, configuration: Configuration, model: ReducedModel) -> DampedPairs | None:
+    full, reduced = comparison.reference.damped_modes(configuration), model.assembled.damped_modes(configuration)
+    if full is None or reduced is None:
+        return None
+    cross = cross_orthogonality(full.shapes, reduced.shapes, model.masses(comparison, configuration))
+    return pair_complex_modes(full.s, reduced.s, cross, comparison.scene.band[1])
+
+
+def _frf_error(target: Target, elastic: Complex, false: NDArray[np.bool_]) -> float:
+    """Error of the elastic response; infinite where the reduced model answers in a unit that is silent otherwise."""
+    unscaled = false & ((target.row[:, None] == 0) | (target.column[None, :] == 0))
+    if unscaled.any():
+        return float("inf")
+    return frf_error(target.omega, target.elastic, elastic, target.row, target.column)
+
+
+def _alone(
+    model: AssembledModel, configuration: Configuration, modes: NDArray[np.int64], highest: Real
+) -> tuple[UnpairedMode, ...]:
+    """Modes of one model without a partner: the body that moves most, and the channel that shows them best.
+
+    Parameters
+    ----------
+    model : AssembledModel
+    configuration : Configuration
+    modes : (l,) int64
+        Positions among its resonances.
+    highest : (outputs, inputs) float64
+        Highest elastic response of each judged channel over the band; 0 of the others.
+    """
+    if not modes.size:
+        return ()
+    hz = model.resonances(configuration).omega[modes] / (2 * np.pi)
+    peaks = model.modal_peaks(configuration)[modes]
+    seen = np.where(highest > 0, peaks / np.where(highest > 0, highest, 1.0), 0.0)
+    found = []
+    for each, share, energy in zip(hz, seen, model.kinetic_shares(configuration, modes.tolist()), strict=True):
+        body = max(energy, key=lambda name: energy[name])
+        largest = float(share.max(initial=0.0))
+        y, u = np.unravel_index(int(share.argmax()), share.shape) if share.size else (0, 0)
+        channel = (int(y), int(u)) if largest > 0 else None
+        found.append(UnpairedMode(float(each), body, energy[body] / sum(energy.values()), largest, channel))
+    return tuple(found)
