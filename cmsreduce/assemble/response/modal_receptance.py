@@ -25,7 +25,7 @@ from cmsreduce.assemble.system import Wiring
 from cmsreduce.linalg.blocks import dense
 from cmsreduce.linalg.eigen import row_basis
 from cmsreduce.linalg.response import ResonanceError, frequency_blocks
-from cmsreduce.model import Substructure
+from cmsreduce.model import Substructure, is_gyroscopic
 
 __all__ = ["ModalReceptance"]
 
@@ -73,6 +73,8 @@ class ModalReceptance:
         self._coupled: dict[str, CoupledModes] = {}
         self._motions = {name: dense(stack.motions(name)) for name in substructures}
         self._columns = {name: stack.body_columns(name) for name in substructures}
+        # The updates below are for symmetric flexibilities.
+        self._gyroscopic = any(is_gyroscopic(sub.D) for sub in substructures.values())
         self._always = {name: _always(sub) for name, sub in substructures.items()}
         # Frequencies are the last axis, as in the products over all of them.
         self._base = np.zeros((self._rows.left.shape[0], self._rows.right.shape[0], omega.size), dtype=np.complex128)
@@ -129,8 +131,8 @@ class ModalReceptance:
         dH : (g, outputs, inputs, n) complex128
             NaN where it is not known.
         known : (n,) bool
-            False for changes that leave a joint without support, and for those of both coupled and uncoupled modes: use
-            ``response`` for these.
+            False for changes that leave a joint without support, for those of both coupled and uncoupled modes, and for
+            all of them where a body has gyroscopic forces: use ``response`` for these.
 
         Notes
         -----
@@ -143,7 +145,7 @@ class ModalReceptance:
         H = np.empty((at.size, self._rows.outputs, inputs), dtype=np.complex128)
         dH = np.full((at.size, self._rows.outputs, inputs, len(changes)), np.nan + 0j)
         # A change may make joints independent that are dependent in the modes kept.
-        known = np.full(len(changes), U.shape[0] == self._basis.shape[0])
+        known = np.full(len(changes), U.shape[0] == self._basis.shape[0] and not self._gyroscopic)
         present = {name: self._present(name, kept) for name in self._coupled}
         sort = np.array([self._sort(body, columns, present) for body, columns in changes], dtype=np.int64)
         known &= sort != _MIXED
