@@ -191,6 +191,11 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         body = replace(body, terms=terms, corners=body_corners(terms, scene, name))
         determined = replace(determined, body=body)
         notes += unproven_terms
+    if any(term.gyroscopic for term in terms):
+        notes.append(
+            f"{name}: mode sets, rankings of single bodies and frequency_error leave its gyroscopic forces out; "
+            "responses, searches by errors and complex modes have them"
+        )
     ports = _ports(pipeline, determined, rigid, scene)
     stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
     # A dof that is held because nothing moves it may take a rigid motion with it, such as the spin of a straight bar.
