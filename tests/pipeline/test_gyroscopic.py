@@ -8,11 +8,12 @@ import h5py
 import numpy as np
 import pytest
 import scipy.linalg as la
+import scipy.sparse as sp
 from pyyeti.nastran import op4
 from scipy.io import loadmat
 
 from cmsreduce.errors import CmsReduceError
-from cmsreduce.model import FEModel, cross_matrix
+from cmsreduce.model import FEModel, cross_matrix, rigid_body_shapes, unresisted
 from cmsreduce.pipeline import execute
 from cmsreduce.pipeline.results import floating_bodies, multibody_scene
 from cmsreduce.pipeline.system import system_roots
@@ -54,6 +55,12 @@ def wheel(n: int, row: int, momentum: np.ndarray) -> np.ndarray:
     return G
 
 
+def coriolis(body: FEModel) -> np.ndarray:
+    """2 w x v of the mass of each node, for a frame that turns about x at 1 rad/s."""
+    each = la.block_diag(np.zeros((1, 1)), [[0.0, -2.0], [2.0, 0.0]], np.zeros((3, 3)))
+    return la.block_diag(*[each * body.M[row, row] for row in range(1, body.n, 6)])
+
+
 @pytest.fixture
 def dense() -> Dense:
     found = Dense(np.zeros((30, 30)), np.zeros((36, 36)), np.zeros((30, 30)))
@@ -64,7 +71,8 @@ def dense() -> Dense:
 def study(folder: Path, text: str = PIPELINE) -> Path:
     for body in (arm(), panel()):
         write_body(folder, body)
-    op4.write(str(folder / "turning.op4"), {"GA": shaft(arm(), 0.8, SHAFT), "GB": arm().K.toarray()})
+    matrices = {"GA": shaft(arm(), 0.8, SHAFT), "GB": arm().K.toarray(), "GC": coriolis(arm())}
+    op4.write(str(folder / "turning.op4"), matrices)
     for before, after in WHEELS.items():
         text = text.replace(before, after, 1)
     path = folder / "study.yaml"
@@ -168,6 +176,38 @@ def test_files_and_time(tmp_path: Path) -> None:
     with h5py.File(run.folder / "arm.h5") as file:
         damped = file["modes/damping"][()] + file["modes/gyroscopic"][()]
     np.testing.assert_allclose(-A[m:, m:], damped, atol=1e-9 * abs(damped).max())
+
+
+REFUSED = {
+    "a damping": ("turning.op4, matrix: GA", "turning.op4, matrix: GB", "is not skew"),
+    "Coriolis": ("turning.op4, matrix: GA", "turning.op4, matrix: GC", "Coriolis matrix of a rotating frame"),
+    "a wheel nowhere": ("at: 4", "at: 40", "wheel 'yaw': the body has no node 40"),
+    "no momentum": ("0.8 N*m*s", "0.8 N*m", "is no angular momentum"),
+    "no place": ("{{at: 4, axis", "{{axis", "a wheel in a flexible body needs its node or interface"),
+}
+
+
+@pytest.mark.parametrize(("before", "after", "message"), REFUSED.values(), ids=REFUSED)
+def test_what_does_not_turn_is_refused(tmp_path: Path, before: str, after: str, message: str) -> None:
+    path = study(tmp_path)
+    text = path.read_text()
+    before, after = (each.replace("{{", "{") for each in (before, after))
+    assert before in text
+    path.write_text(text.replace(before, after))
+    with pytest.raises(CmsReduceError, match=message):
+        _ = open_run(path).bodies["arm"], open_run(path).bodies["panel"]
+
+
+def test_shapes_that_a_matrix_leaves_alone_in_any_rigid_basis() -> None:
+    """A wheel leaves translations and the turn about its axis alone, whichever combinations the rigid modes are."""
+    body = panel()
+    R = rigid_body_shapes(body.dofs, body.nodes)
+    mixed = R @ np.linalg.qr(np.random.default_rng(1).standard_normal((6, 6)))[0]
+    G = sp.csc_array(wheel(body.n, 6 * 3 + 3, PANEL))
+    still = unresisted([G], mixed)
+    assert still.shape == (6, 4)
+    np.testing.assert_allclose(still.T @ still, np.eye(4), atol=1e-12)
+    np.testing.assert_allclose(G @ mixed @ still, 0.0, atol=1e-12)
 
 
 ROTOR = """\

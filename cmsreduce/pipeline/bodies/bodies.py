@@ -193,8 +193,8 @@ def read_flexible(pipeline: Pipeline, name: str, scene: Scene) -> FlexibleBody:
         notes += unproven_terms
     if any(term.gyroscopic for term in terms):
         notes.append(
-            f"{name}: mode sets, rankings of single bodies and frequency_error leave its gyroscopic forces out; "
-            "responses, searches by errors and complex modes have them"
+            f"{name}: mode sets, rankings of single bodies, frequency_error and zeros leave its gyroscopic forces "
+            "out; responses, searches by errors and complex modes have them"
         )
     ports = _ports(pipeline, determined, rigid, scene)
     stiffening, remarks = body_stiffening(pipeline, body, as_read, rigid)
